@@ -1,0 +1,36 @@
+"""``python -m sci_lightning``: the commands, with one example each."""
+
+from __future__ import annotations
+
+from rich.console import Console
+
+COMMANDS = (
+    (
+        "train",
+        "learn a mask and a decoder together, then test them",
+        "encoder=lsw_sr decoder=res2former data=folder data.root=CLIPS",
+    ),
+    (
+        "evaluate",
+        "test a trained decoder, with its own encoder or another one",
+        "ckpt_path=RUN/checkpoints/last.ckpt encoder=rbw_sr data=benchmark data.root=DIR",
+    ),
+    (
+        "reconstruct",
+        "decode a snapshot that a camera took",
+        "ckpt_path=RUN/checkpoints/last.ckpt measurement=SNAPSHOT.tiff mask=MASK.mat",
+    ),
+)
+
+
+def main() -> None:
+    console = Console(highlight=False, soft_wrap=True)
+    console.print("[bold]sci_lightning[/]: design, train and trust a video snapshot compressive imaging camera\n")
+    for name, purpose, example in COMMANDS:
+        console.print(f"[bold]{name}[/]: {purpose}")
+        console.print(f"  python -m sci_lightning.{name} {example}", markup=False)
+    console.print("\nEach takes --help (its configuration and choices) and --cfg job (what it would run with).")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,51 @@
+"""Pictures of mask and reconstruction in the dashboard and in the run's folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import lightning as L
+import torch
+from lightning.pytorch.loggers import TensorBoardLogger
+from matplotlib.figure import Figure
+
+from sci_lightning.figures import mask_figure, reconstruction_figure
+from sci_lightning.system import System
+
+
+class Pictures(L.Callback):
+    """After every validation: the mask with its level histogram, and the first snapshot of some scenes.
+
+    In TensorBoard as an image series; in ``folder`` as PNG files of the latest state.
+
+    Args:
+        folder: where the PNG files go (made when needed).
+        scenes: how many scenes are shown.
+    """
+
+    def __init__(self, folder: str, scenes: int = 2) -> None:
+        self.folder = Path(folder)
+        self.scenes = scenes
+
+    def on_validation_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        if not trainer.is_global_zero or trainer.sanity_checking or not isinstance(pl_module, System):
+            return
+        self.folder.mkdir(parents=True, exist_ok=True)
+        boards = [logger.experiment for logger in trainer.loggers if isinstance(logger, TensorBoardLogger)]
+        for name, figure in self._figures(trainer, pl_module):
+            figure.savefig(self.folder / f"{name.replace('/', '_')}.png", dpi=110)
+            for board in boards:
+                board.add_figure(name, figure, trainer.global_step)
+
+    @torch.no_grad()
+    def _figures(self, trainer: L.Trainer, system: System) -> Iterator[tuple[str, Figure]]:
+        mask = system.encoder.mask()
+        yield "mask", mask_figure(mask, getattr(system.encoder.mask, "bits", None))
+        snapshots = trainer.val_dataloaders.dataset
+        first = [snapshots.first(scene) for scene in range(min(self.scenes, len(snapshots.names)))]
+        for name, video in zip(snapshots.names, first, strict=False):
+            video = video.to(system.device).unsqueeze(0)
+            measurement = system.encoder.record(video, mask)
+            estimate = system.decoder(system.encoder.rescale(measurement), mask)
+            yield f"scene/{name}", reconstruction_figure(measurement[0], video[0], estimate[0], name)

@@ -1,0 +1,48 @@
+"""How many clips training takes in a second, and how long it waits for them."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import lightning as L
+import torch
+
+
+class Throughput(L.Callback):
+    """Logs ``train/clips_per_second`` (all processes together) and ``train/loading_share``, the part of a step spent
+    waiting for data, each over the steps since the last record."""
+
+    def __init__(self) -> None:
+        self._restart()
+        self._ended = 0.0
+
+    def _restart(self) -> None:
+        self._clips = 0
+        self._busy = 0.0
+        self._waited = 0.0
+
+    def on_train_epoch_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        self._ended = time.perf_counter()
+
+    def on_train_batch_start(self, trainer: L.Trainer, pl_module: L.LightningModule, batch: Any, batch_idx: int) -> None:
+        self._started = time.perf_counter()
+        self._waited += self._started - self._ended
+
+    def on_train_batch_end(
+        self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: torch.Tensor, batch_idx: int
+    ) -> None:
+        self._ended = time.perf_counter()
+        self._busy += self._ended - self._started
+        self._clips += len(batch) * trainer.world_size
+        if (trainer.fit_loop.total_batch_idx + 1) % max(1, trainer.log_every_n_steps) == 0:
+            total = self._busy + self._waited
+            pl_module.log("train/clips_per_second", self._clips / total)
+            pl_module.log("train/loading_share", self._waited / total)
+            self._restart()
+
+    def on_validation_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        self._paused = time.perf_counter()
+
+    def on_validation_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        self._ended += time.perf_counter() - self._paused  # validation is no waiting for data

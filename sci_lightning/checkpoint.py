@@ -1,0 +1,139 @@
+"""Checkpoints: written whole, read without executing anything, rebuilt into encoder and decoder."""
+
+from __future__ import annotations
+
+import inspect
+import pickle
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from hydra.utils import get_object, instantiate
+from lightning.fabric.plugins.io.torch_io import TorchCheckpointIO
+from torch import nn
+
+from sci_lightning.atomic_file import whole_file
+from sci_lightning.errors import BadInput
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """What a training run left behind.
+
+    Attributes:
+        path: of the file.
+        config: the run's plain configuration: ``encoder``, ``decoder``, ``frames``, ``size``, ``names``, ...
+        state: the system's state, ``encoder.*`` and ``decoder.*`` tensors by name.
+    """
+
+    path: Path
+    config: dict[str, Any]
+    state: dict[str, torch.Tensor]
+
+    def build(self, part: str) -> nn.Module:
+        """Make the trained ``encoder`` or ``decoder`` anew and fill it.
+
+        Raises:
+            BadInput: the file asks for anything but one of this project's modules, or its state does not fit.
+        """
+        config = self.config[part]
+        for target in _targets(config):
+            _check_target(self.path, target)
+        if part == "encoder" and "file" in config.get("mask", {}):
+            config = {**config, "mask": {**config["mask"], "file": None}}  # the checkpoint holds what the file held
+        module = instantiate(config, _convert_="all")
+        self.fill(part, module)
+        return module
+
+    def fill(self, part: str, module: nn.Module, name: str | None = None) -> None:
+        """Load the state of ``part`` ("encoder", "encoder.mask", "decoder", ..) into ``module``, strictly."""
+        state = {key.removeprefix(f"{part}."): value for key, value in self.state.items() if key.startswith(f"{part}.")}
+        if misfit := _misfit(state, module.state_dict()):
+            trained = self.config.get("names", {}).get(part.split(".")[0], "unknown")
+            wanted = name or type(module).__name__
+            raise BadInput(
+                f"{self.path}: a checkpoint of {part}={trained} does not fit {part}={wanted} as configured: {misfit}; "
+                f"build the {part} that was trained"
+            )
+        module.load_state_dict(state)
+
+
+def read_checkpoint(path: str | Path) -> Checkpoint:
+    """Read a checkpoint of this project.
+
+    Raises:
+        BadInput: missing, damaged, foreign, or holding anything but tensors and plain values (nothing is executed).
+    """
+    content = _load(Path(path))
+    if not isinstance(content.get("config"), dict) or not isinstance(content.get("state_dict"), dict):
+        raise BadInput(
+            f"{path}: not a checkpoint of sci_lightning (no 'config' and 'state_dict' inside); "
+            "give RUN/checkpoints/last.ckpt of a training run"
+        )
+    return Checkpoint(Path(path), content["config"], content["state_dict"])
+
+
+class SafeCheckpointIO(TorchCheckpointIO):
+    """Lightning's file access: a checkpoint replaces the previous one only once it is whole, and is never unpickled."""
+
+    def save_checkpoint(self, checkpoint: dict[str, Any], path: Any, storage_options: Any = None) -> None:
+        with whole_file(path) as temporary:
+            torch.save(checkpoint, temporary)
+
+    def load_checkpoint(self, path: Any, map_location: Any = None, weights_only: bool | None = None) -> dict[str, Any]:
+        return _load(Path(path))
+
+
+def _load(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        raise BadInput(f"{path}: no such checkpoint; give RUN/checkpoints/last.ckpt of a training run")
+    try:
+        content = torch.load(path, map_location="cpu", weights_only=True)
+    except pickle.UnpicklingError as error:
+        raise BadInput(
+            f"{path}: holds Python objects other than tensors and plain values; refused, nothing was executed"
+        ) from error
+    except Exception as error:  # torch raises RuntimeError, EOFError, KeyError, .. on damaged archives
+        raise BadInput(f"{path}: not a readable checkpoint, damaged or truncated ({type(error).__name__})") from error
+    if not isinstance(content, dict):
+        raise BadInput(f"{path}: not a checkpoint (it holds a {type(content).__name__}, expected a dictionary)")
+    return content
+
+
+def _targets(config: Any) -> Iterator[str]:
+    if isinstance(config, Mapping):
+        for key, value in config.items():
+            if key == "_target_":
+                yield str(value)
+            else:
+                yield from _targets(value)
+    elif isinstance(config, (list, tuple)):
+        for value in config:
+            yield from _targets(value)
+
+
+def _check_target(path: Path, target: str) -> None:
+    """A checkpoint's configuration is data from elsewhere: it may name this project's modules and nothing else."""
+    if target.startswith("sci_lightning."):
+        found = get_object(target)
+        if inspect.isclass(found) and issubclass(found, nn.Module) and found.__module__.startswith("sci_lightning."):
+            return
+    raise BadInput(
+        f"{path}: asks to build '{target}', which is not a module of sci_lightning; if you trust it, name it yourself: "
+        "encoder=... or decoder=... on the command line"
+    )
+
+
+def _misfit(state: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.Tensor]) -> str:
+    """The first difference between two states in words, or the empty string."""
+    for key in wanted:
+        if key not in state:
+            return f"'{key}' is missing"
+        if state[key].shape != wanted[key].shape:
+            return f"'{key}' is {tuple(state[key].shape)}, expected {tuple(wanted[key].shape)}"
+    for key in state:
+        if key not in wanted:
+            return f"'{key}' has no place"
+    return ""

@@ -1,0 +1,112 @@
+"""The frame around every command: Hydra's configuration in, one clear line out when the input is bad."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException, InstantiationException, MissingConfigException
+from omegaconf import DictConfig, OmegaConf, open_dict
+from omegaconf.errors import OmegaConfBaseException
+
+from sci_lightning.errors import BadInput
+
+PACKAGE = Path(__file__).parent
+CONF = next(folder for folder in (PACKAGE / "conf", PACKAGE.parent / "conf") if folder.is_dir())
+"""The configuration: inside an installed wheel, beside the package in a checkout."""
+
+Task = Callable[[DictConfig], Any]
+
+
+def run(name: str, task: Task) -> None:
+    """Run ``task`` with the configuration ``conf/<name>.yaml`` and the overrides of the command line.
+
+    The task finds its output folder in ``cfg.out``. Bad input ends the process with one line and status 2, anything
+    unforeseen with one line and status 1; ``debug=true`` or ``HYDRA_FULL_ERROR=1`` show the traceback instead. In a
+    multirun the remaining jobs go on and the failures are listed at the end.
+    """
+    debug = os.environ.get("HYDRA_FULL_ERROR") == "1" or "debug=true" in sys.argv
+    failures: list[tuple[str, Exception]] = []
+
+    def job(cfg: DictConfig) -> Any:
+        with open_dict(cfg):
+            cfg.out = HydraConfig.get().runtime.output_dir
+        _quieten()
+        try:
+            return task(cfg)
+        except Exception as error:
+            if debug:
+                raise
+            failures.append((" ".join(HydraConfig.get().overrides.task), error))
+            return None
+
+    try:
+        os.environ["HYDRA_FULL_ERROR"] = "1"  # composition errors reach the lines below instead of Hydra's printer
+        hydra.main(version_base="1.3", config_path=str(CONF), config_name=name)(job)()
+    except KeyboardInterrupt:
+        sys.exit("interrupted")
+    except Exception as error:
+        if debug:
+            raise
+        failures.append(("", error))
+    finally:
+        os.environ["HYDRA_FULL_ERROR"] = "1" if debug else "0"
+    for overrides, error in failures:
+        print(f"error: {f'[{overrides}] ' if len(failures) > 1 else ''}{one_line(error)}", file=sys.stderr)
+    if failures:
+        expected = (BadInput, HydraException, OmegaConfBaseException, OSError)
+        sys.exit(2 if all(isinstance(root_cause(error), expected) for _, error in failures) else 1)
+
+
+def chosen(group: str) -> str:
+    """Which member of a configuration group the command line or the defaults chose, such as ``lsw_sr``."""
+    return str(HydraConfig.get().runtime.choices.get(group, "none"))
+
+
+def plain(cfg: DictConfig) -> dict[str, Any]:
+    """The configuration as resolved dictionaries, lists and values, fit for JSON and checkpoints."""
+    content = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
+    assert isinstance(content, dict)
+    return {str(key): value for key, value in content.items()}
+
+
+def root_cause(error: BaseException) -> BaseException:
+    """What made an instantiation fail, through Hydra's wrapping."""
+    while isinstance(error, InstantiationException) and error.__cause__ is not None:
+        error = error.__cause__
+    return error
+
+
+def one_line(error: BaseException) -> str:
+    """What is wrong and what would be right, in one line."""
+    cause = root_cause(error)
+    if isinstance(cause, BadInput):
+        return " ".join(str(cause).split())
+    if isinstance(cause, MissingConfigException) and cause.options:
+        group, _, name = str(cause.missing_cfg_file).rpartition("/")
+        return f"{group}={name}: no such {group}; choose one of {', '.join(cause.options)}"
+    text = " ".join(str(cause).split()) or type(cause).__name__
+    if isinstance(cause, (HydraException, OmegaConfBaseException)):
+        return text.replace("Set hydra.verbose=true to see the full error", "").strip()
+    if isinstance(cause, OSError) and cause.strerror:
+        return f"{cause.filename}: {cause.strerror.lower()}" if cause.filename else cause.strerror
+    return f"{type(cause).__name__}: {text} (unforeseen; debug=true shows where)"
+
+
+def _quieten() -> None:
+    """Drop the warnings of the libraries that tell a user of a command nothing."""
+    for message in (
+        r".*does not have many workers.*",
+        r".*isinstance\(treespec, LeafSpec\).*",
+        r".*smaller than the logging interval.*",
+        r".*Checkpoint directory .* exists and is not empty.*",
+        r".*No positive number of epochs.*",
+        r".*LeafSpec.*",
+    ):
+        warnings.filterwarnings("ignore", message=message)

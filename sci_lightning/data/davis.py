@@ -1,0 +1,91 @@
+"""The DAVIS 2017 data set at 480p, which video SCI networks are usually trained on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from sci_lightning.data.augmentation import Augmentation
+from sci_lightning.data.source import Clips, Scene
+from sci_lightning.data.store import ClipStore
+from sci_lightning.data.stored_clips import StoredClips, stored_scenes
+from sci_lightning.errors import BadInput
+
+
+class Davis:
+    """DAVIS 2017: its ``train`` sequences train, its ``val`` sequences are the scenes.
+
+    Source: Pont-Tuset et al., "The 2017 DAVIS Challenge on Video Object Segmentation", arXiv:1704.00675.
+
+    Args:
+        root: the folder that holds ``JPEGImages/480p/<sequence>/*.jpg`` and
+            ``ImageSets/2017/{train,val}.txt``, or the folder above it.
+        frames: T, the frames of one snapshot.
+        size: ``(H, W)`` in pixels: the mask's full size, to which scenes are cut.
+        crop: ``(h, w)`` in pixels: the size that is trained on.
+        seed: decides all that is random in the training clips.
+        clips_per_epoch: by default the number of separate groups of T frames in the training sequences.
+        store: see :class:`~sci_lightning.data.store.ClipStore`.
+        max_stride, reverse, scale, flip, rotate: see :class:`~sci_lightning.data.augmentation.Augmentation`.
+
+    Raises:
+        BadInput: a part of the data set is missing, or an argument is out of range. Frames are opened by
+            ``clips`` and ``scenes``, which raise it for a sequence unreadable, short or small.
+    """
+
+    def __init__(
+        self,
+        root: str | Path,
+        frames: int,
+        size: Sequence[int],
+        crop: Sequence[int],
+        seed: int = 0,
+        *,
+        clips_per_epoch: int | None = None,
+        store: str | Path | None = None,
+        max_stride: int = 2,
+        reverse: bool = True,
+        scale: Sequence[float] = (0.75, 2.0),
+        flip: bool = True,
+        rotate: bool = True,
+    ) -> None:
+        self.frames = frames
+        self.size = size
+        self.seed = seed
+        self.clips_per_epoch = clips_per_epoch
+        self.store = store
+        self.augmentation = Augmentation(
+            frames, crop, max_stride=max_stride, reverse=reverse, scale=scale, flip=flip, rotate=rotate
+        )
+        folder = _locate(Path(root))
+        self.training = _sequences(folder, "train")
+        self.held_out = _sequences(folder, "val")
+
+    def clips(self) -> Clips:
+        """Augmented float32 ``(T, h, w)`` of the training sequences."""
+        store = ClipStore(self.training, self.store)
+        return StoredClips(store, self.augmentation, seed=self.seed, clips_per_epoch=self.clips_per_epoch)
+
+    def scenes(self) -> list[Scene]:
+        """The validation sequences' centres, float32 ``(N, T, H, W)``."""
+        return stored_scenes(ClipStore(self.held_out, self.store), self.frames, self.size)
+
+
+def _locate(root: Path) -> Path:
+    for folder in (root, *sorted(root.glob("*/"))):
+        if (folder / "JPEGImages" / "480p").is_dir():
+            return folder
+    raise BadInput(f"{root}: neither it nor a folder in it holds JPEGImages/480p; give the DAVIS 2017 folder")
+
+
+def _sequences(folder: Path, subset: str) -> list[Path]:
+    names = folder / "ImageSets" / "2017" / f"{subset}.txt"
+    if not names.is_file():
+        raise BadInput(f"{names}: no such file; it lists the {subset} sequences of DAVIS 2017")
+    sequences = [folder / "JPEGImages" / "480p" / name for name in names.read_text().split()]
+    if not sequences:
+        raise BadInput(f"{names}: is empty; it should list the {subset} sequences of DAVIS 2017")
+    for sequence in sequences:
+        if not sequence.is_dir():
+            raise BadInput(f"{sequence}: no such folder, though {names} lists it; is DAVIS unpacked whole?")
+    return sequences

@@ -1,0 +1,154 @@
+"""Batches of clips for training, in an order that a resumed run takes up again; scenes for testing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import torch
+from torch.utils.data import DataLoader, Dataset, Sampler
+
+from sci_lightning.data.source import Clips, Scene
+from sci_lightning.errors import BadInput
+
+
+class EpochSampler(Sampler[list[int]]):
+    """The batches of one epoch, out of an endless stream of clips.
+
+    Sample j of batch b on process r in epoch e is clip ``e * length + (b * world_size + r) * batch_size
+    + j``. Only whole batches are drawn.
+
+    Args:
+        length: clips per epoch.
+        batch_size: clips per batch on one process.
+        rank: this process, of ``world_size``.
+
+    Raises:
+        BadInput: an epoch has no whole batch.
+    """
+
+    def __init__(self, length: int, batch_size: int, *, rank: int = 0, world_size: int = 1) -> None:
+        self.length = length
+        self.batch_size = batch_size
+        self.rank = rank
+        self.world_size = world_size
+        self.epoch = 0
+        self.start = 0
+        if batch_size < 1 or length < batch_size * world_size:
+            raise BadInput(
+                f"batch_size={batch_size} on {world_size} process(es): an epoch of {length} clips has no "
+                "whole batch; lower it or raise clips_per_epoch"
+            )
+
+    def __len__(self) -> int:
+        """Batches per epoch."""
+        return self.length // (self.batch_size * self.world_size)
+
+    def __iter__(self) -> Iterator[list[int]]:
+        start, self.start = self.start, 0
+        for batch in range(start, len(self)):
+            first = self.epoch * self.length + (batch * self.world_size + self.rank) * self.batch_size
+            yield list(range(first, first + self.batch_size))
+
+    @property
+    def sampler(self) -> EpochSampler:
+        """Itself: trainers look for ``loader.batch_sampler.sampler.set_epoch``."""
+        return self
+
+    def set_epoch(self, epoch: int) -> None:
+        """Chooses the epoch, from 0, of the next iteration."""
+        self.epoch = epoch
+
+    def start_at(self, batch: int) -> None:
+        """Lets the next iteration, and only that one, begin at ``batch`` instead of 0."""
+        self.start = batch
+
+
+class ClipLoader(DataLoader[torch.Tensor]):
+    """Training batches, float32 ``(batch_size, T, h, w)``, whose place in the epoch can be saved and taken up again.
+
+    Lightning keeps :meth:`state_dict` in every checkpoint. Worker processes compute on one thread each
+    (PyTorch sees to that) and live on between epochs.
+
+    Args:
+        clips: the endless stream.
+        batch_size: clips per batch on this process.
+        workers: processes that prepare batches; 0 prepares them in this one.
+        rank: this process, of ``world_size``.
+        pin_memory: see :class:`torch.utils.data.DataLoader`.
+
+    Raises:
+        BadInput: an epoch has no whole batch.
+    """
+
+    def __init__(
+        self,
+        clips: Clips,
+        batch_size: int,
+        *,
+        workers: int = 0,
+        rank: int = 0,
+        world_size: int = 1,
+        pin_memory: bool = False,
+    ) -> None:
+        sampler = EpochSampler(len(clips), batch_size, rank=rank, world_size=world_size)
+        super().__init__(
+            clips,
+            batch_sampler=sampler,
+            num_workers=workers,
+            persistent_workers=workers > 0,
+            pin_memory=pin_memory,
+        )
+        self.epoch_sampler = sampler
+        self._given = 0
+
+    def __iter__(self) -> Iterator[torch.Tensor]:  # type: ignore[override]
+        self._given = self.epoch_sampler.start
+        for batch in super().__iter__():
+            self._given += 1
+            yield batch
+
+    def state_dict(self) -> dict[str, int]:
+        """Epoch, and the batches of it that were given out."""
+        return {"epoch": self.epoch_sampler.epoch, "batch": self._given}
+
+    def load_state_dict(self, state: dict[str, int]) -> None:
+        """Lets the next iteration go on where ``state`` was taken."""
+        self.epoch_sampler.set_epoch(state["epoch"])
+        self.epoch_sampler.start_at(state["batch"] % len(self.epoch_sampler))
+
+
+class Snapshots(Dataset[tuple[int, torch.Tensor]]):
+    """Single snapshots of scenes, in order: ``(scene's number, video (T, H, W))``.
+
+    Args:
+        scenes: to cut up.
+        rank: gets every ``world_size``-th snapshot, each exactly once.
+    """
+
+    def __init__(self, scenes: Sequence[Scene], *, rank: int = 0, world_size: int = 1) -> None:
+        self.scenes = scenes
+        every = [(s, n) for s, scene in enumerate(scenes) for n in range(len(scene.video))]
+        self.places = every[rank::world_size]
+
+    @property
+    def names(self) -> list[str]:
+        """The scenes' names, by number."""
+        return [scene.name for scene in self.scenes]
+
+    def first(self, scene: int) -> torch.Tensor:
+        """The first snapshot ``(T, H, W)`` of scene number ``scene``, on every process."""
+        return self.scenes[scene].video[0]
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def __getitem__(self, index: int) -> tuple[int, torch.Tensor]:
+        scene, snapshot = self.places[index]
+        return scene, self.scenes[scene].video[snapshot]
+
+
+def scene_loader(
+    scenes: Sequence[Scene], batch_size: int = 1, *, rank: int = 0, world_size: int = 1
+) -> DataLoader[Any]:
+    """Loads :class:`Snapshots` in batches: ``(scene numbers (B,), video (B, T, H, W))``."""
+    return DataLoader(Snapshots(scenes, rank=rank, world_size=world_size), batch_size=batch_size)

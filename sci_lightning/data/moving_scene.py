@@ -1,0 +1,113 @@
+"""Pictures that move, turn and occlude each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import cycle, islice
+
+import numpy as np
+import torch
+from torch.nn import functional as F
+
+from sci_lightning.data.motion import Motion
+from sci_lightning.data.photographs import Photograph
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A texture on its way.
+
+    Attributes:
+        texture: (1, H, W) luma, or (2, H, W) luma times opacity, and opacity.
+        step: pixels of the texture per pixel of the picture, at rest.
+        motion: where it is when.
+    """
+
+    texture: torch.Tensor
+    step: float
+    motion: Motion
+
+
+class MovingScene:
+    """A panning background and one to four soft-edged objects in front of it.
+
+    Everything is drawn when the scene is built; rendering is deterministic.
+
+    Args:
+        photographs: the background's, then those that the objects are cut from in turn; two or more.
+        random: where every choice comes from.
+        size: ``(h, w)`` in pixels of the rendered frames.
+    """
+
+    def __init__(self, photographs: Sequence[Photograph], random: np.random.Generator, size: Sequence[int]) -> None:
+        self.size = tuple(size)
+        self._background = self._draw_background(photographs[0], random)
+        count = int(random.integers(1, 4, endpoint=True))
+        self._objects = [self._draw_object(p, random) for p in islice(cycle(photographs[1:]), count)]
+
+    def render(self, frames: int) -> torch.Tensor:
+        """Float32 ``(frames, h, w)`` in [0, 1]."""
+        times = torch.arange(frames, dtype=torch.float64)
+        video = self._look_at(self._background, times, "reflection")[:, 0]
+        for layer in self._objects:
+            light, opacity = self._look_at(layer, times, "zeros").unbind(1)
+            video = video.mul_(1 - opacity).add_(light)
+        return video.clamp_(0, 1)
+
+    def _look_at(self, layer: Layer, times: torch.Tensor, padding: str) -> torch.Tensor:
+        """(T, channels, h, w): the layer as the camera sees it."""
+        height, width = self.size
+        rows, columns = layer.texture.shape[1:]
+        x = torch.arange(width) - (width - 1) / 2
+        y = torch.arange(height) - (height - 1) / 2
+        to_layer = layer.motion.to_layer(times) * layer.step
+        to_grid = to_layer * torch.tensor([2 / columns, 2 / rows])[:, None]  # -1 to 1 across the layer
+        x_step, y_step, origin = to_grid.float()[:, None, None].unbind(-1)
+        grid = (x[:, None] * x_step) + (y[:, None, None] * y_step + origin)  # affine_grid is 8 times slower
+        texture = layer.texture.expand(len(times), -1, -1, -1)
+        return F.grid_sample(texture, grid, padding_mode=padding, align_corners=False)
+
+    def _draw_background(self, photograph: Photograph, random: np.random.Generator) -> Layer:
+        window = np.array(self.size)
+        picture = np.array(photograph.levels[0].shape)
+        fit = 0.9 * float(min(picture / window))  # where the picture is smaller, reflection fills in
+        scale = _log_uniform(random, min(0.75, fit), min(2.5, fit))
+        texture, step = photograph.level(scale)
+        margin = np.maximum(0, picture / scale - window) / 2
+        centre = (random.uniform(-1, 1, 2) * margin)[::-1].copy()
+        speed = _log_uniform(random, 0.5, 6) * (random.random() < 0.8)  # else the camera stands still
+        motion = Motion.draw(random, centre, reach=0.3 * min(window), speed=speed, tilt=0.2, spin=0.005)
+        return Layer(_relight(texture, random)[None], step, motion)
+
+    def _draw_object(self, photograph: Photograph, random: np.random.Generator) -> Layer:
+        window = np.array(self.size)
+        picture, _ = photograph.level(random.uniform(0.75, 2))
+        side = min(*picture.shape, max(4, round(min(window) * random.uniform(0.25, 0.7))))
+        top, left = (int(random.integers(length - side, endpoint=True)) for length in picture.shape)
+        light = _relight(picture[top : top + side, left : left + side], random)
+        opacity = _soft_shape(side, random)
+        centre = random.uniform(-0.4, 0.4, 2) * window[::-1]
+        speed = _log_uniform(random, 0.5, 6)
+        motion = Motion.draw(random, centre, reach=0.4 * min(window), speed=speed, tilt=math.pi, spin=0.06)
+        return Layer(torch.stack((light * opacity, opacity)), 1.0, motion)
+
+
+def _log_uniform(random: np.random.Generator, low: float, high: float) -> float:
+    return math.exp(random.uniform(math.log(low), math.log(high)))
+
+
+def _relight(picture: torch.Tensor, random: np.random.Generator) -> torch.Tensor:
+    """Other contrast and brightness, so that the same photograph is not always equally bright."""
+    return ((picture - 0.5) * random.uniform(0.7, 1.3) + random.uniform(0.35, 0.65)).clamp_(0, 1)
+
+
+def _soft_shape(side: int, random: np.random.Generator) -> torch.Tensor:
+    """(side, side) opacity of a superellipse: from a rhombus over an ellipse to nearly a rectangle."""
+    exponent = _log_uniform(random, 1, 10)
+    axis = (torch.arange(side) + 0.5) * 2 / side - 1
+    x = (axis / random.uniform(0.5, 0.95)).abs() ** exponent
+    y = (axis / random.uniform(0.5, 0.95)).abs() ** exponent
+    inside = 1 - (x + y[:, None]) ** (1 / exponent)
+    return (inside * side / 3).clamp_(0, 1)  # the edge is one to two pixels wide

@@ -1,0 +1,54 @@
+"""What every source of video offers: clips to train on, scenes to test on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import torch
+from torch.utils.data import Dataset
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One named test video, cut into snapshots of T frames.
+
+    Attributes:
+        name: the scene's name as it appears in tables and in ``metrics.json``.
+        video: float32 ``(N, T, H, W)`` in [0, 1]: N consecutive groups of T frames.
+    """
+
+    name: str
+    video: torch.Tensor
+
+
+class Clips(Dataset[torch.Tensor]):
+    """An endless, seeded stream of training clips that is cut into epochs.
+
+    ``clips[i]`` is float32 ``(T, h, w)`` in [0, 1] for *every* ``i >= 0``: a pure function of the
+    seed and ``i``, so that epoch ``e`` is simply the indices ``e * len(clips)`` onwards and a resumed
+    run draws the clips that the interrupted one would have drawn. ``len(clips)`` is the number of
+    clips that make an epoch.
+    """
+
+    def __len__(self) -> int:
+        raise NotImplementedError
+
+    def __getitem__(self, index: int) -> torch.Tensor:
+        raise NotImplementedError
+
+
+@runtime_checkable
+class Source(Protocol):
+    """A source of video (one file of this folder each).
+
+    Both methods raise :class:`~sci_lightning.errors.BadInput` when the source has none to offer.
+    """
+
+    def clips(self) -> Clips:
+        """Training clips of T frames, cropped to the training size, augmented."""
+        ...
+
+    def scenes(self) -> list[Scene]:
+        """Held-out scenes at the mask's full size, never seen in training, never augmented."""
+        ...

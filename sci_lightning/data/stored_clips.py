@@ -1,0 +1,98 @@
+"""Training clips and test scenes out of a store of decoded clips."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from sci_lightning.data.augmentation import Augmentation
+from sci_lightning.data.source import Clips, Scene
+from sci_lightning.data.store import ClipStore
+from sci_lightning.errors import BadInput
+
+
+class StoredClips(Clips):
+    """Augmented training clips of a :class:`ClipStore`: a clip is drawn by its length, then augmented.
+
+    Args:
+        store: where the clips are.
+        augmentation: what makes float32 ``(T, h, w)`` in [0, 1] of a stored clip.
+        seed: with the index, it alone decides what is drawn.
+        clips_per_epoch: ``len``; by default the number of separate groups of T frames in the store.
+
+    Raises:
+        BadInput: a clip is too short or too small for the augmentation, or an argument is out of range.
+    """
+
+    def __init__(
+        self,
+        store: ClipStore,
+        augmentation: Augmentation,
+        *,
+        seed: int = 0,
+        clips_per_epoch: int | None = None,
+    ) -> None:
+        for clip, shape in zip(store.clips, store.shapes, strict=True):
+            augmentation.check(shape, clip)
+        self.store = store
+        self.augmentation = augmentation
+        self.seed = seed
+        self._groups_up_to = np.cumsum([length // augmentation.frames for length, _, _ in store.shapes])
+        self._length = int(self._groups_up_to[-1]) if clips_per_epoch is None else clips_per_epoch
+        if self._length < 1:
+            raise BadInput(f"clips_per_epoch={clips_per_epoch}: must be at least 1")
+
+    def __len__(self) -> int:
+        return self._length
+
+    def __getitem__(self, index: int) -> torch.Tensor:
+        if index < 0:
+            raise IndexError(f"clip {index}: the stream of clips starts at 0")
+        random = np.random.default_rng((self.seed, index))
+        group = random.integers(self._groups_up_to[-1])
+        clip = int(np.searchsorted(self._groups_up_to, group, side="right"))
+        return self.augmentation(self.store[clip], random)
+
+
+def stored_scenes(store: ClipStore, frames: int, size: Sequence[int]) -> list[Scene]:
+    """The clips of ``store`` as scenes: their centre, whole groups of ``frames``, named after the clips.
+
+    Args:
+        store: where the clips are.
+        frames: T; what is left over at a clip's end is dropped.
+        size: ``(H, W)`` in pixels, cut from the centre.
+
+    Raises:
+        BadInput: a clip is shorter than ``frames`` or smaller than ``size``.
+    """
+    height, width = size
+    scenes = []
+    for index, name in enumerate(_scene_names(store.clips)):
+        length, rows, columns = store.shapes[index]
+        if length < frames or rows < height or columns < width:
+            raise BadInput(
+                f"{store.clips[index]}: {length} frames of {rows} x {columns} pixels; "
+                f"a scene needs {frames} or more of at least {height} x {width}"
+            )
+        top, left = (rows - height) // 2, (columns - width) // 2
+        whole = length // frames * frames
+        centre = np.array(store[index][:whole, top : top + height, left : left + width])
+        video = torch.from_numpy(centre).float().div_(255)
+        scenes.append(Scene(name, video.reshape(-1, frames, height, width)))
+    return scenes
+
+
+def _scene_names(clips: Sequence[Path]) -> list[str]:
+    """The clips' own names; where several share one, with the folders that tell them apart."""
+    names = [clip.name if clip.is_dir() else clip.stem for clip in clips]
+    count = Counter(names)
+    root = os.path.commonpath(clips)
+    return [
+        name if count[name] == 1 else "-".join(clip.relative_to(root).parts)
+        for name, clip in zip(names, clips, strict=True)
+    ]

@@ -1,0 +1,98 @@
+"""Video out of nothing but the photographs that scikit-image brings: works anywhere, at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+
+from sci_lightning.data.moving_scene import MovingScene
+from sci_lightning.data.photographs import HELD_OUT, TRAINING, Photograph, load_photographs
+from sci_lightning.data.source import Clips, Scene
+from sci_lightning.errors import BadInput
+
+
+class Synthetic:
+    """Photographs that pan, zoom, turn and occlude each other, rendered on the fly.
+
+    The scenes show other photographs than the training clips.
+
+    Args:
+        frames: T, the frames of one snapshot.
+        size: ``(H, W)`` in pixels: the mask's full size, in which scenes are rendered.
+        crop: ``(h, w)`` in pixels: the size that is trained on.
+        seed: decides all that is random.
+        clips_per_epoch: ``len`` of the training clips.
+        scenes_count: how many held-out scenes there are.
+        snapshots_per_scene: how many groups of T frames a scene is long, in one continuous motion.
+
+    Raises:
+        BadInput: an argument is out of range.
+    """
+
+    def __init__(
+        self,
+        frames: int,
+        size: Sequence[int],
+        crop: Sequence[int],
+        seed: int = 0,
+        *,
+        clips_per_epoch: int = 1000,
+        scenes_count: int = 4,
+        snapshots_per_scene: int = 2,
+    ) -> None:
+        self.frames = frames
+        self.size = size
+        self.crop = crop
+        self.seed = seed
+        self.clips_per_epoch = clips_per_epoch
+        self.scenes_count = scenes_count
+        self.snapshots_per_scene = snapshots_per_scene
+        if min(frames, *size, *crop, clips_per_epoch, scenes_count, snapshots_per_scene) < 1:
+            raise BadInput(
+                f"frames={frames}, size={tuple(size)}, crop={tuple(crop)}, clips_per_epoch={clips_per_epoch},"
+                f" scenes_count={scenes_count}, snapshots_per_scene={snapshots_per_scene}: all must be at"
+                " least 1"
+            )
+
+    def clips(self) -> Clips:
+        """An endless stream of rendered float32 ``(T, h, w)``."""
+        photographs = load_photographs(TRAINING)
+        return SyntheticClips(photographs, self.frames, self.crop, self.seed, self.clips_per_epoch)
+
+    def scenes(self) -> list[Scene]:
+        """Scenes named after the photograph in their background, float32 ``(N, T, H, W)``."""
+        photographs = load_photographs(HELD_OUT)
+        return [self._scene(number, photographs) for number in range(self.scenes_count)]
+
+    def _scene(self, number: int, photographs: list[Photograph]) -> Scene:
+        again, first = divmod(number, len(photographs))
+        name = photographs[first].name + (f"_{again + 1}" if again else "")
+        random = np.random.default_rng((self.seed, number))
+        scene = MovingScene(photographs[first:] + photographs[:first], random, self.size)
+        video = scene.render(self.snapshots_per_scene * self.frames)
+        return Scene(name, video.reshape(-1, self.frames, *self.size))
+
+
+class SyntheticClips(Clips):
+    """Training clips of moving photographs; the clip at an index is rendered when it is asked for."""
+
+    def __init__(
+        self, photographs: list[Photograph], frames: int, crop: Sequence[int], seed: int, clips_per_epoch: int
+    ) -> None:
+        self.photographs = photographs
+        self.frames = frames
+        self.crop = crop
+        self.seed = seed
+        self.clips_per_epoch = clips_per_epoch
+
+    def __len__(self) -> int:
+        return self.clips_per_epoch
+
+    def __getitem__(self, index: int) -> torch.Tensor:
+        if index < 0:
+            raise IndexError(f"clip {index}: the stream of clips starts at 0")
+        random = np.random.default_rng((self.seed, index))
+        photographs = [self.photographs[i] for i in random.permutation(len(self.photographs))]
+        return MovingScene(photographs, random, self.crop).render(self.frames)

@@ -1,0 +1,72 @@
+"""E2E-CNN: the two-dimensional convolutional decoder of Qiao et al. (2020)."""
+
+from __future__ import annotations
+
+import torch
+from torch import nn
+
+from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.initial_estimate import mean_frame
+from sci_lightning.errors import BadInput
+
+
+class ResidualBlock(nn.Module):
+    """x + conv(LeakyReLU(conv(x))), 3x3, ``(N, C, H, W)`` to the same."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.layers = nn.Sequential(
+            nn.Conv2d(channels, channels, 3, padding=1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(channels, channels, 3, padding=1),
+        )
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return x + self.layers(x)
+
+
+class E2ECNN(Decoder):
+    """Frames as channels, five residual blocks in, five out, skips between them, no down-sampling.
+
+    The input is M * (y / sum of M); the output is a tanh. Any H x W; T is fixed at construction.
+
+    Args:
+        frames: T.
+        channels: width C of every hidden layer (64 as published).
+        blocks: residual blocks on each side (5 as published).
+        input_residual: add the input to the output, as the version in the cacti toolbox does.
+
+    Parameters: 817,608 with the defaults at T = 8.
+    Source: Qiao et al., "Deep learning for video compressive sensing", APL Photonics 2020.
+    """
+
+    def __init__(self, frames: int, channels: int = 64, blocks: int = 5, input_residual: bool = False) -> None:
+        super().__init__()
+        self.frames = frames
+        self.input_residual = input_residual
+        self.first = nn.Conv2d(frames, channels, 3, padding=1)
+        self.encode = nn.ModuleList(ResidualBlock(channels) for _ in range(blocks))
+        self.latent = nn.Sequential(
+            nn.Conv2d(channels, channels, 3, padding=1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(channels, channels, 3, padding=1),
+            nn.LeakyReLU(inplace=True),
+        )
+        self.decode_blocks = nn.ModuleList(ResidualBlock(channels) for _ in range(blocks))
+        self.last = nn.Conv2d(channels, frames, 1)
+
+    def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        if mask.shape[0] != self.frames:
+            raise BadInput(f"this E2E-CNN was built for {self.frames} frames, the mask has {mask.shape[0]}")
+        estimate = mask * mean_frame(measurement, mask).unsqueeze(1)
+        # channels-last is the layout in which CPU and GPU convolutions run fastest
+        features = self.first(estimate.contiguous(memory_format=torch.channels_last))
+        skips = []
+        for block in self.encode:
+            features = block(features)
+            skips.append(features)
+        features = self.latent(features)
+        for block, skip in zip(self.decode_blocks, reversed(skips), strict=True):
+            features = block(features + skip)
+        video = torch.tanh(self.last(features)).contiguous()
+        return video + estimate if self.input_residual else video

@@ -1,0 +1,111 @@
+"""Res2former: the paper's decoder, most of whose work is attention along time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.temporal_attention import TemporalAttention
+from sci_lightning.errors import BadInput
+
+
+class TSABranch(nn.Module):
+    """Temporal self-attention on one group of channels, ``(N, c, T, H, W)`` to the same.
+
+    x + attention(conv1x3x3(x)), then + conv1x1x1(LeakyReLU(conv3x3x3(.))). Source: Section 4.3, Eq. 8 to 12.
+    """
+
+    def __init__(self, channels: int, heads: int) -> None:
+        super().__init__()
+        self.conv = nn.Conv3d(channels, channels, (1, 3, 3), padding=(0, 1, 1))
+        self.attention = TemporalAttention(channels, heads)
+        self.feed_forward = nn.Sequential(
+            nn.Conv3d(channels, channels, 3, padding=1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv3d(channels, channels, 1),
+        )
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        x = x + self.attention(self.conv(x))
+        return x + self.feed_forward(x)
+
+
+class ResTSA(nn.Module):
+    """Channels in ``groups`` parts; each branch also sees the result of the one before (Section 4.3, Eq. 7)."""
+
+    def __init__(self, channels: int, groups: int, heads: int) -> None:
+        super().__init__()
+        self.branches = nn.ModuleList(TSABranch(channels // groups, heads) for _ in range(groups))
+        self.last = nn.Conv3d(channels, channels, 1)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        results: list[torch.Tensor] = []
+        for branch, part in zip(self.branches, x.chunk(len(self.branches), dim=1), strict=True):
+            results.append(branch(part + results[-1] if results else part))
+        return x + self.last(torch.cat(results, dim=1))
+
+
+class Res2former(Decoder):
+    """Two-level U-shaped network of ResTSA modules on the input y + M * y. Any T, any H x W.
+
+    Sides are replicated at the right and bottom to a multiple of 4 inside and cropped back.
+
+    Args:
+        dim: C, width at full resolution; 2C at half, 4C at a quarter (96; Res2former-L: 128).
+        depths: (N1, N2), ResTSA modules at the outer level (each way) and at the bottleneck (3, 3; L: 5, 5).
+        groups: branches of a ResTSA module at the outer level and at the bottleneck (2, 4; L: 4, 8).
+        heads: attention heads in each branch (4).
+
+    Raises:
+        BadInput: widths that do not divide into groups and heads.
+
+    Parameters: 11,022,625 with the defaults, 17,697,153 for Res2former-L.
+    Source: "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Section 4.3.
+    """
+
+    def __init__(
+        self, dim: int = 96, depths: Sequence[int] = (3, 3), groups: Sequence[int] = (2, 4), heads: int = 4
+    ) -> None:
+        super().__init__()
+        for width, parts in ((2 * dim, groups[0]), (4 * dim, groups[1])):
+            if width % (parts * heads):
+                raise BadInput(
+                    f"Res2former: width {width} does not divide into {parts} groups of {heads} heads; "
+                    f"choose dim, groups and heads so that it does"
+                )
+        half, quarter = 2 * dim, 4 * dim
+        self.extract = nn.Sequential(
+            nn.Conv3d(1, dim, 3, padding=1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv3d(dim, half, (1, 3, 3), stride=(1, 2, 2), padding=(0, 1, 1)),
+            nn.LeakyReLU(inplace=True),
+        )
+        self.encode = nn.Sequential(*(ResTSA(half, groups[0], heads) for _ in range(depths[0])))
+        self.down = nn.Conv3d(half, quarter, (1, 3, 3), stride=(1, 2, 2), padding=(0, 1, 1))
+        self.bottleneck = nn.Sequential(*(ResTSA(quarter, groups[1], heads) for _ in range(depths[1])))
+        self.up = nn.Conv3d(quarter, 2 * quarter, 1)
+        self.fuse = nn.Conv3d(2 * half, half, 1)
+        self.decode_blocks = nn.Sequential(*(ResTSA(half, groups[0], heads) for _ in range(depths[0])))
+        self.expand = nn.Conv3d(half, 2 * half, 1)
+        self.last = nn.Conv3d(dim, 1, 3, padding=1)
+
+    def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        height, width = measurement.shape[-2:]
+        estimate = measurement.unsqueeze(1) * (1 + mask)
+        estimate = F.pad(estimate, (0, -width % 4, 0, -height % 4), mode="replicate").unsqueeze(1)
+        low = self.extract(estimate.contiguous(memory_format=torch.channels_last_3d))
+        outer = self.encode(low)
+        deep = self.bottleneck(self.down(outer))
+        features = self.fuse(torch.cat([shuffle_up(self.up(deep)), outer], dim=1))
+        features = shuffle_up(self.expand(self.decode_blocks(features) + low))
+        return self.last(features)[:, 0, :, :height, :width]
+
+
+def shuffle_up(x: torch.Tensor) -> torch.Tensor:
+    """Pixel shuffle by 2 in every frame: ``(N, 4C, T, H, W)`` to ``(N, C, T, 2H, 2W)``."""
+    frames = F.pixel_shuffle(x.transpose(1, 2), 2)
+    return frames.transpose(1, 2).contiguous(memory_format=torch.channels_last_3d)

@@ -1,0 +1,10 @@
+"""Masks: transmittance ``(T, H, W)`` in [0, 1], one kind a file."""
+
+from sci_lightning.encoder.mask.learned_binary import LearnedBinary
+from sci_lightning.encoder.mask.learned_structural import LearnedStructural
+from sci_lightning.encoder.mask.mask import Mask
+from sci_lightning.encoder.mask.measured import Measured, read_mask
+from sci_lightning.encoder.mask.random_binary import RandomBinary
+from sci_lightning.encoder.mask.random_structural import RandomStructural
+
+__all__ = ["LearnedBinary", "LearnedStructural", "Mask", "Measured", "RandomBinary", "RandomStructural", "read_mask"]

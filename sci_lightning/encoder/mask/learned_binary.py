@@ -1,0 +1,43 @@
+"""Learned binary mask."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import nn
+
+from sci_lightning.encoder.mask.mask import Mask, uniform
+from sci_lightning.encoder.rounding import round_half_up, straight_through
+
+
+class LearnedBinary(Mask):
+    """A real-valued mask that is learned; a slot is open where it is at least 1/2 (straight-through gradient).
+
+    Without a constraint on the sum over time: how much light a pixel takes is learned as well.
+
+    Args:
+        frames, size, tile: see :class:`~sci_lightning.encoder.mask.Mask`.
+        seed: of the initial real-valued mask, uniform in [0, 1): half of the slots start open.
+
+    Source: Hubara et al., "Binarized neural networks" (2016), as the paper's related work uses it.
+    """
+
+    learned = True
+
+    def __init__(self, frames: int, size: Sequence[int], tile: Sequence[int] | None = None, seed: int = 0) -> None:
+        super().__init__(frames, size, tile)
+        self.weight = nn.Parameter(uniform(self.pattern_shape, seed))
+
+    @property
+    def automatic_aperture(self) -> float:
+        """2/T, as for a random binary mask, so that both see the same light."""
+        return 2 / self.frames
+
+    @torch.no_grad()
+    def project_(self) -> None:
+        """Clamp the real-valued mask to [0, 1]; call after every optimiser step."""
+        self.weight.clamp_(0, 1)
+
+    def forward(self) -> torch.Tensor:
+        return self.cover(straight_through(round_half_up(self.weight), self.weight))

@@ -1,0 +1,43 @@
+"""Learned structural mask (LSw)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import nn
+
+from sci_lightning.encoder.mask.mask import Mask, uniform
+from sci_lightning.encoder.structure import check_bits, structure
+
+
+class LearnedStructural(Mask):
+    """A real-valued mask that is learned, and the structural mask derived from it in every forward pass.
+
+    The parameter is ``weight``, the real-valued mask: it is what the optimiser moves, what the checkpoint keeps and
+    what data-parallel processes share; the discrete mask is never stored. It starts uniform in [0, 1).
+
+    Args:
+        bits: mask bit depth, 1 to 8 (1: one open slot per pixel).
+        frames, size, tile: see :class:`~sci_lightning.encoder.mask.Mask`.
+        seed: of the initial real-valued mask.
+
+    Source: "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Algorithm 1.
+    """
+
+    learned = True
+
+    def __init__(
+        self, bits: int, frames: int, size: Sequence[int], tile: Sequence[int] | None = None, seed: int = 0
+    ) -> None:
+        super().__init__(frames, size, tile)
+        self.bits = check_bits(bits)
+        self.weight = nn.Parameter(uniform(self.pattern_shape, seed))
+
+    @torch.no_grad()
+    def project_(self) -> None:
+        """Clamp the real-valued mask to [0, 1]; call after every optimiser step."""
+        self.weight.clamp_(0, 1)
+
+    def forward(self) -> torch.Tensor:
+        return self.cover(structure(self.weight, self.bits))

@@ -1,0 +1,74 @@
+"""What all masks have in common: a module that, called, gives the transmittance of every slot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import nn
+
+from sci_lightning.errors import BadInput
+
+
+class Mask(nn.Module):
+    """A mask: ``mask()`` is the transmittance float32 ``(T, H, W)`` in [0, 1] that the scene meets.
+
+    Args:
+        frames: T, time slots per snapshot, at least 2.
+        size: (H, W) in pixels.
+        tile: (h, w) of a smaller pattern that repeats over the mask, or None for a free value in every pixel.
+            A tile has fewer values to learn, and every training crop teaches all of them.
+
+    Raises:
+        BadInput: T < 2, or a size or tile that is not two positive whole numbers.
+    """
+
+    learned = False
+    """Whether training changes the mask."""
+
+    def __init__(self, frames: int, size: Sequence[int], tile: Sequence[int] | None = None) -> None:
+        super().__init__()
+        if frames < 2:
+            raise BadInput(f"frames must be at least 2 (one snapshot codes several frames), got {frames}")
+        self.frames = frames
+        self.size = _pair("size", size)
+        self.tile = self.size if tile is None else _pair("tile", tile)
+
+    @property
+    def automatic_aperture(self) -> float:
+        """Scale of the light that keeps an average snapshot of a white scene at full scale."""
+        return 1.0
+
+    @property
+    def pattern_shape(self) -> tuple[int, int, int]:
+        """(T, h, w) of the values that are stored: the tile, or the whole mask."""
+        return (self.frames, *self.tile)
+
+    def cover(self, pattern: torch.Tensor) -> torch.Tensor:
+        """Repeat a ``(T, h, w)`` pattern until it covers the mask: ``(T, H, W)``."""
+        if self.tile == self.size:
+            return pattern
+        (height, width), (h, w) = self.size, self.tile
+        return pattern.repeat(1, -(-height // h), -(-width // w))[:, :height, :width]
+
+    @torch.no_grad()
+    def project_(self) -> None:
+        """Bring what the optimiser moved back into its range (nothing to do unless learned)."""
+
+    def forward(self) -> torch.Tensor:
+        raise NotImplementedError
+
+    def extra_repr(self) -> str:
+        return f"frames={self.frames}, size={self.size}, tile={self.tile}"
+
+
+def uniform(shape: Sequence[int], seed: int) -> torch.Tensor:
+    """Seeded float32 values, uniform in [0, 1); the same on every device and in every process."""
+    return torch.rand(*shape, generator=torch.Generator().manual_seed(seed))
+
+
+def _pair(name: str, value: Sequence[int]) -> tuple[int, int]:
+    pair = tuple(value) if isinstance(value, Sequence) and not isinstance(value, str) else (value,)
+    if len(pair) != 2 or any(not isinstance(side, int) or side < 1 for side in pair):
+        raise BadInput(f"{name} must be two positive whole numbers [height, width], got {value!r}")
+    return pair[0], pair[1]

@@ -1,0 +1,76 @@
+"""Measured mask: what a calibration of the real modulator found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import torch
+
+from sci_lightning.array_file import read_array
+from sci_lightning.encoder.mask.mask import Mask
+from sci_lightning.errors import BadInput
+
+
+class Measured(Mask):
+    """A mask read from a file and never changed.
+
+    Args:
+        file: .npy, .h5 or .hdf5 holding ``(T, H, W)``, or .mat (version 5 or 7.3) holding MATLAB's ``(H, W, T)``;
+            values in [0, 1]. None leaves the mask dark, to be filled from a checkpoint's state.
+        frames, size: T and (H, W) that the rest of the run uses; the file must agree. None takes the file's.
+        key: name of the array in a .mat or .h5 file; None takes ``mask``, else the only three-dimensional array.
+
+    Raises:
+        BadInput: the file is missing, unreadable, lacks the key, does not fit, or leaves [0, 1].
+    """
+
+    pattern: torch.Tensor
+
+    def __init__(
+        self,
+        file: str | Path | None,
+        frames: int | None = None,
+        size: Sequence[int] | None = None,
+        key: str | None = None,
+    ) -> None:
+        if file is not None:
+            pattern = read_mask(file, key)
+        elif frames is not None and size is not None:
+            pattern = torch.zeros(frames, *size)
+        else:
+            raise BadInput("a measured mask needs a file: encoder.mask.file=MASK.mat (or .npy, .h5)")
+        found, wanted = tuple(pattern.shape), (frames or pattern.shape[0], *(size or pattern.shape[1:]))
+        if found != wanted:
+            raise BadInput(
+                f"{file}: the mask is {_times(found)} (T x H x W), the run needs {_times(wanted)}; "
+                f"set frames={found[0]} size=[{found[1]},{found[2]}] or give another file"
+            )
+        super().__init__(found[0], found[1:])
+        self.register_buffer("pattern", pattern)
+
+    @property
+    def automatic_aperture(self) -> float:
+        """1 / (mean over the pixels of the sum over time)."""
+        total = float(self.pattern.sum(0).mean())
+        return 1 / total if total > 0 else 1.0
+
+    def forward(self) -> torch.Tensor:
+        return self.pattern
+
+
+def read_mask(file: str | Path, key: str | None = None) -> torch.Tensor:
+    """Read a mask file into float32 ``(T, H, W)`` in [0, 1]; see :class:`Measured` for formats and errors."""
+    array = read_array(file, key=key, prefer="mask", dimensions=3)
+    mask = torch.from_numpy(array.astype("float32"))
+    low, high = float(mask.min()), float(mask.max())
+    if not (low >= 0 and high <= 1):  # also false for NaN
+        raise BadInput(
+            f"{file}: mask values must lie in [0, 1] (transmittance), found {low:g} to {high:g}; "
+            "divide by the largest displayed level first"
+        )
+    return mask
+
+
+def _times(shape: Sequence[int]) -> str:
+    return " x ".join(str(side) for side in shape)

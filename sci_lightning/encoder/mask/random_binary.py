@@ -1,0 +1,32 @@
+"""Random binary mask (RBw)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+
+from sci_lightning.encoder.mask.mask import Mask, uniform
+
+
+class RandomBinary(Mask):
+    """Every pixel of every slot is open (1) or shut (0) with probability 1/2, drawn from ``seed``.
+
+    Args:
+        frames, size, tile: see :class:`~sci_lightning.encoder.mask.Mask`.
+        seed: of the Bernoulli(1/2) draw.
+    """
+
+    pattern: torch.Tensor
+
+    def __init__(self, frames: int, size: Sequence[int], tile: Sequence[int] | None = None, seed: int = 0) -> None:
+        super().__init__(frames, size, tile)
+        self.register_buffer("pattern", (uniform(self.pattern_shape, seed) < 0.5).float())
+
+    @property
+    def automatic_aperture(self) -> float:
+        """2/T: half of the T slots are open on average."""
+        return 2 / self.frames
+
+    def forward(self) -> torch.Tensor:
+        return self.cover(self.pattern)

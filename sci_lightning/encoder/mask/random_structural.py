@@ -1,0 +1,32 @@
+"""Random structural mask (RSw)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+
+from sci_lightning.encoder.mask.mask import Mask, uniform
+from sci_lightning.encoder.structure import structure
+
+
+class RandomStructural(Mask):
+    """A structural mask made of uniform random values and never changed.
+
+    Args:
+        bits: mask bit depth, 1 to 8 (1: one open slot per pixel).
+        frames, size, tile: see :class:`~sci_lightning.encoder.mask.Mask`.
+        seed: of the uniform draw that :func:`~sci_lightning.encoder.structure.structure` makes discrete.
+    """
+
+    pattern: torch.Tensor
+
+    def __init__(
+        self, bits: int, frames: int, size: Sequence[int], tile: Sequence[int] | None = None, seed: int = 0
+    ) -> None:
+        super().__init__(frames, size, tile)
+        self.bits = bits
+        self.register_buffer("pattern", structure(uniform(self.pattern_shape, seed), bits))
+
+    def forward(self) -> torch.Tensor:
+        return self.cover(self.pattern)

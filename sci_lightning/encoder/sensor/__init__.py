@@ -1,0 +1,6 @@
+"""Sensors: light ``(N, H, W)`` to measurement ``(N, H, W)``, one kind a file."""
+
+from sci_lightning.encoder.sensor.clip_quantise import ClipQuantise
+from sci_lightning.encoder.sensor.ideal import Ideal
+
+__all__ = ["ClipQuantise", "Ideal"]

@@ -1,0 +1,60 @@
+"""``python -m sci_lightning.evaluate``: test a trained decoder, with the encoder it knows or with another one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from omegaconf import DictConfig
+from rich.console import Console
+
+from sci_lightning.command import chosen, plain, run
+
+
+def evaluate(cfg: DictConfig) -> float:
+    """Test, write ``metrics.json`` and print a table; returns the mean PSNR in dB.
+
+    ``encoder=`` replaces the encoder of the training; a mask of the same kind keeps the trained values, so that
+    ``encoder=rbw_sr`` after training on ``rbw_osr`` changes the sensor and nothing else.
+
+    Args:
+        cfg: ``conf/evaluate.yaml``, composed.
+    """
+    import lightning as L
+    from hydra.utils import instantiate
+
+    from sci_lightning.checkpoint import read_checkpoint
+    from sci_lightning.data.loader import scene_loader
+    from sci_lightning.results import print_results, results, write_json
+    from sci_lightning.system import System
+
+    out = Path(cfg.out)
+    checkpoint = read_checkpoint(cfg.ckpt_path)
+    trained = checkpoint.config
+    for key in ("frames", "size", "crop", "seed"):
+        cfg[key] = trained[key] if cfg[key] is None else cfg[key]
+    names = dict(trained["names"])
+    decoder = checkpoint.build("decoder")
+    if cfg.encoder is None:
+        encoder = checkpoint.build("encoder")
+        names["test_encoder"] = names["encoder"]
+    else:
+        encoder = instantiate(cfg.encoder, _convert_="all")
+        names["test_encoder"] = chosen("encoder")
+        if cfg.encoder.mask._target_ == trained["encoder"]["mask"]["_target_"]:
+            checkpoint.fill("encoder.mask", encoder.mask)
+
+    system = System(encoder, decoder, seed=cfg.seed)
+    scenes = instantiate(cfg.data, _convert_="all").scenes()
+    trainer = instantiate(cfg.trainer, logger=False, enable_checkpointing=False)
+    assert isinstance(trainer, L.Trainer)
+    trainer.test(system, scene_loader(scenes), verbose=False)
+    found = results(system, names, {**trained, "evaluate": plain(cfg)})
+    write_json(found, out / "metrics.json")
+    console = Console()
+    print_results(found, console)
+    console.print(f"[bold]{out}[/]: metrics.json", highlight=False)
+    return float(found["mean"]["psnr"])
+
+
+if __name__ == "__main__":
+    run("evaluate", evaluate)

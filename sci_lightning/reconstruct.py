@@ -1,0 +1,63 @@
+"""``python -m sci_lightning.reconstruct``: decode a snapshot that a camera took."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from omegaconf import DictConfig
+from rich.console import Console
+
+from sci_lightning.command import run
+
+
+def reconstruct(cfg: DictConfig) -> None:
+    """Write the reconstructed frames as PNG, an animated GIF and a float32 ``reconstruction.npy`` (N, T, H, W).
+
+    Args:
+        cfg: ``conf/reconstruct.yaml``, composed.
+    """
+    import numpy as np
+    import torch
+
+    from sci_lightning.animation import write_frames, write_gif
+    from sci_lightning.atomic_file import whole_file
+    from sci_lightning.checkpoint import read_checkpoint
+    from sci_lightning.encoder.mask import Measured
+    from sci_lightning.errors import BadInput
+    from sci_lightning.snapshot import read_snapshot
+
+    out = Path(cfg.out)
+    checkpoint = read_checkpoint(cfg.ckpt_path)
+    encoder, decoder = checkpoint.build("encoder"), checkpoint.build("decoder")
+    measurement = read_snapshot(
+        cfg.measurement, key=cfg.key, full_scale=cfg.full_scale, bit_depth=getattr(encoder.sensor, "bit_depth", 8)
+    )
+    mask = encoder.mask() if cfg.mask is None else Measured(cfg.mask)()
+    if mask.shape[1:] != measurement.shape[1:]:
+        raise BadInput(
+            f"{cfg.measurement}: the snapshot is {tuple(measurement.shape[1:])}, the mask {tuple(mask.shape[1:])} "
+            "(H, W); give the mask the snapshot was taken with: mask=FILE"
+        )
+    aperture = encoder.aperture if cfg.aperture is None else cfg.aperture
+    if not aperture > 0:
+        raise BadInput(f"aperture must be positive, got {aperture}")
+
+    auto = "cuda" if torch.cuda.is_available() else "cpu"
+    device = torch.device(auto if cfg.device == "auto" else cfg.device)
+    decoder.eval().to(device)
+    mask = mask.to(device)
+    with torch.no_grad():
+        video = torch.cat([decoder((one[None] / aperture).to(device), mask).cpu() for one in measurement])
+
+    write_frames(video, out / "frames")
+    write_gif(video, out / "video.gif", cfg.fps)
+    with whole_file(out / "reconstruction.npy") as temporary:
+        np.save(temporary, video.numpy())
+    n, t, h, w = video.shape
+    console = Console(highlight=False)
+    console.print(f"{n} snapshot(s) of {h} x {w} decoded into {t} frames each")
+    console.print(f"[bold]{out}[/]: frames/, video.gif, reconstruction.npy")
+
+
+if __name__ == "__main__":
+    run("reconstruct", reconstruct)

@@ -1,0 +1,207 @@
+"""The LightningModule: encoder, decoder and loss, trained together."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable
+from typing import Any
+
+import lightning as L
+import torch
+
+from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.initial_estimate import mean_video
+from sci_lightning.encoder import Encoder
+from sci_lightning.errors import BadInput
+from sci_lightning.metrics.scene_scores import SceneScores
+
+Batch = tuple[torch.Tensor, torch.Tensor]
+
+
+def mse(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    """Mean squared error (the paper's Eq. 6)."""
+    return (estimate - truth).square().mean()
+
+
+def rmse(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    """Root of the mean squared error (what the released training code minimises)."""
+    return mse(estimate, truth).sqrt()
+
+
+LOSSES: dict[str, Callable[[torch.Tensor, torch.Tensor], torch.Tensor]] = {"mse": mse, "rmse": rmse}
+
+
+class System(L.LightningModule):
+    """Learns a decoder and, when it can be learned, the encoder's mask.
+
+    Training draws one window of the mask per batch when the clips are smaller than the mask. Every step seeds torch
+    with (seed, step, process), so noise and windows do not depend on what ran before: a resumed run repeats them.
+
+    Args:
+        encoder, decoder: plain modules; the system adds nothing to what they compute.
+        loss: ``mse`` or ``rmse``.
+        lr: Adam's learning rate at the start; it falls to ``final_lr`` along a cosine over the whole run.
+        mask_lr: learning rate of the mask at the start (same cosine), None for ``lr``.
+        compile: compile the decoder with ``torch.compile``.
+        seed: of everything random in a step.
+        run_config: the run's plain, resolved configuration; kept in every checkpoint so that it can be rebuilt.
+
+    Raises:
+        BadInput: unknown loss; in training, a loss or gradient that is no longer finite.
+    """
+
+    def __init__(
+        self,
+        encoder: Encoder,
+        decoder: Decoder,
+        *,
+        loss: str = "mse",
+        lr: float = 1e-4,
+        final_lr: float = 1e-5,
+        mask_lr: float | None = None,
+        compile: bool = False,
+        seed: int = 0,
+        run_config: dict[str, Any] | None = None,
+    ) -> None:
+        super().__init__()
+        if loss not in LOSSES:
+            raise BadInput(f"system.loss={loss}: no such loss; choose one of {', '.join(LOSSES)}")
+        self.encoder = encoder
+        self.decoder = decoder
+        self.loss = LOSSES[loss]
+        self.lr, self.final_lr, self.mask_lr = lr, final_lr, lr if mask_lr is None else mask_lr
+        self.seed = seed
+        self.run_config = run_config or {}
+        self.scores = self.baseline = SceneScores([])
+        self.seconds: list[float] = []
+        self.tested: dict[str, Any] = {}
+        """What the last test found: scores by scene, their mean, the baseline's, seconds and device."""
+        if compile:
+            self.decoder.compile()
+
+    def forward(self, video: torch.Tensor, mask: torch.Tensor | None = None) -> torch.Tensor:
+        """Record ``video`` (N, T, H, W) and reconstruct it; ``mask`` is a window of the mask, None for all of it."""
+        mask = self.encoder.mask() if mask is None else mask
+        return self.decoder(self.encoder.rescale(self.encoder.record(video, mask)), mask)
+
+    # Training
+
+    def configure_optimizers(self) -> dict[str, Any]:
+        mask = [p for p in self.encoder.parameters() if p.requires_grad]
+        groups = [{"params": list(self.decoder.parameters()), "lr": self.lr, "name": "decoder"}]
+        if mask:
+            groups.append({"params": mask, "lr": self.mask_lr, "name": "mask"})
+        optimizer = torch.optim.Adam(groups)
+        steps = max(1, int(self.trainer.estimated_stepping_batches))
+        floor = self.final_lr / self.lr
+
+        def cosine(step: int) -> float:
+            return floor + (1 - floor) * (1 + math.cos(math.pi * min(step, steps) / steps)) / 2
+
+        scheduler = torch.optim.lr_scheduler.LambdaLR(optimizer, cosine)
+        return {"optimizer": optimizer, "lr_scheduler": {"scheduler": scheduler, "interval": "step"}}
+
+    def on_train_batch_start(self, batch: torch.Tensor, batch_idx: int) -> None:
+        self._seed_step(self.trainer.fit_loop.total_batch_idx)
+
+    def training_step(self, video: torch.Tensor, batch_idx: int) -> torch.Tensor:
+        mask = self._window(self.encoder.mask(), *video.shape[-2:])
+        loss = self.loss(self(video, mask), video)
+        if not torch.isfinite(loss):
+            raise self._diverged("the loss became", float(loss.detach()), batch_idx)
+        self.log("train/loss", loss, prog_bar=True, batch_size=len(video))
+        return loss
+
+    def on_before_optimizer_step(self, optimizer: torch.optim.Optimizer) -> None:
+        norm = torch.nn.utils.get_total_norm([p.grad for p in self.parameters() if p.grad is not None])
+        # under float16 scaling an overflowing gradient is expected: the scaler skips that step by itself
+        if not torch.isfinite(norm) and self.trainer.precision != "16-mixed":
+            raise self._diverged("the gradient's norm became", float(norm), self.trainer.fit_loop.batch_idx)
+        self.log("train/gradient_norm", norm)
+
+    def optimizer_step(self, *args: Any, **kwargs: Any) -> None:
+        super().optimizer_step(*args, **kwargs)
+        self.encoder.mask.project_()  # here, not at the batch's end, where a checkpoint may already have been written
+
+    def _window(self, mask: torch.Tensor, height: int, width: int) -> torch.Tensor:
+        """A random window of the mask for clips that are smaller; a clip that is larger is refused later."""
+        top, left = (
+            int(torch.randint(max(1, full - part + 1), ()))
+            for full, part in zip(mask.shape[-2:], (height, width), strict=True)
+        )
+        return mask[:, top : top + height, left : left + width]
+
+    def _seed_step(self, step: int, testing: bool = False) -> None:
+        torch.manual_seed((((self.seed * 2 + testing) << 40) + (step << 10) + self.global_rank) % 2**63)
+
+    def _diverged(self, what: str, value: float, batch_idx: int) -> BadInput:
+        return BadInput(
+            f"{what} {value} at epoch {self.current_epoch}, batch {batch_idx} (step {self.global_step}): stopped; the "
+            f"checkpoints hold the last good state; resume from there with a smaller system.lr or check the data"
+        )
+
+    # Validation and test: item = (scene number, video)
+
+    def on_validation_epoch_start(self) -> None:
+        self._start_scoring(self.trainer.val_dataloaders)
+
+    def on_test_epoch_start(self) -> None:
+        self._start_scoring(self.trainer.test_dataloaders)
+
+    def validation_step(self, batch: Batch, batch_idx: int) -> None:
+        self._score(batch, batch_idx)
+
+    def test_step(self, batch: Batch, batch_idx: int) -> None:
+        self._score(batch, batch_idx)
+
+    def on_test_epoch_end(self) -> None:
+        scenes, mean = self.scores.compute()
+        self.tested = {
+            "scenes": scenes,
+            "mean": mean,
+            "baseline": self.baseline.compute()[1],
+            "seconds_per_measurement": statistics.median(self.seconds),
+            "device": self._device_name(),
+        }
+
+    def on_validation_epoch_end(self) -> None:
+        scenes, mean = self.scores.compute()
+        self.log("val/psnr", mean["psnr"], prog_bar=True, sync_dist=True)
+        self.log("val/ssim", mean["ssim"], sync_dist=True)
+        per_scene = {f"val_{key}/{name}": value for name, scene in scenes.items() for key, value in scene.items()}
+        self.log_dict(per_scene, sync_dist=True)
+
+    def _start_scoring(self, loader: Any) -> None:
+        names = loader.dataset.names
+        self.scores = SceneScores(names).to(self.device)
+        self.baseline = SceneScores(names).to(self.device)
+        self.seconds = []
+
+    def _score(self, batch: Batch, batch_idx: int) -> None:
+        self._seed_step(batch_idx, testing=True)  # sensor noise in a test does not depend on the training before it
+        scenes, video = batch
+        mask = self.encoder.mask()
+        measurement = self.encoder.rescale(self.encoder.record(video, mask))
+        start = self._now()
+        estimate = self.decoder(measurement, mask)
+        self.seconds.append((self._now() - start) / len(video))
+        for scene, x, guess, truth in zip(scenes, estimate, mean_video(measurement, mask), video, strict=True):
+            self.scores.update(int(scene), x, truth)
+            self.baseline.update(int(scene), guess, truth)
+
+    def _now(self) -> float:
+        if self.device.type == "cuda":
+            torch.cuda.synchronize(self.device)
+        return time.perf_counter()
+
+    def _device_name(self) -> str:
+        if self.device.type == "cuda":
+            return torch.cuda.get_device_name(self.device)
+        return f"{self.device.type} ({torch.get_num_threads()} threads)"
+
+    # Checkpoints
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        checkpoint["config"] = self.run_config

@@ -1,0 +1,72 @@
+"""``python -m sci_lightning.train``: learn a mask and a decoder together, then test them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from omegaconf import DictConfig
+from rich.console import Console
+
+from sci_lightning.command import chosen, plain, run
+
+
+def train(cfg: DictConfig) -> float:
+    """Train, test, write ``metrics.json`` and say where everything is; returns the mean PSNR in dB.
+
+    Args:
+        cfg: ``conf/train.yaml``, composed.
+    """
+    from hydra.utils import instantiate
+    from lightning.pytorch.loggers import TensorBoardLogger
+
+    from sci_lightning.checkpoint import SafeCheckpointIO, read_checkpoint
+    from sci_lightning.data.loader import ClipLoader, scene_loader
+    from sci_lightning.results import hparams, print_results, results, write_json
+
+    out = Path(cfg.out)
+    config = plain(cfg)
+    names = {"encoder": chosen("encoder"), "decoder": chosen("decoder")}
+    encoder = instantiate(cfg.encoder, _convert_="all")
+    decoder = instantiate(cfg.decoder, _convert_="all")
+    system = instantiate(cfg.system, _partial_=True)(encoder, decoder, run_config={**config, "names": names})
+    if cfg.ckpt_path:
+        checkpoint = read_checkpoint(cfg.ckpt_path)
+        checkpoint.fill("decoder", decoder, names["decoder"])
+        checkpoint.fill("encoder", encoder, names["encoder"])
+
+    source = instantiate(cfg.data, _convert_="all")
+    held_out = source.scenes()
+    tested_on = instantiate(cfg.benchmark, _convert_="all").scenes() if cfg.benchmark.root else held_out
+    trainer = instantiate(
+        cfg.trainer,
+        callbacks=[instantiate(callback) for callback in cfg.callbacks.values() if callback],
+        logger=[instantiate(logger) for logger in cfg.logger.values() if logger],
+        plugins=[SafeCheckpointIO()],
+    )
+    share = {"rank": trainer.global_rank, "world_size": trainer.world_size}
+    clips = ClipLoader(source.clips(), cfg.batch_size, workers=cfg.workers, **share)
+    try:
+        trainer.fit(system, clips, scene_loader(held_out, **share), ckpt_path=cfg.ckpt_path)
+    except SystemExit:
+        if trainer.interrupted and (out / "checkpoints" / "last.ckpt").is_file():
+            print(f"interrupted; continue with ckpt_path={out}/checkpoints/last.ckpt", file=sys.stderr)
+        raise
+    trainer.save_checkpoint(out / "checkpoints" / "last.ckpt")
+    trainer.test(system, scene_loader(tested_on, **share), verbose=False)
+
+    found = results(system, {**names, "test_encoder": names["encoder"]}, config)
+    if trainer.is_global_zero:
+        write_json(found, out / "metrics.json")
+        for logger in trainer.loggers:
+            if isinstance(logger, TensorBoardLogger):
+                logger.log_hyperparams(hparams(found), {f"test/{key}": value for key, value in found["mean"].items()})
+        console = Console()
+        print_results(found, console)
+        console.print(f"[bold]{out}[/]: metrics.json, checkpoints/last.ckpt, pictures/, tensorboard/", highlight=False)
+        console.print(f"dashboard: tensorboard --logdir {out}", highlight=False)
+    return float(found["mean"]["psnr"])
+
+
+if __name__ == "__main__":
+    run("train", train)
