@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 import warnings
@@ -100,13 +101,13 @@ def one_line(error: BaseException) -> str:
 
 
 def _quieten() -> None:
-    """Drop the warnings of the libraries that tell a user of a command nothing."""
+    """Drop what the libraries say that tells a user of a command nothing."""
+    for name in ("utilities.rank_zero", "trainer.connectors.checkpoint_connector"):
+        logging.getLogger(f"lightning.pytorch.{name}").setLevel(logging.WARNING)
     for message in (
         r".*does not have many workers.*",
-        r".*isinstance\(treespec, LeafSpec\).*",
+        r".*LeafSpec.*",
         r".*smaller than the logging interval.*",
         r".*Checkpoint directory .* exists and is not empty.*",
-        r".*No positive number of epochs.*",
-        r".*LeafSpec.*",
     ):
         warnings.filterwarnings("ignore", message=message)

@@ -91,5 +91,7 @@ class Benchmark:
     def _refuse(self, names: list[str], reason: str) -> None:
         if names:
             rest = [name for name in self.names if name not in names]
-            advice = f"; data.scenes=[{','.join(rest)}] leaves it out" if rest else ""
+            advice = (
+                f"; data.scenes=[{','.join(rest)}] leaves {'it' if len(names) == 1 else 'them'} out" if rest else ""
+            )
             raise BadInput(f"{self.root}: {', '.join(names)}: {reason.format(names[0])}{advice}")

@@ -149,6 +149,6 @@ class Snapshots(Dataset[tuple[int, torch.Tensor]]):
 
 def scene_loader(
     scenes: Sequence[Scene], batch_size: int = 1, *, rank: int = 0, world_size: int = 1
-) -> DataLoader[Any]:
+) -> DataLoader[tuple[int, torch.Tensor]]:
     """Loads :class:`Snapshots` in batches: ``(scene numbers (B,), video (B, T, H, W))``."""
     return DataLoader(Snapshots(scenes, rank=rank, world_size=world_size), batch_size=batch_size)

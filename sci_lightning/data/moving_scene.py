@@ -88,7 +88,7 @@ class MovingScene:
         top, left = (int(random.integers(length - side, endpoint=True)) for length in picture.shape)
         light = _relight(picture[top : top + side, left : left + side], random)
         opacity = _soft_shape(side, random)
-        centre = random.uniform(-0.4, 0.4, 2) * window[::-1]
+        centre = random.uniform(-0.3, 0.3, 2) * window[::-1]
         speed = _log_uniform(random, 0.5, 6)
         motion = Motion.draw(random, centre, reach=0.4 * min(window), speed=speed, tilt=math.pi, spin=0.06)
         return Layer(torch.stack((light * opacity, opacity)), 1.0, motion)

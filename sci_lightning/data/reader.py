@@ -151,7 +151,7 @@ def _luma(frame: np.ndarray, where: str) -> np.ndarray:
         raise BadInput(f"{where}: values of type {frame.dtype}; expected uint8, or floats in [0, 1]")
     if frame.ndim == 3:
         frame = frame @ BT601
-    return np.rint(frame).astype(np.uint8)
+    return frame if frame.dtype == np.uint8 else np.rint(frame).astype(np.uint8)
 
 
 def _is_clip_file(path: Path) -> bool:

@@ -1,0 +1,143 @@
+import numpy as np
+import pytest
+import torch
+from scipy.io import savemat
+
+from sci_lightning.data.benchmark import LENGTHS, Benchmark
+from sci_lightning.errors import BadInput
+
+
+@pytest.fixture
+def save(tmp_path, noise):
+    def save_scene(name, frames, seed=0, key="orig"):
+        savemat(tmp_path / f"{name}.mat", {key: np.moveaxis(noise(frames, 8, 10, seed), 0, -1)})
+
+    return save_scene
+
+
+@pytest.fixture
+def make(tmp_path):
+    def make_benchmark(*scenes, frames=8, size=(8, 10)):
+        return Benchmark(tmp_path, frames, size, scenes=scenes or tuple(LENGTHS))
+
+    return make_benchmark
+
+
+@pytest.fixture
+def all_scenes(save):
+    for name, frames in LENGTHS.items():
+        save(f"{name}_cacti", frames)
+
+
+def test_scenes_come_in_the_papers_order_and_length(make, all_scenes):
+    scenes = make().scenes()
+    assert [scene.name for scene in scenes] == ["kobe", "traffic", "runner", "drop", "crash", "aerial"]
+    assert [len(scene.video) for scene in scenes] == [4, 6, 1, 1, 4, 4]
+
+
+def test_values_are_divided_by_255(make, all_scenes, noise):
+    (kobe,) = make("kobe").scenes()
+    assert kobe.video.dtype == torch.float32
+    assert torch.equal(kobe.video, (torch.from_numpy(noise(32, 8, 10)) / 255).reshape(4, 8, 8, 10))
+
+
+def test_frames_beyond_whole_groups_are_dropped(make, all_scenes, noise):
+    kobe, traffic = make("kobe", "traffic", frames=10).scenes()
+    assert (len(kobe.video), len(traffic.video)) == (3, 4)
+    assert torch.equal(kobe.video[2, 9], torch.from_numpy(noise(32, 8, 10)[29]) / 255)
+
+
+@pytest.mark.parametrize(
+    ("scene", "file"),
+    [
+        ("kobe", "kobe"),
+        ("kobe", "kobe_cacti"),
+        ("kobe", "kobe32_cacti"),
+        ("kobe", "kobe32_u8_rebuilt"),
+        ("kobe", "Kobe32"),
+        ("crash", "crash32_cacti"),
+        ("crash", "vehicle32_cacti"),
+        ("crash", "vehicle"),
+        ("aerial", "aerial32_cacti"),
+    ],
+)
+def test_usual_file_names_are_known(make, save, scene, file):
+    save(file, 32)
+    assert len(make(scene).scenes()[0].video) == 4
+
+
+def test_a_longer_file_gives_its_first_frames(make, save, noise):
+    save("runner40_cacti", 40)
+    (runner,) = make("runner").scenes()
+    assert torch.equal(runner.video[0], torch.from_numpy(noise(40, 8, 10)[:8]) / 255)
+
+
+def test_originals_come_before_others_but_after_none_that_are_too_short(make, save, noise):
+    save("kobe32_a_rebuilt", 32, seed=1)
+    save("kobe8_cacti", 8, seed=2)
+    assert torch.equal(make("kobe").scenes()[0].video[0, 0], torch.from_numpy(noise(32, 8, 10, 1)[0]) / 255)
+    save("kobe_cacti", 32, seed=3)
+    assert torch.equal(make("kobe").scenes()[0].video[0, 0], torch.from_numpy(noise(32, 8, 10, 3)[0]) / 255)
+
+
+def test_files_that_are_all_too_short_are_named(make, save):
+    save("kobe8_cacti", 8)
+    save("kobe31_cacti", 31)
+    with pytest.raises(BadInput, match=r"kobe needs 32 frames, but kobe31_cacti\.mat has 31, kobe8_cacti\.mat has 8"):
+        make("kobe").scenes()
+
+
+def test_missing_scenes_are_named_with_what_is_left(make, save):
+    save("kobe_cacti", 32)
+    save("dropped_frames", 8)  # is not the scene "drop"
+    save("traffic_cacti", 48)
+    with pytest.raises(BadInput, match=r"drop, crash: no file such as drop_cacti\.mat .*data\.scenes=\[kobe,traffic\]"):
+        make("kobe", "drop", "crash", "traffic")
+    with pytest.raises(BadInput, match=r"drop: no file such as drop_cacti\.mat or drop\.mat$"):
+        make("drop")
+
+
+def test_scenes_shorter_than_a_snapshot_are_named(make, all_scenes):
+    with pytest.raises(
+        BadInput, match=r"runner, drop: shorter than a snapshot of 10 .*=\[kobe,traffic,crash,aerial\] leaves them"
+    ):
+        make(frames=10)
+
+
+def test_another_size_is_refused_not_resized(make, all_scenes):
+    with pytest.raises(BadInput, match=r"kobe_cacti\.mat: frames of \(8, 10\) pixels; the mask's size is \(10, 8\)"):
+        make("kobe", size=(10, 8)).scenes()
+
+
+def test_a_missing_key_is_named(make, save):
+    save("kobe_cacti", 32, key="video")
+    with pytest.raises(BadInput, match=r"kobe_cacti\.mat: holds video; the frames should be under 'orig'"):
+        make("kobe").scenes()
+
+
+def test_unknown_scenes_and_folders_are_named(make, tmp_path):
+    with pytest.raises(BadInput, match=r"data\.scenes=\['lena'\]: choose from kobe, traffic"):
+        make("lena")
+    with pytest.raises(BadInput, match="absent: no such folder"):
+        Benchmark(tmp_path / "absent", 8, (8, 10))
+
+
+def test_it_is_for_testing_only(make, all_scenes):
+    with pytest.raises(BadInput, match="for testing only"):
+        make().clips()
+
+
+def test_the_real_files(shared):
+    scenes = Benchmark(shared / "benchmark", 8, (256, 256)).scenes()
+    assert {scene.name: len(scene.video) for scene in scenes} == {
+        "kobe": 4,
+        "traffic": 6,
+        "runner": 1,
+        "drop": 1,
+        "crash": 4,
+        "aerial": 4,
+    }
+    for scene in scenes:
+        assert scene.video.shape[1:] == (8, 256, 256)
+        assert 0 <= scene.video.min() < 0.2
+        assert 0.8 < scene.video.max() <= 1

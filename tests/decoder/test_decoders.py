@@ -1,0 +1,99 @@
+"""The contract of every decoder in the configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+import torch
+from hydra.utils import instantiate
+from omegaconf import DictConfig
+
+from sci_lightning.decoder import Decoder, Res2former
+from sci_lightning.decoder.complexity import count_macs, count_parameters
+from sci_lightning.decoder.initial_estimate import mean_video
+from sci_lightning.errors import BadInput
+from tests.conftest import members
+
+SMALL = {
+    "e2e_cnn": ["decoder.channels=8", "decoder.blocks=2"],
+    "res2former": ["decoder.dim=16", "decoder.depths=[1,1]"],
+    "res2former_l": ["decoder.dim=16", "decoder.depths=[1,1]", "decoder.groups=[2,4]"],
+}
+PUBLISHED = {  # parameters, exact multiply-accumulates at 256 x 256 x 8
+    "e2e_cnn": (817_608, 53_485_764_608),
+    "res2former": (11_022_625, 864_597_049_344),
+    "res2former_l": (17_697_153, 1_368_618_172_416),
+}
+
+
+@pytest.fixture
+def small(configuration: Callable[..., DictConfig]) -> Callable[..., Decoder]:
+    """A decoder of few channels; one that SMALL does not know is built as it is."""
+
+    def built(name: str, frames: int) -> Decoder:
+        return instantiate(
+            configuration("train", f"decoder={name}", f"frames={frames}", *SMALL.get(name, [])).decoder, _convert_="all"
+        )
+
+    return built
+
+
+@pytest.mark.parametrize("name", members("decoder"))
+@pytest.mark.parametrize(("frames", "height", "width"), [(8, 32, 32), (2, 16, 24), (5, 21, 18)])
+def test_contract(name: str, frames: int, height: int, width: int, small: Callable[..., Decoder]) -> None:
+    decoder = small(name, frames)
+    assert isinstance(decoder, Decoder)
+    mask = torch.rand(frames, height, width, requires_grad=True)
+    measurement = torch.rand(2, height, width, requires_grad=True)
+    video = decoder(measurement, mask)
+    assert video.shape == (2, frames, height, width)
+    assert torch.isfinite(video).all()
+    assert torch.allclose(video[1:], decoder(measurement[1:], mask), atol=1e-5)  # snapshots do not mix
+    video.square().mean().backward()
+    for tensor in (mask, measurement, *decoder.parameters()):
+        assert tensor.grad is not None and torch.isfinite(tensor.grad).all() and tensor.grad.abs().sum() > 0
+    assert count_parameters(decoder) == sum(p.numel() for p in decoder.parameters())
+    assert count_macs(decoder, frames, height, width) > 0
+
+
+@pytest.mark.parametrize("name", members("decoder"))
+def test_masks_that_never_open(name: str, small: Callable[..., Decoder]) -> None:
+    assert torch.isfinite(small(name, 4)(torch.rand(1, 16, 16), torch.zeros(4, 16, 16))).all()
+
+
+@pytest.mark.parametrize("name", members("decoder"))
+def test_shapes_that_do_not_fit(name: str, small: Callable[..., Decoder]) -> None:
+    for measurement, mask in (((1, 16, 16), (4, 16, 17)), ((16, 16), (4, 16, 16)), ((1, 16, 16), (1, 4, 16, 16))):
+        with pytest.raises(BadInput, match="same H and W"):
+            small(name, 4)(torch.rand(measurement), torch.rand(mask))
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_published_size(name: str, configuration: Callable[..., DictConfig]) -> None:
+    decoder = instantiate(configuration("train", f"decoder={name}").decoder, _convert_="all")
+    parameters, macs = PUBLISHED[name]
+    assert count_parameters(decoder) == parameters
+    assert count_macs(decoder, 8, 256, 256) == macs
+
+
+def test_e2e_cnn_is_built_for_its_frames(small: Callable[..., Decoder]) -> None:
+    with pytest.raises(BadInput, match="built for 4 frames, the mask has 5"):
+        small("e2e_cnn", 4)(torch.rand(1, 8, 8), torch.rand(5, 8, 8))
+
+
+def test_res2former_takes_any_number_of_frames() -> None:
+    decoder = Res2former(16, (1, 1))
+    for frames in (2, 8, 13):
+        assert decoder(torch.rand(1, 8, 8), torch.rand(frames, 8, 8)).shape == (1, frames, 8, 8)
+    with pytest.raises(BadInput, match="does not divide"):
+        Res2former(10)
+
+
+def test_mean_video_of_a_still_scene() -> None:
+    mask = (torch.rand(6, 9, 9) < 0.5).float()
+    mask[0], mask[:, 0, 0] = 1, 0  # every pixel opens but one
+    frame = torch.rand(2, 9, 9)
+    video = mean_video((frame.unsqueeze(1) * mask).sum(1), mask)
+    assert torch.allclose(video[:, :, 1:], frame[:, None, 1:].expand(-1, 6, -1, -1), atol=1e-6)
+    assert (video[:, :, 0, 0] == 0).all()

@@ -1,0 +1,152 @@
+"""The contract of every mask in the configuration, and what is particular to some."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+import torch
+from hydra.utils import instantiate
+from omegaconf import DictConfig
+
+from sci_lightning.encoder.mask import LearnedStructural, Mask, Measured, RandomBinary, RandomStructural
+from sci_lightning.errors import BadInput
+from tests.conftest import members
+
+T, H, W = 6, 12, 10
+
+
+@pytest.fixture
+def build(configuration: Callable[..., DictConfig], tmp_path: Path) -> Callable[..., Mask]:
+    def made(name: str, *overrides: str) -> Mask:
+        if name == "measured":
+            np.save(tmp_path / "mask.npy", np.random.default_rng(0).random((T, H, W)))
+            overrides = (*overrides, f"encoder.mask.file={tmp_path / 'mask.npy'}")
+        cfg = configuration("train", f"encoder/mask={name}", f"frames={T}", f"size=[{H},{W}]", *overrides)
+        return instantiate(cfg.encoder.mask, _convert_="all")
+
+    return made
+
+
+@pytest.mark.parametrize("name", members("encoder/mask"))
+def test_contract(name: str, build: Callable[..., Mask]) -> None:
+    mask = build(name)
+    value = mask()
+    assert isinstance(mask, Mask)
+    assert value.shape == (T, H, W)
+    assert value.dtype == torch.float32
+    assert 0 <= value.min() and value.max() <= 1
+    assert torch.equal(value, build(name)())  # seeded
+    assert mask.automatic_aperture > 0
+    assert torch.isclose((mask.automatic_aperture * value.sum(0)).mean(), torch.tensor(1.0), atol=0.15)
+    copy = build(name)
+    copy.load_state_dict(mask.state_dict())
+    assert torch.equal(copy(), value)
+    assert mask.learned == any(p.requires_grad for p in mask.parameters())
+    if mask.learned:
+        (value * torch.randn_like(value)).sum().backward()
+        for parameter in mask.parameters():
+            assert parameter.grad is not None and parameter.grad.abs().sum() > 0
+            parameter.data += torch.randn_like(parameter) * 10
+        mask.project_()
+        assert all(0 <= p.min() and p.max() <= 1 for p in mask.parameters())
+        assert 0 <= mask().min() and mask().max() <= 1
+
+
+@pytest.mark.parametrize("name", [name for name in members("encoder/mask") if name != "measured"])
+def test_seed_and_tile(name: str, build: Callable[..., Mask]) -> None:
+    assert not torch.equal(build(name)(), build(name, "seed=1")())
+    tiled = build(name, "encoder.mask.tile=[4,3]")()
+    assert tiled.shape == (T, H, W)
+    assert torch.equal(tiled[:, :8, :7], tiled[:, 4:, 3:])
+
+
+def test_random_binary_is_half_open() -> None:
+    mask = RandomBinary(8, (100, 100))()
+    assert set(mask.unique().tolist()) == {0.0, 1.0}
+    assert abs(float(mask.mean()) - 0.5) < 0.01
+    assert RandomBinary(8, (4, 4)).automatic_aperture == 2 / 8
+
+
+@pytest.mark.parametrize("bits", range(1, 9))
+def test_structural_masks_sum_to_one(bits: int) -> None:
+    for mask in (RandomStructural(bits, 8, (9, 9))(), LearnedStructural(bits, 8, (9, 9))()):
+        assert torch.equal(mask.sum(0), torch.ones(9, 9))
+        assert mask.max() <= (1 if bits == 1 else 1 - 2.0**-bits)
+
+
+def test_checkpoint_holds_the_real_valued_mask() -> None:
+    mask = LearnedStructural(2, 8, (6, 6))
+    weight = mask.state_dict()["weight"]
+    assert weight.shape == (8, 6, 6) and len(weight.unique()) > 4
+
+
+@pytest.mark.parametrize(("frames", "size"), [(1, (8, 8)), (8, (0, 8)), (8, (8,)), (8, 8)])
+def test_impossible_shapes(frames: int, size: object) -> None:
+    with pytest.raises(BadInput, match="at least 2|positive whole numbers"):
+        RandomBinary(frames, size)  # type: ignore[arg-type]
+
+
+def test_measured_reads_every_format(tmp_path: Path) -> None:
+    truth = np.random.default_rng(1).random((5, 7, 9)).astype(np.float32)
+    matlab = truth.transpose(1, 2, 0)
+    np.save(tmp_path / "a.npy", truth)
+    scipy.io.savemat(tmp_path / "b.mat", {"mask": matlab, "other": matlab})
+    with h5py.File(tmp_path / "c.mat", "w") as file:  # MATLAB 7.3 is HDF5 with the axes reversed
+        file["mask"] = matlab.T
+    with h5py.File(tmp_path / "d.h5", "w") as file:
+        file["group/mine"] = truth
+    for name in ("a.npy", "b.mat", "c.mat", "d.h5"):
+        assert np.array_equal(Measured(tmp_path / name)().numpy(), truth), name
+    assert np.array_equal(Measured(tmp_path / "b.mat", key="other", frames=5, size=(7, 9))().numpy(), truth)
+
+
+def test_measured_real_masks(shared_data: Path) -> None:
+    for name, mean in (("mask.mat", 0.5046), ("shift_mask.mat", 0.4980)):
+        mask = Measured(shared_data / "mask" / name, 8, (256, 256))()
+        assert abs(float(mask.mean()) - mean) < 1e-4
+    assert torch.equal(mask, mask.round())
+
+
+def test_measured_refuses(tmp_path: Path) -> None:
+    good = np.random.default_rng(0).random((4, 6, 6))
+    cases = {
+        "levels.npy": (good * 255, r"\[0, 1\].*divide"),
+        "nan.npy": (np.where(good > 0.9, np.nan, good), r"\[0, 1\]"),
+        "negative.npy": (good - 0.5, r"\[0, 1\]"),
+        "flat.npy": (good[0], "3 dimensions"),
+        "text.npy": (np.array([[["a"]]]), "numeric"),
+    }
+    for name, (array, message) in cases.items():
+        np.save(tmp_path / name, array)
+        with pytest.raises(BadInput, match=message) as caught:
+            Measured(tmp_path / name)
+        assert name in str(caught.value)
+    np.save(tmp_path / "good.npy", good)
+    with pytest.raises(BadInput, match=r"4 x 6 x 6.*the run needs 8 x 6 x 6.*frames=4"):
+        Measured(tmp_path / "good.npy", frames=8)
+    scipy.io.savemat(tmp_path / "two.mat", {"a": good, "b": good})
+    with pytest.raises(BadInput, match=r"no array named 'mask'.*a \(6, 4, 6\)|no array named 'mask'.*a \("):
+        Measured(tmp_path / "two.mat")
+    (tmp_path / "broken.mat").write_bytes((tmp_path / "two.mat").read_bytes()[:200])
+    (tmp_path / "broken.npy").write_bytes((tmp_path / "good.npy").read_bytes()[:-40])
+    (tmp_path / "broken.h5").write_bytes(b"\x89HDF\r\n\x1a\n1234")
+    for name in ("broken.mat", "broken.npy", "broken.h5"):
+        with pytest.raises(BadInput, match=f"{name}.*damaged"):
+            Measured(tmp_path / name)
+    with pytest.raises(BadInput, match="no such file"):
+        Measured(tmp_path / "absent.npy")
+    with pytest.raises(BadInput, match="use one of"):
+        Measured(tmp_path / ".." / __file__)
+    with pytest.raises(BadInput, match="needs a file"):
+        Measured(None)
+
+
+def test_pickles_are_not_read(tmp_path: Path) -> None:
+    np.save(tmp_path / "objects.npy", np.array([print], dtype=object), allow_pickle=True)
+    with pytest.raises(BadInput, match="not a readable"):
+        Measured(tmp_path / "objects.npy")
