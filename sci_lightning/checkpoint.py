@@ -15,6 +15,8 @@ from lightning.fabric.plugins.io.torch_io import TorchCheckpointIO
 from torch import nn
 
 from sci_lightning.atomic_file import whole_file
+from sci_lightning.decoder import Decoder
+from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput
 
 
@@ -32,20 +34,33 @@ class Checkpoint:
     config: dict[str, Any]
     state: dict[str, torch.Tensor]
 
-    def build(self, part: str) -> nn.Module:
-        """Make the trained ``encoder`` or ``decoder`` anew and fill it.
+    def encoder(self) -> Encoder:
+        """The trained encoder, built anew and filled.
 
         Raises:
             BadInput: the file asks for anything but one of this project's modules, or its state does not fit.
         """
-        config = self.config[part]
+        config = self.config["encoder"]
+        if "file" in config.get("mask", {}):  # what a measured mask's file held is in the checkpoint
+            config = {**config, "mask": {**config["mask"], "file": None}}
+        encoder = self._build(config)
+        if not isinstance(encoder, Encoder):
+            raise BadInput(f"{self.path}: its encoder is a {type(encoder).__name__}, not an Encoder")
+        self.fill("encoder", encoder)
+        return encoder
+
+    def decoder(self) -> Decoder:
+        """The trained decoder, built anew and filled; raises as :meth:`encoder` does."""
+        decoder = self._build(self.config["decoder"])
+        if not isinstance(decoder, Decoder):
+            raise BadInput(f"{self.path}: its decoder is a {type(decoder).__name__}, not a Decoder")
+        self.fill("decoder", decoder)
+        return decoder
+
+    def _build(self, config: Mapping[str, Any]) -> Any:
         for target in _targets(config):
             _check_target(self.path, target)
-        if part == "encoder" and "file" in config.get("mask", {}):
-            config = {**config, "mask": {**config["mask"], "file": None}}  # the checkpoint holds what the file held
-        module = instantiate(config, _convert_="all")
-        self.fill(part, module)
-        return module
+        return instantiate(config, _convert_="all")
 
     def fill(self, part: str, module: nn.Module, name: str | None = None) -> None:
         """Load the state of ``part`` ("encoder", "encoder.mask", "decoder", ..) into ``module``, strictly."""

@@ -58,11 +58,11 @@ def run(name: str, task: Task) -> None:
         failures.append(("", error))
     finally:
         os.environ["HYDRA_FULL_ERROR"] = "1" if debug else "0"
-    for overrides, error in failures:
-        print(f"error: {f'[{overrides}] ' if len(failures) > 1 else ''}{one_line(error)}", file=sys.stderr)
+    for overrides, failure in failures:
+        print(f"error: {f'[{overrides}] ' if len(failures) > 1 else ''}{one_line(failure)}", file=sys.stderr)
     if failures:
         expected = (BadInput, HydraException, OmegaConfBaseException, OSError)
-        sys.exit(2 if all(isinstance(root_cause(error), expected) for _, error in failures) else 1)
+        sys.exit(2 if all(isinstance(root_cause(failure), expected) for _, failure in failures) else 1)
 
 
 def chosen(group: str) -> str:

@@ -33,9 +33,9 @@ def evaluate(cfg: DictConfig) -> float:
     for key in ("frames", "size", "crop", "seed"):
         cfg[key] = trained[key] if cfg[key] is None else cfg[key]
     names = dict(trained["names"])
-    decoder = checkpoint.build("decoder")
+    decoder = checkpoint.decoder()
     if cfg.encoder is None:
-        encoder = checkpoint.build("encoder")
+        encoder = checkpoint.encoder()
         names["test_encoder"] = names["encoder"]
     else:
         encoder = instantiate(cfg.encoder, _convert_="all")

@@ -22,7 +22,7 @@ def mask_figure(mask: torch.Tensor, bits: int | None = None) -> Figure:
     values = mask.detach().float().cpu().numpy()
     levels = 2**bits if bits else 2
     figure = Figure(figsize=(1.55 * len(slots), 5.4), layout="constrained")
-    top, bottom = figure.subfigures(2, 1, height_ratios=[1, 1.5])
+    top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=[1, 1.5])[:, 0]
     brightest = max(values.max(), 1e-6)
     for axes, slot in zip(top.subplots(1, len(slots), squeeze=False)[0], slots, strict=True):
         _show(axes, values[slot], f"slot {slot + 1}", high=brightest)

@@ -28,7 +28,7 @@ def reconstruct(cfg: DictConfig) -> None:
 
     out = Path(cfg.out)
     checkpoint = read_checkpoint(cfg.ckpt_path)
-    encoder, decoder = checkpoint.build("encoder"), checkpoint.build("decoder")
+    encoder, decoder = checkpoint.encoder(), checkpoint.decoder()
     measurement = read_snapshot(
         cfg.measurement, key=cfg.key, full_scale=cfg.full_scale, bit_depth=getattr(encoder.sensor, "bit_depth", 8)
     )

@@ -54,7 +54,9 @@ def print_results(found: Mapping[str, Any], console: Console) -> None:
     rows = [*found["scenes"].items(), ("mean", found["mean"])]
     for name, scores in rows:
         table.add_row(name, *(_number(key, scores[key]) for key in keys), style="bold" if name == "mean" else "")
-    table.add_row("every frame = mean measurement", *(_number(key, found["baseline"][key]) for key in keys), style="dim")
+    table.add_row(
+        "every frame = mean measurement", *(_number(key, found["baseline"][key]) for key in keys), style="dim"
+    )
     console.print(table)
 
 

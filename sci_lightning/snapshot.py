@@ -59,7 +59,9 @@ def _read(path: Path, key: str | None) -> np.ndarray:
             except BadInput:
                 raise three from None
     if path.suffix.lower() not in PICTURES:
-        raise BadInput(f"{path}: cannot read a snapshot from '{path.suffix}'; use one of {', '.join(PICTURES + ENDINGS)}")
+        raise BadInput(
+            f"{path}: cannot read a snapshot from '{path.suffix}'; use one of {', '.join(PICTURES + ENDINGS)}"
+        )
     if not path.is_file():
         raise BadInput(f"{path}: no such file")
     from skimage.io import imread

@@ -88,7 +88,7 @@ class System(L.LightningModule):
 
     # Training
 
-    def configure_optimizers(self) -> dict[str, Any]:
+    def configure_optimizers(self) -> Any:
         mask = [p for p in self.encoder.parameters() if p.requires_grad]
         groups = [{"params": list(self.decoder.parameters()), "lr": self.lr, "name": "decoder"}]
         if mask:
@@ -120,6 +120,7 @@ class System(L.LightningModule):
         if not torch.isfinite(norm) and self.trainer.precision != "16-mixed":
             raise self._diverged("the gradient's norm became", float(norm), self.trainer.fit_loop.batch_idx)
         self.log("train/gradient_norm", norm)
+        self.log("train/lr", optimizer.param_groups[0]["lr"])
 
     def optimizer_step(self, *args: Any, **kwargs: Any) -> None:
         super().optimizer_step(*args, **kwargs)

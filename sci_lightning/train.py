@@ -9,6 +9,7 @@ from omegaconf import DictConfig
 from rich.console import Console
 
 from sci_lightning.command import chosen, plain, run
+from sci_lightning.errors import BadInput
 
 
 def train(cfg: DictConfig) -> float:
@@ -25,6 +26,8 @@ def train(cfg: DictConfig) -> float:
     from sci_lightning.results import hparams, print_results, results, write_json
 
     out = Path(cfg.out)
+    if any(part > full for part, full in zip(cfg.crop, cfg.size, strict=True)):
+        raise BadInput(f"crop={cfg.crop} is larger than size={cfg.size}: a training clip must fit under the mask")
     config = plain(cfg)
     names = {"encoder": chosen("encoder"), "decoder": chosen("decoder")}
     encoder = instantiate(cfg.encoder, _convert_="all")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,7 @@ import torch
 from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig
 
+from sci_lightning import command as command_frame
 from sci_lightning.command import CONF
 
 ROOT = Path(__file__).parents[1]
@@ -49,9 +52,32 @@ def command(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
 
     def run(name: str, *overrides: str, timeout: float = 300) -> subprocess.CompletedProcess[str]:
         module = f"sci_lightning.{name}" if name else "sci_lightning"
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}  # callbacks of the tests can be named in overrides
+        arguments = [sys.executable, "-m", module, *overrides]
         return subprocess.run(
-            [sys.executable, "-m", module, *overrides], cwd=tmp_path, capture_output=True, text=True, timeout=timeout
+            arguments, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=timeout
         )
+
+    return run
+
+
+@pytest.fixture
+def refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., str]:
+    """``refused("train", "decoder=none")``: run a command in this process, see it refuse, return its one line."""
+
+    def run(name: str, *overrides: str, status: int = 2) -> str:
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", [name, *overrides])
+        monkeypatch.delenv("HYDRA_FULL_ERROR", raising=False)
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as caught:
+            command_frame.run(name, getattr(import_module(f"sci_lightning.{name}"), name))
+        lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
+        assert len(lines) == 1, lines
+        assert caught.value.code == status, lines[0]
+        return lines[0]
 
     return run
 

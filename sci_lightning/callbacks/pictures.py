@@ -42,7 +42,7 @@ class Pictures(L.Callback):
     def _figures(self, trainer: L.Trainer, system: System) -> Iterator[tuple[str, Figure]]:
         mask = system.encoder.mask()
         yield "mask", mask_figure(mask, getattr(system.encoder.mask, "bits", None))
-        snapshots = trainer.val_dataloaders.dataset
+        snapshots = trainer.val_dataloaders.dataset  # type: ignore[union-attr]
         first = [snapshots.first(scene) for scene in range(min(self.scenes, len(snapshots.names)))]
         for name, video in zip(snapshots.names, first, strict=False):
             video = video.to(system.device).unsqueeze(0)

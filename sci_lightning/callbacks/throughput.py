@@ -11,9 +11,10 @@ import torch
 
 class Throughput(L.Callback):
     """Logs ``train/clips_per_second`` (all processes together) and ``train/loading_share``, the part of a step spent
-    waiting for data, each over the steps since the last record."""
+    waiting for data, every ``every_n_steps`` batches and over them."""
 
-    def __init__(self) -> None:
+    def __init__(self, every_n_steps: int = 10) -> None:
+        self.every_n_steps = every_n_steps
         self._restart()
         self._ended = 0.0
 
@@ -25,7 +26,9 @@ class Throughput(L.Callback):
     def on_train_epoch_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
         self._ended = time.perf_counter()
 
-    def on_train_batch_start(self, trainer: L.Trainer, pl_module: L.LightningModule, batch: Any, batch_idx: int) -> None:
+    def on_train_batch_start(
+        self, trainer: L.Trainer, pl_module: L.LightningModule, batch: Any, batch_idx: int
+    ) -> None:
         self._started = time.perf_counter()
         self._waited += self._started - self._ended
 
@@ -35,7 +38,7 @@ class Throughput(L.Callback):
         self._ended = time.perf_counter()
         self._busy += self._ended - self._started
         self._clips += len(batch) * trainer.world_size
-        if (trainer.fit_loop.total_batch_idx + 1) % max(1, trainer.log_every_n_steps) == 0:
+        if (trainer.fit_loop.total_batch_idx + 1) % self.every_n_steps == 0:
             total = self._busy + self._waited
             pl_module.log("train/clips_per_second", self._clips / total)
             pl_module.log("train/loading_share", self._waited / total)

@@ -117,7 +117,7 @@ class ClipLoader(DataLoader[torch.Tensor]):
         self.epoch_sampler.start_at(state["batch"] % len(self.epoch_sampler))
 
 
-class Snapshots(Dataset[tuple[int, torch.Tensor]]):
+class SceneSnapshots(Dataset[tuple[int, torch.Tensor]]):
     """Single snapshots of scenes, in order: ``(scene's number, video (T, H, W))``.
 
     Args:
@@ -150,5 +150,5 @@ class Snapshots(Dataset[tuple[int, torch.Tensor]]):
 def scene_loader(
     scenes: Sequence[Scene], batch_size: int = 1, *, rank: int = 0, world_size: int = 1
 ) -> DataLoader[tuple[int, torch.Tensor]]:
-    """Loads :class:`Snapshots` in batches: ``(scene numbers (B,), video (B, T, H, W))``."""
-    return DataLoader(Snapshots(scenes, rank=rank, world_size=world_size), batch_size=batch_size)
+    """Loads :class:`SceneSnapshots` in batches: ``(scene numbers (B,), video (B, T, H, W))``."""
+    return DataLoader(SceneSnapshots(scenes, rank=rank, world_size=world_size), batch_size=batch_size)

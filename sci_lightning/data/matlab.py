@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sci_lightning.array_file import read_array
 from sci_lightning.errors import BadInput
 
 
@@ -22,28 +23,9 @@ def read_matlab_video(path: Path, key: str) -> np.ndarray:
     Raises:
         BadInput: the file is missing, damaged or without ``key``, or holds something else than frames.
     """
-    import h5py
-    from scipy.io import loadmat
-
-    try:
-        if h5py.is_hdf5(path):
-            with h5py.File(path, "r") as file:
-                keys = [name for name in file if not name.startswith("#")]
-                array = np.asarray(file[key]).T if key in keys else None
-        else:
-            variables = loadmat(path)
-            keys = [name for name in variables if not name.startswith("__")]
-            array = variables.get(key)
-    except Exception as error:  # SciPy and h5py raise many kinds for a damaged file
-        reason = str(error).partition("\n")[0] or type(error).__name__
-        raise BadInput(f"{path}: cannot be read as a MATLAB file ({reason}); is it complete?") from error
-
-    if array is None:
-        raise BadInput(f"{path}: holds {', '.join(keys) or 'nothing'}; the frames should be under '{key}'")
-    if array.ndim != 3 or array.dtype.kind not in "uif":
-        raise BadInput(f"{path}: '{key}' is {array.dtype} {array.shape}; expected numbers (H, W, F)")
+    array = read_array(path, key=key, prefer=key, dimensions=3)
     low, high = float(array.min()), float(array.max())
     if not (low >= 0 and high <= 255):  # written so that NaN fails too
         raise BadInput(f"{path}: '{key}' holds values from {low:g} to {high:g}; expected 0 to 255")
-    video = np.ascontiguousarray(np.moveaxis(array, -1, 0), dtype=np.float32)
+    video = np.ascontiguousarray(array, dtype=np.float32)
     return video if high <= 1 else video / np.float32(255)

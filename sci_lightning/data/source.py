@@ -9,17 +9,27 @@ import torch
 from torch.utils.data import Dataset
 
 
+class Snapshots(Protocol):
+    """N consecutive groups of T frames: a float32 ``(N, T, H, W)`` tensor, or anything that is read like one."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, index: int) -> torch.Tensor:
+        """Group ``index``, float32 ``(T, H, W)`` in [0, 1]."""
+        ...
+
+
 @dataclass(frozen=True)
 class Scene:
     """One named test video, cut into snapshots of T frames.
 
     Attributes:
         name: the scene's name as it appears in tables and in ``metrics.json``.
-        video: float32 ``(N, T, H, W)`` in [0, 1]: N consecutive groups of T frames.
+        video: its groups of T frames, in order.
     """
 
     name: str
-    video: torch.Tensor
+    video: Snapshots
 
 
 class Clips(Dataset[torch.Tensor]):

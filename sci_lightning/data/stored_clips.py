@@ -59,6 +59,27 @@ class StoredClips(Clips):
         return self.augmentation(self.store[clip], random)
 
 
+class StoredVideo:
+    """The centre of one stored clip, read group by group: a scene takes no memory until it is looked at."""
+
+    def __init__(
+        self, store: ClipStore, clip: int, frames: int, corner: tuple[int, int], size: tuple[int, int]
+    ) -> None:
+        self.store = store
+        self.clip = clip
+        self.frames = frames
+        self.window = tuple(slice(start, start + side) for start, side in zip(corner, size, strict=True))
+
+    def __len__(self) -> int:
+        return self.store.shapes[self.clip][0] // self.frames
+
+    def __getitem__(self, index: int) -> torch.Tensor:
+        group = range(len(self))[index]  # an index out of range raises IndexError, as in a list
+        slots = slice(group * self.frames, (group + 1) * self.frames)
+        rows, columns = self.window
+        return torch.from_numpy(np.array(self.store[self.clip][slots, rows, columns])).float().div_(255)
+
+
 def stored_scenes(store: ClipStore, frames: int, size: Sequence[int]) -> list[Scene]:
     """The clips of ``store`` as scenes: their centre, whole groups of ``frames``, named after the clips.
 
@@ -80,10 +101,7 @@ def stored_scenes(store: ClipStore, frames: int, size: Sequence[int]) -> list[Sc
                 f"a scene needs {frames} or more of at least {height} x {width}"
             )
         top, left = (rows - height) // 2, (columns - width) // 2
-        whole = length // frames * frames
-        centre = np.array(store[index][:whole, top : top + height, left : left + width])
-        video = torch.from_numpy(centre).float().div_(255)
-        scenes.append(Scene(name, video.reshape(-1, frames, height, width)))
+        scenes.append(Scene(name, StoredVideo(store, index, frames, (top, left), (height, width))))
     return scenes
 
 

@@ -4,4 +4,4 @@ from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.e2e_cnn import E2ECNN
 from sci_lightning.decoder.res2former import Res2former
 
-__all__ = ["Decoder", "E2ECNN", "Res2former"]
+__all__ = ["E2ECNN", "Decoder", "Res2former"]

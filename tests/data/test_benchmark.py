@@ -111,7 +111,7 @@ def test_another_size_is_refused_not_resized(make, all_scenes):
 
 def test_a_missing_key_is_named(make, save):
     save("kobe_cacti", 32, key="video")
-    with pytest.raises(BadInput, match=r"kobe_cacti\.mat: holds video; the frames should be under 'orig'"):
+    with pytest.raises(BadInput, match=r"kobe_cacti\.mat: no array named 'orig'; the file holds video"):
         make("kobe").scenes()
 
 

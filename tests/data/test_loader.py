@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from sci_lightning.data import Clips, Folder, Scene
-from sci_lightning.data.loader import ClipLoader, EpochSampler, Snapshots, scene_loader
+from sci_lightning.data.loader import ClipLoader, EpochSampler, SceneSnapshots, scene_loader
 from sci_lightning.errors import BadInput
 
 
@@ -125,7 +125,7 @@ def test_ranks_share_the_snapshots():
 
 def test_snapshots_know_their_scenes_on_every_rank():
     scenes = [Scene(name, torch.rand(2, 3, 4, 5)) for name in ("a", "b")]
-    snapshots = Snapshots(scenes, rank=1, world_size=4)
+    snapshots = SceneSnapshots(scenes, rank=1, world_size=4)
     assert len(snapshots) == 1
     assert snapshots.names == ["a", "b"]
     assert torch.equal(snapshots.first(1), scenes[1].video[0])

@@ -39,7 +39,7 @@ def test_values_up_to_one_count_as_scaled(tmp_path, noise, save):
 @pytest.mark.parametrize("save", [save_5, save_73])
 def test_a_missing_key_is_named_with_those_there_are(tmp_path, noise, save):
     save(tmp_path / "a.mat", mask=noise(), meas=noise())
-    with pytest.raises(BadInput, match=r"a\.mat: holds mask, meas; the frames should be under 'orig'"):
+    with pytest.raises(BadInput, match=r"a\.mat: no array named 'orig'; the file holds m\w+ \(.*\), m\w+ \("):
         read_matlab_video(tmp_path / "a.mat", "orig")
 
 
@@ -58,7 +58,7 @@ def test_truncated_files_are_refused(tmp_path, noise, save):
     save(tmp_path / "a.mat", orig=noise())
     whole = (tmp_path / "a.mat").read_bytes()
     (tmp_path / "a.mat").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(BadInput, match=r"a\.mat: cannot be read as a MATLAB file .*complete\?$") as caught:
+    with pytest.raises(BadInput, match=r"a\.mat: not a readable \.mat file, damaged or truncated") as caught:
         read_matlab_video(tmp_path / "a.mat", "orig")
     assert "\n" not in str(caught.value)
 
@@ -67,7 +67,7 @@ def test_what_is_no_video_is_refused(tmp_path):
     savemat(tmp_path / "flat.mat", {"orig": np.zeros((4, 5))})
     savemat(tmp_path / "text.mat", {"orig": "frames"})
     for name in ("flat", "text"):
-        with pytest.raises(BadInput, match=rf"{name}\.mat: 'orig' is .*; expected numbers \(H, W, F\)"):
+        with pytest.raises(BadInput, match=rf"{name}\.mat: expected a numeric array of 3 dimensions, found"):
             read_matlab_video(tmp_path / f"{name}.mat", "orig")
-    with pytest.raises(BadInput, match=r"absent\.mat: cannot be read"):
+    with pytest.raises(BadInput, match=r"absent\.mat: no such file"):
         read_matlab_video(tmp_path / "absent.mat", "orig")

@@ -53,7 +53,7 @@ def test_scenes_are_centres_in_whole_groups(store, noise):
     assert [scene.name for scene in scenes] == [f"clip{i}" for i in range(5)]
     assert [len(scene.video) for scene in scenes] == [2, 2, 2, 3, 3]
     expected = torch.from_numpy(noise(13, seed=1)[:10, 5:35, 8:40]) / 255
-    assert torch.equal(scenes[1].video, expected.reshape(2, 5, 30, 32))
+    assert torch.equal(torch.stack(list(scenes[1].video)), expected.reshape(2, 5, 30, 32))
 
 
 def test_scenes_that_share_a_name_are_told_apart(tmp_path, noise):

@@ -39,7 +39,7 @@ def test_contract(name: str, build: Callable[..., Mask]) -> None:
     assert isinstance(mask, Mask)
     assert value.shape == (T, H, W)
     assert value.dtype == torch.float32
-    assert 0 <= value.min() and value.max() <= 1
+    assert value.min() >= 0 and value.max() <= 1
     assert torch.equal(value, build(name)())  # seeded
     assert mask.automatic_aperture > 0
     assert torch.isclose((mask.automatic_aperture * value.sum(0)).mean(), torch.tensor(1.0), atol=0.15)
@@ -53,8 +53,8 @@ def test_contract(name: str, build: Callable[..., Mask]) -> None:
             assert parameter.grad is not None and parameter.grad.abs().sum() > 0
             parameter.data += torch.randn_like(parameter) * 10
         mask.project_()
-        assert all(0 <= p.min() and p.max() <= 1 for p in mask.parameters())
-        assert 0 <= mask().min() and mask().max() <= 1
+        assert all(p.min() >= 0 and p.max() <= 1 for p in mask.parameters())
+        assert mask().min() >= 0 and mask().max() <= 1
 
 
 @pytest.mark.parametrize("name", [name for name in members("encoder/mask") if name != "measured"])
@@ -87,7 +87,7 @@ def test_checkpoint_holds_the_real_valued_mask() -> None:
 
 @pytest.mark.parametrize(("frames", "size"), [(1, (8, 8)), (8, (0, 8)), (8, (8,)), (8, 8)])
 def test_impossible_shapes(frames: int, size: object) -> None:
-    with pytest.raises(BadInput, match="at least 2|positive whole numbers"):
+    with pytest.raises(BadInput, match=r"at least 2|positive whole numbers"):
         RandomBinary(frames, size)  # type: ignore[arg-type]
 
 

@@ -9,18 +9,21 @@ from torch import nn
 
 from sci_lightning.encoder.mask.mask import Mask, uniform
 from sci_lightning.encoder.structure import check_bits, structure
+from sci_lightning.errors import BadInput
 
 
 class LearnedStructural(Mask):
     """A real-valued mask that is learned, and the structural mask derived from it in every forward pass.
 
     The parameter is ``weight``, the real-valued mask: it is what the optimiser moves, what the checkpoint keeps and
-    what data-parallel processes share; the discrete mask is never stored. It starts uniform in [0, 1).
+    what data-parallel processes share; the discrete mask is never stored. It starts as a power of uniform values.
 
     Args:
         bits: mask bit depth, 1 to 8 (1: one open slot per pixel).
         frames, size, tile: see :class:`~sci_lightning.encoder.mask.Mask`.
         seed: of the initial real-valued mask.
+        sharpness: the power, > 0. 1 is the published start; a larger one leaves the light of a pixel to fewer slots,
+            a coding that a decoder learns to undo in fewer steps and that learning can soften again.
 
     Source: "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Algorithm 1.
     """
@@ -28,11 +31,19 @@ class LearnedStructural(Mask):
     learned = True
 
     def __init__(
-        self, bits: int, frames: int, size: Sequence[int], tile: Sequence[int] | None = None, seed: int = 0
+        self,
+        bits: int,
+        frames: int,
+        size: Sequence[int],
+        tile: Sequence[int] | None = None,
+        seed: int = 0,
+        sharpness: float = 1.0,
     ) -> None:
         super().__init__(frames, size, tile)
+        if not sharpness > 0:
+            raise BadInput(f"mask sharpness must be positive, got {sharpness!r}")
         self.bits = check_bits(bits)
-        self.weight = nn.Parameter(uniform(self.pattern_shape, seed))
+        self.weight = nn.Parameter(uniform(self.pattern_shape, seed) ** sharpness)
 
     @torch.no_grad()
     def project_(self) -> None:

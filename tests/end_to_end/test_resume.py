@@ -1,0 +1,89 @@
+"""A killed run goes on as if nothing had happened; a kill during a save leaves the previous checkpoint."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import torch
+
+from sci_lightning.checkpoint import read_checkpoint
+from tests.conftest import ROOT
+from tests.end_to_end.test_train import TINY
+
+# windows of a larger mask and sensor noise: everything that is random in a step
+RUN = [
+    *TINY,
+    "size=[64,64]",
+    "crop=[32,32]",
+    "encoder.sensor.full_well=2000",
+    "encoder.sensor.read_noise=1",
+    "data.clips_per_epoch=20",
+    "data.scenes_count=1",
+    "workers=1",
+    "callbacks.pictures=null",
+    "callbacks.last.train_time_interval=null",
+    "callbacks.last.every_n_train_steps=1",
+]
+
+
+def test_killed_in_the_middle_of_an_epoch(
+    command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
+) -> None:
+    whole = command("train", *RUN, "out=whole")
+    assert whole.returncode == 0, whole.stderr
+
+    last = tmp_path / "killed" / "checkpoints" / "last.ckpt"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sci_lightning.train", *RUN, "out=killed"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 120
+    while not last.is_file() or torch.load(last, weights_only=True)["global_step"] < 13:
+        assert time.monotonic() < deadline and process.poll() is None, "the run ended before it could be killed"
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    step = torch.load(last, weights_only=True)["global_step"]
+    assert 13 <= step < 20  # of 2 epochs of 10 steps: in the middle of the second
+
+    resumed = command("train", *RUN, f"ckpt_path={last}", "out=resumed")
+    assert resumed.returncode == 0, resumed.stderr
+    one, other = (
+        torch.load(tmp_path / name / "checkpoints" / "last.ckpt", weights_only=True) for name in ("whole", "resumed")
+    )
+    assert one["global_step"] == other["global_step"] == 20
+    assert one["state_dict"].keys() == other["state_dict"].keys()
+    for key, value in one["state_dict"].items():
+        assert torch.equal(value, other["state_dict"][key]), key
+    for key, value in one["optimizer_states"][0]["state"].items():
+        assert all(torch.equal(v, other["optimizer_states"][0]["state"][key][k]) for k, v in value.items())
+
+
+def test_killed_while_a_checkpoint_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "last.ckpt"
+    script = f"""
+import os, signal, torch
+from sci_lightning.checkpoint import SafeCheckpointIO
+first = {{"config": {{}}, "state_dict": {{"x": torch.ones(1000)}}}}
+SafeCheckpointIO().save_checkpoint(first, {str(path)!r})
+whole = torch.save
+def killed(content, file):
+    whole(content, file)
+    os.truncate(file, os.path.getsize(file) // 2)
+    os.kill(os.getpid(), signal.SIGKILL)
+torch.save = killed
+SafeCheckpointIO().save_checkpoint(first, {str(path)!r})
+"""
+    done = subprocess.run([sys.executable, "-c", script])
+    assert done.returncode == -signal.SIGKILL
+    assert torch.equal(read_checkpoint(path).state["x"], torch.ones(1000))

@@ -1,0 +1,178 @@
+"""Training as a user runs it, at a small size: what it writes, that it learns, that others take it up."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from sci_lightning.checkpoint import read_checkpoint
+from tests.test_configs import clips
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+TINY = [
+    "size=[32,32]",
+    "batch_size=2",
+    "workers=0",
+    "decoder=e2e_cnn",
+    "decoder.channels=8",
+    "decoder.blocks=1",
+    "data.clips_per_epoch=8",
+    "trainer.max_epochs=2",
+    "trainer.accelerator=cpu",
+    "trainer.log_every_n_steps=1",
+]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One tiny training run that the tests of this file look at."""
+    import sys
+
+    out = tmp_path_factory.mktemp("run")
+    done = subprocess.run(
+        [sys.executable, "-m", "sci_lightning.train", *TINY, "data.scenes_count=2", f"out={out}"],
+        cwd=out,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert str(out) in done.stdout and "mean measurement" in done.stdout
+    return out
+
+
+def test_metrics_file(run: Path) -> None:
+    found = json.loads((run / "metrics.json").read_text())
+    assert (found["format"], found["format_version"]) == ("sci-metrics", 1)
+    assert (found["encoder"], found["decoder"], found["test_encoder"]) == ("lsw_sr", "e2e_cnn", "lsw_sr")
+    assert len(found["scenes"]) == 2
+    for metric in ("psnr", "ssim"):
+        values = [scene[metric] for scene in found["scenes"].values()]
+        assert found["mean"][metric] == pytest.approx(np.mean(values))
+        assert found["baseline"][metric] > 0
+    assert found["parameters"] > 0 and found["macs"] > 0 and found["seconds_per_measurement"] > 0
+    assert found["device"].startswith("cpu")
+    assert found["config"]["encoder"]["mask"]["bits"] == 4
+
+
+def test_everything_is_where_the_summary_says(run: Path) -> None:
+    for name in ("checkpoints/last.ckpt", "checkpoints/best.ckpt", "pictures/mask.png", "train.log"):
+        assert (run / name).stat().st_size > 0 or name == "train.log"
+    assert list((run / "pictures").glob("scene_*.png"))
+    assert (run / ".hydra" / "config.yaml").is_file()
+
+
+def test_dashboard(run: Path) -> None:
+    board = EventAccumulator(str(run / "tensorboard"), size_guidance={"images": 0}).Reload()
+    tags = board.Tags()
+    for scalar in ("train/loss", "train/lr", "train/clips_per_second", "val/psnr", "val/ssim"):
+        assert scalar in tags["scalars"], tags["scalars"]
+    assert any(tag.startswith("val_psnr/") for tag in tags["scalars"])
+    assert "mask" in tags["images"] and any(tag.startswith("scene/") for tag in tags["images"])
+    assert len(board.Images("mask")) == 2  # one after each epoch: the mask's evolution
+    assert any("hparams" in tag for tag in board.summary_metadata)
+
+
+def test_the_mask_was_learned_and_stayed_in_range(run: Path) -> None:
+    checkpoint = read_checkpoint(run / "checkpoints" / "last.ckpt")
+    weight = checkpoint.state["encoder.mask.weight"]
+    assert 0 <= weight.min() and weight.max() <= 1
+    from sci_lightning.encoder.mask import LearnedStructural
+
+    assert not torch.equal(weight, LearnedStructural(4, 8, (32, 32)).weight)
+    assert torch.equal(checkpoint.encoder().mask().sum(0), torch.ones(32, 32))
+
+
+def test_evaluate_with_the_trained_and_with_another_encoder(run: Path, command: Command, tmp_path: Path) -> None:
+    ckpt = f"ckpt_path={run}/checkpoints/last.ckpt"
+    scenes = ["data=synthetic", "data.scenes_count=2"]
+    done = command("evaluate", ckpt, *scenes, "out=a")
+    assert done.returncode == 0, done.stderr
+    trained = json.loads((run / "metrics.json").read_text())
+    found = json.loads((tmp_path / "a" / "metrics.json").read_text())
+    assert found["mean"] == pytest.approx(trained["mean"], abs=1e-6)
+    assert found["test_encoder"] == "lsw_sr"
+
+    done = command("evaluate", ckpt, "encoder=rbw_sr", *scenes, "out=b")
+    assert done.returncode == 0, done.stderr
+    other = json.loads((tmp_path / "b" / "metrics.json").read_text())
+    assert (other["encoder"], other["test_encoder"]) == ("lsw_sr", "rbw_sr")
+    assert other["mean"]["psnr"] < found["mean"]["psnr"]
+
+
+def test_evaluate_on_the_benchmark(run: Path, command: Command, tmp_path: Path, shared_data: Path) -> None:
+    """At 256 x 256 after training on 32 x 32: a small mask cannot be stretched, so it is refused and the way named."""
+    done = command("evaluate", f"ckpt_path={run}/checkpoints/last.ckpt", f"data.root={shared_data}/benchmark")
+    assert done.returncode == 2
+    assert "(256, 256)" in done.stderr and "(32, 32)" in done.stderr
+    tiled = [*TINY, "size=[256,256]", "crop=[32,32]", "encoder.mask.tile=[32,32]", "data.scenes_count=1"]
+    limits = [f"benchmark.root={shared_data}/benchmark", "benchmark.scenes=[runner,drop]", "trainer.max_epochs=1"]
+    done = command("train", *tiled, *limits, "data.snapshots_per_scene=1", "out=run")
+    assert done.returncode == 0, done.stderr
+    found = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert set(found["scenes"]) == {"runner", "drop"}
+
+
+def test_reconstruct(run: Path, command: Command, tmp_path: Path) -> None:
+    snapshot = (torch.rand(2, 32, 32) * 255).byte().numpy()
+    np.save(tmp_path / "snapshot.npy", snapshot)
+    ckpt = f"ckpt_path={run}/checkpoints/last.ckpt"
+    done = command("reconstruct", ckpt, "measurement=snapshot.npy", "out=a")
+    assert done.returncode == 0, done.stderr
+    video = np.load(tmp_path / "a" / "reconstruction.npy", allow_pickle=False)
+    assert video.shape == (2, 8, 32, 32)
+    assert len(list((tmp_path / "a" / "frames").glob("*.png"))) == 16
+    assert (tmp_path / "a" / "video.gif").read_bytes()[:3] == b"GIF"
+    checkpoint = read_checkpoint(run / "checkpoints" / "last.ckpt")
+    with torch.no_grad():
+        expected = checkpoint.decoder()(torch.from_numpy(snapshot / np.float32(255)), checkpoint.encoder().mask())
+    np.testing.assert_allclose(video, expected.numpy(), atol=1e-5)
+
+    mask = np.full((8, 40, 24), 1 / 8)
+    np.save(tmp_path / "mask.npy", mask)
+    np.save(tmp_path / "other.npy", np.random.default_rng(0).random((40, 24)))
+    done = command("reconstruct", ckpt, "measurement=other.npy", "mask=mask.npy", "out=b")
+    assert done.returncode == 0, done.stderr
+    assert np.load(tmp_path / "b" / "reconstruction.npy").shape == (1, 8, 40, 24)
+    done = command("reconstruct", ckpt, "measurement=other.npy", "out=c")
+    assert done.returncode == 2 and "mask=FILE" in done.stderr
+
+
+def test_other_ways_to_train(command: Command, tmp_path: Path) -> None:
+    """Windows of a larger mask, a folder of clips, noise, root loss, a measured mask, no logger."""
+    np.save(tmp_path / "mask.npy", np.random.default_rng(0).random((8, 48, 48)))
+    tiny = [each for each in TINY if not each.startswith("size")]
+    folder = ["data=folder", f"data.root={clips(tmp_path / 'clips', 'folder')}", "data.store=store", "crop=[32,32]"]
+    noise = ["encoder.sensor.full_well=5000", "encoder.sensor.read_noise=1.5", "encoder.sensor.bit_depth=10"]
+    measured = ["encoder=rbw_sr", "encoder/mask=measured", "encoder.mask.file=mask.npy"]
+    rest = ["size=[48,48]", "system.loss=rmse", "logger=none", "callbacks.pictures=null", "out=run"]
+    done = command("train", *tiny, *folder, *noise, *measured, *rest)
+    assert done.returncode == 0, done.stderr
+    (tmp_path / "mask.npy").unlink()  # the checkpoint holds what was measured
+    done = command("evaluate", "ckpt_path=run/checkpoints/last.ckpt", *folder[:3], "out=again")
+    assert done.returncode == 0, done.stderr
+    first, again = (json.loads((tmp_path / name / "metrics.json").read_text()) for name in ("run", "again"))
+    assert again["mean"] == pytest.approx(first["mean"], abs=1e-6)
+
+
+def test_sweep(command: Command, tmp_path: Path) -> None:
+    done = command("train", "-m", *TINY, "encoder.mask.bits=1,3", "trainer.max_epochs=1", "out=sweep")
+    assert done.returncode == 0, done.stderr
+    bits = [
+        json.loads((tmp_path / "sweep" / job / "metrics.json").read_text())["config"]["encoder"]["mask"]["bits"]
+        for job in "01"
+    ]
+    assert bits == [1, 3]
+
+
+def test_commands_are_listed(command: Command) -> None:
+    done = command("")
+    for name in ("train", "evaluate", "reconstruct"):
+        assert f"python -m sci_lightning.{name} " in done.stdout

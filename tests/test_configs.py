@@ -1,0 +1,91 @@
+"""Every configuration composes, and everything it names can be built."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from hydra.utils import instantiate
+from omegaconf import DictConfig, OmegaConf, open_dict
+
+from sci_lightning.command import CONF, plain
+from sci_lightning.encoder import Encoder
+from tests.conftest import members
+
+GROUPS = sorted(
+    str(path.parent.relative_to(CONF)) for path in CONF.rglob("*.yaml") if path.parent != CONF and "hydra" not in str(path)
+)
+
+
+def test_all_groups_are_known() -> None:
+    assert set(GROUPS) == {
+        "callbacks",
+        "data",
+        "decoder",
+        "encoder",
+        "encoder/mask",
+        "encoder/sensor",
+        "experiment",
+        "logger",
+        "system",
+        "trainer",
+    }
+
+
+@pytest.mark.parametrize(("group", "name"), [(group, name) for group in sorted(set(GROUPS)) for name in members(group)])
+def test_member_composes_and_instantiates(
+    group: str, name: str, configuration: Callable[..., DictConfig], tmp_path: Path
+) -> None:
+    cfg = configuration("train", f"{group}={name}", "size=[64,64]", f"out={tmp_path}")
+    with open_dict(cfg):
+        if OmegaConf.is_missing(cfg.encoder.mask, "file"):
+            np.save(tmp_path / "mask.npy", np.ones((8, 64, 64)) / 8)
+            cfg.encoder.mask.file = str(tmp_path / "mask.npy")
+        if OmegaConf.is_missing(cfg.data, "root"):
+            cfg.data.root = str(clips(tmp_path, name))
+    plain(cfg)
+    assert isinstance(instantiate(cfg.encoder, _convert_="all"), Encoder)
+    built = [instantiate(cfg[part], _convert_="all") for part in ("decoder", "data", "trainer")]
+    built += [instantiate(each) for part in ("callbacks", "logger") for each in cfg[part].values() if each]
+    assert all(part is not None for part in built)
+    assert instantiate(cfg.system, _partial_=True).keywords["loss"] == "mse"
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in CONF.glob("*.yaml")))
+def test_command_composes(name: str, configuration: Callable[..., DictConfig]) -> None:
+    cfg = configuration(name)
+    assert cfg.out.startswith(f"outputs/{name}/")
+    assert "debug" in cfg
+    with open_dict(cfg):
+        for key in [key for key in cfg if OmegaConf.is_missing(cfg, key)]:
+            cfg[key] = "given"
+        if "data" in cfg and OmegaConf.is_missing(cfg.data, "root"):
+            cfg.data.root = "given"
+    plain(cfg)
+
+
+def clips(folder: Path, source: str) -> Path:
+    """A tree of clips that the named source can read."""
+    from PIL import Image
+    from scipy.io import savemat
+
+    folder.mkdir(exist_ok=True)
+    frames = (torch.rand(48, 64, 64) * 255).byte().numpy()
+    if source == "benchmark":
+        for scene in ("kobe", "traffic", "runner", "drop", "crash", "aerial"):
+            savemat(folder / f"{scene}_cacti.mat", {"orig": frames.transpose(1, 2, 0)})
+    elif source == "davis":
+        for split, name in (("train", "bear"), ("val", "camel")):
+            sequence = folder / "JPEGImages" / "480p" / name
+            sequence.mkdir(parents=True)
+            for number, frame in enumerate(frames[:10]):
+                Image.fromarray(frame).save(sequence / f"{number:05d}.jpg")
+            (folder / "ImageSets" / "2017").mkdir(parents=True, exist_ok=True)
+            (folder / "ImageSets" / "2017" / f"{split}.txt").write_text(f"{name}\n")
+    else:
+        for number in range(3):
+            np.savez(folder / f"clip{number}.npz", frames=frames[number : number + 12])
+    return folder
