@@ -34,7 +34,7 @@ def evaluate(cfg: DictConfig) -> float:
         cfg[key] = trained[key] if cfg[key] is None else cfg[key]
     names = dict(trained["names"])
     decoder = checkpoint.decoder()
-    if cfg.encoder is None:
+    if cfg.get("encoder") is None:
         encoder = checkpoint.encoder()
         names["test_encoder"] = names["encoder"]
     else:

@@ -94,11 +94,13 @@ class System(L.LightningModule):
         if mask:
             groups.append({"params": mask, "lr": self.mask_lr, "name": "mask"})
         optimizer = torch.optim.Adam(groups)
-        steps = max(1, int(self.trainer.estimated_stepping_batches))
         floor = self.final_lr / self.lr
 
         def cosine(step: int) -> float:
-            return floor + (1 - floor) * (1 + math.cos(math.pi * min(step, steps) / steps)) / 2
+            if step == 0:  # asking for the number of steps now would set up the loader before its place is restored
+                return 1.0
+            done = min(1.0, step / self.trainer.estimated_stepping_batches)  # 0 in a run without end
+            return floor + (1 - floor) * (1 + math.cos(math.pi * done)) / 2
 
         scheduler = torch.optim.lr_scheduler.LambdaLR(optimizer, cosine)
         return {"optimizer": optimizer, "lr_scheduler": {"scheduler": scheduler, "interval": "step"}}

@@ -18,6 +18,7 @@ def train(cfg: DictConfig) -> float:
     Args:
         cfg: ``conf/train.yaml``, composed.
     """
+    import torch
     from hydra.utils import instantiate
     from lightning.pytorch.loggers import TensorBoardLogger
 
@@ -30,6 +31,7 @@ def train(cfg: DictConfig) -> float:
         raise BadInput(f"crop={cfg.crop} is larger than size={cfg.size}: a training clip must fit under the mask")
     config = plain(cfg)
     names = {"encoder": chosen("encoder"), "decoder": chosen("decoder")}
+    torch.manual_seed(cfg.seed)  # the decoder's first weights
     encoder = instantiate(cfg.encoder, _convert_="all")
     decoder = instantiate(cfg.decoder, _convert_="all")
     system = instantiate(cfg.system, _partial_=True)(encoder, decoder, run_config={**config, "names": names})

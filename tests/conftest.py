@@ -54,17 +54,13 @@ def command(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
         module = f"sci_lightning.{name}" if name else "sci_lightning"
         environment = {**os.environ, "PYTHONPATH": str(ROOT)}  # callbacks of the tests can be named in overrides
         arguments = [sys.executable, "-m", module, *overrides]
-        return subprocess.run(
-            arguments, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=timeout
-        )
+        return subprocess.run(arguments, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=timeout)
 
     return run
 
 
 @pytest.fixture
-def refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., str]:
+def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
     """``refused("train", "decoder=none")``: run a command in this process, see it refuse, return its one line."""
 
     def run(name: str, *overrides: str, status: int = 2) -> str:

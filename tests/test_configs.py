@@ -16,7 +16,9 @@ from sci_lightning.encoder import Encoder
 from tests.conftest import members
 
 GROUPS = sorted(
-    str(path.parent.relative_to(CONF)) for path in CONF.rglob("*.yaml") if path.parent != CONF and "hydra" not in str(path)
+    str(path.parent.relative_to(CONF))
+    for path in CONF.rglob("*.yaml")
+    if path.parent != CONF and "hydra" not in str(path)
 )
 
 
@@ -35,7 +37,7 @@ def test_all_groups_are_known() -> None:
     }
 
 
-@pytest.mark.parametrize(("group", "name"), [(group, name) for group in sorted(set(GROUPS)) for name in members(group)])
+@pytest.mark.parametrize(("group", "name"), [(group, name) for group in GROUPS for name in members(group)])
 def test_member_composes_and_instantiates(
     group: str, name: str, configuration: Callable[..., DictConfig], tmp_path: Path
 ) -> None:

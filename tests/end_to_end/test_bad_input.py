@@ -74,9 +74,9 @@ def test_clips(refused: Refused, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     assert "empty" in refused("train", *folder("empty"))
 
-    broken = clips(tmp_path / "nan", "folder")
+    broken = clips(tmp_path / "unfinite", "folder")
     np.savez(broken / "clip1.npz", frames=np.full((10, 64, 64), np.nan, np.float32))
-    assert "clip1.npz" in refused("train", *folder("nan"))
+    assert "clip1.npz" in refused("train", *folder("unfinite"))
 
     whole = (clips(tmp_path / "cut", "folder") / "clip2.npz").read_bytes()
     (tmp_path / "cut" / "clip2.npz").write_bytes(whole[: len(whole) // 2])

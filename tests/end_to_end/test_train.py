@@ -83,7 +83,7 @@ def test_dashboard(run: Path) -> None:
 def test_the_mask_was_learned_and_stayed_in_range(run: Path) -> None:
     checkpoint = read_checkpoint(run / "checkpoints" / "last.ckpt")
     weight = checkpoint.state["encoder.mask.weight"]
-    assert 0 <= weight.min() and weight.max() <= 1
+    assert weight.min() >= 0 and weight.max() <= 1
     from sci_lightning.encoder.mask import LearnedStructural
 
     assert not torch.equal(weight, LearnedStructural(4, 8, (32, 32)).weight)

@@ -1,0 +1,94 @@
+"""Every command that README.md shows is run, at a reduced size and with real files in place of its capitals."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from scipy.io import savemat
+from skimage.io import imsave
+
+from tests.conftest import ROOT
+from tests.end_to_end.test_train import TINY
+from tests.test_configs import clips
+
+README = (ROOT / "README.md").read_text()
+BLOCKS = re.findall(r"```bash\n(.*?)```", README, re.DOTALL)
+COMMANDS = [line.split(" #")[0].strip() for block in BLOCKS for line in block.replace("\\\n", " ").splitlines() if line]
+SIZE = ["size=[64,64]", "crop=[64,64]", "data.clips_per_epoch=2", "trainer.max_epochs=1", "trainer.accelerator=cpu"]
+DECODER = {
+    "e2e_cnn": ["decoder.channels=4", "decoder.blocks=1"],
+    "res2former": ["decoder.dim=8", "decoder.depths=[1,1]", "decoder.groups=[1,1]"],
+}
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that holds what the README's capitals stand for."""
+    place = tmp_path_factory.mktemp("readme")
+    clips(place / "CLIPS", "folder")
+    clips(place / "VALIDATION", "folder")
+    clips(place / "SCENES", "benchmark")
+    savemat(place / "MASK.mat", {"mask": np.full((64, 64, 8), 1 / 8)})
+    imsave(place / "SNAPSHOT.tiff", (torch.rand(64, 64) * 255).byte().numpy(), check_contrast=False)
+    run([sys.executable, "-m", "sci_lightning.train", *TINY, *SIZE, *DECODER["e2e_cnn"], "out=RUN"], place)
+    return place
+
+
+def run(arguments: list[str], folder: Path) -> str:
+    environment = {**os.environ, "XDG_CACHE_HOME": str(folder / "cache"), "MPLBACKEND": "agg"}
+    done = subprocess.run(arguments, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, f"{shlex.join(arguments)}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+def test_there_are_commands() -> None:
+    assert {"make train", "make test"} <= set(COMMANDS)
+    assert len(COMMANDS) > 8
+
+
+@pytest.mark.parametrize("command", dict.fromkeys(COMMANDS))
+def test_command(command: str, place: Path) -> None:
+    program, *arguments = shlex.split(command)
+    if program == "make":
+        assert run(["make", "--dry-run", "--always-make", "-C", str(ROOT), *arguments], place)
+    elif program == "tensorboard":
+        (place / "outputs").mkdir(exist_ok=True)
+        run([sys.executable, "-m", "tensorboard.main", "--inspect", *arguments], place)
+    else:
+        assert (program, arguments[0]) == ("python", "-m"), f"no test knows how to run: {command}"
+        run([sys.executable, *reduced(arguments)], place)
+
+
+def reduced(arguments: list[str]) -> list[str]:
+    """A command of the README made small by overrides; of a sweep, the first value of each choice."""
+    if arguments[1] != "sci_lightning.train":
+        return arguments
+    arguments = [re.sub(r"=([^\[,]+),.*", r"=\1", each) for each in arguments]
+    decoder = next((each.split("=")[1] for each in arguments if each.startswith("decoder=")), "res2former")
+    extra = [*SIZE, *DECODER[decoder], "batch_size=1", "workers=0"]
+    if any(each.startswith("ckpt_path=") for each in arguments):
+        extra = [*TINY, *SIZE, *DECODER["e2e_cnn"], "trainer.max_epochs=2"]
+    return [*arguments, *extra]
+
+
+def test_python_examples(place: Path) -> None:
+    """The README's Python runs as it stands, line after line."""
+    examples = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    names: dict[str, object] = {"torch": torch, "video": torch.rand(1, 8, 256, 256)}
+    for example in examples:
+        exec(example, names)
+    decoder = names["Mine"](8)  # type: ignore[operator]
+    assert decoder(torch.rand(2, 16, 16), torch.rand(8, 16, 16)).shape == (2, 8, 16, 16)
+
+
+def test_pictures_are_there() -> None:
+    for path in re.findall(r"!\[.*?\]\((.*?)\)", README):
+        assert (ROOT / path).stat().st_size > 1000

@@ -1,0 +1,38 @@
+"""The wheel carries its configuration and trains outside the repository like the checkout does."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from tests.conftest import ROOT
+
+SMALL = ["experiment=quickstart", "data.clips_per_epoch=8", "trainer.max_epochs=1", "trainer.accelerator=cpu"]
+
+
+def test_wheel(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(tmp_path), str(ROOT)]
+    assert subprocess.run(build, capture_output=True).returncode == 0
+    (wheel,) = tmp_path.glob("*.whl")
+    site = tmp_path / "site"
+    install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(site), str(wheel)]
+    assert subprocess.run(install, capture_output=True).returncode == 0
+    assert (site / "sci_lightning" / "conf" / "train.yaml").is_file()
+
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    train = [sys.executable, "-m", "sci_lightning.train", *SMALL, "out=run"]
+    environment = {**os.environ, "PYTHONPATH": str(site)}
+    done = subprocess.run(train, cwd=outside, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    where = [sys.executable, "-c", "import sci_lightning.command as c; print(c.CONF)"]
+    found = subprocess.run(where, cwd=outside, env=environment, capture_output=True, text=True).stdout
+    assert found.strip() == str(site / "sci_lightning" / "conf")
+
+    assert command("train", *SMALL, "out=checkout").returncode == 0
+    one, other = (json.loads((path / "metrics.json").read_text()) for path in (outside / "run", tmp_path / "checkout"))
+    assert one["scenes"] == other["scenes"]
