@@ -28,16 +28,18 @@ Task = Callable[[DictConfig], Any]
 def run(name: str, task: Task) -> None:
     """Run ``task`` with the configuration ``conf/<name>.yaml`` and the overrides of the command line.
 
-    The task finds its output folder in ``cfg.out``. Bad input ends the process with one line and status 2, anything
-    unforeseen with one line and status 1; ``debug=true`` or ``HYDRA_FULL_ERROR=1`` show the traceback instead. In a
-    multirun the remaining jobs go on and the failures are listed at the end.
+    The task finds its output folder in ``cfg.out``; a command that writes one file (``hydra/output: file``) finds that
+    file there. Bad input ends the process with one line and status 2, anything unforeseen with one line and status 1;
+    ``debug=true`` or ``HYDRA_FULL_ERROR=1`` show the traceback instead. In a multirun the remaining jobs go on and the
+    failures are listed at the end.
     """
     debug = os.environ.get("HYDRA_FULL_ERROR") == "1" or "debug=true" in sys.argv
     failures: list[tuple[str, Exception]] = []
 
     def job(cfg: DictConfig) -> Any:
-        with open_dict(cfg):
-            cfg.out = HydraConfig.get().runtime.output_dir
+        if HydraConfig.get().output_subdir is not None:  # else `out` is a file
+            with open_dict(cfg):
+                cfg.out = HydraConfig.get().runtime.output_dir
         _quieten()
         try:
             return task(cfg)

@@ -1,0 +1,38 @@
+"""``python -m sci_lightning.virtual_camera``: captures of a camera in which effects are hidden."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+from omegaconf import DictConfig
+from rich.console import Console
+
+from sci_lightning.command import plain, run
+
+
+def virtual_camera(cfg: DictConfig) -> None:
+    """Write a captures file and beside it what is hidden in it; say where, but not what.
+
+    Args:
+        cfg: ``conf/virtual_camera.yaml``, composed.
+    """
+    from sci_lightning.virtual_camera import Session, capture_session, write_captures
+
+    given = plain(cfg)
+    settings: dict[str, Any] = {
+        field.name: tuple(value) if isinstance(value := given[field.name], list) else value for field in fields(Session)
+    }
+    session = Session(**settings)
+    captures = capture_session(
+        session, given["effects"], given["seed"], number=given["number"], magnitude=given["magnitude"]
+    )
+    truth = write_captures(cfg.out, captures)
+    console = Console(highlight=False, soft_wrap=True)
+    count, height, width = captures.measurement.shape
+    console.print(f"{count} captures of {height} x {width}, {session.frames} slots each, {session.bit_depth} bits")
+    console.print(f"[bold]{cfg.out}[/]; what is hidden in it: [bold]{truth}[/]")
+
+
+if __name__ == "__main__":
+    run("virtual_camera", virtual_camera)

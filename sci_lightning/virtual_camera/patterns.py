@@ -1,0 +1,53 @@
+"""What the modulator is told to display."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from sci_lightning.errors import BadInput
+
+
+def structural(random: np.random.Generator, frames: int, size: tuple[int, int], bits: int) -> np.ndarray:
+    """Random levels that sum to 1 over time: (T, H, W) in {0, 1/L, .., 1 - 1/L} with L = 2**bits (bits 1: {0, 1}).
+
+    Each pixel is a composition of L into T parts, all equally likely: L units of light in a row with T - 1 bars among
+    them. Where all units fall into one slot, one of them goes to the next.
+    """
+    height, width = size
+    if bits == 1:
+        return np.eye(frames)[random.integers(frames, size=size)].transpose(2, 0, 1)
+    levels = 2**bits
+    places = random.random((height * width, levels + frames - 1)).argpartition(frames - 2, axis=1)[:, : frames - 1]
+    bars = np.sort(places, axis=1)
+    ends = np.full((len(bars), 1), levels + frames - 1)
+    units = np.diff(np.concatenate((np.full_like(ends, -1), bars, ends), axis=1), axis=1) - 1
+    alone = (units == levels).astype(int)
+    units += np.roll(alone, 1, axis=1) - alone
+    return units.T.reshape(frames, height, width) / levels
+
+
+def binary(random: np.random.Generator, frames: int, size: tuple[int, int]) -> np.ndarray:
+    """Every mirror open or shut in every slot with probability 1/2: (T, H, W) in {0, 1}."""
+    return random.integers(0, 2, (frames, *size)).astype(np.float64)
+
+
+def read_patterns(path: str | Path, frames: int, size: tuple[int, int]) -> np.ndarray:
+    """Coding patterns (T, H, W) in [0, 1] from an .npy file; BadInput if they are anything else."""
+    expected = f"{frames} patterns of {size[0]} x {size[1]} (frames and size), values in [0, 1]"
+    try:
+        patterns = np.load(path, allow_pickle=False)
+    except FileNotFoundError as error:
+        raise BadInput(
+            f"mask={path}: no such file; mask is structural, binary or an .npy file of {expected}"
+        ) from error
+    except (OSError, ValueError) as error:
+        raise BadInput(f"mask={path}: not a readable .npy file ({error}); it should hold {expected}") from error
+    numeric = isinstance(patterns, np.ndarray) and patterns.dtype.kind in "buif"
+    if not numeric or patterns.shape != (frames, *size):
+        found = f"{patterns.dtype} {patterns.shape}" if isinstance(patterns, np.ndarray) else "several arrays"
+        raise BadInput(f"mask={path}: holds {found}, expected {expected}")
+    if not (patterns >= 0).all() or not (patterns <= 1).all():
+        raise BadInput(f"mask={path}: values from {patterns.min()} to {patterns.max()}, expected {expected}")
+    return patterns.astype(np.float64)

@@ -1,0 +1,179 @@
+"""The relay: the lens that images the mirrors onto the pixels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from sci_lightning.virtual_camera.effect import Effect
+from sci_lightning.virtual_camera.overlap import lit, overlap, sources_with
+from sci_lightning.virtual_camera.parameter import parameter
+
+ENTRIES = 4_000_000
+"""Of a sparse matrix at a time; about 50 MB."""
+
+
+@dataclass(frozen=True)
+class Relay:
+    """Where the mirrors' image lies, and how sharp it is.
+
+    A mirror at m (x, y from the middle) is seen at ``scale * R(angle) m + (dx, dy)``, so that (dx, dy) is where the
+    middle went whatever else is wrong. x points right and y down; R turns x towards y: clockwise on the screen.
+    The light on the image is the mirror's transmittance, however large the image.
+
+    Attributes:
+        angle: radian. scale: 1. dx, dy: pixel. sigma: of the blur, pixel.
+    """
+
+    angle: float = 0.0
+    scale: float = 1.0
+    dx: float = 0.0
+    dy: float = 0.0
+    sigma: float = 0.0
+
+    def cells(self, size: tuple[int, int], oversampling: int, *, sharp: bool) -> tuple[np.ndarray, np.ndarray]:
+        """The edges, down and across, of the cells in each of which the light counts as even.
+
+        Whole pixels do when the lens that follows is ``sharp``: only what a pixel collects matters then. Else the
+        squares are cut at the edges of pixels and of mirrors, within which it is even; and a turned or blurred image
+        into ``oversampling`` cells per pixel and axis. ``oversampling`` 1 asks for whole pixels in any case.
+        """
+        pixels = [np.arange(length + 1.0) for length in size]
+        if oversampling == 1 or (sharp and not self.angle):
+            return pixels[0], pixels[1]
+        if self.angle or self.sigma:
+            parts = min(oversampling, 4) if sharp else oversampling
+            return np.arange(parts * size[0] + 1) / parts, np.arange(parts * size[1] + 1) / parts
+        down, across = self._borders(size)
+        return _cut(pixels[0], down), _cut(pixels[1], across)
+
+    def image(self, patterns: np.ndarray, rows: np.ndarray, columns: np.ndarray, surround: str) -> np.ndarray:
+        """The image of square, touching mirrors, averaged over cells.
+
+        Args:
+            patterns: (P, H, W) transmittance of the mirrors.
+            rows, columns: (n + 1,) and (m + 1,) edges of the cells; evenly spaced when the relay is turned.
+            surround: what lies beyond the mirrors: ``dark``, or the ``edge`` mirrors going on.
+
+        Returns:
+            (P, n, m). Exact when upright; when turned, a cell's footprint on the mirrors is taken as upright.
+        """
+        if self.angle:
+            return self._turned(patterns, rows, columns, surround)
+        down, across = (
+            overlap(cells, sources_with(surround, mirrors), self.sigma) / np.diff(cells)[:, None]
+            for cells, mirrors in zip((rows, columns), self._borders(patterns.shape[1:]), strict=True)
+        )
+        return down @ patterns @ across.T
+
+    def _borders(self, size: tuple[int, ...]) -> list[np.ndarray]:
+        """Edges of the mirrors' images, down and across, when upright."""
+        return [
+            (np.arange(length + 1) - length / 2) * self.scale + length / 2 + shift
+            for length, shift in zip(size, (self.dy, self.dx), strict=True)
+        ]
+
+    def _turned(self, patterns: np.ndarray, rows: np.ndarray, columns: np.ndarray, surround: str) -> np.ndarray:
+        count, height, width = patterns.shape
+        mirrors = patterns.reshape(count, -1).T
+        y = (rows[1:] + rows[:-1]) / 2 - height / 2 - self.dy
+        x = (columns[1:] + columns[:-1]) / 2 - width / 2 - self.dx
+        cos, sin = math.cos(self.angle) / self.scale, math.sin(self.angle) / self.scale
+        half, sigma = (rows[1] - rows[0]) / 2 / self.scale, self.sigma / self.scale
+        parts = math.ceil(len(x) * len(y) * _window(half, sigma) ** 2 / ENTRIES)
+        strips = []
+        for some in np.array_split(y, min(parts, len(y))):
+            u = (cos * x + sin * some[:, None]).ravel() + width / 2
+            v = (cos * some[:, None] - sin * x).ravel() + height / 2
+            column, across = _collected(u, half, sigma, width, surround)
+            line, down = _collected(v, half, sigma, height, surround)
+            mirror = line[:, :, None] * width + column[:, None, :]
+            share = down[:, :, None] * across[:, None, :]
+            starts = np.arange(len(u) + 1) * share[0].size
+            light = csr_matrix((share.ravel(), mirror.ravel(), starts), (len(u), height * width)) @ mirrors
+            strips.append(light.T.reshape(count, len(some), len(x)))
+        return np.concatenate(strips, axis=1)
+
+
+def _cut(pixels: np.ndarray, mirrors: np.ndarray) -> np.ndarray:
+    """The edges of pixels, and those of mirrors between them."""
+    inside = mirrors[(mirrors > pixels[0]) & (mirrors < pixels[-1])]
+    return np.union1d(pixels, inside[np.abs(inside - np.round(inside)) > 1e-6])  # a sliver is no cell
+
+
+def _window(half: float, sigma: float) -> int:
+    """How many mirrors in a row can reach a footprint of this half width."""
+    return math.ceil(2 * (half + 5 * sigma)) + 1
+
+
+def _collected(
+    centre: np.ndarray, half: float, sigma: float, length: int, surround: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Which mirrors light the footprints around ``centre`` (n,), and with what share: (n, K) each."""
+    first = np.floor(centre - half - 5 * sigma).astype(np.int64)
+    mirror = first[:, None] + np.arange(_window(half, sigma))
+    z = centre[:, None] - mirror
+    share = lit(z + half, sigma) - lit(z - half, sigma) - lit(z + half - 1, sigma) + lit(z - half - 1, sigma)
+    if surround == "dark":
+        share *= (mirror >= 0) & (mirror < length)
+    return mirror.clip(0, length - 1), np.maximum(share, 0) / (2 * half)
+
+
+@dataclass(frozen=True)
+class RelayEffect(Effect):
+    """Moves or blurs the mirrors' image; the scene stays as it is."""
+
+    stage: ClassVar[str] = "relay"
+
+    def misalign(self, relay: Relay) -> Relay:
+        """The relay with this fault."""
+        return relay
+
+
+@dataclass(frozen=True)
+class MaskShift(RelayEffect):
+    """The mirrors' image lies ``dx`` to the right and ``dy`` further down: exact overlap of squares with pixels."""
+
+    name = "mask_shift"
+    dx: float = parameter("pixel", -32, 32, (0.15, 1.5), neutral=0.0, signed=True)
+    dy: float = parameter("pixel", -32, 32, (0.15, 1.5), neutral=0.0, signed=True)
+
+    def misalign(self, relay: Relay) -> Relay:
+        return replace(relay, dx=self.dx, dy=self.dy)
+
+
+@dataclass(frozen=True)
+class MaskRotation(RelayEffect):
+    """The mirrors' image is turned about its middle, positive from +x to +y: clockwise on the screen."""
+
+    name = "mask_rotation"
+    angle: float = parameter("degree", -45, 45, (0.15, 1.2), neutral=0.0, signed=True)
+
+    def misalign(self, relay: Relay) -> Relay:
+        return replace(relay, angle=math.radians(self.angle))
+
+
+@dataclass(frozen=True)
+class MaskScale(RelayEffect):
+    """The mirrors' image is ``scale`` times as large, about its middle: exact overlap of squares with pixels."""
+
+    name = "mask_scale"
+    scale: float = parameter("1", 0.5, 2, (0.003, 0.02), neutral=1.0, signed=True)
+
+    def misalign(self, relay: Relay) -> Relay:
+        return replace(relay, scale=self.scale)
+
+
+@dataclass(frozen=True)
+class MaskBlur(RelayEffect):
+    """The mirrors are out of focus, the scene is not: squares blurred by a Gaussian, integrated in closed form."""
+
+    name = "mask_blur"
+    sigma: float = parameter("pixel", 0, 4, (0.25, 1.2), neutral=0.0)
+
+    def misalign(self, relay: Relay) -> Relay:
+        return replace(relay, sigma=self.sigma)

@@ -1,0 +1,43 @@
+"""What is put before the camera, and what it is told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sci_lightning.errors import BadInput
+
+
+@dataclass(frozen=True)
+class Shots:
+    """N captures to take.
+
+    Attributes:
+        patterns: (P, H, W) in [0, 1], what the modulator has in memory.
+        sequence: (N, T) index of the pattern told for each slot.
+        scene: (N, T, H, W) float32 irradiance in [0, 1], also of those captures whose scene the file will not tell.
+        aperture: (N,) scale of the light.
+        exposure: (N,) integration time relative to nominal. It scales what collects in the dark (hot pixels, a light
+            leak) and nothing else: a scene's irradiance is what arrives over its exposure, however long.
+        kind: N labels.
+    """
+
+    patterns: np.ndarray
+    sequence: np.ndarray
+    scene: np.ndarray
+    aperture: np.ndarray
+    exposure: np.ndarray
+    kind: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        count, slots = self.sequence.shape
+        if self.scene.shape != (count, slots, *self.patterns.shape[1:]):
+            raise BadInput(
+                f"scene is {self.scene.shape}, expected (N, T, H, W) = {(count, slots, *self.patterns.shape[1:])} "
+                "of the sequence and the patterns"
+            )
+        if self.sequence.size and not 0 <= self.sequence.min() <= self.sequence.max() < len(self.patterns):
+            raise BadInput(f"sequence has indices outside the patterns 0 to {len(self.patterns) - 1}")
+        if not len(self.aperture) == len(self.exposure) == len(self.kind) == count:
+            raise BadInput(f"aperture, exposure and kind must have {count} entries, one per capture")

@@ -1,0 +1,69 @@
+"""Every effect that can be hidden, in the order in which light meets them."""
+
+from __future__ import annotations
+
+from sci_lightning.virtual_camera import converter, exposure, fixed_pattern, modulator, optics, relay, response
+from sci_lightning.virtual_camera.effect import Effect
+
+LIGHT_PATH: tuple[type[Effect], ...] = (
+    modulator.SwappedPatterns,
+    modulator.PatternOrder,
+    modulator.MaskOrientation,
+    modulator.MaskLevelGamma,
+    modulator.MaskContrast,
+    modulator.StuckMirrors,
+    modulator.ModulatorDust,
+    modulator.MaskLag,
+    modulator.SyncOffset,
+    relay.MaskShift,
+    relay.MaskRotation,
+    relay.MaskScale,
+    relay.MaskBlur,
+    exposure.DriftingSource,
+    exposure.Flicker,
+    exposure.ShortSlot,
+    exposure.RollingShutter,
+    optics.Ghost,
+    optics.OpticalBlur,
+    optics.Vignetting,
+    optics.VeilingGlare,
+    optics.LightLeak,
+    fixed_pattern.SensorDust,
+    response.Gain,
+    fixed_pattern.Prnu,
+    fixed_pattern.InterlacedGain,
+    fixed_pattern.DeadColumn,
+    converter.ShotNoise,
+    response.Saturation,
+    response.ResponseGamma,
+    response.SShapedResponse,
+    response.BlackLevel,
+    fixed_pattern.ColumnNoise,
+    fixed_pattern.RowNoise,
+    fixed_pattern.HotPixels,
+    converter.ReadNoise,
+    converter.BitDepth,
+)
+
+EFFECTS: dict[str, type[Effect]] = {effect.name: effect for effect in LIGHT_PATH}
+
+OUTSIDE: dict[str, type[Effect]] = {
+    effect.name: effect
+    for effect in (
+        modulator.SwappedPatterns,
+        modulator.StuckMirrors,
+        modulator.ModulatorDust,
+        exposure.DriftingSource,
+        exposure.ShortSlot,
+        optics.Ghost,
+        optics.LightLeak,
+        fixed_pattern.SensorDust,
+        fixed_pattern.InterlacedGain,
+        fixed_pattern.DeadColumn,
+        response.SShapedResponse,
+    )
+}
+"""Effects that a diagnosis has no name for: it should say where they sit, and must not call them something else."""
+
+VOCABULARY = {name: effect for name, effect in EFFECTS.items() if name not in OUTSIDE}
+"""The effects that a diagnosis can name."""

@@ -1,0 +1,34 @@
+"""A small camera and what is put before it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sci_lightning.virtual_camera import Session, Shots, VirtualCamera, choose
+from sci_lightning.virtual_camera.effect import Effect
+
+SMALL = Session(size=(32, 32), frames=4, flat=2, all_on=1, all_off=1, dark=2, static=2, dynamic=2)
+
+
+@pytest.fixture
+def signal() -> Callable[..., np.ndarray]:
+    """``signal(shots, mask_shift={"dx": 1})``: what reaches the converter, (N, H, W), without noise."""
+
+    def without_noise(shots: Shots, *, session: Session = SMALL, **wish: dict[str, float | str]) -> np.ndarray:
+        session = replace(session, size=shots.patterns.shape[1:], frames=shots.sequence.shape[1])
+        effects: dict[str, Effect] = choose(wish, session, 0)
+        camera = VirtualCamera(session, effects, 0)
+        return camera.signal(camera.light(shots), shots)
+
+    return without_noise
+
+
+def shots(coding: np.ndarray, scene: np.ndarray | float = 1.0, *, exposure: float = 1.0) -> Shots:
+    """One capture: T coding patterns (T, H, W) in their order, before a scene (T, H, W) or an even one."""
+    video = np.broadcast_to(np.float32(scene), coding.shape)[None]
+    sequence = np.arange(len(coding))[None]
+    return Shots(coding, sequence, video, np.ones(1), np.full(1, exposure), ("unknown",))
