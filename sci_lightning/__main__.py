@@ -20,6 +20,11 @@ COMMANDS = (
         "decode a snapshot that a camera took",
         "ckpt_path=RUN/checkpoints/last.ckpt measurement=SNAPSHOT.tiff mask=MASK.mat",
     ),
+    (
+        "virtual_camera",
+        "simulate the calibration captures of a camera in which effects are hidden",
+        "out=captures.h5 effects=random seed=5",
+    ),
 )
 
 
