@@ -55,7 +55,8 @@ def reconstruct(cfg: DictConfig) -> None:
         np.save(temporary, video.numpy())
     n, t, h, w = video.shape
     console = Console(highlight=False)
-    console.print(f"{n} snapshot(s) of {h} x {w} decoded into {t} frames each")
+    level = f"mean level {float(measurement.mean()):.3f} of full scale, aperture {aperture:.3g}"
+    console.print(f"{n} snapshot(s) of {h} x {w} ({level}) decoded into {t} frames each")
     console.print(f"[bold]{out}[/]: frames/, video.gif, reconstruction.npy")
 
 

@@ -11,6 +11,8 @@ from sci_lightning.array_file import ENDINGS, read_array
 from sci_lightning.errors import BadInput
 
 PICTURES = (".tif", ".tiff", ".png")
+LARGEST_SUM = 100.0
+"""A sum of frames that no sensor clipped is at most T times full scale; beyond this a file holds DN."""
 
 
 def read_snapshot(
@@ -30,7 +32,7 @@ def read_snapshot(
         measurement float32 ``(N, H, W)``, normalised by full scale.
 
     Raises:
-        BadInput: unreadable file, colour, not finite, or a full scale that is not positive.
+        BadInput: unreadable file, colour, not finite, a full scale that is not positive or is needed.
     """
     path = Path(path)
     values = _read(path, key)
@@ -38,6 +40,10 @@ def read_snapshot(
         values = values[None]
     if full_scale is None:
         full_scale = 1.0
+        if values.dtype.kind == "f" and values.max() > LARGEST_SUM:
+            raise BadInput(
+                f"{path}: values up to {values.max():g} are no fraction of full scale; give full_scale=255, .."
+            )
         if values.dtype.kind in "ui":
             sensor = 2**bit_depth - 1
             full_scale = sensor if values.max() <= sensor else np.iinfo(values.dtype).max
