@@ -23,7 +23,7 @@ RUN = [
     "crop=[32,32]",
     "encoder.sensor.full_well=2000",
     "encoder.sensor.read_noise=1",
-    "data.clips_per_epoch=20",
+    "data.clips_per_epoch=40",
     "data.scenes_count=1",
     "workers=1",
     "callbacks.pictures=null",
@@ -48,20 +48,20 @@ def test_killed_in_the_middle_of_an_epoch(
         start_new_session=True,
     )
     deadline = time.monotonic() + 120
-    while not last.is_file() or torch.load(last, weights_only=True)["global_step"] < 13:
+    while not last.is_file() or torch.load(last, weights_only=True)["global_step"] < 23:
         assert time.monotonic() < deadline and process.poll() is None, "the run ended before it could be killed"
         time.sleep(0.01)
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     step = torch.load(last, weights_only=True)["global_step"]
-    assert 13 <= step < 20  # of 2 epochs of 10 steps: in the middle of the second
+    assert 23 <= step < 40  # of 2 epochs of 20 steps: in the middle of the second
 
     resumed = command("train", *RUN, f"ckpt_path={last}", "out=resumed")
     assert resumed.returncode == 0, resumed.stderr
     one, other = (
         torch.load(tmp_path / name / "checkpoints" / "last.ckpt", weights_only=True) for name in ("whole", "resumed")
     )
-    assert one["global_step"] == other["global_step"] == 20
+    assert one["global_step"] == other["global_step"] == 40
     assert one["state_dict"].keys() == other["state_dict"].keys()
     for key, value in one["state_dict"].items():
         assert torch.equal(value, other["state_dict"][key]), key
