@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import pickle
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,11 +28,13 @@ class Checkpoint:
         path: of the file.
         config: the run's plain configuration: ``encoder``, ``decoder``, ``frames``, ``size``, ``names``, ...
         state: the system's state, ``encoder.*`` and ``decoder.*`` tensors by name.
+        trusted: packages beside this one whose modules its configuration may name.
     """
 
     path: Path
     config: dict[str, Any]
     state: dict[str, torch.Tensor]
+    trusted: tuple[str, ...] = ()
 
     def encoder(self) -> Encoder:
         """The trained encoder, built anew and filled.
@@ -59,7 +61,7 @@ class Checkpoint:
 
     def _build(self, config: Mapping[str, Any]) -> Any:
         for target in _targets(config):
-            _check_target(self.path, target)
+            _check_target(self.path, target, self.trusted)
         return instantiate(config, _convert_="all")
 
     def fill(self, part: str, module: nn.Module, name: str | None = None) -> None:
@@ -75,8 +77,8 @@ class Checkpoint:
         module.load_state_dict(state)
 
 
-def read_checkpoint(path: str | Path) -> Checkpoint:
-    """Read a checkpoint of this project.
+def read_checkpoint(path: str | Path, trusted: Iterable[str] = ()) -> Checkpoint:
+    """Read a checkpoint of this project; ``trusted`` packages beside it may be named by its configuration.
 
     Raises:
         BadInput: missing, damaged, foreign, or holding anything but tensors and plain values (nothing is executed).
@@ -87,7 +89,7 @@ def read_checkpoint(path: str | Path) -> Checkpoint:
             f"{path}: not a checkpoint of sci_lightning (no 'config' and 'state_dict' inside); "
             "give RUN/checkpoints/last.ckpt of a training run"
         )
-    return Checkpoint(Path(path), content["config"], content["state_dict"])
+    return Checkpoint(Path(path), content["config"], content["state_dict"], tuple(trusted))
 
 
 class SafeCheckpointIO(TorchCheckpointIO):
@@ -129,15 +131,16 @@ def _targets(config: Any) -> Iterator[str]:
             yield from _targets(value)
 
 
-def _check_target(path: Path, target: str) -> None:
-    """A checkpoint's configuration is data from elsewhere: it may name this project's modules and nothing else."""
-    if target.startswith("sci_lightning."):
+def _check_target(path: Path, target: str, trusted: tuple[str, ...]) -> None:
+    """A checkpoint's configuration is data from elsewhere: it may name modules of known packages and nothing else."""
+    known = ("sci_lightning", *trusted)
+    if target.split(".")[0] in known:
         found = get_object(target)
-        if inspect.isclass(found) and issubclass(found, nn.Module) and found.__module__.startswith("sci_lightning."):
+        if inspect.isclass(found) and issubclass(found, nn.Module) and found.__module__.split(".")[0] in known:
             return
     raise BadInput(
-        f"{path}: asks to build '{target}', which is not a module of sci_lightning; if you trust it, name it yourself: "
-        "encoder=... or decoder=... on the command line"
+        f"{path}: asks to build '{target}', which is not a module of sci_lightning; if you trust the package, say so: "
+        f"trusted=[{target.split('.')[0]}]"
     )
 
 

@@ -28,7 +28,7 @@ def evaluate(cfg: DictConfig) -> float:
     from sci_lightning.system import System
 
     out = Path(cfg.out)
-    checkpoint = read_checkpoint(cfg.ckpt_path)
+    checkpoint = read_checkpoint(cfg.ckpt_path, cfg.trusted)
     trained = checkpoint.config
     for key in ("frames", "size", "crop", "seed"):
         cfg[key] = trained[key] if cfg[key] is None else cfg[key]

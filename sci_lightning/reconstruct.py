@@ -27,7 +27,7 @@ def reconstruct(cfg: DictConfig) -> None:
     from sci_lightning.snapshot import read_snapshot
 
     out = Path(cfg.out)
-    checkpoint = read_checkpoint(cfg.ckpt_path)
+    checkpoint = read_checkpoint(cfg.ckpt_path, cfg.trusted)
     encoder, decoder = checkpoint.encoder(), checkpoint.decoder()
     measurement = read_snapshot(
         cfg.measurement, key=cfg.key, full_scale=cfg.full_scale, bit_depth=getattr(encoder.sensor, "bit_depth", 8)

@@ -13,6 +13,8 @@ import torch
 from scipy.io import savemat
 
 from sci_lightning.checkpoint import read_checkpoint
+from sci_lightning.decoder import E2ECNN
+from sci_lightning.errors import BadInput
 from tests.end_to_end.test_train import TINY
 from tests.test_configs import clips
 
@@ -153,6 +155,19 @@ def test_checkpoints_that_would_execute(refused: Refused, checkpoint: Path, tmp_
         torch.save(content, tmp_path / "c.ckpt")
         assert "not a module of sci_lightning" in refused("evaluate", "ckpt_path=c.ckpt", "data=synthetic")
     assert not (tmp_path / "executed").exists()
+
+
+def test_modules_of_a_trusted_package(checkpoint: Path) -> None:
+    content = torch.load(checkpoint, weights_only=True)
+    content["config"]["decoder"]["_target_"] = "tests.end_to_end.test_bad_input.Mine"
+    torch.save(content, checkpoint)
+    with pytest.raises(BadInput, match=r"trusted=\[tests\]"):
+        read_checkpoint(checkpoint).decoder()
+    assert type(read_checkpoint(checkpoint, ["tests"]).decoder()).__name__ == "Mine"
+
+
+class Mine(E2ECNN):
+    """A decoder that is not part of the package."""
 
 
 def test_checkpoints_that_are_none(refused: Refused, checkpoint: Path, tmp_path: Path) -> None:
