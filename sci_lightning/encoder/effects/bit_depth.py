@@ -1,0 +1,27 @@
+"""Bit depth: the converter has fewer bits than it says."""
+
+from __future__ import annotations
+
+from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.parameter import Parameter, Value
+
+
+class BitDepth(Effect):
+    """Only ``2 ** bits`` codes occur, spread evenly from 0 to full scale.
+
+    Args:
+        bits: effective, 1 to 16; none below the converter's own are lost when it has no more.
+    """
+
+    name = "bit_depth"
+    stage = "sensor"
+    rank = 60
+    about = {"bits": Parameter("bits", 16, choices=tuple(range(1, 17)))}
+    bits: int
+
+    @classmethod
+    def starts(cls, frames: int, size: tuple[int, int], bit_depth: int) -> list[dict[str, Value]]:
+        return [{"bits": bits} for bits in range(1, bit_depth)]
+
+    def effective_bits(self, bits: int) -> int:
+        return min(self.bits, bits)

@@ -1,0 +1,26 @@
+"""Black level: the converter's zero is off."""
+
+from __future__ import annotations
+
+import torch
+
+from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.signal import Signal
+
+
+class BlackLevel(Effect):
+    """The same offset in every pixel and capture; a negative one clips the dark.
+
+    Args:
+        offset: fraction of full scale, -1 to 1.
+    """
+
+    name = "black_level"
+    stage = "sensor"
+    rank = 55
+    about = {"offset": Parameter("full scale", 0.0, -1, 1, step=0.002, starts=(-0.02, 0.02))}
+    offset: torch.Tensor
+
+    def respond(self, signal: Signal) -> Signal:
+        return signal.with_mean(signal.mean + self.offset)

@@ -1,0 +1,41 @@
+"""Flicker: the light source pulsates."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import torch
+
+from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.exposure import Exposure
+
+FREQUENCIES = tuple(0.25 + 0.5 * step for step in range(9))
+PHASES = (-1.5 * math.pi / 2, -0.5 * math.pi / 2, 0.5 * math.pi / 2, 1.5 * math.pi / 2)
+
+
+class Flicker(Effect):
+    r"""The source shines as :math:`1 + A \sin(2 \pi f s / T + \varphi)`, s in slots from the exposure's start.
+
+    Every slot collects the integral, so that flicker much faster than a slot averages out.
+
+    Args:
+        amplitude: A, 0 to 1. frequency: f, cycles per exposure, 0.05 to 1000. phase: radian, -2 pi to 2 pi.
+    """
+
+    name = "flicker"
+    stage = "exposure"
+    rank = 31
+    about = {
+        "amplitude": Parameter("1", 0.0, 0, 1, step=0.01, starts=(0.1,)),
+        "frequency": Parameter("cycles per exposure", None, 0.05, 1000, step=0.02, starts=FREQUENCIES),
+        "phase": Parameter("rad", None, -2 * math.pi, 2 * math.pi, step=0.05, starts=PHASES),
+    }
+    amplitude: torch.Tensor
+    frequency: torch.Tensor
+    phase: torch.Tensor
+
+    def expose(self, exposure: Exposure) -> Exposure:
+        angle = 2 * math.pi * self.frequency / exposure.slots * exposure.times() + self.phase
+        return replace(exposure, power=exposure.power * (1 + self.amplitude * torch.sin(angle)))

@@ -1,0 +1,26 @@
+"""Gain: more or less light is turned into signal than the datasheet says."""
+
+from __future__ import annotations
+
+import torch
+
+from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.signal import Signal
+
+
+class Gain(Effect):
+    """Light times a factor, before its noise arises.
+
+    Args:
+        factor: 0.01 to 100.
+    """
+
+    name = "gain"
+    stage = "sensor"
+    rank = 50
+    about = {"factor": Parameter("1", 1.0, 0.01, 100, step=0.01, starts=(0.9, 1.1))}
+    factor: torch.Tensor
+
+    def respond(self, signal: Signal) -> Signal:
+        return signal.with_moments(signal.mean * self.factor, signal.variance * self.factor.square())

@@ -1,0 +1,28 @@
+"""Mask blur: the mask's image is out of focus, the scene is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+
+from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.relay import Pose
+
+
+class MaskBlur(Effect):
+    """The mask's image is blurred by a Gaussian, integrated over square mirrors and pixels.
+
+    Args:
+        sigma: standard deviation in pixels, 0 to 8.
+    """
+
+    name = "mask_blur"
+    stage = "relay"
+    rank = 23
+    about = {"sigma": Parameter("pixel", 0.0, 0, 8, step=0.03, starts=(0.3, 0.8))}
+    sigma: torch.Tensor
+
+    def aim(self, pose: Pose) -> Pose:
+        return replace(pose, sigma=self.sigma)

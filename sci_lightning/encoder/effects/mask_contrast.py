@@ -1,0 +1,25 @@
+"""Mask contrast: mirrors that are off still send some light."""
+
+from __future__ import annotations
+
+import torch
+
+from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.parameter import Parameter
+
+
+class MaskContrast(Effect):
+    r"""Finite contrast: :math:`D = l + (1 - l) M`.
+
+    Args:
+        leak: l, the part of the light that a mirror sends when off, 0 to 1.
+    """
+
+    name = "mask_contrast"
+    stage = "modulator"
+    rank = 13
+    about = {"leak": Parameter("1", 0.0, 0, 1, step=0.005, starts=(0.05,))}
+    leak: torch.Tensor
+
+    def show(self, patterns: torch.Tensor) -> torch.Tensor:
+        return self.leak + (1 - self.leak) * patterns

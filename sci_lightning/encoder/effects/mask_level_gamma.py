@@ -1,0 +1,25 @@
+"""Mask level gamma: gray levels of the mask come out wrong."""
+
+from __future__ import annotations
+
+import torch
+
+from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.parameter import Parameter
+
+
+class MaskLevelGamma(Effect):
+    r"""Displayed transmittance is a power of the one told: :math:`D = M^\gamma`. Binary masks do not show it.
+
+    Args:
+        gamma: 0.1 to 10.
+    """
+
+    name = "mask_level_gamma"
+    stage = "modulator"
+    rank = 12
+    about = {"gamma": Parameter("1", 1.0, 0.1, 10, step=0.02, starts=(0.8, 1.25))}
+    gamma: torch.Tensor
+
+    def show(self, patterns: torch.Tensor) -> torch.Tensor:
+        return torch.where(patterns > 0, patterns.clamp(min=1e-6) ** self.gamma, patterns)

@@ -1,0 +1,28 @@
+"""Mask rotation: the mask's image is turned on the sensor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+
+from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.relay import Pose, radians
+
+
+class MaskRotation(Effect):
+    """The mask's image is turned about the middle of the field.
+
+    Args:
+        angle: degrees, -45 to 45, positive from +x (right) to +y (down): clockwise on the screen.
+    """
+
+    name = "mask_rotation"
+    stage = "relay"
+    rank = 21
+    about = {"angle": Parameter("degree", 0.0, -45, 45, step=0.05, starts=(-2.0, -1.0, -0.4, 0.4, 1.0, 2.0))}
+    angle: torch.Tensor
+
+    def aim(self, pose: Pose) -> Pose:
+        return replace(pose, angle=radians(self.angle))

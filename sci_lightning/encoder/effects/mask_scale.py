@@ -1,0 +1,28 @@
+"""Mask scale: the mask's image has another size on the sensor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+
+from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.relay import Pose
+
+
+class MaskScale(Effect):
+    """The mask's image is magnified about the middle of the field; its brightness stays.
+
+    Args:
+        scale: 0.5 to 2; above 1 the image is larger.
+    """
+
+    name = "mask_scale"
+    stage = "relay"
+    rank = 22
+    about = {"scale": Parameter("1", 1.0, 0.5, 2, step=0.001, starts=(0.97, 0.985, 0.994, 1.006, 1.015, 1.03))}
+    scale: torch.Tensor
+
+    def aim(self, pose: Pose) -> Pose:
+        return replace(pose, scale=self.scale)

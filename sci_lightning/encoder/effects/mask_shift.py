@@ -1,0 +1,31 @@
+"""Mask shift: the mask's image is displaced on the sensor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+
+from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.relay import Pose
+
+STARTS = (-2.4, -1.2, -0.4, 0.0, 0.4, 1.2, 2.4)
+
+
+class MaskShift(Effect):
+    """The mask's image has moved; a fraction of a pixel is the exact overlap of square mirrors with pixels.
+
+    Args:
+        dx, dy: where it moved to, pixels, +x right and +y down, -32 to 32. What comes in from outside is dark.
+    """
+
+    name = "mask_shift"
+    stage = "relay"
+    rank = 20
+    about = {name: Parameter("pixel", 0.0, -32, 32, step=0.1, starts=STARTS) for name in ("dx", "dy")}
+    dx: torch.Tensor
+    dy: torch.Tensor
+
+    def aim(self, pose: Pose) -> Pose:
+        return replace(pose, dx=self.dx, dy=self.dy)

@@ -1,0 +1,51 @@
+"""One parameter of an effect: its unit, its range, where it does nothing, and where a search for it begins."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from sci_lightning.errors import BadInput
+
+Value: TypeAlias = float | int | str
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number within bounds, or a choice.
+
+    Attributes:
+        unit: as in ``pixel``; ``1`` for a ratio, empty for a choice.
+        neutral: the value at which the effect is the identity; None where there is none (the phase of a flicker).
+        low, high: bounds of a number, both included.
+        step: a difference that is small but can be seen in the measurement; derivatives are taken over it.
+        starts: values from which a search sets out; the neutral value need not be among them.
+        choices: all values of a discrete parameter, in the place of bounds; they are enumerated.
+        log: whether it is its logarithm that is fitted (a positive number of unknown size); ``step`` is then relative.
+    """
+
+    unit: str
+    neutral: Value | None
+    low: float = -math.inf
+    high: float = math.inf
+    step: float = 1e-2
+    starts: tuple[float, ...] = ()
+    choices: tuple[Value, ...] = ()
+    log: bool = False
+
+    def read(self, where: str, value: Any) -> Value:
+        """``value`` as this parameter takes it.
+
+        Raises:
+            BadInput: not a number, not finite, out of bounds, or not one of the choices; names ``where``.
+        """
+        if self.choices:
+            if value not in self.choices:
+                raise BadInput(f"{where} must be one of {', '.join(map(str, self.choices))}; got {value!r}")
+            return value
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if not number or not self.low <= value <= self.high or not math.isfinite(value):
+            unit = "" if self.unit == "1" else f" {self.unit}"
+            raise BadInput(f"{where} must be a number from {self.low:g} to {self.high:g}{unit}, got {value!r}")
+        return float(value)

@@ -1,0 +1,29 @@
+"""Pattern order: the sequence starts some slots early or late."""
+
+from __future__ import annotations
+
+import torch
+
+from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.parameter import Parameter, Value
+
+
+class PatternOrder(Effect):
+    r"""Slot t displays the pattern told for slot t - offset, cyclically: :math:`D_t = M_{(t - o) \bmod T}`.
+
+    Args:
+        offset: o, whole slots, -64 to 64.
+    """
+
+    name = "pattern_order"
+    stage = "modulator"
+    rank = 10
+    about = {"offset": Parameter("slots", 0, choices=tuple(range(-64, 65)))}
+    offset: int
+
+    @classmethod
+    def starts(cls, frames: int, size: tuple[int, int], bit_depth: int) -> list[dict[str, Value]]:
+        return [{"offset": step} for step in range(-((frames - 1) // 2), frames // 2 + 1) if step]
+
+    def schedule(self, slots: int) -> torch.Tensor:
+        return torch.eye(slots).roll(self.offset, 0)

@@ -1,0 +1,27 @@
+"""Read noise: the amplifier's own."""
+
+from __future__ import annotations
+
+import torch
+
+from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.signal import Signal
+
+
+class ReadNoise(Effect):
+    """Gaussian noise that does not depend on the light.
+
+    Args:
+        std: DN, 0 to 1000.
+    """
+
+    name = "read_noise"
+    stage = "sensor"
+    rank = 59
+    about = {"std": Parameter("DN", 0.0, 0, 1000, step=0.03, starts=(0.5, 1.5, 4.0))}
+    noise = True
+    std: torch.Tensor
+
+    def respond(self, signal: Signal) -> Signal:
+        return signal.with_moments(signal.mean, signal.variance + (self.std * signal.dn).square())

@@ -1,0 +1,32 @@
+"""Response gamma: the sensor answers with a power of the light."""
+
+from __future__ import annotations
+
+import torch
+
+from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.signal import Signal
+
+
+class ResponseGamma(Effect):
+    r"""Out = in ** gamma, of the signal with its noise: :math:`\sigma`-points carry mean and variance through.
+
+    Args:
+        gamma: 0.1 to 10.
+    """
+
+    name = "response_gamma"
+    stage = "sensor"
+    rank = 54
+    about = {"gamma": Parameter("1", 1.0, 0.1, 10, step=0.01, starts=(0.8, 1.25))}
+    gamma: torch.Tensor
+
+    def respond(self, signal: Signal) -> Signal:
+        deviation = (signal.variance + 1e-12).sqrt()
+        above, below = self._power(signal.mean + deviation), self._power(signal.mean - deviation)
+        return signal.with_moments((above + below) / 2, (above - below).square() / 4)
+
+    def _power(self, x: torch.Tensor) -> torch.Tensor:
+        """The power, odd about 0 and with a finite slope there."""
+        return x * (x.square() + 1e-8) ** ((self.gamma - 1) / 2)

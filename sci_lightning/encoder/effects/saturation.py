@@ -1,0 +1,37 @@
+"""Saturation: the pixels' wells are full before the converter is."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+
+from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.signal import Signal
+
+
+class Saturation(Effect):
+    """Signal beyond ``level`` is lost, its noise with it: the moments of a Gaussian that is cut off above.
+
+    Args:
+        level: fraction of full scale, 0 to 1; at 1 the converter clips first.
+    """
+
+    name = "saturation"
+    stage = "sensor"
+    rank = 53
+    about = {"level": Parameter("full scale", 1.0, 0, 1, step=0.005, starts=(0.95, 0.85, 0.7, 0.55))}
+    level: torch.Tensor
+
+    def respond(self, signal: Signal) -> Signal:
+        if float(self.level) >= 1:
+            return signal
+        beyond = signal.mean - self.level
+        deviation = (signal.variance + 1e-12).sqrt()
+        z = (beyond / deviation).clamp(-30, 30)
+        below = torch.special.ndtr(-z)
+        edge = torch.exp(-z.square() / 2) / math.sqrt(2 * math.pi)
+        mean = beyond * below - deviation * edge
+        square = (beyond.square() + deviation.square()) * below - beyond * deviation * edge
+        return signal.with_moments(self.level + mean, (square - mean.square()).clamp(min=0))

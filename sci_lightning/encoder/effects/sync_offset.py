@@ -1,0 +1,30 @@
+"""Synchronisation offset: the mirrors switch a part of a slot late or early."""
+
+from __future__ import annotations
+
+import torch
+
+from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.parameter import Parameter
+
+
+class SyncOffset(Effect):
+    r"""A part of every slot shows its neighbour: :math:`D_t = (1 - o) M_t + o M_{t-1}`, cyclically.
+
+    Early (o < 0) it is the next pattern, :math:`(1 - |o|) M_t + |o| M_{t+1}`: light is never negative. Whole slots are
+    :class:`PatternOrder`'s.
+
+    Args:
+        offset: o, slots, -0.5 to 0.5; positive: late.
+    """
+
+    name = "sync_offset"
+    stage = "modulator"
+    rank = 15
+    about = {"offset": Parameter("slots", 0.0, -0.5, 0.5, step=0.01, starts=(-0.25, 0.25))}
+    offset: torch.Tensor
+
+    def schedule(self, slots: int) -> torch.Tensor:
+        own = torch.eye(slots, device=self.offset.device)
+        late, early = self.offset.clamp(min=0), (-self.offset).clamp(min=0)
+        return (1 - late - early) * own + late * own.roll(1, 0) + early * own.roll(-1, 0)

@@ -1,0 +1,29 @@
+"""Veiling glare: some of the light spreads over the whole image."""
+
+from __future__ import annotations
+
+import torch
+
+from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.signal import Signal
+
+
+class VeilingGlare(Effect):
+    r"""A part of the light is spread evenly: :math:`(1 - f)\, x + f\, \bar x`, the mean over the image.
+
+    A window of the field takes its own mean.
+
+    Args:
+        fraction: f, 0 to 1.
+    """
+
+    name = "veiling_glare"
+    stage = "optics"
+    rank = 42
+    about = {"fraction": Parameter("1", 0.0, 0, 1, step=0.005, starts=(0.05,))}
+    fraction: torch.Tensor
+
+    def form(self, signal: Signal) -> Signal:
+        even = signal.mean.mean((-2, -1), keepdim=True)
+        return signal.with_mean((1 - self.fraction) * signal.mean + self.fraction * even)

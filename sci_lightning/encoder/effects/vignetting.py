@@ -1,0 +1,28 @@
+"""Vignetting: less light towards the corners."""
+
+from __future__ import annotations
+
+import torch
+
+from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.signal import Signal
+
+
+class Vignetting(Effect):
+    r"""Light is lost as :math:`1 - s\, r^2 / R^2`, r from the middle of the field, R at the centre of the corner pixel.
+
+    Args:
+        strength: s, the part lost in the corner, 0 to 1.
+    """
+
+    name = "vignetting"
+    stage = "optics"
+    rank = 41
+    about = {"strength": Parameter("1", 0.0, 0, 1, step=0.01, starts=(0.1,))}
+    strength: torch.Tensor
+
+    def form(self, signal: Signal) -> Signal:
+        y, x = signal.coordinates()
+        corner = ((signal.field[0] - 1) / 2) ** 2 + ((signal.field[1] - 1) / 2) ** 2
+        return signal.with_mean(signal.mean * (1 - self.strength * (y.square() + x.square()) / corner))

@@ -1,0 +1,61 @@
+"""Light on its way to the converter: what is expected in every pixel, and how much it varies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Mean and variance of every pixel, and where the pixels are.
+
+    Attributes:
+        mean: ``(N, H, W)`` expected signal, 1 at full scale; ``(N, q H, q W)`` while a pixel counts as q x q cells.
+        variance: ``(N, H, W)`` or one that broadcasts to it; of the mean's unit squared.
+        exposure: ``(N, 1, 1)`` integration time relative to nominal: dark signal scales with it.
+        dn: the fraction of full scale that is one DN.
+        origin: (row, column) of the first pixel within the field.
+        field: (height, width) of the whole field, of which these pixels may be a window.
+        cells: q; 1 from the sensor on.
+    """
+
+    mean: torch.Tensor
+    variance: torch.Tensor
+    exposure: torch.Tensor
+    dn: float
+    origin: tuple[int, int]
+    field: tuple[int, int]
+    cells: int = 1
+
+    def with_mean(self, mean: torch.Tensor) -> Signal:
+        """The same with another mean."""
+        return replace(self, mean=mean)
+
+    def with_moments(self, mean: torch.Tensor, variance: torch.Tensor) -> Signal:
+        """The same with another mean and variance."""
+        return replace(self, mean=mean, variance=variance)
+
+    def pooled(self) -> Signal:
+        """The same with whole pixels: the mean of their cells."""
+        if self.cells == 1:
+            return self
+        mean = torch.nn.functional.avg_pool2d(self.mean[:, None], self.cells)[:, 0]
+        return replace(self, mean=mean, cells=1)
+
+    def window(self, chart: torch.Tensor) -> torch.Tensor:
+        """The part of a ``(H, W)`` map of the whole field (or ``(1, W)``, ``(H, 1)``) that these pixels see."""
+        (top, left), (height, width) = self.origin, self.mean.shape[-2:]
+        rows = slice(top, top + height) if chart.shape[-2] > 1 else slice(None)
+        columns = slice(left, left + width) if chart.shape[-1] > 1 else slice(None)
+        return chart[..., rows, columns]
+
+    def coordinates(self) -> tuple[torch.Tensor, torch.Tensor]:
+        """y ``(H, 1)`` and x ``(1, W)`` of the pixels' centres, in pixels from the middle of the field."""
+        (top, left), (height, width) = self.origin, self.mean.shape[-2:]
+        count: Any = {"device": self.mean.device, "dtype": self.mean.dtype}
+        y = torch.arange(top, top + height, **count) - (self.field[0] - 1) / 2
+        x = torch.arange(left, left + width, **count) - (self.field[1] - 1) / 2
+        return y[:, None], x[None]
