@@ -1,0 +1,141 @@
+"""A hypothesis about the camera, and what it predicts for every capture."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import torch
+
+from sci_lightning.diagnosis.likelihood import LEAST_DEVIATION
+from sci_lightning.diagnosis.observation import Observation
+from sci_lightning.encoder.effects import ChartEffect, Effect
+from sci_lightning.encoder.effects.parameter import Value
+from sci_lightning.encoder.light_path import LightPath
+from sci_lightning.encoder.signal import Signal
+
+Setting = dict[str, Value]
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Effects by name: the values of their parameters, and the maps of those that have one.
+
+    Attributes:
+        effects: values by parameter, by effect.
+        charts: ``(H, W)``, ``(1, W)`` or ``(H, 1)`` maps by effect, in the effect's own unit (standard deviation and all).
+    """
+
+    effects: dict[str, Setting]
+    charts: dict[str, torch.Tensor] = field(default_factory=dict)
+
+    def having(self, name: str, setting: Setting, chart: torch.Tensor | None = None) -> Hypothesis:
+        """The same with an effect set so; its chart stays, unless one is given."""
+        charts = self.charts if chart is None else {**self.charts, name: chart}
+        return Hypothesis({**self.effects, name: dict(setting)}, charts)
+
+    def without(self, name: str) -> Hypothesis:
+        """The same without an effect."""
+        effects = {each: values for each, values in self.effects.items() if each != name}
+        return Hypothesis(effects, {each: chart for each, chart in self.charts.items() if each != name})
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Mean and standard deviation of every pixel before the converter, ``(N, H, W)`` in DN, and its effective bits."""
+
+    mean: torch.Tensor
+    deviation: torch.Tensor
+    bits: int
+
+
+class CameraModel:
+    """Predicts captures from hypotheses.
+
+    What light does before the sensor is remembered for the last few hypotheses: fits change one parameter at a time.
+
+    Args:
+        observation: the captures.
+        vocabulary: every effect that may be named, by name.
+        memory: how many light fields to remember.
+    """
+
+    def __init__(self, observation: Observation, vocabulary: Mapping[str, type[Effect]], memory: int = 6) -> None:
+        self.observation = observation
+        self.vocabulary = dict(vocabulary)
+        self._memory = memory
+        self._modulated: OrderedDict[Any, Any] = OrderedDict()
+        self._formed: OrderedDict[Any, Any] = OrderedDict()
+
+    def path(self, hypothesis: Hypothesis) -> LightPath:
+        """The hypothesis as modules."""
+        effects = []
+        for name, values in hypothesis.effects.items():
+            effect = self.vocabulary[name](**values)
+            if isinstance(effect, ChartEffect):
+                _fill(effect, hypothesis.charts.get(name), self.observation.size)
+            effects.append(effect)
+        return LightPath(effects)
+
+    @torch.no_grad()
+    def predict(self, hypothesis: Hypothesis) -> Prediction:
+        """Mean and deviation of every pixel; see :class:`Prediction`."""
+        seen, path = self.observation, self.path(hypothesis)
+        early = tuple(_key(effect) for stage in ("modulator", "relay", "exposure") for effect in path.of(stage))
+        lens = tuple(_key(effect) for effect in path.of("optics"))
+        formed = self._recall(self._formed, (early, path.cells, lens), lambda: self._form(path, early))
+        signal = path.respond(replace(formed, variance=torch.zeros(())))
+        deviation = signal.variance.sqrt() * seen.full_scale
+        deviation = deviation.expand_as(signal.mean).clamp(min=LEAST_DEVIATION)
+        return Prediction(signal.mean * seen.full_scale, deviation, path.effective_bits(seen.bit_depth))
+
+    def _form(self, path: LightPath, early: tuple[Any, ...]) -> Signal:
+        modulated = self._recall(self._modulated, (early, path.cells), lambda: self._modulate(path))
+        return path.form(modulated)
+
+    def _modulate(self, path: LightPath) -> Signal:
+        seen, cells = self.observation, path.cells
+        masks = path.transmittance(seen.patterns, seen.sequences)
+        summed: dict[int, torch.Tensor] = {}
+        images = []
+        for scene, which in zip(seen.scene, seen.sequence.tolist(), strict=True):
+            if scene.shape[0] == 1:  # at rest: the masks may be added up first
+                if which not in summed:
+                    summed[which] = masks[which].sum(0)
+                images.append(summed[which] * _fine(scene, cells)[0])
+            elif scene.shape[1:] == (1, 1):
+                images.append(torch.einsum("thw,t->hw", masks[which], scene[:, 0, 0]))
+            else:
+                images.append((masks[which] * _fine(scene, cells)).sum(0))
+        light = torch.stack(images) * seen.aperture
+        return Signal(light, torch.zeros(()), seen.exposure, 1 / seen.full_scale, (0, 0), seen.size, cells)
+
+    def _recall(self, memory: OrderedDict[Any, Any], key: Any, make: Any) -> Any:
+        if key not in memory:
+            memory[key] = make()
+            if len(memory) > self._memory:
+                memory.popitem(last=False)
+        memory.move_to_end(key)
+        return memory[key]
+
+
+def _fill(effect: ChartEffect, chart: torch.Tensor | None, size: tuple[int, int]) -> None:
+    """Give the effect its map: in units of its standard deviation, where it has one."""
+    shape = effect.shape(size)
+    if chart is None:
+        effect.map = torch.zeros(shape)
+    elif "std" in effect.about:
+        effect.map = chart / max(float(effect.std), 1e-12)
+    else:
+        effect.map = chart
+
+
+def _key(effect: Effect) -> Any:
+    chart = effect.map.sum().item() if isinstance(effect, ChartEffect) else None
+    return (effect.name, tuple(effect.values.items()), chart)
+
+
+def _fine(scene: torch.Tensor, cells: int) -> torch.Tensor:
+    return scene if cells == 1 else scene.repeat_interleave(cells, -1).repeat_interleave(cells, -2)

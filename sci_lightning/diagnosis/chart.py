@@ -1,0 +1,164 @@
+"""Maps: one number for every pixel, column or row, each with a Gaussian prior whose width is found from all of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+
+from sci_lightning.diagnosis.camera_model import CameraModel, Hypothesis, Prediction, Setting
+from sci_lightning.diagnosis.likelihood import Score
+
+STEP = 1e-3
+"""Difference over which the derivative by a map's values is taken."""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """The state of one map during a fit.
+
+    Attributes:
+        name: of the effect.
+        kind: ``pixel``, ``column``, ``row``, or ``hot``: few values that are positive, the others 0.
+        values: the map.
+        jacobian: ``(N, H, W)`` of the mean by the map's value there.
+        slope, weight: of the log-likelihood by each value, the fitted pixels summed: same shape as the map.
+        std: of the prior; for a hot map unused.
+        std_error: of that, from the curvature of the marginal likelihood.
+        cost: nats: prior and uncertainty of the values given (what the marginal likelihood takes off).
+        evidence: nats gained by the map over none, to second order.
+    """
+
+    name: str
+    kind: str
+    values: torch.Tensor
+    jacobian: torch.Tensor
+    slope: torch.Tensor
+    weight: torch.Tensor
+    std: float
+    std_error: float
+    cost: float
+    evidence: float
+
+    @property
+    def response(self) -> torch.Tensor:
+        """Variance of each value given everything else."""
+        if self.kind == "hot":
+            return torch.where(self.values > 0, 1 / self.weight.clamp(min=1e-9), 0.0)
+        return 1 / (self.weight + 1 / max(self.std, 1e-9) ** 2)
+
+    @property
+    def pull(self) -> torch.Tensor:
+        """Slope of the penalised log-likelihood by each value."""
+        if self.kind == "hot":
+            return self.slope
+        return self.slope - self.values / max(self.std, 1e-9) ** 2
+
+    @property
+    def variance(self) -> torch.Tensor:
+        """Of each value after the fit, float32."""
+        return self.response.float()
+
+    def gather(self, field: torch.Tensor) -> torch.Tensor:
+        """Sum a ``(.., N, H, W)`` field over all that shares one value of the map: ``(.., *map)``."""
+        return _gather(self.kind, field)
+
+    def updated(self, followed: torch.Tensor) -> tuple[Setting, torch.Tensor]:
+        """The map one Newton step on, having followed the parameters' step; and the effect's setting."""
+        if self.kind == "hot":
+            hot = _hot(self.slope, self.weight, self.values)
+            best = self.values + self.slope / self.weight.clamp(min=1e-9)
+            values = torch.where(hot, best - followed, 0.0).clamp(min=0).float()
+            return {"fraction": float((values > 0).float().mean())}, values
+        values = (self.values + self.response * self.pull - followed).float()
+        return {"std": self.std}, values
+
+    def cost_of(self, hypothesis: Hypothesis) -> float:
+        """Nats of the map in another hypothesis, the weights as they are here."""
+        values = hypothesis.charts[self.name]
+        if self.kind == "hot":
+            return float((values > 0).sum()) * _toll(values)
+        return _cost(values.double(), self.weight, self.std)
+
+
+def chart_of(
+    model: CameraModel, hypothesis: Hypothesis, name: str, prediction: Prediction, now: Score, use: torch.Tensor
+) -> Chart:
+    """The map of an effect at a hypothesis: its derivatives, and the prior's width that makes the captures likeliest."""
+    kind = model.vocabulary[name].chart or ""
+    shape = model.vocabulary[name].shape(model.observation.size)  # type: ignore[attr-defined]
+    values = hypothesis.charts.get(name, torch.zeros(shape))
+    setting = {parameter: 1.0 if parameter == "std" else 0.5 for parameter in model.vocabulary[name].about}
+    shifted = model.predict(hypothesis.having(name, setting, values + STEP))
+    if name in hypothesis.effects and name in hypothesis.charts:
+        base = prediction
+    else:
+        base = model.predict(hypothesis.having(name, setting, values))
+    jacobian = (shifted.mean - base.mean) / STEP
+    slope = _gather(kind, jacobian * now.slope * use).double()
+    weight = _gather(kind, jacobian.square() * now.weight * use).double()
+    known = values.double()
+    if kind == "hot":
+        hot = _hot(slope, weight, known)
+        gained = 0.5 * (slope + weight * known).square() / weight.clamp(min=1e-9)
+        evidence = float((gained - _toll(values))[hot].sum())
+        count = float(hot.sum())
+        return Chart(
+            name,
+            kind,
+            known,
+            jacobian,
+            slope,
+            weight,
+            count / values.numel(),
+            math.sqrt(max(count, 1)) / values.numel(),
+            float((known > 0).sum()) * _toll(values),
+            evidence,
+        )
+    pull = slope + weight * known
+    std, evidence, error = _widest(pull, weight)
+    return Chart(name, kind, known, jacobian, slope, weight, std, error, _cost(known, weight, std), evidence)
+
+
+def _gather(kind: str, field: torch.Tensor) -> torch.Tensor:
+    field = field.sum(-3)
+    if kind == "column":
+        return field.sum(-2, keepdim=True)
+    return field.sum(-1, keepdim=True) if kind == "row" else field
+
+
+def _hot(slope: torch.Tensor, weight: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
+    pull = slope + weight * values
+    return (pull > 0) & (0.5 * pull.square() / weight.clamp(min=1e-9) > _toll(values))
+
+
+def _toll(values: torch.Tensor) -> float:
+    """Nats that naming one more hot pixel costs: which one of all, and how hot."""
+    return math.log(values.numel()) + 5.0
+
+
+def _cost(values: torch.Tensor, weight: torch.Tensor, std: float) -> float:
+    std = max(std, 1e-9)
+    return float(0.5 * (values / std).square().sum() + 0.5 * torch.log1p(std**2 * weight).sum())
+
+
+def _marginal(pull: torch.Tensor, weight: torch.Tensor, std: float) -> float:
+    shrink = std**2 / (1 + std**2 * weight)
+    return float(0.5 * (pull.square() * shrink).sum() - 0.5 * torch.log1p(std**2 * weight).sum())
+
+
+def _widest(pull: torch.Tensor, weight: torch.Tensor) -> tuple[float, float, float]:
+    """The prior's standard deviation of the largest marginal likelihood, its gain over 0, its standard error."""
+    grid = torch.logspace(-6, 0, 61, dtype=torch.float64).tolist()
+    gains = [_marginal(pull, weight, std) for std in grid]
+    best = max(range(len(grid)), key=gains.__getitem__)
+    low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+    for _ in range(40):
+        a, b = low + 0.382 * (high - low), low + 0.618 * (high - low)
+        low, high = (low, b) if _marginal(pull, weight, a) > _marginal(pull, weight, b) else (a, high)
+    std = (low + high) / 2
+    gain = _marginal(pull, weight, std)
+    step = 0.02 * std
+    curvature = -(_marginal(pull, weight, std + step) - 2 * gain + _marginal(pull, weight, std - step)) / step**2
+    return std, gain, 1 / math.sqrt(curvature) if curvature > 0 else std

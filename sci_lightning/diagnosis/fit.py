@@ -1,0 +1,234 @@
+"""Joint fits: all parameters of a hypothesis and its maps, by Newton's method on the interval likelihood."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import torch
+
+from sci_lightning.diagnosis.camera_model import CameraModel, Hypothesis, Prediction
+from sci_lightning.diagnosis.chart import Chart, chart_of
+from sci_lightning.diagnosis.likelihood import Intervals, Score, log_likelihood, score
+from sci_lightning.diagnosis.split import Split
+
+DIFFERENCE = 0.1
+"""Derivatives are differences over so much of a parameter's step."""
+ENOUGH = 0.05
+"""Nats; a fit that gains less in an iteration has arrived."""
+
+Name = tuple[str, str]
+"""Effect and parameter."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted hypothesis.
+
+    Attributes:
+        hypothesis: with its best parameters and maps.
+        prediction: of every capture.
+        fitted: log-likelihood of the fitted pixels, the maps' prior and uncertainty counted in, nats.
+        held: log-likelihood of the pixels held out.
+        free: what was fitted.
+        information: ``(p, p)`` of the free parameters (as fitted: of logarithms, where they are), maps marginalised.
+        jacobian: ``(p, N, H, W)`` of the mean, DN per unit; None unless asked for.
+        charts: the maps' own statistics, by effect.
+    """
+
+    hypothesis: Hypothesis
+    prediction: Prediction
+    fitted: float
+    held: float
+    free: tuple[Name, ...] = ()
+    information: torch.Tensor = field(default_factory=lambda: torch.zeros(0, 0))
+    charts: dict[str, Chart] = field(default_factory=dict)
+
+    @property
+    def total(self) -> float:
+        """Nats, fitted and held out."""
+        return self.fitted + self.held
+
+
+class Fitter:
+    """Fits hypotheses to the fitted part of the captures.
+
+    Args:
+        model: what predicts.
+        split: which pixels may be seen.
+    """
+
+    def __init__(self, model: CameraModel, split: Split) -> None:
+        self.model = model
+        self.split = split
+        self.use = split.fitted.float()
+        self._intervals: dict[int, Intervals] = {}
+
+    def intervals(self, bits: int) -> Intervals:
+        """Of the captures' DN, for so many effective bits."""
+        if bits not in self._intervals:
+            seen = self.model.observation
+            self._intervals[bits] = Intervals.of(seen.dn, seen.bit_depth, bits)
+        return self._intervals[bits]
+
+    def score(self, prediction: Prediction) -> Score:
+        """Log-likelihood and derivatives of every pixel."""
+        return score(self.intervals(prediction.bits), prediction.mean, prediction.deviation)
+
+    def values(self, prediction: Prediction) -> torch.Tensor:
+        """Log-likelihood of every pixel ``(N, H, W)``."""
+        return log_likelihood(self.intervals(prediction.bits), prediction.mean, prediction.deviation)
+
+    def free_parameters(self, hypothesis: Hypothesis) -> list[Name]:
+        """All numbers that a fit may move; choices and the sizes of maps are found otherwise."""
+        found = []
+        for name in hypothesis.effects:
+            effect = self.model.vocabulary[name]
+            if effect.chart is None:
+                found += [(name, each) for each, about in effect.about.items() if not about.choices]
+        return found
+
+    def fit(
+        self, hypothesis: Hypothesis, iterations: int = 12, fixed: tuple[Name, ...] = (), charts: bool = True
+    ) -> Fit:
+        """The best parameters near those given.
+
+        Args:
+            hypothesis: where to start.
+            iterations: at most.
+            fixed: parameters that stay as they are.
+            charts: whether maps are fitted too.
+        """
+        free = [each for each in self.free_parameters(hypothesis) if each not in fixed]
+        damping, value = 1e-3, -math.inf
+        prediction = self.model.predict(hypothesis)
+        found: dict[str, Chart] = {}
+        information = torch.zeros(len(free), len(free))
+        for _ in range(iterations):
+            now = self.score(prediction)
+            if charts:
+                found = {
+                    name: chart_of(self.model, hypothesis, name, prediction, now, self.use)
+                    for name in hypothesis.effects
+                    if self.model.vocabulary[name].chart
+                }
+            slope, information, couplings = self._newton(hypothesis, free, prediction, now, found)
+            if not math.isfinite(value):
+                value = float((now.value * self.use).sum(dtype=torch.float64)) - sum(c.cost for c in found.values())
+            before = value
+            for _attempt in range(6):
+                moved, step = self._move(hypothesis, free, slope, information, damping)
+                for name, chart in found.items():
+                    setting, values = chart.updated(torch.einsum("p...,p->...", couplings[name], step))
+                    moved = moved.having(name, setting, values)
+                trial = self.model.predict(moved)
+                reached = float((self.values(trial) * self.use).sum(dtype=torch.float64))
+                reached -= sum(c.cost_of(moved) for c in found.values())
+                if reached >= value:
+                    hypothesis, prediction, value = moved, trial, reached
+                    damping = max(damping / 10, 1e-6)
+                    break
+                damping = max(damping * 20, 1e-2)
+            if value - before < ENOUGH:
+                break
+        held = float((self.values(self._uncertain(prediction, found)) * (1 - self.use)).sum(dtype=torch.float64))
+        return Fit(hypothesis, prediction, value, held, tuple(free), information, found)
+
+    def jacobian(
+        self, hypothesis: Hypothesis, free: list[Name], prediction: Prediction
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Derivatives of mean and of the logarithm of the deviation, ``(p, N, H, W)`` each."""
+        means, spreads = [], []
+        spread = prediction.deviation.log()
+        for name, parameter in free:
+            about = self.model.vocabulary[name].about[parameter]
+            value = float(hypothesis.effects[name][parameter])
+            step = about.step * DIFFERENCE
+            at = math.log(value) if about.log else value
+            moved = math.exp(at + step) if about.log else at + step
+            if moved > about.high:
+                step = -step
+                moved = math.exp(at + step) if about.log else at + step
+            shifted = self.model.predict(hypothesis.having(name, {**hypothesis.effects[name], parameter: moved}))
+            means.append((shifted.mean - prediction.mean) / step)
+            spreads.append((shifted.deviation.log() - spread) / step)
+        empty = torch.zeros(0, *prediction.mean.shape)
+        return (torch.stack(means), torch.stack(spreads)) if free else (empty, empty)
+
+    def _newton(
+        self, hypothesis: Hypothesis, free: list[Name], prediction: Prediction, now: Score, charts: dict[str, Chart]
+    ) -> tuple[torch.Tensor, torch.Tensor, dict[str, torch.Tensor]]:
+        """Slope and information of the free parameters, the maps eliminated, and how the maps follow them."""
+        mean, spread = self.jacobian(hypothesis, free, prediction)
+        count = len(free)
+        weighted, spread_weighted = mean * (now.weight * self.use), spread * (now.spread_weight * self.use)
+        slope = (mean * (now.slope * self.use)).flatten(1).sum(1, dtype=torch.float64)
+        slope += (spread * (now.spread * self.use)).flatten(1).sum(1, dtype=torch.float64)
+        information = (weighted.view(count, -1) @ mean.view(count, -1).T).double()
+        information += (spread_weighted.view(count, -1) @ spread.view(count, -1).T).double()
+        couplings = {}
+        for name, chart in charts.items():
+            cross = chart.gather(weighted * chart.jacobian).double()  # (p, *map)
+            follow = cross * chart.response
+            slope -= (follow * chart.pull).flatten(1).sum(1)
+            information -= follow.flatten(1) @ cross.flatten(1).T
+            couplings[name] = follow
+        return slope, information, couplings
+
+    def _move(
+        self, hypothesis: Hypothesis, free: list[Name], slope: torch.Tensor, information: torch.Tensor, damping: float
+    ) -> tuple[Hypothesis, torch.Tensor]:
+        """One damped step, within bounds: parameters that press against theirs stay there."""
+        count = len(free)
+        step = torch.zeros(count, dtype=torch.float64)
+        inside = torch.ones(count, dtype=torch.bool)
+        diagonal = information.diagonal().clamp(min=1e-9)
+        for _ in range(count + 1):
+            index = inside.nonzero()[:, 0]
+            if not len(index):
+                break
+            matrix = information[index][:, index] + torch.diag(damping * diagonal[index])
+            step.zero_()
+            step[index] = torch.linalg.lstsq(matrix, slope[index][:, None], driver="gelsd").solution[:, 0]
+            pressed = [
+                i
+                for i in index.tolist()
+                if self._limit(hypothesis, free[i], float(step[i])) is not None
+                and abs(self._limit(hypothesis, free[i], float(step[i])) or 0.0) < 1e-12
+            ]
+            if not pressed:
+                break
+            inside[pressed] = False
+        step[~inside] = 0
+        moved = hypothesis
+        for i, (name, parameter) in enumerate(free):
+            limit = self._limit(hypothesis, (name, parameter), float(step[i]))
+            if limit is not None:
+                step[i] = limit
+            about = self.model.vocabulary[name].about[parameter]
+            value = float(hypothesis.effects[name][parameter])
+            new = value * math.exp(float(step[i])) if about.log else value + float(step[i])
+            new = min(max(new, about.low), about.high)
+            moved = moved.having(name, {**moved.effects[name], parameter: new})
+        return moved, step
+
+    def _limit(self, hypothesis: Hypothesis, which: Name, step: float) -> float | None:
+        """What is left of a step that leaves the parameter's range, or goes further than its derivative can tell."""
+        name, parameter = which
+        about = self.model.vocabulary[name].about[parameter]
+        value = float(hypothesis.effects[name][parameter])
+        if about.log:
+            low, high = math.log(max(about.low, 1e-300) / value), math.log(about.high / value)
+            low, high = max(low, -1.5), min(high, 1.5)
+        else:
+            low, high = max(about.low - value, -20 * about.step), min(about.high - value, 20 * about.step)
+        if step < low:
+            return low
+        return high if step > high else None
+
+    def _uncertain(self, prediction: Prediction, charts: dict[str, Chart]) -> Prediction:
+        """The prediction with the maps' uncertainty in its deviation, as fair for pixels that were not fitted."""
+        variance = prediction.deviation.square()
+        for chart in charts.values():
+            variance = variance + chart.jacobian.square() * chart.variance
+        return Prediction(prediction.mean, variance.sqrt(), prediction.bits) if charts else prediction

@@ -1,0 +1,110 @@
+"""What the captures say, in the form in which a model is held against them."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from sci_lightning.captures import Captures, infer_kind
+
+from sci_lightning.errors import BadInput
+
+
+@dataclass(frozen=True)
+class Observation:
+    """The captures whose scenes are known, sorted by their content so that their order in the file does not matter.
+
+    Attributes:
+        patterns: ``(P, H, W)`` told to the modulator.
+        sequences: ``(U, T)`` the different sequences of patterns.
+        sequence: ``(N,)`` which of them each capture used.
+        scene: N tensors that broadcast to ``(T, H, W)``: ``(T, 1, 1)`` when even, ``(1, H, W)`` at rest.
+        aperture, exposure: ``(N, 1, 1)``.
+        dn: ``(N, H, W)`` float32 raw DN.
+        bit_depth: of the converter.
+        kinds: N kinds told by the content, whatever the labels say.
+        number: ``(N,)`` place of each capture in the file.
+        read_noise, full_well: the datasheet, DN and electrons; None where it is silent.
+    """
+
+    patterns: torch.Tensor
+    sequences: torch.Tensor
+    sequence: torch.Tensor
+    scene: list[torch.Tensor]
+    aperture: torch.Tensor
+    exposure: torch.Tensor
+    dn: torch.Tensor
+    bit_depth: int
+    kinds: tuple[str, ...]
+    number: torch.Tensor
+    read_noise: float | None
+    full_well: float | None
+
+    @property
+    def full_scale(self) -> int:
+        """The largest DN."""
+        return int(2**self.bit_depth - 1)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(H, W)."""
+        return int(self.dn.shape[1]), int(self.dn.shape[2])
+
+    @property
+    def frames(self) -> int:
+        """T."""
+        return int(self.sequences.shape[1])
+
+    def __len__(self) -> int:
+        return len(self.dn)
+
+
+def observe(captures: Captures) -> Observation:
+    """Prepare captures for a diagnosis.
+
+    Raises:
+        BadInput: no capture with a known scene, all pixels saturated, or all black.
+    """
+    known = np.flatnonzero(captures.known)
+    if not len(known):
+        raise BadInput(
+            f"{captures.name}: none of the {len(captures.measurement)} captures has a known scene; a diagnosis needs "
+            "captures of something known: dark frames, flat fields, single patterns, or printed or displayed scenes"
+        )
+    dn = captures.measurement[known]
+    if (dn == 0).all() or (dn == captures.full_scale).all():
+        word = "black (0 DN)" if (dn == 0).all() else f"saturated ({captures.full_scale} DN)"
+        raise BadInput(f"{captures.name}: every pixel of every capture is {word}: change exposure or aperture")
+    kinds = infer_kind(captures)
+    order = sorted(known, key=lambda n: (kinds[n], _digest(captures, n)))
+    sequences, sequence = torch.unique(torch.from_numpy(captures.sequence[order]), dim=0, return_inverse=True)
+    return Observation(
+        patterns=torch.from_numpy(captures.patterns),
+        sequences=sequences,
+        sequence=sequence,
+        scene=[_compact(captures.scene[n]) for n in order],
+        aperture=torch.from_numpy(captures.aperture[order])[:, None, None],
+        exposure=torch.from_numpy(captures.exposure[order])[:, None, None],
+        dn=torch.from_numpy(captures.measurement[order].astype(np.float32)),
+        bit_depth=captures.bit_depth,
+        kinds=tuple(kinds[n] for n in order),
+        number=torch.tensor([int(n) for n in order]),
+        read_noise=captures.read_noise_dn,
+        full_well=captures.full_well_e,
+    )
+
+
+def _digest(captures: Captures, n: int) -> str:
+    content = (captures.sequence[n], captures.aperture[n], captures.exposure[n], captures.measurement[n])
+    return hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in content)).hexdigest()
+
+
+def _compact(scene: np.ndarray) -> torch.Tensor:
+    """The scene without its repetitions."""
+    if (scene == scene[:, :1, :1]).all():
+        scene = scene[:, :1, :1]
+    elif (scene == scene[:1]).all():
+        scene = scene[:1]
+    return torch.from_numpy(np.ascontiguousarray(scene))
