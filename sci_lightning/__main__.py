@@ -25,6 +25,16 @@ COMMANDS = (
         "simulate the calibration captures of a camera in which effects are hidden",
         "out=captures.h5 effects=random seed=5",
     ),
+    (
+        "captures pack",
+        "make one captures file of a folder of pictures and its captures.yaml",
+        "FOLDER out=captures.h5",
+    ),
+    (
+        "captures info",
+        "check a captures file, sum it up and draw its contact sheet",
+        "captures.h5",
+    ),
 )
 
 
