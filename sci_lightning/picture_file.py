@@ -40,12 +40,27 @@ def read_pictures(path: str | Path, *, prefer: str, key: str | None = None) -> n
         )
     if not path.is_file():
         raise BadInput(f"{path}: no such file")
-    from skimage.io import imread
-
     try:
-        picture = np.asarray(imread(path))
+        picture, colour = (_tiff if path.suffix.lower() != ".png" else _png)(path)
     except Exception as error:  # every format has errors of its own
         raise BadInput(f"{path}: not a readable picture, damaged or truncated ({type(error).__name__})") from error
-    if picture.ndim not in (2, 3) or (picture.ndim == 3 and picture.shape[-1] in (3, 4)):
+    if colour or picture.ndim not in (2, 3) or picture.size == 0:
         raise BadInput(f"{path}: one grey channel is expected, this picture is {picture.shape}")
     return picture
+
+
+def _tiff(path: Path) -> tuple[np.ndarray, bool]:
+    """Not with scikit-image, which takes a stack of three or four pages for one picture in colour."""
+    from tifffile import TiffFile
+
+    with TiffFile(path) as file:
+        # several series: pages that were appended one by one
+        values = file.asarray() if len(file.series) == 1 else file.asarray(key=slice(None))
+        return np.asarray(values), file.pages.first.samplesperpixel > 1
+
+
+def _png(path: Path) -> tuple[np.ndarray, bool]:
+    from skimage.io import imread
+
+    picture = np.asarray(imread(path))
+    return picture, picture.ndim > 2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -56,14 +57,16 @@ def contact_sheet_figure(captures: Captures) -> Figure:
     rows = math.ceil(len(shown) / columns)
     tall = min(max(captures.size[0] / captures.size[1], 0.4), 2.5)
     # inches: a thumbnail with its label, and the title, the row of patterns and the legend
-    top, row = 1.35 * tall + 0.45, 1.35 * tall + 0.62
+    top, row = 1.35 * tall + 0.45, 1.35 * tall + 0.66
     figure = Figure(figsize=(1.45 * columns, 0.6 + top + rows * row + 0.45), layout="constrained")
     figure.suptitle(_title(captures), fontsize=11)
     upper, lower, legend = figure.subfigures(3, 1, squeeze=False, height_ratios=[top, rows * row, 0.45])[:, 0]
     for number, axes in enumerate(upper.subplots(1, columns, squeeze=False)[0]):
         axes.set_axis_off()
         if number < len(captures.patterns):
-            axes.imshow(_binned(captures.patterns[number]), cmap="gray", vmin=0, vmax=1, interpolation="nearest")
+            pattern = _binned(captures.patterns[number])
+            axes.imshow(pattern, cmap="gray", vmin=0, vmax=1, interpolation="nearest")
+            _frame(axes, pattern.shape, "#999999", 0.8)
             more = f" of {len(captures.patterns)}" if number == columns - 1 < len(captures.patterns) - 1 else ""
             axes.set_title(f"pattern {number}{more}", fontsize=8)
     grid = lower.subplots(rows, columns, squeeze=False).ravel()
@@ -107,8 +110,8 @@ def _title(captures: Captures) -> str:
 def _thumbnail(axes: Axes, captures: Captures, index: int) -> None:
     raw = captures.measurement[index]
     image = _binned(raw)
-    # a hot pixel must not hide what it stands in
-    low, high = (float(np.percentile(raw, part)) for part in (0.5, 99.5))
+    # hot pixels, even one in a hundred, must not hide what they stand in
+    low, high = (float(np.percentile(raw, part)) for part in (1, 98))
     dim = captures.kind[index] == "dark" or high < DIM * captures.full_scale
     if dim:
         low, high = math.floor(low), max(math.ceil(high), math.floor(low) + 1)
@@ -116,25 +119,30 @@ def _thumbnail(axes: Axes, captures: Captures, index: int) -> None:
         low, high = 0, captures.full_scale
     grey = np.clip((image - low) / (high - low), 0, 1)
     colour = np.repeat(grey[:, :, None], 3, 2)
-    colour[_binned(raw >= captures.full_scale, any_of=True) > 0] = RED
+    red = np.sqrt(_binned(raw >= captures.full_scale))[:, :, None]  # a single pixel of a block can still be seen
+    colour = (1 - red) * colour + red * np.array(RED)
     axes.imshow(colour, interpolation="nearest")
-    height, width = colour.shape[:2]
-    edge = COLOURS[captures.kind[index]]
-    axes.add_patch(Rectangle((-0.5, -0.5), width, height, fill=False, edgecolor=edge, linewidth=2.5, clip_on=False))
-    axes.set_title(f"{index} {captures.kind[index]}, mean {raw.mean():.4g}", fontsize=8, pad=3)
+    _frame(axes, colour.shape, COLOURS[captures.kind[index]], 2.5)
+    mean = raw.mean()
+    axes.set_title(f"{index} {captures.kind[index]}\nmean {mean:.{0 if mean >= 100 else 1}f} DN", fontsize=8, pad=4)
     scales = ((name, float(getattr(captures, name)[index])) for name in ("aperture", "exposure"))
     notes = [f"{name} {value:.3g}" for name, value in scales if value != 1]
     if dim:
         notes.append(f"stretched: {low:g} to {high:g} DN")
-    axes.text(0.5, -0.04, "\n".join(notes), transform=axes.transAxes, ha="center", va="top", fontsize=7)
+    below: dict[str, Any] = {"xycoords": "axes fraction", "xytext": (0, -4), "textcoords": "offset points"}
+    axes.annotate("\n".join(notes), (0.5, 0), ha="center", va="top", fontsize=7, **below)
 
 
-def _binned(image: np.ndarray, *, any_of: bool = False) -> np.ndarray:
-    """Blocks averaged (or their maximum), so that single pixels neither flicker nor, when saturated, get lost."""
+def _frame(axes: Axes, shape: tuple[int, ...], colour: str, width: float) -> None:
+    place = (-0.5, -0.5), shape[1], shape[0]
+    axes.add_patch(Rectangle(*place, fill=False, edgecolor=colour, linewidth=width, clip_on=False))
+
+
+def _binned(image: np.ndarray) -> np.ndarray:
+    """Float32, blocks of a large image averaged: a thumbnail that skipped pixels would show patterns that are none."""
     step = max(1, math.ceil(max(image.shape) / PIXELS))
     height, width = (max(1, side // step) * step for side in image.shape)
     cut = image[:height, :width].astype(np.float32)
     if step == 1 or min(image.shape) < step:
         return image.astype(np.float32)
-    blocks = cut.reshape(height // step, step, width // step, step)
-    return blocks.max((1, 3)) if any_of else blocks.mean((1, 3))
+    return cut.reshape(height // step, step, width // step, step).mean((1, 3))
