@@ -44,7 +44,9 @@ def main() -> None:
     for name, purpose, example in COMMANDS:
         console.print(f"[bold]{name}[/]: {purpose}")
         console.print(f"  python -m sci_lightning.{name} {example}", markup=False)
-    console.print("\nEach takes --help (its configuration and choices) and --cfg job (what it would run with).")
+    console.print(
+        "\nEach takes --help (its configuration and choices); all but captures also --cfg job (what it would run with)."
+    )
 
 
 if __name__ == "__main__":
