@@ -25,6 +25,16 @@ COMMANDS = (
         "simulate the calibration captures of a camera in which effects are hidden",
         "out=captures.h5 effects=random seed=5",
     ),
+    (
+        "captures pack",
+        "make one captures file of a folder of pictures and its captures.yaml",
+        "FOLDER out=captures.h5",
+    ),
+    (
+        "captures info",
+        "check a captures file, sum it up and draw its contact sheet",
+        "captures.h5",
+    ),
 )
 
 
@@ -34,7 +44,9 @@ def main() -> None:
     for name, purpose, example in COMMANDS:
         console.print(f"[bold]{name}[/]: {purpose}")
         console.print(f"  python -m sci_lightning.{name} {example}", markup=False)
-    console.print("\nEach takes --help (its configuration and choices) and --cfg job (what it would run with).")
+    console.print(
+        "\nEach takes --help (its configuration and choices); all but captures also --cfg job (what it would run with)."
+    )
 
 
 if __name__ == "__main__":

@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from sci_lightning.array_file import ENDINGS, read_array
 from sci_lightning.errors import BadInput
+from sci_lightning.picture_file import read_pictures
 
-PICTURES = (".tif", ".tiff", ".png")
 LARGEST_SUM = 100.0
 """A sum of frames that no sensor clipped is at most T times full scale; beyond this a file holds DN."""
 
@@ -35,7 +34,7 @@ def read_snapshot(
         BadInput: unreadable file, colour, not finite, a full scale that is not positive or is needed.
     """
     path = Path(path)
-    values = _read(path, key)
+    values = read_pictures(path, prefer="meas", key=key)
     if values.ndim == 2:
         values = values[None]
     if full_scale is None:
@@ -53,29 +52,3 @@ def read_snapshot(
     if not torch.isfinite(measurement).all():
         raise BadInput(f"{path}: the snapshot holds NaN or infinite values; every pixel must be a finite number")
     return measurement
-
-
-def _read(path: Path, key: str | None) -> np.ndarray:
-    if path.suffix.lower() in ENDINGS:
-        try:
-            return read_array(path, key=key, prefer="meas", dimensions=3)
-        except BadInput as three:
-            try:
-                return read_array(path, key=key, prefer="meas", dimensions=2)
-            except BadInput:
-                raise three from None
-    if path.suffix.lower() not in PICTURES:
-        raise BadInput(
-            f"{path}: cannot read a snapshot from '{path.suffix}'; use one of {', '.join(PICTURES + ENDINGS)}"
-        )
-    if not path.is_file():
-        raise BadInput(f"{path}: no such file")
-    from skimage.io import imread
-
-    try:
-        picture = np.asarray(imread(path))
-    except Exception as error:  # every format has errors of its own
-        raise BadInput(f"{path}: not a readable picture, damaged or truncated ({type(error).__name__})") from error
-    if picture.ndim not in (2, 3) or (picture.ndim == 3 and picture.shape[-1] in (3, 4)):
-        raise BadInput(f"{path}: a snapshot is one grey channel, this picture is {picture.shape}")
-    return picture

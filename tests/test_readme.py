@@ -15,6 +15,7 @@ import torch
 from scipy.io import savemat
 from skimage.io import imsave
 
+from sci_lightning.captures import pack_captures
 from tests.conftest import ROOT
 from tests.end_to_end.test_train import TINY
 from tests.test_configs import clips
@@ -38,6 +39,12 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     clips(place / "SCENES", "benchmark")
     savemat(place / "MASK.mat", {"mask": np.full((64, 64, 8), 1 / 8)})
     imsave(place / "SNAPSHOT.tiff", (torch.rand(64, 64) * 255).byte().numpy(), check_contrast=False)
+    (place / "LAB").mkdir()
+    np.save(place / "LAB" / "masks.npy", np.full((8, 64, 64), 1 / 8))
+    imsave(place / "LAB" / "grey.tif", np.full((64, 64), 100, np.uint8), check_contrast=False)
+    recipe = "{bit_depth: 8, patterns: masks.npy, captures: [{measurement: grey.tif, scene: 0.4}]}"
+    (place / "LAB" / "captures.yaml").write_text(recipe)
+    pack_captures(place / "LAB", place / "CAPTURES.h5")
     run([sys.executable, "-m", "sci_lightning.train", *TINY, *SIZE, *DECODER["e2e_cnn"], "out=RUN"], place)
     return place
 

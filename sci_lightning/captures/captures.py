@@ -1,0 +1,97 @@
+"""Captures of one camera in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from sci_lightning.captures.kind import infer_kinds
+
+
+@dataclass(frozen=True, eq=False)
+class Captures:
+    """N captures of T slots, H x W pixels each.
+
+    The nominal measurement is ``clip(aperture * sum_t patterns[sequence[t]] * scene[t], 0, 1) * full_scale``.
+
+    Attributes:
+        patterns: (P, H, W) float32 in [0, 1], what the modulator was told to display.
+        sequence: (N, T) int64, index into ``patterns`` for each slot.
+        measurement: (N, H, W) uint8 or uint16, raw DN.
+        scene: (N, T, H, W) float32, nominal irradiance, 0 or more; all NaN for a capture whose scene is unknown.
+        aperture: (N,) float32, light scale, 0 or more.
+        exposure: (N,) float32, integration time relative to nominal, 0 or more.
+        kind: N labels out of :data:`~sci_lightning.captures.kind.KINDS`.
+        bit_depth: 1 to 16.
+        read_noise_dn: datasheet, standard deviation in DN; None where not stated.
+        full_well_e: datasheet, electrons at full scale; None where not stated.
+        name: of the camera or the session, for people.
+        path: the file they were read from, None if from none.
+    """
+
+    patterns: np.ndarray
+    sequence: np.ndarray
+    measurement: np.ndarray
+    scene: np.ndarray
+    aperture: np.ndarray
+    exposure: np.ndarray
+    kind: tuple[str, ...]
+    bit_depth: int
+    read_noise_dn: float | None = None
+    full_well_e: float | None = None
+    name: str = ""
+    path: Path | None = None
+
+    def __len__(self) -> int:
+        """N."""
+        return len(self.measurement)
+
+    @property
+    def full_scale(self) -> int:
+        """Largest DN, 2**bit_depth - 1."""
+        return int(2**self.bit_depth - 1)
+
+    @property
+    def frames(self) -> int:
+        """T, slots per capture."""
+        return int(self.sequence.shape[1])
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(H, W) in pixels."""
+        height, width = self.measurement.shape[1:]
+        return int(height), int(width)
+
+    @property
+    def known(self) -> np.ndarray:
+        """(N,) bool: the scene is known at every pixel of every frame."""
+        return np.array([np.isfinite(scene).all() for scene in self.scene], bool)
+
+    @property
+    def inferred_kind(self) -> tuple[str, ...]:
+        """N kinds by content, whatever the labels say; see :func:`~sci_lightning.captures.kind.infer_kind`."""
+        return infer_kinds(self.patterns, self.sequence, self.scene, self.aperture)
+
+    def take(self, indices: Sequence[int] | Sequence[bool] | np.ndarray) -> Captures:
+        """Some of the captures, with all the patterns.
+
+        Args:
+            indices: numbers of captures in the wanted order, or N booleans.
+
+        Raises:
+            IndexError: a number beyond N, or another number of booleans than N.
+        """
+        chosen = np.asarray(indices)
+        chosen = np.arange(len(self))[chosen if chosen.size or chosen.dtype == bool else chosen.astype(int)]
+        return replace(
+            self,
+            sequence=self.sequence[chosen],
+            measurement=self.measurement[chosen],
+            scene=self.scene[chosen],
+            aperture=self.aperture[chosen],
+            exposure=self.exposure[chosen],
+            kind=tuple(self.kind[index] for index in chosen),
+        )

@@ -1,0 +1,50 @@
+"""What sort of capture it is, judged by what was shown and not by its label."""
+
+from __future__ import annotations
+
+import numpy as np
+
+KINDS = ("dark", "flat", "pattern", "static", "dynamic", "unknown")
+EQUAL = 1e-6
+"""Irradiances closer than this count as the same: float32 keeps no more of a scene near 1."""
+
+
+def infer_kind(patterns: np.ndarray, sequence: np.ndarray, scene: np.ndarray, aperture: float = 1.0) -> str:
+    """The kind of one capture by its content.
+
+    The first that holds:
+
+    - dark: no light before the camera (aperture or scene is 0 everywhere),
+    - unknown: the scene is not known (NaN),
+    - pattern: every slot shows an all-off pattern, or exactly one of several slots shows another one,
+    - dark: aperture * sum_t pattern * scene is 0 everywhere,
+    - flat: the scene is constant in space and time,
+    - static: all frames of the scene are equal,
+    - dynamic: anything else.
+
+    Args:
+        patterns: (P, H, W) in [0, 1].
+        sequence: (T,) index into ``patterns`` for each slot.
+        scene: (T, H, W) nominal irradiance, NaN where unknown.
+        aperture: light scale of the capture, 0 or more.
+
+    Returns:
+        One of :data:`KINDS`.
+    """
+    if aperture == 0 or not scene.any():  # NaN counts as light
+        return "dark"
+    if not np.isfinite(scene).all():
+        return "unknown"
+    shown = [slot for slot, index in enumerate(sequence) if patterns[index].any()]
+    if not shown or (len(shown) == 1 and len(sequence) > 1):
+        return "pattern"
+    if not any((patterns[sequence[slot]] * scene[slot]).any() for slot in shown):
+        return "dark"
+    if scene.max() - scene.min() <= EQUAL:
+        return "flat"
+    return "static" if (np.abs(scene - scene[:1]) <= EQUAL).all() else "dynamic"
+
+
+def infer_kinds(patterns: np.ndarray, sequence: np.ndarray, scene: np.ndarray, aperture: np.ndarray) -> tuple[str, ...]:
+    """:func:`infer_kind` of N captures: sequence (N, T), scene (N, T, H, W), aperture (N,)."""
+    return tuple(infer_kind(patterns, *each) for each in zip(sequence, scene, aperture.tolist(), strict=True))

@@ -1,0 +1,184 @@
+"""A folder of pictures and its ``captures.yaml`` made into one captures file."""
+
+from __future__ import annotations
+
+import glob
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sci_lightning.captures.captures import Captures
+from sci_lightning.captures.kind import infer_kind
+from sci_lightning.captures.recipe import FILE, WORDS, Node, Recipe, as_number, read_recipe
+from sci_lightning.captures.write import write_captures
+from sci_lightning.errors import BadInput
+from sci_lightning.picture_file import read_pictures
+
+
+def pack_captures(folder: str | Path, out: str | Path) -> Captures:
+    """Pack the TIFF, PNG, MAT and NPY files that a folder's ``captures.yaml`` names.
+
+    The keys of that file are described in :mod:`sci_lightning.captures.recipe`.
+
+    Args:
+        folder: holds ``captures.yaml``.
+        out: the captures file, .h5 or .hdf5; whole or absent.
+
+    Returns:
+        what was written, as read back.
+
+    Raises:
+        BadInput: a key or a file that cannot be used; the message names the key.
+    """
+    recipe = read_recipe(folder)
+    bit_depth = recipe.top.whole("bit_depth", low=1, high=16)
+    assert bit_depth is not None  # the recipe would have refused it
+    patterns, words = _patterns(recipe)
+    frames = _frames(recipe, len(patterns) - len(words))
+    packed: list[_Packed] = []
+    for entry in recipe.entries:
+        measurement = _measurement(recipe.folder, entry, bit_depth, patterns.shape[1:])
+        packed.append(_pack(recipe.folder, entry, measurement, patterns, words, frames))
+    repeats = [len(each.measurement) for each in packed]
+    captures = Captures(
+        patterns=patterns,
+        sequence=np.repeat([each.sequence for each in packed], repeats, 0),
+        measurement=np.concatenate([each.measurement for each in packed]),
+        scene=np.repeat(np.stack([each.scene for each in packed]), repeats, 0),
+        aperture=np.repeat(np.array([each.aperture for each in packed], np.float32), repeats),
+        exposure=np.repeat(np.array([each.exposure for each in packed], np.float32), repeats),
+        kind=tuple(kind for each, count in zip(packed, repeats, strict=True) for kind in [each.kind] * count),
+        bit_depth=bit_depth,
+        read_noise_dn=recipe.top.number("read_noise_dn", low=0),
+        full_well_e=recipe.top.number("full_well_e", low=0, above=True),
+        name=recipe.top.text("name") or Path(folder).resolve().name,
+    )
+    return write_captures(out, captures)
+
+
+@dataclass(frozen=True)
+class _Packed:
+    measurement: np.ndarray
+    sequence: np.ndarray
+    scene: np.ndarray
+    aperture: float
+    exposure: float
+    kind: str
+
+
+def _pack(
+    folder: Path, entry: Node, measurement: np.ndarray, patterns: np.ndarray, words: dict[str, int], frames: int
+) -> _Packed:
+    sequence = _sequence(entry, len(patterns), words, frames)
+    scene = _scene(folder, entry, (frames, *patterns.shape[1:]))
+    aperture, exposure = (1.0 if (v := entry.number(k, low=0)) is None else v for k in ("aperture", "exposure"))
+    kind = entry.text("kind") or infer_kind(patterns, sequence, scene, aperture)
+    return _Packed(measurement, sequence, scene, aperture, exposure, kind)
+
+
+def _patterns(recipe: Recipe) -> tuple[np.ndarray, dict[str, int]]:
+    """(P, H, W) in [0, 1], and the index of all_off and all_on where they are listed."""
+    names = recipe.top.files("patterns")
+    words = [name for name in names if name in WORDS]
+    stacks = _stacks(recipe.folder, recipe.top, "patterns", [name for name in names if name not in WORDS], "mask")
+    patterns = _normalised(recipe.top, "pattern_levels", stacks)
+    if not patterns.max() <= 1 or not patterns.min() >= 0:  # also true for NaN
+        raise recipe.top.refusal(
+            "patterns",
+            f"values from {patterns.min():g} to {patterns.max():g}, expected 0 to 1; pattern_levels: what means 1.0",
+        )
+    if names[len(names) - len(words) :] != words or len(set(words)) < len(words):
+        raise recipe.top.refusal("patterns", "all_off and all_on come last and once each")
+    even = [np.full((1, *patterns.shape[1:]), word == "all_on", np.float32) for word in words]
+    return np.concatenate([patterns, *even]), {word: len(patterns) + index for index, word in enumerate(words)}
+
+
+def _frames(recipe: Recipe, coding: int) -> int:
+    listed = [len(each) for entry in recipe.entries if isinstance(each := entry.values.get("sequence"), list)]
+    return recipe.top.whole("frames", low=1, high=100_000) or (listed[0] if listed else coding)
+
+
+def _measurement(folder: Path, entry: Node, bit_depth: int, size: tuple[int, ...]) -> np.ndarray:
+    stacks = _stacks(folder, entry, "measurement", entry.files("measurement"), "meas")
+    values = np.concatenate(stacks)
+    expected = f"raw DN, whole numbers from 0 to {2**bit_depth - 1} ({bit_depth} bits)"
+    if values.shape[1:] != size:
+        raise entry.refusal("measurement", f"(H, W) is {values.shape[1:]}, that of the patterns is {size}")
+    # MATLAB keeps whole numbers as double; fractions have been divided by something
+    if values.dtype.kind not in "ui" and not np.equal(values, np.round(values)).all():
+        raise entry.refusal("measurement", f"{values.dtype} up to {values.max():g}, expected {expected}")
+    if values.min() < 0 or values.max() > 2**bit_depth - 1:
+        raise entry.refusal("measurement", f"values from {values.min()} to {values.max()}, expected {expected}")
+    return values.astype(np.uint16)
+
+
+def _sequence(entry: Node, patterns: int, words: dict[str, int], frames: int) -> np.ndarray:
+    value = entry.values.get("sequence")
+    if value is None:
+        if frames > patterns:
+            raise entry.refusal("sequence", f"is missing: {frames} frames, but {patterns} patterns")
+        return np.arange(frames)
+    listed = value if isinstance(value, list) else [value] * frames
+    if len(listed) != frames:
+        raise entry.refusal("sequence", f"has {len(listed)} slots, expected {frames} as the other captures")
+    slots = [words.get(each, -1) if isinstance(each, str) else each for each in listed]
+    for slot, each in zip(slots, listed, strict=True):
+        if isinstance(slot, bool) or not isinstance(slot, int) or not 0 <= slot < patterns:
+            choices = ", ".join((f"0 to {patterns - 1}", *words))
+            raise entry.refusal("sequence", f"{each!r} is no listed pattern, expected {choices}")
+    return np.array(slots)
+
+
+def _scene(folder: Path, entry: Node, shape: tuple[int, ...]) -> np.ndarray:
+    value = entry.values.get("scene")
+    if value is None and entry.values.get("kind") == "dark":
+        value = 0
+    if value in (None, "unknown"):
+        return np.full(shape, np.nan, np.float32)
+    if (level := as_number(value)) is not None:
+        if not 0 <= level < np.inf:
+            raise entry.refusal("scene", f"expected an irradiance of 0 or more, got {value!r}")
+        return np.full(shape, level, np.float32)
+    stacks = _stacks(folder, entry, "scene", entry.files("scene"), "scene")
+    scene = _normalised(entry, "scene_levels", stacks)
+    if len(scene) not in (1, shape[0]) or scene.shape[1:] != shape[1:]:
+        raise entry.refusal("scene", f"is {scene.shape}, expected (T, H, W) = {shape} or (H, W)")
+    if not np.isfinite(scene).all() or scene.min() < 0:
+        raise entry.refusal("scene", "holds NaN, infinite or negative values, expected irradiances of 0 or more")
+    return np.broadcast_to(scene, shape)
+
+
+def _stacks(folder: Path, node: Node, key: str, names: list[str], prefer: str) -> list[np.ndarray]:
+    """(K, H, W) of each file, in the order of the list and, within a glob, in natural order."""
+    stacks: list[np.ndarray] = []
+    for name in names:
+        # a file of that very name goes before its meaning as a glob: brackets are legal in names
+        found = (
+            [str(folder / name)] if (folder / name).is_file() else glob.glob(str(Path(glob.escape(str(folder)), name)))
+        )
+        if not found:
+            raise node.refusal(key, f"no file fits '{name}' in {folder}")
+        for path in sorted(found, key=_natural):
+            try:
+                array = read_pictures(path, prefer=prefer)
+            except BadInput as error:
+                raise node.refusal(key, str(error)) from error
+            stacks.append(array if array.ndim == 3 else array[None])
+            if stacks[-1].shape[1:] != stacks[0].shape[1:]:
+                raise node.refusal(key, f"{path} is {array.shape[-2:]} (H, W), the first is {stacks[0].shape[1:]}")
+    if not stacks:
+        raise node.refusal(key, f"no file is named; {FILE} needs at least one")
+    return stacks
+
+
+def _natural(path: str) -> list[tuple[int, str]]:
+    return [(int(digits or -1), text) for digits, text in re.findall(r"(\d+)|(\D+)", path)]
+
+
+def _normalised(node: Node, key: str, stacks: list[np.ndarray]) -> np.ndarray:
+    """Float32 with 1.0 at ``key``, or at the largest value of an integer type."""
+    levels = node.number(key, low=0, above=True)
+    scaled = [stack / (levels or (np.iinfo(stack.dtype).max if stack.dtype.kind in "ui" else 1.0)) for stack in stacks]
+    return np.concatenate(scaled).astype(np.float32)

@@ -1,0 +1,172 @@
+"""A captures file, opened and checked."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from sci_lightning.captures.captures import Captures
+from sci_lightning.captures.contents import Contents
+from sci_lightning.captures.kind import KINDS, infer_kinds
+from sci_lightning.errors import BadInput
+
+FORMAT, FORMAT_VERSION = "sci-captures", 1
+
+
+def read_captures(path: str | Path, *, called: str | Path | None = None) -> Captures:
+    """Read a captures file (HDF5, ``sci-captures`` 1) whole and check all of it.
+
+    Where the file says nothing: every capture shows the patterns in their order (T = P), scenes are unknown (NaN),
+    aperture and exposure are 1, kinds are inferred from the content, the name is the file's.
+
+    Args:
+        path: the file.
+        called: what error messages call it; None: its path.
+
+    Raises:
+        BadInput: missing, unreadable or of another format; a dataset or attribute that is missing, of another type or
+            shape, or out of range. One line: the dataset, what it holds, what was expected.
+    """
+    path = Path(path)
+    name = str(called or path)
+    if path.is_dir():
+        raise BadInput(
+            f"{name}: is a folder, expected a captures file (python -m sci_lightning.captures pack makes one)"
+        )
+    if not path.is_file():
+        raise BadInput(f"{name}: no such file")
+    try:
+        if not h5py.is_hdf5(path):
+            raise BadInput(f"{name}: not an HDF5 file, expected a captures file")
+        file = h5py.File(path, "r")
+    except OSError as error:
+        raise BadInput(f"{name}: not a readable HDF5 file, damaged or truncated ({_first_line(error)})") from error
+    with file:
+        return _captures(Contents(file, name), path)
+
+
+def _captures(contents: Contents, path: Path) -> Captures:
+    _check_format(contents)
+    bits = _number(contents, "bit_depth", "a whole number from 1 to 16", lambda v: 1 <= v <= 16 and v == int(v))
+    if bits is None:
+        raise contents.refusal("no attribute 'bit_depth', expected a whole number from 1 to 16")
+    measurement = _measurement(contents, int(bits))
+    count, height, width = measurement.shape
+    frame = {"H": height, "W": width}
+    with np.errstate(over="ignore"):  # beyond float32 is infinite, and refused as that
+        patterns = contents.numbers("patterns", "buif", {"P": None, **frame}).astype(np.float32)
+        _check_range(contents, "'patterns'", patterns, 1)
+        sequence = _sequence(contents, count, len(patterns))
+        scene = _scene(contents, {"N": count, "T": sequence.shape[1], **frame})
+        aperture, exposure = (_scale(contents, name, count) for name in ("aperture", "exposure"))
+    kind = contents.strings("kind", {"N": count})
+    for index, label in enumerate(kind or ()):
+        if label not in KINDS:
+            raise contents.refusal(f"'kind' of capture {index} is {label!r}, expected one of {', '.join(KINDS)}")
+    label = contents.attribute("name")
+    if not isinstance(label, str | None):
+        raise contents.refusal(f"attribute 'name' is {label!r}, expected a string")
+    return Captures(
+        patterns=patterns,
+        sequence=sequence,
+        measurement=measurement,
+        scene=scene,
+        aperture=aperture,
+        exposure=exposure,
+        kind=kind or infer_kinds(patterns, sequence, scene, aperture),
+        bit_depth=int(bits),
+        read_noise_dn=_number(contents, "read_noise_dn", "0 or more", lambda v: v >= 0),
+        full_well_e=_number(contents, "full_well_e", "a positive number", lambda v: v > 0),
+        name=label or path.stem,
+        path=path,
+    )
+
+
+def _check_format(contents: Contents) -> None:
+    for name, expected in (("format", FORMAT), ("format_version", FORMAT_VERSION)):
+        found = contents.attribute(name)
+        if found is None:
+            raise contents.refusal(f"no attribute '{name}', expected {expected!r}: not a captures file")
+        if found != expected:
+            raise contents.refusal(f"attribute '{name}' is {found!r}, expected {expected!r}")
+
+
+def _number(contents: Contents, name: str, expected: str, right: Any) -> float | None:
+    value = contents.attribute(name)
+    if value is None:
+        return None
+    if isinstance(value, bool | str) or not math.isfinite(value) or not right(value):
+        raise contents.refusal(f"attribute '{name}' is {value!r}, expected {expected}")
+    return float(value)
+
+
+def _measurement(contents: Contents, bits: int) -> np.ndarray:
+    item = contents.dataset("measurement", {"N": None, "H": None, "W": None})
+    expected = f"raw DN, integers from 0 to {2**bits - 1} ({bits} bits)"
+    if item is not None and item.dtype.kind == "f":
+        values = contents.numbers("measurement", "buif", {"N": None, "H": None, "W": None})
+        bad = np.isnan(values).any((1, 2))
+        holds = f"holds NaN (capture {bad.argmax()})" if bad.any() else f"is {item.dtype}"
+        raise contents.refusal(f"'measurement' {holds}, expected {expected}")
+    values = contents.numbers("measurement", "ui", {"N": None, "H": None, "W": None})
+    for index, capture in enumerate(values):
+        worst = capture.min() if capture.min() < 0 else capture.max()
+        if not 0 <= worst < 2**bits:
+            raise contents.refusal(f"'measurement' of capture {index} holds {worst}, expected {expected}")
+    return np.asarray(values, np.uint8 if bits <= 8 else np.uint16)
+
+
+def _sequence(contents: Contents, count: int, patterns: int) -> np.ndarray:
+    values = contents.numbers("sequence", "ui", {"N": count, "T": None}, optional=True)
+    if values is None:
+        return np.tile(np.arange(patterns, dtype=np.int64), (count, 1))
+    wrong = np.argwhere((values < 0) | (values >= patterns))
+    if len(wrong):
+        capture, slot = wrong[0]
+        raise contents.refusal(
+            f"'sequence' of capture {capture}, slot {slot} is {values[capture, slot]}, expected 0 to {patterns - 1} "
+            f"(there are {patterns} patterns)"
+        )
+    return np.asarray(values, np.int64)
+
+
+def _scene(contents: Contents, shape: dict[str, int]) -> np.ndarray:
+    values = contents.numbers("scene", "buif", {**shape}, optional=True)
+    if values is None:
+        return np.full(tuple(shape.values()), np.nan, np.float32)
+    scene = np.asarray(values, np.float32)
+    for index, capture in enumerate(scene):
+        missing = np.isnan(capture)
+        if missing.all():
+            continue
+        if missing.any():
+            raise contents.refusal(
+                f"'scene' of capture {index} is NaN in {missing.sum()} of {missing.size} values, "
+                "expected a scene that is wholly known or wholly NaN"
+            )
+        _check_range(contents, f"'scene' of capture {index}", capture, math.inf)
+    return scene
+
+
+def _scale(contents: Contents, name: str, count: int) -> np.ndarray:
+    values = contents.numbers(name, "buif", {"N": count}, optional=True)
+    scale = np.ones(count, np.float32) if values is None else np.asarray(values, np.float32)
+    _check_range(contents, f"'{name}'", scale, math.inf)
+    return scale
+
+
+def _check_range(contents: Contents, what: str, values: np.ndarray, high: float) -> None:
+    bad = ~(np.isfinite(values) & (values >= 0) & (values <= high))
+    if bad.any():
+        where = tuple(int(index) for index in np.argwhere(bad)[0])
+        expected = "0 to 1 (transmittance)" if high == 1 else "finite and 0 or more"
+        place = ", ".join(str(index) for index in where)
+        raise contents.refusal(f"{what} holds {values[where]:g} at [{place}], expected {expected}")
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]

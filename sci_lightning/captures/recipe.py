@@ -1,0 +1,156 @@
+"""``captures.yaml``: what the files of a folder are.
+
+    bit_depth: 12                  # of the camera, 1 to 16
+    name: lab camera               # optional, as are the next three
+    read_noise_dn: 2.1             # datasheet: standard deviation, DN
+    full_well_e: 10500             # datasheet: electrons at full scale
+    frames: 8                      # T, slots per capture; else that of the first listed sequence, else the number of
+                                   # coding patterns
+    patterns: [masks.mat, all_off, all_on]   # files (stacks count for several), globs and these two words
+    pattern_levels: 255            # the value of an integer file that means 1.0; else the largest of its type
+    captures:
+      - measurement: dark/*.tif    # raw DN; a stack or a glob gives several captures
+        kind: dark                 # optional label; a dark capture without a scene has the scene 0
+        exposure: 2                # integration time relative to nominal, else 1
+        sequence: all_off          # one pattern in every slot, or [0, 1, all_off, ..] of T; else 0 to T-1
+      - measurement: grey.png
+        scene: 0.5                 # an even scene
+        aperture: 0.25             # light scale, else 1
+      - measurement: still.tif
+        scene: target.png          # (H, W) at rest, or (T, H, W)
+        scene_levels: 4095         # as pattern_levels; without a scene: it is unknown
+
+Files are named relative to the folder; a glob is taken in natural order (frame2 before frame10).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from sci_lightning.captures.kind import KINDS
+from sci_lightning.errors import BadInput
+
+FILE = "captures.yaml"
+WORDS = ("all_off", "all_on")
+TOP = ("bit_depth", "name", "read_noise_dn", "full_well_e", "frames", "patterns", "pattern_levels", "captures")
+ENTRY = ("measurement", "kind", "aperture", "exposure", "sequence", "scene", "scene_levels")
+
+
+@dataclass(frozen=True)
+class Node:
+    """A mapping of the file with its place, for reading values out of it and for messages."""
+
+    where: str
+    values: dict[str, Any]
+
+    def refusal(self, key: str, text: str) -> BadInput:
+        """The error that says ``text`` of ``key``."""
+        return BadInput(f"{self.where}{key}: {' '.join(text.split())}")
+
+    def number(self, key: str, *, low: float, high: float = math.inf, above: bool = False) -> float | None:
+        """A number from ``low`` (or above it) to ``high``, None where there is none."""
+        value = self.values.get(key)
+        if value is None:
+            return None
+        number = as_number(value)
+        if number is None or not low <= number <= high or (above and number == low) or math.isinf(number):
+            expected = f"a number from {low:g} to {high:g}" if high < math.inf else f"a number of {low:g} or more"
+            raise self.refusal(key, f"expected {'a positive number' if above else expected}, got {value!r}")
+        return number
+
+    def whole(self, key: str, *, low: int, high: int) -> int | None:
+        """A whole number from ``low`` to ``high``, None where there is none."""
+        number = self.number(key, low=low, high=high)
+        if number is not None and number != int(number):
+            raise self.refusal(key, f"expected a whole number from {low} to {high}, got {number:g}")
+        return None if number is None else int(number)
+
+    def text(self, key: str, choices: tuple[str, ...] = ()) -> str | None:
+        """A string, one of ``choices`` if there are any; None where there is none."""
+        value = self.values.get(key)
+        if value is not None and (not isinstance(value, str) or (choices and value not in choices)):
+            raise self.refusal(
+                key, f"expected {'one of ' + ', '.join(choices) if choices else 'a text'}, got {value!r}"
+            )
+        return value
+
+    def files(self, key: str) -> list[str]:
+        """One or more file names or globs."""
+        value = self.values.get(key)
+        listed = value if isinstance(value, list) else [value]
+        names = [name for name in listed if isinstance(name, str) and name]
+        if not names or len(names) < len(listed):
+            raise self.refusal(key, f"expected a file, a glob or a list of them, got {value!r}")
+        return names
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """The whole file: its top level and the entries of ``captures``."""
+
+    folder: Path
+    top: Node
+    entries: tuple[Node, ...]
+
+
+def read_recipe(folder: str | Path) -> Recipe:
+    """Read ``captures.yaml`` of a folder; keys are checked, values are when they are used.
+
+    Raises:
+        BadInput: no such folder or file, not YAML, an unknown or missing key.
+    """
+    folder = Path(folder)
+    path = folder / FILE
+    if not folder.is_dir():
+        raise BadInput(f"{folder}: no such folder")
+    if not path.is_file():
+        raise BadInput(f"{folder}: no {FILE} in this folder; it says what the files are")
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        mark = getattr(error, "problem_mark", None)
+        place = f", line {mark.line + 1}" if mark else ""
+        raise BadInput(f"{path}{place}: not YAML ({getattr(error, 'problem', None) or 'unreadable'})") from error
+    if not isinstance(content, dict):
+        raise BadInput(f"{path}: expected keys and values ({', '.join(TOP)}), found {type(content).__name__}")
+    top = _node(f"{path}: ", content, TOP, ("bit_depth", "patterns", "captures"))
+    listed = top.values["captures"]
+    if not isinstance(listed, list) or not listed:
+        raise top.refusal("captures", f"expected a list of entries, got {type(listed).__name__}")
+    entries = []
+    for index, entry in enumerate(listed):
+        if not isinstance(entry, dict):
+            raise top.refusal(f"captures[{index}]", f"expected keys and values, got {entry!r}")
+        entries.append(_node(f"{path}: captures[{index}].", entry, ENTRY, ("measurement",)))
+    for node in entries:
+        node.text("kind", KINDS)
+    return Recipe(folder, top, tuple(entries))
+
+
+def as_number(value: Any) -> float | None:
+    """A number, also one that YAML 1.1 takes for text (1e4); None for anything else and for NaN."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        return None
+    try:
+        number = float(value)
+    except ValueError:
+        return None
+    return None if math.isnan(number) else number
+
+
+def _node(where: str, content: dict[Any, Any], known: tuple[str, ...], needed: tuple[str, ...]) -> Node:
+    node = Node(where, content)
+    for key in content:
+        if key not in known:
+            near = get_close_matches(str(key), known, 1)
+            raise node.refusal(str(key), f"unknown key; {f'{near[0]}?' if near else 'use ' + ', '.join(known)}")
+    for key in needed:
+        if content.get(key) is None:
+            raise node.refusal(key, "is missing")
+    return node

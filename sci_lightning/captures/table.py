@@ -1,0 +1,55 @@
+"""What a captures file holds, in numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+from rich.table import Table
+
+from sci_lightning.captures.captures import Captures
+from sci_lightning.captures.kind import KINDS
+
+
+def summary_table(captures: Captures) -> Table:
+    """One line per kind: how many, DN, shares of pixels at either end of the range, scenes that are known."""
+    table = Table("kind", title=captures.name)
+    for column in ("captures", "mean DN", "min", "max", "saturated", "at zero", "scenes known"):
+        table.add_column(column, justify="right")
+    known = captures.known
+    for kind in KINDS:
+        chosen = np.array([each == kind for each in captures.kind])
+        if chosen.any():
+            values = captures.measurement[chosen]
+            table.add_row(
+                kind,
+                str(chosen.sum()),
+                f"{values.mean():.2f}",
+                str(values.min()),
+                str(values.max()),
+                _share(values >= captures.full_scale),
+                _share(values == 0),
+                f"{known[chosen].sum()}",
+            )
+    return table
+
+
+def facts(captures: Captures) -> list[str]:
+    """Lines on the camera, and on captures whose label is not what they look like."""
+    (height, width), patterns = captures.size, len(captures.patterns)
+    datasheet = [
+        f"read noise {'not stated' if captures.read_noise_dn is None else f'{captures.read_noise_dn:g} DN'}",
+        f"full well {'not stated' if captures.full_well_e is None else f'{captures.full_well_e:g} electrons'}",
+    ]
+    lines = [
+        f"N = {len(captures)} captures, H x W = {height} x {width}, T = {captures.frames} slots, "
+        f"P = {patterns} patterns",
+        f"{captures.bit_depth} bits (0 to {captures.full_scale} DN); datasheet: {', '.join(datasheet)}",
+    ]
+    pairs = zip(captures.kind, captures.inferred_kind, strict=True)
+    for index, (label, content) in enumerate(pairs):
+        if content not in ("unknown", label) and label != "unknown":
+            lines.append(f"capture {index} is labelled {label}, its patterns and scene are those of a {content} one")
+    return lines
+
+
+def _share(where: np.ndarray) -> str:
+    return f"{100 * where.mean():.2f} %" if where.any() else "0"

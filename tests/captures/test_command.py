@@ -1,0 +1,111 @@
+"""``python -m sci_lightning.captures``."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from sci_lightning.captures import __main__ as command_line
+from sci_lightning.virtual_camera import Session, capture_session, write_captures
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch, capsys):
+    """Runs the command in this process, beside captures.h5 of a virtual camera; returns what it printed."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("HYDRA_FULL_ERROR", raising=False)
+    monkeypatch.setattr(command_line.CONSOLE, "_width", 120)
+    write_captures(tmp_path / "captures.h5", capture_session(Session(size=(16, 20), frames=4, unknown=1), None, 1))
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["captures", *words])
+        command_line.main()
+        return capsys.readouterr().out
+
+    return run
+
+
+def test_in_a_process_of_its_own(command, tmp_path):
+    write_captures(tmp_path / "captures.h5", capture_session(Session(size=(16, 20), frames=4), None, 1))
+    done = command("captures", "info", "captures.h5")
+    assert done.returncode == 0, done.stderr
+    (sheet,) = (tmp_path / "outputs" / "captures").glob("*/contact_sheet.png")
+    assert str(sheet.relative_to(tmp_path)) in done.stdout and sheet.stat().st_size > 10_000
+    done = command("captures", "info", "none.h5")
+    assert (done.returncode, done.stderr, done.stdout) == (2, "error: none.h5: no such file\n", "")
+
+
+def test_info(here, tmp_path):
+    printed = here("info", "captures.h5", "out=sheets")
+    assert (tmp_path / "sheets" / "contact_sheet.png").is_file()
+    lines = {line.split()[1]: line.split("│")[2:-1] for line in printed.splitlines() if line.startswith("│")}
+    assert [lines["dark"][0].strip(), lines["dark"][-1].strip()] == ["4", "4"]
+    assert [lines["unknown"][0].strip(), lines["unknown"][-1].strip()] == ["1", "0"]
+    for fact in (
+        "N = 31 captures, H x W = 16 x 20, T = 4 slots, P = 6 patterns",
+        "8 bits",
+        "read noise 0.8 DN",
+        "10000",
+    ):
+        assert fact in printed
+    assert "labelled" not in printed
+    here("info", "captures.h5", "out=deep/a.png")
+    assert (tmp_path / "deep" / "a.png").is_file()
+
+
+def test_info_names_wrong_labels(here, tmp_path):
+    import h5py
+
+    with h5py.File(tmp_path / "captures.h5", "a") as file:
+        file["kind"][1] = "static"
+    printed = here("info", "captures.h5", "out=a.png")
+    assert "capture 1 is labelled static, its patterns and scene are those of a dark one" in printed
+
+
+def test_pack(here, tmp_path):
+    (tmp_path / "LAB").mkdir()
+    np.save(tmp_path / "LAB" / "masks.npy", np.full((4, 6, 7), 0.25))
+    np.save(tmp_path / "LAB" / "grey.npy", np.full((2, 6, 7), 9, np.uint8))
+    text = "{bit_depth: 8, patterns: masks.npy, captures: [{measurement: grey.npy, scene: 0.5}]}"
+    (tmp_path / "LAB" / "captures.yaml").write_text(text)
+    printed = here("pack", "LAB", "out=lab.h5")
+    assert "N = 2 captures" in printed and "not stated" in printed and "lab.h5" in printed
+    assert "flat" in here("info", "lab.h5", "out=a.png")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "required: {pack,info}"),
+        (["show"], "invalid choice: 'show'"),
+        (["info"], "info: expected FILE [out=DIR or PNG], got nothing"),
+        (["info", "a.h5", "b.h5"], "info: expected FILE [out=DIR or PNG], got a.h5 b.h5"),
+        (["info", "captures.h5", "out="], "info: expected FILE [out=DIR or PNG]"),
+        (["info", "captures.h5", "--fast"], "unrecognized arguments: --fast"),
+        (["info", "captures.truth.json"], "captures.truth.json: not an HDF5 file, expected a captures file"),
+        (["pack", "LAB"], "pack: where to? give out=captures.h5"),
+        (["pack", "LAB", "out=lab.h5"], "LAB: no such folder"),
+    ],
+)
+def test_bad_input_is_one_line(here, capsys, words, message):
+    with pytest.raises(SystemExit) as caught:
+        here(*words)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert caught.value.code == 2 and line.startswith("error: ") and message in line
+
+
+def test_traceback_on_request(here, monkeypatch):
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    with pytest.raises(ValueError, match="no such file"):
+        here("info", "none.h5")
+
+
+@pytest.mark.parametrize("words", [[], ["pack"], ["info"]])
+def test_help(here, capsys, words):
+    with pytest.raises(SystemExit) as caught:
+        here(*words, "--help")
+    printed = capsys.readouterr().out
+    assert caught.value.code == 0 and "out=" in printed
+    assert ("pattern_levels" in printed) == (words == ["pack"])
