@@ -31,3 +31,8 @@ class HotPixels(ChartEffect):
         if float(self.fraction) == 0:
             return signal
         return signal.with_mean(signal.mean + signal.exposure * signal.window(self.map))
+
+    def undo(self, signal: Signal) -> Signal:
+        if float(self.fraction) == 0:
+            return signal
+        return signal.with_mean(signal.mean - signal.exposure * signal.window(self.map))
