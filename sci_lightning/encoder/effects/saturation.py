@@ -25,7 +25,7 @@ class Saturation(Effect):
     level: torch.Tensor
 
     def respond(self, signal: Signal) -> Signal:
-        if float(self.level) >= 1:
+        if float(self.level.detach()) >= 1:
             return signal
         beyond = signal.mean - self.level
         deviation = (signal.variance + 1e-12).sqrt()
