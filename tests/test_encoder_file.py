@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +42,13 @@ def encoder_file(folder: Path, size: int = 32, text: str = TEXT) -> Path:
     np.save(folder / "prnu.npy", random.standard_normal((size, size)))
     (folder / "encoder.yaml").write_text(text)
     return folder / "encoder.yaml"
+
+
+@pytest.fixture(autouse=True)
+def _store() -> Iterator[None]:
+    """Members adopted in this process are gone after the test."""
+    yield
+    ConfigStore.instance().repo.pop("encoder", None)
 
 
 def test_adopted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
