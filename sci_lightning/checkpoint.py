@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import inspect
 import pickle
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
-from hydra.utils import get_object, instantiate
+from hydra.utils import instantiate
 from lightning.fabric.plugins.io.torch_io import TorchCheckpointIO
 from torch import nn
 
@@ -18,6 +17,7 @@ from sci_lightning.atomic_file import whole_file
 from sci_lightning.decoder import Decoder
 from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput
+from sci_lightning.trust import check_targets
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,7 @@ class Checkpoint:
         Raises:
             BadInput: the file asks for anything but one of this project's modules, or its state does not fit.
         """
-        config = self.config["encoder"]
-        if "file" in config.get("mask", {}):  # what a measured mask's file held is in the checkpoint
-            config = {**config, "mask": {**config["mask"], "file": None}}
-        encoder = self._build(config)
+        encoder = self._build(_without_files(self.config["encoder"]))
         if not isinstance(encoder, Encoder):
             raise BadInput(f"{self.path}: its encoder is a {type(encoder).__name__}, not an Encoder")
         self.fill("encoder", encoder)
@@ -60,8 +57,7 @@ class Checkpoint:
         return decoder
 
     def _build(self, config: Mapping[str, Any]) -> Any:
-        for target in _targets(config):
-            _check_target(self.path, target, self.trusted)
+        check_targets(self.path, config, self.trusted)
         return instantiate(config, _convert_="all")
 
     def fill(self, part: str, module: nn.Module, name: str | None = None) -> None:
@@ -119,31 +115,6 @@ def _load(path: Path) -> dict[str, Any]:
     return content
 
 
-def _targets(config: Any) -> Iterator[str]:
-    if isinstance(config, Mapping):
-        for key, value in config.items():
-            if key == "_target_":
-                yield str(value)
-            else:
-                yield from _targets(value)
-    elif isinstance(config, (list, tuple)):
-        for value in config:
-            yield from _targets(value)
-
-
-def _check_target(path: Path, target: str, trusted: tuple[str, ...]) -> None:
-    """A checkpoint's configuration is data from elsewhere: it may name modules of known packages and nothing else."""
-    known = ("sci_lightning", *trusted)
-    if target.split(".")[0] in known:
-        found = get_object(target)
-        if inspect.isclass(found) and issubclass(found, nn.Module) and found.__module__.split(".")[0] in known:
-            return
-    raise BadInput(
-        f"{path}: asks to build '{target}', which is not a module of sci_lightning; if you trust the package, say so: "
-        f"trusted=[{target.split('.')[0]}]"
-    )
-
-
 def _misfit(state: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.Tensor]) -> str:
     """The first difference between two states in words, or the empty string."""
     for key in wanted:
@@ -155,3 +126,12 @@ def _misfit(state: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.Tensor
         if key not in wanted:
             return f"'{key}' has no place"
     return ""
+
+
+def _without_files(config: Any) -> Any:
+    """A configuration that reads no file: what measured masks and maps held is in the state."""
+    if isinstance(config, Mapping):
+        return {key: None if key == "file" else _without_files(value) for key, value in config.items()}
+    if isinstance(config, (list, tuple)):
+        return [_without_files(value) for value in config]
+    return config

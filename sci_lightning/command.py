@@ -16,7 +16,9 @@ from hydra.errors import HydraException, InstantiationException, MissingConfigEx
 from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
+from sci_lightning.encoder_file import adopt_encoder_files
 from sci_lightning.errors import BadInput
+from sci_lightning.trust import check_targets
 
 PACKAGE = Path(__file__).parent
 CONF = next(folder for folder in (PACKAGE / "conf", PACKAGE.parent / "conf") if folder.is_dir())
@@ -32,16 +34,23 @@ def run(name: str, task: Task) -> None:
     file there. Bad input ends the process with one line and status 2, anything unforeseen with one line and status 1;
     ``debug=true`` or ``HYDRA_FULL_ERROR=1`` show the traceback instead. In a multirun the remaining jobs go on and the
     failures are listed at the end.
+
+    ``encoder=`` takes the path of a YAML file as well, which may name modules of this project and of ``trusted`` ones.
     """
     debug = os.environ.get("HYDRA_FULL_ERROR") == "1" or "debug=true" in sys.argv
     failures: list[tuple[str, Exception]] = []
+    told = sys.argv
+    files: dict[str, Path] = {}
 
     def job(cfg: DictConfig) -> Any:
         if HydraConfig.get().output_subdir is not None:  # else `out` is a file
             with open_dict(cfg):
                 cfg.out = HydraConfig.get().runtime.output_dir
         _quieten()
+        sys.argv = told  # processes that this one starts adopt the files themselves
         try:
+            if file := files.get(chosen("encoder")):
+                check_targets(file, OmegaConf.to_container(cfg.encoder, resolve=True), cfg.get("trusted", []))
             return task(cfg)
         except Exception as error:
             if debug:
@@ -51,6 +60,8 @@ def run(name: str, task: Task) -> None:
 
     try:
         os.environ["HYDRA_FULL_ERROR"] = "1"  # composition errors reach the lines below instead of Hydra's printer
+        arguments, files = adopt_encoder_files(told[1:], [path.stem for path in (CONF / "encoder").glob("*.yaml")])
+        sys.argv = [told[0], *arguments]
         hydra.main(version_base="1.3", config_path=str(CONF), config_name=name)(job)()
     except KeyboardInterrupt:
         sys.exit("interrupted")
@@ -59,6 +70,7 @@ def run(name: str, task: Task) -> None:
             raise
         failures.append(("", error))
     finally:
+        sys.argv = told
         os.environ["HYDRA_FULL_ERROR"] = "1" if debug else "0"
     for overrides, failure in failures:
         print(f"error: {f'[{overrides}] ' if len(failures) > 1 else ''}{one_line(failure)}", file=sys.stderr)
@@ -91,9 +103,10 @@ def one_line(error: BaseException) -> str:
     cause = root_cause(error)
     if isinstance(cause, BadInput):
         return " ".join(str(cause).split())
-    if isinstance(cause, MissingConfigException) and cause.options:
+    if isinstance(cause, MissingConfigException):
         group, _, name = str(cause.missing_cfg_file).rpartition("/")
-        return f"{group}={name}: no such {group}; choose one of {', '.join(cause.options)}"
+        if options := cause.options or sorted(path.stem for path in (CONF / group).glob("*.yaml") if group):
+            return f"{group}={name}: no such {group}; choose one of {', '.join(options)}"
     text = " ".join(str(cause).split()) or type(cause).__name__
     if isinstance(cause, (HydraException, OmegaConfBaseException)):
         return text.replace("Set hydra.verbose=true to see the full error", "").strip()

@@ -7,14 +7,13 @@ from pathlib import Path
 from omegaconf import DictConfig
 from rich.console import Console
 
-from sci_lightning.command import chosen, plain, run
+from sci_lightning.command import plain, run
 
 
 def evaluate(cfg: DictConfig) -> float:
     """Test, write ``metrics.json`` and print a table; returns the mean PSNR in dB.
 
-    ``encoder=`` replaces the encoder of the training; a mask of the same kind keeps the trained values, so that
-    ``encoder=rbw_sr`` after training on ``rbw_osr`` changes the sensor and nothing else.
+    ``encoder=`` replaces the encoder of the training, see :func:`~sci_lightning.chosen_encoder.chosen_encoder`.
 
     Args:
         cfg: ``conf/evaluate.yaml``, composed.
@@ -23,6 +22,7 @@ def evaluate(cfg: DictConfig) -> float:
     from hydra.utils import instantiate
 
     from sci_lightning.checkpoint import read_checkpoint
+    from sci_lightning.chosen_encoder import chosen_encoder
     from sci_lightning.data.loader import scene_loader
     from sci_lightning.results import print_results, results, write_json
     from sci_lightning.system import System
@@ -30,18 +30,10 @@ def evaluate(cfg: DictConfig) -> float:
     out = Path(cfg.out)
     checkpoint = read_checkpoint(cfg.ckpt_path, cfg.trusted)
     trained = checkpoint.config
-    for key in ("frames", "size", "crop", "seed"):
-        cfg[key] = trained[key] if cfg[key] is None else cfg[key]
-    names = dict(trained["names"])
+    cfg.crop = trained["crop"] if cfg.crop is None else cfg.crop
     decoder = checkpoint.decoder()
-    if cfg.get("encoder") is None:
-        encoder = checkpoint.encoder()
-        names["test_encoder"] = names["encoder"]
-    else:
-        encoder = instantiate(cfg.encoder, _convert_="all")
-        names["test_encoder"] = chosen("encoder")
-        if cfg.encoder.mask._target_ == trained["encoder"]["mask"]["_target_"]:
-            checkpoint.fill("encoder.mask", encoder.mask)
+    encoder, test_encoder = chosen_encoder(cfg, checkpoint)
+    names = {**trained["names"], "test_encoder": test_encoder}
 
     system = System(encoder, decoder, seed=cfg.seed)
     scenes = instantiate(cfg.data, _convert_="all").scenes()

@@ -13,6 +13,8 @@ from sci_lightning.command import run
 def reconstruct(cfg: DictConfig) -> None:
     """Write the reconstructed frames as PNG, an animated GIF and a float32 ``reconstruction.npy`` (N, T, H, W).
 
+    The decoder gets the encoder's effective mask, and the snapshot with those of its effects undone that can be.
+
     Args:
         cfg: ``conf/reconstruct.yaml``, composed.
     """
@@ -22,17 +24,20 @@ def reconstruct(cfg: DictConfig) -> None:
     from sci_lightning.animation import write_frames, write_gif
     from sci_lightning.atomic_file import whole_file
     from sci_lightning.checkpoint import read_checkpoint
+    from sci_lightning.chosen_encoder import chosen_encoder
     from sci_lightning.encoder.mask import Measured
     from sci_lightning.errors import BadInput
     from sci_lightning.snapshot import read_snapshot
 
     out = Path(cfg.out)
     checkpoint = read_checkpoint(cfg.ckpt_path, cfg.trusted)
-    encoder, decoder = checkpoint.encoder(), checkpoint.decoder()
+    decoder = checkpoint.decoder()
+    encoder, _ = chosen_encoder(cfg, checkpoint)
     measurement = read_snapshot(
         cfg.measurement, key=cfg.key, full_scale=cfg.full_scale, bit_depth=getattr(encoder.sensor, "bit_depth", 8)
     )
-    mask = encoder.mask() if cfg.mask is None else Measured(cfg.mask)()
+    with torch.no_grad():
+        mask = encoder.decoder_mask(encoder.transmittance()) if cfg.mask is None else Measured(cfg.mask)()
     if mask.shape[1:] != measurement.shape[1:]:
         raise BadInput(
             f"{cfg.measurement}: the snapshot is {tuple(measurement.shape[1:])}, the mask {tuple(mask.shape[1:])} "
@@ -42,12 +47,14 @@ def reconstruct(cfg: DictConfig) -> None:
     if not aperture > 0:
         raise BadInput(f"aperture must be positive, got {aperture}")
 
+    with torch.no_grad():
+        linear = encoder.linearise(measurement) / aperture
     auto = "cuda" if torch.cuda.is_available() else "cpu"
     device = torch.device(auto if cfg.device == "auto" else cfg.device)
     decoder.eval().to(device)
     mask = mask.to(device)
     with torch.no_grad():
-        video = torch.cat([decoder((one[None] / aperture).to(device), mask).cpu() for one in measurement])
+        video = torch.cat([decoder(one[None].to(device), mask).cpu() for one in linear])
 
     write_frames(video, out / "frames")
     write_gif(video, out / "video.gif", cfg.fps)

@@ -81,10 +81,28 @@ class System(L.LightningModule):
         if compile:
             self.decoder.compile()
 
-    def forward(self, video: torch.Tensor, mask: torch.Tensor | None = None) -> torch.Tensor:
-        """Record ``video`` (N, T, H, W) and reconstruct it; ``mask`` is a window of the mask, None for all of it."""
-        mask = self.encoder.mask() if mask is None else mask
-        return self.decoder(self.encoder.rescale(self.encoder.record(video, mask)), mask)
+    def forward(
+        self, video: torch.Tensor, mask: torch.Tensor | None = None, origin: tuple[int, int] = (0, 0)
+    ) -> torch.Tensor:
+        """Record ``video`` (N, T, H, W) and reconstruct it.
+
+        ``mask`` is a window of the encoder's transmittance and ``origin`` its first pixel; None for all of it.
+        """
+        return self.decoder(*self.decodable(*self.shoot(video, mask, origin), origin))
+
+    def shoot(
+        self, video: torch.Tensor, mask: torch.Tensor | None = None, origin: tuple[int, int] = (0, 0)
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Measurement of ``video`` and the transmittance it was taken with."""
+        mask = self.encoder.transmittance() if mask is None else mask
+        return self.encoder.record(video, mask, origin), mask
+
+    def decodable(
+        self, measurement: torch.Tensor, mask: torch.Tensor, origin: tuple[int, int] = (0, 0)
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """What the decoder is called with: the linearised and rescaled measurement, and the mask in whole pixels."""
+        linear = self.encoder.linearise(measurement, origin)
+        return self.encoder.rescale(linear), self.encoder.decoder_mask(mask)
 
     # Training
 
@@ -109,8 +127,8 @@ class System(L.LightningModule):
         self._seed_step(self.trainer.fit_loop.total_batch_idx)
 
     def training_step(self, video: torch.Tensor, batch_idx: int) -> torch.Tensor:
-        mask = self._window(self.encoder.mask(), *video.shape[-2:])
-        loss = self.loss(self(video, mask), video)
+        mask, origin = self._window(self.encoder.transmittance(), *video.shape[-2:])
+        loss = self.loss(self(video, mask, origin), video)
         if not torch.isfinite(loss):
             raise self._diverged("the loss became", float(loss.detach()), batch_idx)
         self.log("train/loss", loss, prog_bar=True, batch_size=len(video))
@@ -128,13 +146,14 @@ class System(L.LightningModule):
         super().optimizer_step(*args, **kwargs)
         self.encoder.mask.project_()  # here, not at the batch's end, where a checkpoint may already have been written
 
-    def _window(self, mask: torch.Tensor, height: int, width: int) -> torch.Tensor:
-        """A random window of the mask for clips that are smaller; a clip that is larger is refused later."""
+    def _window(self, mask: torch.Tensor, height: int, width: int) -> tuple[torch.Tensor, tuple[int, int]]:
+        """A random window of the mask, and where, for clips that are smaller; a larger clip is refused later."""
         top, left = (
             int(torch.randint(max(1, full - part + 1), ()))
-            for full, part in zip(mask.shape[-2:], (height, width), strict=True)
+            for full, part in zip(self.encoder.mask.size, (height, width), strict=True)
         )
-        return mask[:, top : top + height, left : left + width]
+        q = self.encoder.path.cells
+        return mask[:, q * top : q * (top + height), q * left : q * (left + width)], (top, left)
 
     def _seed_step(self, step: int, testing: bool = False) -> None:
         torch.manual_seed((((self.seed * 2 + testing) << 40) + (step << 10) + self.global_rank) % 2**63)
@@ -185,8 +204,7 @@ class System(L.LightningModule):
     def _score(self, batch: Batch, batch_idx: int) -> None:
         self._seed_step(batch_idx, testing=True)  # sensor noise in a test does not depend on the training before it
         scenes, video = batch
-        mask = self.encoder.mask()
-        measurement = self.encoder.rescale(self.encoder.record(video, mask))
+        measurement, mask = self.decodable(*self.shoot(video))
         start = self._now()
         estimate = self.decoder(measurement, mask)
         self.seconds.append((self._now() - start) / len(video))

@@ -27,6 +27,7 @@ def test_all_groups_are_known() -> None:
         "callbacks",
         "data",
         "decoder",
+        "effect",
         "encoder",
         "encoder/mask",
         "encoder/sensor",

@@ -15,7 +15,7 @@ from sci_lightning.system import System
 
 
 class Pictures(L.Callback):
-    """After every validation: the mask with its level histogram, and the first snapshot of some scenes.
+    """After every validation: the mask as told, with its level histogram, and the first snapshot of some scenes.
 
     In TensorBoard as an image series; in ``folder`` as PNG files of the latest state.
 
@@ -46,6 +46,6 @@ class Pictures(L.Callback):
         first = [snapshots.first(scene) for scene in range(min(self.scenes, len(snapshots.names)))]
         for name, video in zip(snapshots.names, first, strict=False):
             video = video.to(system.device).unsqueeze(0)
-            measurement = system.encoder.record(video, mask)
-            estimate = system.decoder(system.encoder.rescale(measurement), mask)
+            measurement, met = system.shoot(video)
+            estimate = system.decoder(*system.decodable(measurement, met))
             yield f"scene/{name}", reconstruction_figure(measurement[0], video[0], estimate[0], name)

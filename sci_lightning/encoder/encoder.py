@@ -1,66 +1,158 @@
-"""The encoder: mask and sensor in the order light travels."""
+"""The encoder: mask, effects and sensor in the order light travels."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
 
 import torch
 from torch import nn
 
+from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.mask import Mask
+from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput
+
+LEAST_VARIANCE = 1e-11
+"""Of noise that is drawn; less is a fifth of a 16-bit step, and what floating point leaves behind."""
 
 
 class Encoder(nn.Module):
-    r"""A video SCI camera: :math:`y = R(a \sum_t M_t \odot x_t)`.
+    r"""A video SCI camera: :math:`y = R(a \sum_t M_t \odot x_t)`, and what is wrong with it.
+
+    Effects act in the order of the light, however they are given: modulator, relay and exposure on the mask, then the
+    aperture, then optics and sensor effects on the sum, whose noise is drawn last and as a Gaussian (torch's global
+    generator). The sensor then adds its own noise, clips and rounds. Without effects nothing of this is computed.
+
+    On the command line ``effect=[mask_shift,prnu] encoder.effects.mask_shift.dx=0.6`` adds members of ``conf/effect``,
+    and ``+encoder.effects.mine._target_=my_module.Mine`` one of your own.
 
     Args:
         mask: the transmittance M, ``(T, H, W)`` in [0, 1].
         sensor: the response R, light to measurement.
         aperture: a, scale of the light before the sensor, > 0. ``auto`` asks the mask ("automatic aperture": 2/T
             for binary masks, 1 for structural ones), so that a white scene just fills the sensor on average.
+        effects: any, each at most once; of a mapping the values count and None is no effect.
 
     Raises:
-        BadInput: aperture neither ``auto`` nor a positive number.
+        BadInput: aperture neither ``auto`` nor a positive number; an effect twice; fewer bits for a sensor without.
 
     Source: "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Eq. 1 to 3.
     """
 
-    def __init__(self, mask: Mask, sensor: nn.Module, aperture: float | str = "auto") -> None:
+    def __init__(
+        self,
+        mask: Mask,
+        sensor: nn.Module,
+        aperture: float | str = "auto",
+        effects: Mapping[str, Effect | None] | Iterable[Effect | None] | None = (),
+    ) -> None:
         super().__init__()
         self.mask = mask
         self.sensor = sensor
         if aperture != "auto" and (isinstance(aperture, str) or not aperture > 0):
             raise BadInput(f"encoder aperture must be 'auto' or a positive number, got {aperture!r}")
         self._aperture = aperture
+        given = effects.values() if isinstance(effects, Mapping) else effects or ()
+        self.path = LightPath(effect for effect in given if effect is not None)
+        self._bits = getattr(sensor, "bit_depth", None)
+        if self._bits is None and self.path.effective_bits(16) < 16:
+            raise BadInput(
+                f"an effect leaves {self.path.effective_bits(16)} bits to a sensor that does not round "
+                f"({type(sensor).__name__}); choose one with a bit depth: encoder/sensor=clip_quantise"
+            )
 
     @property
     def aperture(self) -> float:
         """Scale of the light before the sensor."""
         return self.mask.automatic_aperture if isinstance(self._aperture, str) else float(self._aperture)
 
+    @property
+    def dn(self) -> float:
+        """One DN as a fraction of full scale; a sensor that does not round counts as one of 8 bits."""
+        return 1 / (2 ** (self._bits or 8) - 1)
+
+    def transmittance(self) -> torch.Tensor:
+        """What the frames are multiplied with: the mask after modulator, relay and exposure.
+
+        Returns:
+            ``(T, qH, qW)``: where a displaced mask meets a blurred lens a pixel counts as q x q cells
+            (``path.cells``), else q = 1.
+        """
+        return self.path.transmittance(self.mask())
+
+    def decoder_mask(self, mask: torch.Tensor) -> torch.Tensor:
+        """The mask as a decoder wants it, in whole pixels: ``(T, H, W)`` of a ``(T, qH, qW)`` transmittance."""
+        return mask if self.path.cells == 1 else torch.nn.functional.avg_pool2d(mask, self.path.cells)
+
     def forward(self, video: torch.Tensor) -> torch.Tensor:
         """Record ``video`` (N, T, H, W) with the whole mask; see :meth:`record`."""
-        return self.record(video, self.mask())
+        return self.record(video, self.transmittance())
 
-    def record(self, video: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+    def record(self, video: torch.Tensor, mask: torch.Tensor, origin: tuple[int, int] = (0, 0)) -> torch.Tensor:
         """One snapshot of each video.
 
         Args:
             video: float32 ``(N, T, H, W)`` irradiance; 1.0 fills the sensor's range when fully transmitted.
-            mask: ``(T, H, W)`` what ``self.mask()`` gave, or a window of it.
+            mask: ``(T, qH, qW)`` what :meth:`transmittance` gave, or a window of whole pixels of it.
+            origin: (row, column) of the window's first pixel in the field.
 
         Returns:
             measurement ``(N, H, W)``, normalised by the sensor's full scale.
 
         Raises:
-            BadInput: video and mask differ in T, H or W.
+            BadInput: video and mask differ in T, H or W; a window that is not inside the field.
         """
-        if video.ndim != 4 or video.shape[1:] != mask.shape:
+        q = self.path.cells
+        if video.ndim != 4 or (video.shape[1], video.shape[2] * q, video.shape[3] * q) != mask.shape:
             raise BadInput(
-                f"the video is {tuple(video.shape)} (N, T, H, W), the mask {tuple(mask.shape)} (T, H, W): "
+                f"the video is {tuple(video.shape)} (N, T, H, W), the mask {tuple(mask.shape)} (T, H, W)"
+                f"{f' in {q} x {q} cells a pixel' if q > 1 else ''}: "
                 f"T, H and W must agree; set frames= and size= to the data's, or crop the data"
             )
-        return self.sensor(self.aperture * (video * mask).sum(1))
+        if not len(self.path.effects):
+            return self.sensor(self.aperture * (video * mask).sum(1))
+        if q > 1:
+            video = video.repeat_interleave(q, -2).repeat_interleave(q, -1)
+        light = self._signal(self.aperture * (video * mask).sum(1), origin, q)
+        light = self.path.respond(self.path.form(light))
+        return self._convert(_draw(light) if self.path.of("sensor") else light.mean)
+
+    def linearise(self, measurement: torch.Tensor, origin: tuple[int, int] = (0, 0)) -> torch.Tensor:
+        """Undo what can be undone of sensor and optics, as a calibrated camera's software does before decoding.
+
+        Args:
+            measurement: ``(N, H, W)``, normalised by full scale.
+            origin: (row, column) of its first pixel in the field.
+
+        Raises:
+            BadInput: a window that is not inside the field.
+        """
+        passed = [*self.path.of("optics"), *self.path.of("sensor")]
+        if not passed:
+            return measurement
+        signal = self._signal(measurement, origin)
+        for effect in reversed(passed):
+            signal = effect.undo(signal)
+        return signal.mean
 
     def rescale(self, measurement: torch.Tensor) -> torch.Tensor:
         """Measurement ``(N, H, W)`` as the decoder wants it: divided by the aperture, so near sum_t M_t x_t."""
         return measurement / self.aperture
+
+    def _signal(self, light: torch.Tensor, origin: tuple[int, int], cells: int = 1) -> Signal:
+        field, part = self.mask.size, (light.shape[-2] // cells, light.shape[-1] // cells)
+        if any(first < 0 or first + side > full for first, side, full in zip(origin, part, field, strict=True)):
+            raise BadInput(f"{part} pixels (H, W) from {origin} on are not inside the encoder's field of {field}")
+        return Signal(light, light.new_zeros(()), light.new_ones(len(light), 1, 1), self.dn, origin, field, cells)
+
+    def _convert(self, light: torch.Tensor) -> torch.Tensor:
+        if self._bits is not None and (bits := self.path.effective_bits(self._bits)) < self._bits:
+            return self.sensor(light, bits)
+        return self.sensor(light)
+
+
+def _draw(signal: Signal) -> torch.Tensor:
+    deviation = signal.variance.clamp(min=LEAST_VARIANCE).sqrt()  # a bound, or the root's gradient is infinite
+    noise = torch.randn_like(signal.mean) * deviation
+    return signal.mean + torch.where(signal.variance > LEAST_VARIANCE, noise, 0)

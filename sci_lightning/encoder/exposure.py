@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 
 STEPS = 8
-"""Steps in which the course of a slot is followed; a flicker of a cycle per slot is integrated to 0.6 %."""
+"""Steps in which the course of a slot is followed, where a rolling shutter cuts it."""
 
 
 @dataclass(frozen=True)

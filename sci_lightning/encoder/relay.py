@@ -48,7 +48,7 @@ class Pose:
         scale = torch.ones((), **of) if self.scale is None else self.scale
         y = (_centres(height, cells, of) - (zero if self.dy is None else self.dy)) / scale
         x = (_centres(width, cells, of) - (zero if self.dx is None else self.dx)) / scale
-        sigma = None if self.sigma is None or float(self.sigma) < 1e-4 else self.sigma / scale
+        sigma = None if self.sigma is None or float(self.sigma.detach()) < 1e-4 else self.sigma / scale
         pixel = 1 / (cells * scale)
         if self.angle is None:
             down = _along(patterns, y + (height - 1) / 2, -2, sigma, pixel)
@@ -68,7 +68,7 @@ def _taps(
     centre: torch.Tensor, sigma: torch.Tensor | None, pixel: torch.Tensor, length: int
 ) -> list[tuple[torch.Tensor, torch.Tensor]]:
     """(index, weight) pairs of all the mirrors that may light the pixels around ``centre``."""
-    radius = reach(0.0 if sigma is None else float(sigma), float(pixel))
+    radius = reach(0.0 if sigma is None else float(sigma.detach()), float(pixel.detach()))
     first = torch.floor(centre.detach()).long()
     taps = []
     for step in range(1 - radius, radius + 1):

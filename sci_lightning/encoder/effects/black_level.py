@@ -24,3 +24,6 @@ class BlackLevel(Effect):
 
     def respond(self, signal: Signal) -> Signal:
         return signal.with_mean(signal.mean + self.offset)
+
+    def undo(self, signal: Signal) -> Signal:
+        return signal.with_mean(signal.mean - self.offset)

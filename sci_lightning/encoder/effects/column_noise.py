@@ -23,3 +23,6 @@ class ColumnNoise(ChartEffect):
 
     def respond(self, signal: Signal) -> Signal:
         return signal.with_mean(signal.mean + self.std * signal.window(self.map))
+
+    def undo(self, signal: Signal) -> Signal:
+        return signal.with_mean(signal.mean - self.std * signal.window(self.map))

@@ -102,6 +102,10 @@ class Effect(nn.Module):
         """Sensor: mean and variance of the signal before the converter."""
         return signal
 
+    def undo(self, signal: Signal) -> Signal:
+        """Optics, sensor: of a measurement, what it would be without this effect; as it is where nobody can tell."""
+        return signal
+
     def effective_bits(self, bits: int) -> int:
         """Sensor: bits of the converter that count."""
         return bits

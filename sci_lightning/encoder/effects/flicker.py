@@ -37,5 +37,7 @@ class Flicker(Effect):
     phase: torch.Tensor
 
     def expose(self, exposure: Exposure) -> Exposure:
-        angle = 2 * math.pi * self.frequency / exposure.slots * exposure.times() + self.phase
-        return replace(exposure, power=exposure.power * (1 + self.amplitude * torch.sin(angle)))
+        cycles = self.frequency / exposure.slots
+        angle = 2 * math.pi * cycles * exposure.times() + self.phase
+        mean = torch.sinc(cycles / exposure.power.shape[1]) * torch.sin(angle)  # over a step, of any frequency
+        return replace(exposure, power=exposure.power * (1 + self.amplitude * mean))

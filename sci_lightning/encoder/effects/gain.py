@@ -24,3 +24,6 @@ class Gain(Effect):
 
     def respond(self, signal: Signal) -> Signal:
         return signal.with_moments(signal.mean * self.factor, signal.variance * self.factor.square())
+
+    def undo(self, signal: Signal) -> Signal:
+        return signal.with_mean(signal.mean / self.factor)

@@ -28,6 +28,11 @@ class HotPixels(ChartEffect):
         return excess * (torch.rand(size, generator=random) < self.fraction)
 
     def respond(self, signal: Signal) -> Signal:
-        if float(self.fraction) == 0:
+        if float(self.fraction.detach()) == 0:
             return signal
         return signal.with_mean(signal.mean + signal.exposure * signal.window(self.map))
+
+    def undo(self, signal: Signal) -> Signal:
+        if float(self.fraction.detach()) == 0:
+            return signal
+        return signal.with_mean(signal.mean - signal.exposure * signal.window(self.map))

@@ -27,10 +27,10 @@ class OpticalBlur(Effect):
     sigma: torch.Tensor
 
     def form(self, signal: Signal) -> Signal:
-        if float(self.sigma) < 1e-4:
+        if float(self.sigma.detach()) < 1e-4:
             return signal.pooled()
         cells = signal.cells
-        radius = reach(float(self.sigma)) * cells + cells // 2
+        radius = reach(float(self.sigma.detach())) * cells + cells // 2
         steps = torch.arange(-radius, radius + 1).to(signal.mean) + (0.5 if cells % 2 == 0 else 0.0)
         kernel = square_kernel(steps, self.sigma * cells, cells)
         image, start = signal.mean[:, None], radius - cells // 2

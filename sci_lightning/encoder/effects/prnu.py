@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import torch
+
 from sci_lightning.encoder.effects.chart_effect import ChartEffect
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.signal import Signal
@@ -22,5 +24,11 @@ class Prnu(ChartEffect):
     chart = "pixel"
 
     def respond(self, signal: Signal) -> Signal:
-        gain = 1 + self.std * signal.window(self.map)
+        gain = self._gain(signal)
         return signal.with_moments(signal.mean * gain, signal.variance * gain.square())
+
+    def undo(self, signal: Signal) -> Signal:
+        return signal.with_mean(signal.mean / self._gain(signal).clamp(min=0.05))  # a dead pixel stays dark
+
+    def _gain(self, signal: Signal) -> torch.Tensor:
+        return 1 + self.std * signal.window(self.map)

@@ -24,9 +24,13 @@ class ResponseGamma(Effect):
 
     def respond(self, signal: Signal) -> Signal:
         deviation = (signal.variance + 1e-12).sqrt()
-        above, below = self._power(signal.mean + deviation), self._power(signal.mean - deviation)
+        above, below = (_power(signal.mean + side, self.gamma) for side in (deviation, -deviation))
         return signal.with_moments((above + below) / 2, (above - below).square() / 4)
 
-    def _power(self, x: torch.Tensor) -> torch.Tensor:
-        """The power, odd about 0 and with a finite slope there."""
-        return x * (x.square() + 1e-8) ** ((self.gamma - 1) / 2)
+    def undo(self, signal: Signal) -> Signal:
+        return signal.with_mean(_power(signal.mean, 1 / self.gamma))
+
+
+def _power(x: torch.Tensor, exponent: torch.Tensor) -> torch.Tensor:
+    """The power, odd about 0 and with a finite slope there."""
+    return x * (x.square() + 1e-8) ** ((exponent - 1) / 2)

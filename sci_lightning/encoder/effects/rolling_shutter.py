@@ -26,7 +26,7 @@ class RollingShutter(Effect):
     delay: torch.Tensor
 
     def expose(self, exposure: Exposure) -> Exposure:
-        count = max(len(exposure.power), exposure.slots + math.ceil(float(self.delay)))
+        count = max(len(exposure.power), exposure.slots + math.ceil(float(self.delay.detach())))
         steps = exposure.power.shape[1]
         longer = replace(exposure, power=torch.ones(count, steps).to(exposure.power))
         opens = self.delay * torch.linspace(0, 1, exposure.rows).to(self.delay)

@@ -25,13 +25,16 @@ class Saturation(Effect):
     level: torch.Tensor
 
     def respond(self, signal: Signal) -> Signal:
-        if float(self.level) >= 1:
+        if float(self.level.detach()) >= 1:
             return signal
         beyond = signal.mean - self.level
         deviation = (signal.variance + 1e-12).sqrt()
         z = (beyond / deviation).clamp(-30, 30)
         below = torch.special.ndtr(-z)
         edge = torch.exp(-z.square() / 2) / math.sqrt(2 * math.pi)
+        above = torch.special.ndtr(z)
         mean = beyond * below - deviation * edge
-        square = (beyond.square() + deviation.square()) * below - beyond * deviation * edge
-        return signal.with_moments(self.level + mean, (square - mean.square()).clamp(min=0))
+        # the second moment less the mean's square, written so that nothing large cancels: far below it is the variance
+        variance = beyond.square() * below * above + deviation.square() * (below - edge.square())
+        variance = variance - beyond * deviation * edge * (above - below)
+        return signal.with_moments(self.level + mean, variance.clamp(min=0))

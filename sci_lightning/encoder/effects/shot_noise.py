@@ -24,6 +24,6 @@ class ShotNoise(Effect):
     full_well: torch.Tensor
 
     def respond(self, signal: Signal) -> Signal:
-        if float(self.full_well) >= 1e9:
+        if float(self.full_well.detach()) >= 1e9:
             return signal
         return signal.with_moments(signal.mean, signal.variance + signal.mean.clamp(min=0) / self.full_well)

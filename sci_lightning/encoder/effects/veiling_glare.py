@@ -27,3 +27,7 @@ class VeilingGlare(Effect):
     def form(self, signal: Signal) -> Signal:
         even = signal.mean.mean((-2, -1), keepdim=True)
         return signal.with_mean((1 - self.fraction) * signal.mean + self.fraction * even)
+
+    def undo(self, signal: Signal) -> Signal:
+        even = signal.mean.mean((-2, -1), keepdim=True)
+        return signal.with_mean((signal.mean - self.fraction * even) / (1 - self.fraction).clamp(min=0.05))

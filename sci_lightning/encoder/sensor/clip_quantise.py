@@ -44,14 +44,18 @@ class ClipQuantise(nn.Module):
         """The largest DN, ``2**bit_depth - 1``."""
         return 2**self.bit_depth - 1
 
-    def forward(self, light: torch.Tensor) -> torch.Tensor:
-        """Light ``(N, H, W)``, 1.0 at full scale, to measurement ``(N, H, W)`` in {0, 1/(2^d - 1), .., 1}."""
+    def forward(self, light: torch.Tensor, bits: int | None = None) -> torch.Tensor:
+        """Light ``(N, H, W)``, 1.0 at full scale, to measurement ``(N, H, W)`` in {0, 1/(2^d - 1), .., 1}.
+
+        With fewer effective ``bits`` only 2^bits codes occur, evenly from 0 to 1, each written as the nearest DN.
+        """
         if self.full_well is not None:
             light = self._shot_noise(light, self.full_well)
         if self.read_noise:
             light = light + torch.randn_like(light) * (self.read_noise / self.full_scale)
         clipped = light.clamp(0, 1)
-        return straight_through(round_half_up(clipped * self.full_scale) / self.full_scale, clipped)
+        code = clipped if bits is None else round_half_up(clipped * (2**bits - 1)) / (2**bits - 1)
+        return straight_through(round_half_up(code * self.full_scale) / self.full_scale, clipped)
 
     @staticmethod
     def _shot_noise(light: torch.Tensor, full_well: float) -> torch.Tensor:

@@ -1,0 +1,42 @@
+"""The encoder that a trained decoder is tested or used with."""
+
+from __future__ import annotations
+
+from hydra.utils import instantiate
+from omegaconf import DictConfig
+
+from sci_lightning.checkpoint import Checkpoint
+from sci_lightning.command import chosen
+from sci_lightning.encoder import Encoder
+from sci_lightning.errors import BadInput
+
+
+def chosen_encoder(cfg: DictConfig, checkpoint: Checkpoint) -> tuple[Encoder, str]:
+    """The encoder of the training, or the one that ``encoder=`` names, and its name.
+
+    A mask of the same kind keeps the trained values unless it is read from a file, so that ``encoder=rbw_sr`` after
+    training on ``rbw_osr`` changes the sensor and nothing else.
+
+    Args:
+        cfg: of the command; ``frames``, ``size`` and ``seed`` that are None are taken from the training.
+        checkpoint: of the training.
+
+    Raises:
+        BadInput: what is named is not an encoder, or does not fit.
+    """
+    trained = checkpoint.config
+    for key in ("frames", "size", "seed"):
+        cfg[key] = trained[key] if cfg[key] is None else cfg[key]
+    if cfg.get("encoder") is None:
+        return checkpoint.encoder(), trained["names"]["encoder"]
+    if "_target_" not in cfg.encoder:
+        raise BadInput(
+            f"effects and encoder.* settings need an encoder that is named: encoder={trained['names']['encoder']}"
+        )
+    encoder = instantiate(cfg.encoder, _convert_="all")
+    if not isinstance(encoder, Encoder):
+        raise BadInput(f"encoder={chosen('encoder')}: its _target_ is a {type(encoder).__name__}, not an Encoder")
+    mask = cfg.encoder.mask
+    if mask._target_ == trained["encoder"]["mask"]["_target_"] and mask.get("file") is None:
+        checkpoint.fill("encoder.mask", encoder.mask)
+    return encoder, chosen("encoder")
