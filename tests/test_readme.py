@@ -19,6 +19,7 @@ from sci_lightning.captures import pack_captures
 from tests.conftest import ROOT
 from tests.end_to_end.test_train import TINY
 from tests.test_configs import clips
+from tests.test_encoder_file import encoder_file
 
 README = (ROOT / "README.md").read_text()
 BLOCKS = re.findall(r"```bash\n(.*?)```", README, re.DOTALL)
@@ -45,6 +46,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     recipe = "{bit_depth: 8, patterns: masks.npy, captures: [{measurement: grey.tif, scene: 0.4}]}"
     (place / "LAB" / "captures.yaml").write_text(recipe)
     pack_captures(place / "LAB", place / "CAPTURES.h5")
+    encoder_file(place / "CAMERA", 64)
     run([sys.executable, "-m", "sci_lightning.train", *TINY, *SIZE, *DECODER["e2e_cnn"], "out=RUN"], place)
     return place
 
@@ -78,7 +80,7 @@ def reduced(arguments: list[str]) -> list[str]:
     """A command of the README made small by overrides; of a sweep, the first value of each choice."""
     if arguments[1] != "sci_lightning.train":
         return arguments
-    arguments = [re.sub(r"=([^\[,]+),.*", r"=\1", each) for each in arguments]
+    arguments = [re.sub(r"=([^\[,]+),[^\]]*$", r"=\1", each) for each in arguments]
     decoder = next((each.split("=")[1] for each in arguments if each.startswith("decoder=")), "res2former")
     extra = [*SIZE, *DECODER[decoder], "batch_size=1", "workers=0"]
     if any(each.startswith("ckpt_path=") for each in arguments):

@@ -25,7 +25,7 @@ class Hypothesis:
 
     Attributes:
         effects: values by parameter, by effect.
-        charts: ``(H, W)``, ``(1, W)`` or ``(H, 1)`` maps by effect, in the effect's own unit (standard deviation and all).
+        charts: ``(H, W)``, ``(1, W)`` or ``(H, 1)`` maps by effect, in the effect's own unit.
     """
 
     effects: dict[str, Setting]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from sci_lightning.captures import Captures, infer_kind
 
+from sci_lightning.captures import Captures
 from sci_lightning.errors import BadInput
 
 
@@ -67,8 +67,8 @@ def observe(captures: Captures) -> Observation:
     Raises:
         BadInput: no capture with a known scene, all pixels saturated, or all black.
     """
-    known = np.flatnonzero(captures.known)
-    if not len(known):
+    known = [int(n) for n in np.flatnonzero(captures.known)]
+    if not known:
         raise BadInput(
             f"{captures.name}: none of the {len(captures.measurement)} captures has a known scene; a diagnosis needs "
             "captures of something known: dark frames, flat fields, single patterns, or printed or displayed scenes"
@@ -77,7 +77,7 @@ def observe(captures: Captures) -> Observation:
     if (dn == 0).all() or (dn == captures.full_scale).all():
         word = "black (0 DN)" if (dn == 0).all() else f"saturated ({captures.full_scale} DN)"
         raise BadInput(f"{captures.name}: every pixel of every capture is {word}: change exposure or aperture")
-    kinds = infer_kind(captures)
+    kinds = captures.inferred_kind
     order = sorted(known, key=lambda n: (kinds[n], _digest(captures, n)))
     sequences, sequence = torch.unique(torch.from_numpy(captures.sequence[order]), dim=0, return_inverse=True)
     return Observation(
@@ -90,7 +90,7 @@ def observe(captures: Captures) -> Observation:
         dn=torch.from_numpy(captures.measurement[order].astype(np.float32)),
         bit_depth=captures.bit_depth,
         kinds=tuple(kinds[n] for n in order),
-        number=torch.tensor([int(n) for n in order]),
+        number=torch.tensor(order),
         read_noise=captures.read_noise_dn,
         full_well=captures.full_well_e,
     )

@@ -37,7 +37,7 @@ class Split:
         return {
             "held_out_captures": list(self.captures),
             "fitted_captures": int((~self.held_capture).sum()),
-            "held_out_blocks": f"{BLOCK} x {BLOCK} pixels, one in {ONE_IN**2} of every fitted capture, another one in each",
+            "held_out_blocks": f"{BLOCK} x {BLOCK} pixels, one in {ONE_IN**2} of every fitted capture",
             "held_out_fraction": round(float(self.held.float().mean()), 4),
             "held_out": bool(self.held.any()),
         }
