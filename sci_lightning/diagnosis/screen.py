@@ -1,0 +1,85 @@
+"""A cheap look at every candidate: how many nats it would gain, to second order, and where its fit should start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+
+from sci_lightning.diagnosis.camera_model import Hypothesis, Setting
+from sci_lightning.diagnosis.chart import chart_of
+from sci_lightning.diagnosis.fit import Fit, Fitter
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect that might be added.
+
+    Attributes:
+        name: of the effect.
+        gain: nats, estimated.
+        start: where a fit of it should begin.
+    """
+
+    name: str
+    gain: float
+    start: Setting
+
+    def added(self, hypothesis: Hypothesis, shape: tuple[int, int] | None) -> Hypothesis:
+        """The hypothesis with the candidate at its start; ``shape`` is that of its map, if it has one."""
+        return hypothesis.having(self.name, self.start, None if shape is None else torch.zeros(shape))
+
+
+def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
+    """Every effect of the vocabulary that the hypothesis lacks, the most promising first.
+
+    Noise terms are left out: they explain variance, and must not be asked about the mean.
+    """
+    model, seen = fitter.model, fitter.model.observation
+    prediction = base.prediction
+    now = fitter.score(prediction)
+    deviation = prediction.deviation
+    chi2 = _chi2(fitter, prediction.mean, deviation)
+    mean, _ = fitter.jacobian(base.hypothesis, list(base.free), prediction)
+    weight = now.weight * fitter.use
+    flat = mean.flatten(1)
+    inverse = torch.linalg.pinv(((mean * weight).flatten(1) @ flat.T).double())
+    slope = now.slope * fitter.use
+    score = (flat @ slope.flatten()).double()
+    count = float(fitter.use.sum())
+    found = []
+    for name, effect in model.vocabulary.items():
+        if name in base.hypothesis.effects or effect.noise:
+            continue
+        if effect.chart:
+            chart = chart_of(model, base.hypothesis, name, prediction, now, fitter.use)
+            start: Setting = dict.fromkeys(effect.about, chart.std)
+            found.append(Candidate(name, chart.evidence, start))
+            continue
+        best = Candidate(name, -1.0, {})
+        for start in effect.starts(seen.frames, seen.size, seen.bit_depth):
+            trial = model.predict(base.hypothesis.having(name, start))
+            if trial.bits != prediction.bits:
+                gain = float(((fitter.values(trial) - now.value) * fitter.use).sum())
+            else:
+                change = trial.mean - prediction.mean
+                cross = (flat @ (change * weight).flatten()).double()
+                size = float((change.square() * weight).sum()) - float(cross @ inverse @ cross)
+                pull = float((change * slope).sum()) - float(cross @ inverse @ score)
+                near = 0.5 * max(pull, 0.0) ** 2 / max(size, 1e-6)
+                far = 0.5 * count * float(torch.log(chi2 / _chi2(fitter, trial.mean, deviation)))
+                gain = max(far, near if not any(about.choices for about in effect.about.values()) else far)
+            if gain > best.gain:
+                best = Candidate(name, gain, start)
+        if best.start:
+            found.append(best)
+    return sorted(found, key=lambda each: -each.gain)
+
+
+def _chi2(fitter: Fitter, mean: torch.Tensor, deviation: torch.Tensor) -> torch.Tensor:
+    """Mean square of the distance to the DN's interval, over the fitted pixels, quantisation counted as noise."""
+    intervals = fitter.intervals(fitter.model.observation.bit_depth)
+    distance = (intervals.low - mean).clamp(min=0) + (mean - intervals.high).clamp(min=0)
+    inside = fitter.model.observation.dn - mean
+    distance = torch.where(intervals.low.isinf() | intervals.high.isinf(), distance, inside)
+    return (distance.square() / (deviation.square() + 1 / 12) * fitter.use).sum() / fitter.use.sum()

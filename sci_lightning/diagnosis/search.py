@@ -1,0 +1,69 @@
+"""The search: add the effect that explains most, fit everything anew, and drop what is no longer needed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from sci_lightning.diagnosis.camera_model import Hypothesis
+from sci_lightning.diagnosis.fit import Fit, Fitter
+from sci_lightning.diagnosis.screen import screen
+
+TRIED = 4
+"""Candidates of a round that are fitted jointly with all that is in the model."""
+MARGIN = 2.0
+"""Nats that an effect must gain beyond what its parameters cost."""
+
+
+def search(
+    fitter: Fitter, noise: Hypothesis, most: int = 6, told: Callable[[str, float], None] = lambda name, gain: None
+) -> Fit:
+    """Greedy forward selection with joint refits, judged on all pixels and on those held out, then pruned backwards.
+
+    The noise is refitted every round, so that it takes up what is not explained yet and gives it back later.
+
+    Args:
+        fitter: of the captures.
+        noise: shot and read noise to begin with.
+        most: effects to be found at most.
+        told: is called with name and gained nats of every effect that is added.
+    """
+    model = fitter.model
+    best = fitter.fit(noise, iterations=30)
+    for _ in range(most):
+        trials = []
+        for candidate in screen(fitter, best)[:TRIED]:
+            if candidate.gain > MARGIN:
+                effect = model.vocabulary[candidate.name]
+                shape = effect.shape(model.observation.size) if effect.chart else None  # type: ignore[attr-defined]
+                trials.append((candidate.name, fitter.fit(candidate.added(best.hypothesis, shape), iterations=20)))
+        trials = [(name, fit) for name, fit in trials if worth(fitter, best, fit) > 0]
+        if not trials:
+            break
+        name, fit = max(trials, key=lambda each: worth(fitter, best, each[1]))
+        told(name, fit.total - best.total)
+        best = prune(fitter, fit, noise)
+    return best
+
+
+def prune(fitter: Fitter, fit: Fit, noise: Hypothesis) -> Fit:
+    """Without the effects that are not worth their parameters beside the others."""
+    for name in [each for each in fit.hypothesis.effects if each not in noise.effects]:
+        if len(fit.hypothesis.effects) > len(noise.effects) + 1:
+            without = fitter.fit(fit.hypothesis.without(name))
+            if worth(fitter, without, fit) <= 0:
+                fit = without
+    return fit
+
+
+def worth(fitter: Fitter, less: Fit, more: Fit) -> float:
+    """Nats that the larger model gains beyond its parameters' cost (BIC); held-out pixels must speak for it."""
+    if fitter.split.held.any() and more.held <= less.held:
+        return -math.inf
+    extra = parameters(fitter, more) - parameters(fitter, less)
+    return more.total - less.total - 0.5 * extra * math.log(fitter.use.numel()) - MARGIN
+
+
+def parameters(fitter: Fitter, fit: Fit) -> int:
+    """How many parameters a hypothesis has; a map counts as the one that describes it."""
+    return sum(len(fitter.model.vocabulary[name].about) for name in fit.hypothesis.effects)
