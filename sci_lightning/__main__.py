@@ -16,6 +16,11 @@ COMMANDS = (
         "ckpt_path=RUN/checkpoints/last.ckpt encoder=rbw_sr data=benchmark data.root=DIR",
     ),
     (
+        "diagnose",
+        "find the effect that makes captures and model disagree",
+        "captures=CAPTURES.h5",
+    ),
+    (
         "reconstruct",
         "decode a snapshot that a camera took",
         "ckpt_path=RUN/checkpoints/last.ckpt measurement=SNAPSHOT.tiff mask=MASK.mat",

@@ -131,7 +131,7 @@ class Fitter:
                 damping = max(damping * 20, 1e-2)
             if value - before < ENOUGH:
                 break
-        held = float((self.values(self._uncertain(prediction, found)) * (1 - self.use)).sum(dtype=torch.float64))
+        held = float((self.values(self.uncertain(prediction, found)) * (1 - self.use)).sum(dtype=torch.float64))
         return Fit(hypothesis, prediction, value, held, tuple(free), information, found)
 
     def jacobian(
@@ -160,12 +160,11 @@ class Fitter:
     ) -> tuple[torch.Tensor, torch.Tensor, dict[str, torch.Tensor]]:
         """Slope and information of the free parameters, the maps eliminated, and how the maps follow them."""
         mean, spread = self.jacobian(hypothesis, free, prediction)
-        count = len(free)
         weighted, spread_weighted = mean * (now.weight * self.use), spread * (now.spread_weight * self.use)
         slope = (mean * (now.slope * self.use)).flatten(1).sum(1, dtype=torch.float64)
         slope += (spread * (now.spread * self.use)).flatten(1).sum(1, dtype=torch.float64)
-        information = (weighted.view(count, -1) @ mean.view(count, -1).T).double()
-        information += (spread_weighted.view(count, -1) @ spread.view(count, -1).T).double()
+        information = (weighted.flatten(1) @ mean.flatten(1).T).double()
+        information += (spread_weighted.flatten(1) @ spread.flatten(1).T).double()
         couplings = {}
         for name, chart in charts.items():
             cross = chart.gather(weighted * chart.jacobian).double()  # (p, *map)
@@ -226,7 +225,7 @@ class Fitter:
             return low
         return high if step > high else None
 
-    def _uncertain(self, prediction: Prediction, charts: dict[str, Chart]) -> Prediction:
+    def uncertain(self, prediction: Prediction, charts: dict[str, Chart]) -> Prediction:
         """The prediction with the maps' uncertainty in its deviation, as fair for pixels that were not fitted."""
         variance = prediction.deviation.square()
         for chart in charts.values():

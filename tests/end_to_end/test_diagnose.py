@@ -1,0 +1,31 @@
+"""``diagnose`` finds what is hidden in captures, writes an encoder to go on with, and refuses what it cannot use."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from sci_lightning.virtual_camera import Session, capture_session, write_captures
+
+
+@pytest.mark.parametrize("hidden", [{}, {"mask_shift": {"dx": 0.61, "dy": -0.35}}])
+def test_diagnose(hidden: dict[str, dict[str, float]], tmp_path: Path, command: Callable[..., Any]) -> None:
+    write_captures(tmp_path / "a.h5", capture_session(Session(size=(48, 48)), hidden, seed=3))
+    command("diagnose", f"captures={tmp_path}/a.h5", f"out={tmp_path}/out")
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["verdict"] == ("explained" if hidden else "consistent")
+    assert {each["name"] for each in report["effects"]} == set(hidden)
+    assert report["gap"]["after"]["chi2"] < 1.05
+
+
+def test_nothing_known(tmp_path: Path, refused: Callable[..., str]) -> None:
+    write_captures(tmp_path / "a.h5", capture_session(Session(size=(32, 32)), {}, seed=3))
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        file["scene"][...] = np.nan
+    assert "known scene" in refused("diagnose", f"captures={tmp_path}/a.h5", f"out={tmp_path}/out")
