@@ -9,18 +9,33 @@ import numpy as np
 import torch
 from omegaconf import OmegaConf
 
+from sci_lightning import __version__
 from sci_lightning.atomic_file import whole_file
+from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.fit import Fit, Fitter
 
-GOOD = 1.05
-"""Reduced chi2 on held-out pixels up to which nothing is left to explain."""
 
-
-def verdict(names: list[str], chi2: float, before: float) -> str:
-    """consistent, explained, partly_explained or unexplained."""
-    if chi2 <= GOOD:
-        return "explained" if names else "consistent"
-    return "partly_explained" if names and chi2 < before else "unexplained"
+def describe(found: Diagnosis) -> dict[str, Any]:
+    """``report.json`` without its run time."""
+    return {
+        "format": "sci-diagnosis",
+        "format_version": 1,
+        "verdict": found.verdict,
+        "effects": describe_effects(found.fitter, found.after, list(found.names)),
+        "gap": found.gaps,
+        "unnamed": [{"stage": each.stage, "where": each.where, "p_value": each.p_value} for each in found.unnamed],
+        "noise": {
+            **{
+                name: each
+                for name, each in found.after.hypothesis.effects.items()
+                if found.fitter.model.vocabulary[name].noise
+            },
+            "stated_by_the_file": list(found.stated),
+        },
+        "split": found.fitter.split.describe(),
+        "seed": found.seed,
+        "sci_lightning": __version__,
+    }
 
 
 def describe_effects(fitter: Fitter, fit: Fit, names: list[str]) -> list[dict[str, Any]]:

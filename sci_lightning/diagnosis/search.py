@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from sci_lightning.diagnosis.camera_model import Hypothesis
 from sci_lightning.diagnosis.fit import Fit, Fitter
@@ -15,9 +16,24 @@ MARGIN = 2.0
 """Nats that an effect must gain beyond what its parameters cost."""
 
 
+@dataclass(frozen=True)
+class Round:
+    """One round of the search.
+
+    Attributes:
+        screened: nats that every candidate was expected to gain, by name.
+        fitted: nats that those tried gained in a joint fit, all pixels and held-out ones, by name.
+        added: the one chosen; None when none was worth its parameters.
+    """
+
+    screened: dict[str, float]
+    fitted: dict[str, tuple[float, float]]
+    added: str | None
+
+
 def search(
-    fitter: Fitter, noise: Hypothesis, most: int = 6, told: Callable[[str, float], None] = lambda name, gain: None
-) -> Fit:
+    fitter: Fitter, noise: Hypothesis, most: int = 6, told: Callable[[str], None] = lambda text: None
+) -> tuple[Fit, list[Round]]:
     """Greedy forward selection with joint refits, judged on all pixels and on those held out, then pruned backwards.
 
     The noise is refitted every round, so that it takes up what is not explained yet and gives it back later.
@@ -26,24 +42,28 @@ def search(
         fitter: of the captures.
         noise: shot and read noise to begin with.
         most: effects to be found at most.
-        told: is called with name and gained nats of every effect that is added.
+        told: is called with a line of text for every effect that is added.
     """
     model = fitter.model
     best = fitter.fit(noise, iterations=30)
+    rounds = []
     for _ in range(most):
         trials = []
-        for candidate in screen(fitter, best)[:TRIED]:
+        screened = screen(fitter, best)
+        for candidate in screened[:TRIED]:
             if candidate.gain > MARGIN:
                 effect = model.vocabulary[candidate.name]
                 shape = effect.shape(model.observation.size) if effect.chart else None  # type: ignore[attr-defined]
                 trials.append((candidate.name, fitter.fit(candidate.added(best.hypothesis, shape), iterations=20)))
+        gains = {name: (fit.total - best.total, fit.held - best.held) for name, fit in trials}
         trials = [(name, fit) for name, fit in trials if worth(fitter, best, fit) > 0]
-        if not trials:
+        name, fit = max(trials, key=lambda each: worth(fitter, best, each[1]), default=(None, best))
+        rounds.append(Round({each.name: each.gain for each in screened}, gains, name))
+        if name is None:
             break
-        name, fit = max(trials, key=lambda each: worth(fitter, best, each[1]))
-        told(name, fit.total - best.total)
+        told(f"{name}: {gains[name][0]:.0f} nats")
         best = prune(fitter, fit, noise)
-    return best
+    return best, rounds
 
 
 def prune(fitter: Fitter, fit: Fit, noise: Hypothesis) -> Fit:

@@ -20,5 +20,5 @@ from tests.diagnosis.test_fit import NOISE, fitter
     ],
 )
 def test_names(tmp_path: Path, hidden: dict[str, dict[str, float]]) -> None:
-    found = search(fitter(tmp_path, hidden), NOISE)
+    found, _ = search(fitter(tmp_path, hidden), NOISE)
     assert set(found.hypothesis.effects) - set(NOISE.effects) == set(hidden)

@@ -1,0 +1,113 @@
+"""A diagnosis: from captures to the effects that a model of the camera lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+
+from sci_lightning.captures import Captures
+from sci_lightning.diagnosis.camera_model import CameraModel
+from sci_lightning.diagnosis.fit import Fit, Fitter
+from sci_lightning.diagnosis.gap import gap
+from sci_lightning.diagnosis.noise import settle, stated
+from sci_lightning.diagnosis.observation import observe
+from sci_lightning.diagnosis.search import Round, search
+from sci_lightning.diagnosis.split import split
+from sci_lightning.encoder.effects import Effect
+
+GOOD = 1.05
+"""Reduced chi2 on held-out pixels up to which nothing is left to explain."""
+
+
+@dataclass(frozen=True)
+class Unnamed:
+    """Something that no effect of the vocabulary explains.
+
+    Attributes:
+        stage: modulator, relay, exposure, optics or sensor.
+        where: in words.
+        p_value: corrected for how many probes were asked.
+        picture: ``(H, W)`` or a curve ``(n,)`` that shows it.
+    """
+
+    stage: str
+    where: str
+    p_value: float
+    picture: torch.Tensor
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What was found.
+
+    Attributes:
+        fitter: of the captures: observation, split and model are in it.
+        before: the ideal camera with the datasheet's noise.
+        after: with everything that was found.
+        names: effects found, in the order of the light, noise that differs from the datasheet's among them.
+        rounds: what was considered, round by round.
+        unnamed: what is left.
+        stated: noise effects whose values the captures file states.
+        gaps: ``before`` and ``after``, see :func:`gap`.
+        seed: of the randomised residuals.
+    """
+
+    fitter: Fitter
+    before: Fit
+    after: Fit
+    names: tuple[str, ...]
+    rounds: tuple[Round, ...]
+    unnamed: tuple[Unnamed, ...]
+    stated: tuple[str, ...]
+    gaps: dict[str, dict[str, Any]]
+    seed: int
+
+    @property
+    def verdict(self) -> str:
+        """consistent, explained, partly_explained or unexplained."""
+        chi2, before = self.gaps["after"]["chi2"], self.gaps["before"]["chi2"]
+        if chi2 <= GOOD and not self.unnamed:
+            return "explained" if self.names else "consistent"
+        return "partly_explained" if self.names and chi2 < before else "unexplained"
+
+
+def diagnose(
+    captures: Captures,
+    vocabulary: Mapping[str, type[Effect]],
+    seed: int = 0,
+    most: int = 6,
+    told: Callable[[str], None] = lambda text: None,
+) -> Diagnosis:
+    """Find the effects that the ideal camera lacks to explain the captures.
+
+    Args:
+        captures: of one camera.
+        vocabulary: effects that may be named.
+        seed: of the randomised residuals.
+        most: effects to be found at most.
+        told: is called with a line of text whenever there is news.
+
+    Raises:
+        BadInput: no capture with a known scene, all saturated, or all black.
+    """
+    observation = observe(captures)
+    fitter = Fitter(CameraModel(observation, vocabulary), split(observation))
+    noise, fixed = stated(fitter)
+    before = fitter.fit(noise, fixed=fixed, iterations=30)
+    found, rounds = search(fitter, noise, most, told)
+    found, differing = settle(fitter, found)
+    names = [name for name in found.hypothesis.effects if name not in noise.effects] + differing
+    return Diagnosis(
+        fitter=fitter,
+        before=before,
+        after=found,
+        names=tuple(sorted(names, key=lambda name: vocabulary[name].rank)),
+        rounds=tuple(rounds),
+        unnamed=(),
+        stated=tuple(name for name, _ in fixed),
+        gaps={"before": gap(fitter, before, seed), "after": gap(fitter, found, seed)},
+        seed=seed,
+    )
