@@ -64,22 +64,27 @@ class Chart:
         """Sum a ``(.., N, H, W)`` field over all that shares one value of the map: ``(.., *map)``."""
         return _gather(self.kind, field)
 
-    def updated(self, followed: torch.Tensor) -> tuple[Setting, torch.Tensor]:
-        """The map one Newton step on, having followed the parameters' step; and the effect's setting."""
+    def updated(self, followed: torch.Tensor, taken: torch.Tensor) -> tuple[Setting, torch.Tensor]:
+        """The map one Newton step on, and the effect's setting.
+
+        Args:
+            followed: what the map gives way as the parameters take their step.
+            taken: slope by each value that other maps have taken away in this step.
+        """
+        slope = self.slope - taken
         if self.kind == "hot":
-            hot = _hot(self.slope, self.weight, self.values)
-            best = self.values + self.slope / self.weight.clamp(min=1e-9)
+            hot = _hot(slope, self.weight, self.values)
+            best = self.values + slope / self.weight.clamp(min=1e-9)
             values = torch.where(hot, best - followed, 0.0).clamp(min=0).float()
             return {"fraction": float((values > 0).float().mean())}, values
-        values = (self.values + self.response * self.pull - followed).float()
+        values = (self.values + self.response * (self.pull - taken) - followed).float()
         return {"std": self.std}, values
 
-    def cost_of(self, hypothesis: Hypothesis) -> float:
-        """Nats of the map in another hypothesis, the weights as they are here."""
-        values = hypothesis.charts[self.name]
+    def cost_of(self, values: torch.Tensor, weight: torch.Tensor) -> float:
+        """Nats of other values, weighted otherwise."""
         if self.kind == "hot":
             return float((values > 0).sum()) * _toll(values)
-        return _cost(values.double(), self.weight, self.std)
+        return _cost(values.double(), weight, self.std)
 
 
 def chart_of(

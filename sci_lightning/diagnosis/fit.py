@@ -118,12 +118,20 @@ class Fitter:
             before = value
             for _attempt in range(6):
                 moved, step = self._move(hypothesis, free, slope, information, damping)
+                taken = torch.zeros(())
                 for name, chart in found.items():
-                    setting, values = chart.updated(torch.einsum("p...,p->...", couplings[name], step))
+                    followed = torch.einsum("p...,p->...", couplings[name], step)
+                    shared = chart.gather(chart.jacobian * now.weight * self.use * taken).double()
+                    setting, values = chart.updated(followed, shared)
+                    taken = taken + chart.jacobian * (values - chart.values.float())
                     moved = moved.having(name, setting, values)
                 trial = self.model.predict(moved)
                 reached = float((self.values(trial) * self.use).sum(dtype=torch.float64))
-                reached -= sum(c.cost_of(moved) for c in found.values())
+                if found:
+                    weight = now.weight * self.use * _variance(prediction) / _variance(trial)
+                    for name, chart in found.items():
+                        weights = chart.gather(chart.jacobian.square() * weight).double()
+                        reached -= chart.cost_of(moved.charts[name], weights)
                 if reached >= value:
                     hypothesis, prediction, value = moved, trial, reached
                     damping = max(damping / 10, 1e-6)
@@ -162,7 +170,9 @@ class Fitter:
         mean, spread = self.jacobian(hypothesis, free, prediction)
         weighted, spread_weighted = mean * (now.weight * self.use), spread * (now.spread_weight * self.use)
         slope = (mean * (now.slope * self.use)).flatten(1).sum(1, dtype=torch.float64)
-        slope += (spread * (now.spread * self.use)).flatten(1).sum(1, dtype=torch.float64)
+        # a map follows the noise and leaves less of it: what it took must not be missed in the deviation
+        lever = sum(chart.jacobian.square() * chart.response.float() for chart in charts.values())
+        slope += (spread * ((now.spread + now.weight * lever) * self.use)).flatten(1).sum(1, dtype=torch.float64)
         information = (weighted.flatten(1) @ mean.flatten(1).T).double()
         information += (spread_weighted.flatten(1) @ spread.flatten(1).T).double()
         couplings = {}
@@ -231,3 +241,8 @@ class Fitter:
         for chart in charts.values():
             variance = variance + chart.jacobian.square() * chart.variance
         return Prediction(prediction.mean, variance.sqrt(), prediction.bits) if charts else prediction
+
+
+def _variance(prediction: Prediction) -> torch.Tensor:
+    """Of a pixel's DN, quantisation counted as noise."""
+    return prediction.deviation.square() + 1 / 12
