@@ -13,9 +13,8 @@ from sci_lightning.encoder.relay import Pose
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput
 
-CELLS = 3
-"""Cells per pixel and axis for a displaced mask behind a blurred lens: whole pixels err by 5 % of what the two change,
-these by 0.5 %."""
+CELLS = 5
+"""Cells per pixel and axis for a displaced mask behind a blurred lens."""
 
 
 class LightPath(nn.Module):
