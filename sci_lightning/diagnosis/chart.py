@@ -64,6 +64,10 @@ class Chart:
         """Sum a ``(.., N, H, W)`` field over all that shares one value of the map: ``(.., *map)``."""
         return _gather(self.kind, field)
 
+    def cross(self, weighted: torch.Tensor) -> torch.Tensor:
+        """Information that the map's values share with changes of the mean ``(p, N, H, W)`` times its weight."""
+        return self.gather(weighted * self.jacobian).double()
+
     def updated(self, followed: torch.Tensor, taken: torch.Tensor) -> tuple[Setting, torch.Tensor]:
         """The map one Newton step on, and the effect's setting.
 

@@ -79,6 +79,14 @@ class Fitter:
         """Log-likelihood of every pixel ``(N, H, W)``."""
         return log_likelihood(self.intervals(prediction.bits), prediction.mean, prediction.deviation)
 
+    def charts(self, hypothesis: Hypothesis, prediction: Prediction, now: Score) -> list[Chart]:
+        """The state of every map of a hypothesis."""
+        return [
+            chart_of(self.model, hypothesis, name, prediction, now, self.use)
+            for name in hypothesis.effects
+            if self.model.vocabulary[name].chart
+        ]
+
     def free_parameters(self, hypothesis: Hypothesis) -> list[Name]:
         """All numbers that a fit may move; choices and the sizes of maps are found otherwise."""
         found = []
@@ -107,11 +115,7 @@ class Fitter:
         for _ in range(iterations):
             now = self.score(prediction)
             if charts:
-                found = {
-                    name: chart_of(self.model, hypothesis, name, prediction, now, self.use)
-                    for name in hypothesis.effects
-                    if self.model.vocabulary[name].chart
-                }
+                found = {chart.name: chart for chart in self.charts(hypothesis, prediction, now)}
             slope, information, couplings = self._newton(hypothesis, free, prediction, now, found)
             if not math.isfinite(value):
                 value = float((now.value * self.use).sum(dtype=torch.float64)) - sum(c.cost for c in found.values())
@@ -177,7 +181,7 @@ class Fitter:
         information += (spread_weighted.flatten(1) @ spread.flatten(1).T).double()
         couplings = {}
         for name, chart in charts.items():
-            cross = chart.gather(weighted * chart.jacobian).double()  # (p, *map)
+            cross = chart.cross(weighted)
             follow = cross * chart.response
             slope -= (follow * chart.pull).flatten(1).sum(1)
             information -= follow.flatten(1) @ cross.flatten(1).T

@@ -9,6 +9,7 @@ import torch
 from sci_lightning.diagnosis.camera_model import Hypothesis, Setting
 from sci_lightning.diagnosis.chart import chart_of
 from sci_lightning.diagnosis.fit import Fit, Fitter
+from sci_lightning.diagnosis.linear import Linear
 
 
 @dataclass(frozen=True)
@@ -37,15 +38,9 @@ def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
     """
     model, seen = fitter.model, fitter.model.observation
     prediction = base.prediction
-    now = fitter.score(prediction)
+    now, linear = fitter.score(prediction), Linear(fitter, base)
     deviation = prediction.deviation
     chi2 = _chi2(fitter, prediction.mean, deviation)
-    mean, _ = fitter.jacobian(base.hypothesis, list(base.free), prediction)
-    weight = now.weight * fitter.use
-    flat = mean.flatten(1)
-    inverse = torch.linalg.pinv(((mean * weight).flatten(1) @ flat.T).double())
-    slope = now.slope * fitter.use
-    score = (flat @ slope.flatten()).double()
     count = float(fitter.use.sum())
     found = []
     for name, effect in model.vocabulary.items():
@@ -62,13 +57,10 @@ def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
             if trial.bits != prediction.bits:
                 gain = float(((fitter.values(trial) - now.value) * fitter.use).sum())
             else:
-                change = trial.mean - prediction.mean
-                cross = (flat @ (change * weight).flatten()).double()
-                size = float((change.square() * weight).sum()) - float(cross @ inverse @ cross)
-                pull = float((change * slope).sum()) - float(cross @ inverse @ score)
-                near = 0.5 * max(pull, 0.0) ** 2 / max(size, 1e-6)
-                far = 0.5 * count * float(torch.log(chi2 / _chi2(fitter, trial.mean, deviation)))
-                gain = max(far, near if not any(about.choices for about in effect.about.values()) else far)
+                gain = 0.5 * count * float(torch.log(chi2 / _chi2(fitter, trial.mean, deviation)))
+                if not any(about.choices for about in effect.about.values()):
+                    near = linear.gain((trial.mean - prediction.mean)[None])
+                    gain = max(gain, near.nats if near.factors[0] > 0 else 0.0)
             if gain > best.gain:
                 best = Candidate(name, gain, start)
         if best.start:
