@@ -60,6 +60,20 @@ class Linear:
             information -= own * chart.response.flatten() @ cross.T
         return information
 
+    def each(self, changes: torch.Tensor) -> torch.Tensor:
+        """Nats that each of some changes ``(K, N, H, W)`` gains alone, ``(K,)``; none where it had to be reversed."""
+        flat = changes.flatten(1)
+        score = (flat @ self.slope.flatten()).double()
+        size = (flat.square() @ self.weight.flatten()).double()
+        crosses = [chart.cross(changes * self.weight).flatten(1) for chart in self._charts]
+        for chart, cross in zip(self._charts, crosses, strict=True):
+            score -= (cross * (chart.response * chart.pull).flatten()).sum(1)
+            size -= (cross.square() * chart.response.flatten()).sum(1)
+        own = self._gram(changes, crosses)
+        score -= own.T @ self._inverse @ self._score
+        size -= ((self._inverse @ own) * own).sum(0)
+        return 0.5 * score.clamp(min=0).square() / size.clamp(min=1e-6)
+
     def gain(self, changes: torch.Tensor) -> Gain:
         """Of changes of the mean ``(K, N, H, W)``, DN per unit of their factors."""
         score = torch.stack([(change * self.slope).sum(dtype=torch.float64) for change in changes])

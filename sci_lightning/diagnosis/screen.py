@@ -11,6 +11,9 @@ from sci_lightning.diagnosis.chart import chart_of
 from sci_lightning.diagnosis.fit import Fit, Fitter
 from sci_lightning.diagnosis.linear import Linear
 
+BATCH = 12
+"""Starts whose predictions are held in memory at a time."""
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -41,7 +44,6 @@ def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
     now, linear = fitter.score(prediction), Linear(fitter, base)
     deviation = prediction.deviation
     chi2 = _chi2(fitter, prediction.mean, deviation)
-    count = float(fitter.use.sum())
     found = []
     for name, effect in model.vocabulary.items():
         if name in base.hypothesis.effects or effect.noise:
@@ -51,21 +53,30 @@ def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
             start: Setting = dict.fromkeys(effect.about, chart.std)
             found.append(Candidate(name, chart.evidence, start))
             continue
-        best = Candidate(name, -1.0, {})
-        for start in effect.starts(seen.frames, seen.size, seen.bit_depth):
-            trial = model.predict(base.hypothesis.having(name, start))
-            if trial.bits != prediction.bits:
-                gain = float(((fitter.values(trial) - now.value) * fitter.use).sum())
-            else:
-                gain = 0.5 * count * float(torch.log(chi2 / _chi2(fitter, trial.mean, deviation)))
-                if not any(about.choices for about in effect.about.values()):
-                    near = linear.gain((trial.mean - prediction.mean)[None])
-                    gain = max(gain, near.nats if near.factors[0] > 0 else 0.0)
-            if gain > best.gain:
-                best = Candidate(name, gain, start)
-        if best.start:
-            found.append(best)
+        starts = effect.starts(seen.frames, seen.size, seen.bit_depth)
+        gains = [
+            gain
+            for first in range(0, len(starts), BATCH)
+            for gain in _gains(fitter, base, name, starts[first : first + BATCH], linear, chi2)
+        ]
+        best = max(range(len(starts)), key=gains.__getitem__)
+        found.append(Candidate(name, gains[best], starts[best]))
     return sorted(found, key=lambda each: -each.gain)
+
+
+def _gains(
+    fitter: Fitter, base: Fit, name: str, starts: list[Setting], linear: Linear, chi2: torch.Tensor
+) -> list[float]:
+    """Nats of each start: those of a large change, by chi2, or of a small one, to second order."""
+    trials = [fitter.model.predict(base.hypothesis.having(name, start)) for start in starts]
+    if any(trial.bits != base.prediction.bits for trial in trials):
+        return [float(((fitter.values(trial) - linear.value) * fitter.use).sum()) for trial in trials]
+    deviation, count = base.prediction.deviation, float(fitter.use.sum())
+    far = [0.5 * count * float(torch.log(chi2 / _chi2(fitter, trial.mean, deviation))) for trial in trials]
+    if any(about.choices for about in fitter.model.vocabulary[name].about.values()):
+        return far
+    near = linear.each(torch.stack([trial.mean - base.prediction.mean for trial in trials]))
+    return [max(pair) for pair in zip(far, near.tolist(), strict=True)]
 
 
 def _chi2(fitter: Fitter, mean: torch.Tensor, deviation: torch.Tensor) -> torch.Tensor:
