@@ -42,11 +42,22 @@ class Chart:
     evidence: float
 
     @property
-    def response(self) -> torch.Tensor:
-        """Variance of each value given everything else."""
+    def active(self) -> torch.Tensor:
+        """Bool: values that may differ from 0."""
         if self.kind == "hot":
-            return torch.where(self.values > 0, 1 / self.weight.clamp(min=1e-9), 0.0)
-        return 1 / (self.weight + 1 / max(self.std, 1e-9) ** 2)
+            return _hot(self.slope, self.weight, self.values)
+        return torch.ones_like(self.values, dtype=torch.bool)
+
+    @property
+    def precision(self) -> torch.Tensor:
+        """Information about each value, given everything else: the captures' and the prior's."""
+        prior = 0.0 if self.kind == "hot" else 1 / max(self.std, 1e-9) ** 2
+        return (self.weight + prior).clamp(min=1e-9)
+
+    @property
+    def variance(self) -> torch.Tensor:
+        """Of each value given everything else."""
+        return torch.where(self.active, 1 / self.precision, 0.0)
 
     @property
     def pull(self) -> torch.Tensor:
@@ -55,33 +66,24 @@ class Chart:
             return self.slope
         return self.slope - self.values / max(self.std, 1e-9) ** 2
 
-    @property
-    def variance(self) -> torch.Tensor:
-        """Of each value after the fit, float32."""
-        return self.response.float()
-
     def gather(self, field: torch.Tensor) -> torch.Tensor:
         """Sum a ``(.., N, H, W)`` field over all that shares one value of the map: ``(.., *map)``."""
-        return _gather(self.kind, field)
+        return self.reduce(field.sum(-3))
+
+    def reduce(self, field: torch.Tensor) -> torch.Tensor:
+        """The same of a ``(.., H, W)`` field."""
+        return _reduce(self.kind, field)
 
     def cross(self, weighted: torch.Tensor) -> torch.Tensor:
         """Information that the map's values share with changes of the mean ``(p, N, H, W)`` times its weight."""
         return self.gather(weighted * self.jacobian).double()
 
-    def updated(self, followed: torch.Tensor, taken: torch.Tensor) -> tuple[Setting, torch.Tensor]:
-        """The map one Newton step on, and the effect's setting.
-
-        Args:
-            followed: what the map gives way as the parameters take their step.
-            taken: slope by each value that other maps have taken away in this step.
-        """
-        slope = self.slope - taken
+    def moved(self, step: torch.Tensor) -> tuple[Setting, torch.Tensor]:
+        """The effect's setting and its map, a step on."""
+        values = torch.where(self.active, self.values + step, 0.0).float()
         if self.kind == "hot":
-            hot = _hot(slope, self.weight, self.values)
-            best = self.values + slope / self.weight.clamp(min=1e-9)
-            values = torch.where(hot, best - followed, 0.0).clamp(min=0).float()
+            values = values.clamp(min=0)
             return {"fraction": float((values > 0).float().mean())}, values
-        values = (self.values + self.response * (self.pull - taken) - followed).float()
         return {"std": self.std}, values
 
     def cost_of(self, values: torch.Tensor, weight: torch.Tensor) -> float:
@@ -105,8 +107,8 @@ def chart_of(
     else:
         base = model.predict(hypothesis.having(name, setting, values))
     jacobian = (shifted.mean - base.mean) / STEP
-    slope = _gather(kind, jacobian * now.slope * use).double()
-    weight = _gather(kind, jacobian.square() * now.weight * use).double()
+    slope = _reduce(kind, (jacobian * now.slope * use).sum(0)).double()
+    weight = _reduce(kind, (jacobian.square() * now.weight * use).sum(0)).double()
     known = values.double()
     if kind == "hot":
         hot = _hot(slope, weight, known)
@@ -130,8 +132,7 @@ def chart_of(
     return Chart(name, kind, known, jacobian, slope, weight, std, error, _cost(known, weight, std), evidence)
 
 
-def _gather(kind: str, field: torch.Tensor) -> torch.Tensor:
-    field = field.sum(-3)
+def _reduce(kind: str, field: torch.Tensor) -> torch.Tensor:
     if kind == "column":
         return field.sum(-2, keepdim=True)
     return field.sum(-1, keepdim=True) if kind == "row" else field

@@ -9,6 +9,7 @@ import torch
 
 from sci_lightning.diagnosis.camera_model import CameraModel, Hypothesis, Prediction
 from sci_lightning.diagnosis.chart import Chart, chart_of
+from sci_lightning.diagnosis.chart_system import ChartSystem
 from sci_lightning.diagnosis.likelihood import Intervals, Score, log_likelihood, score
 from sci_lightning.diagnosis.split import Split
 
@@ -16,6 +17,8 @@ DIFFERENCE = 0.1
 """Derivatives are differences over so much of a parameter's step."""
 ENOUGH = 0.05
 """Nats; a fit that gains less in an iteration has arrived."""
+SHORTER = 0.4
+"""Part of a map's step that is tried next when the whole was too far."""
 
 Name = tuple[str, str]
 """Effect and parameter."""
@@ -116,19 +119,18 @@ class Fitter:
             now = self.score(prediction)
             if charts:
                 found = {chart.name: chart for chart in self.charts(hypothesis, prediction, now)}
-            slope, information, couplings = self._newton(hypothesis, free, prediction, now, found)
+            system = ChartSystem(list(found.values()), now.weight * self.use)
+            slope, information, follow = self._newton(hypothesis, free, prediction, now, system)
+            alone = system.solve(system.pull[None])
             if not math.isfinite(value):
                 value = float((now.value * self.use).sum(dtype=torch.float64)) - sum(c.cost for c in found.values())
             before = value
-            for _attempt in range(6):
+            for attempt in range(6):
                 moved, step = self._move(hypothesis, free, slope, information, damping)
-                taken = torch.zeros(())
-                for name, chart in found.items():
-                    followed = torch.einsum("p...,p->...", couplings[name], step)
-                    shared = chart.gather(chart.jacobian * now.weight * self.use * taken).double()
-                    setting, values = chart.updated(followed, shared)
-                    taken = taken + chart.jacobian * (values - chart.values.float())
-                    moved = moved.having(name, setting, values)
+                steps = system.parts((alone - step @ follow) * SHORTER**attempt)
+                for chart, each in zip(system.charts, steps, strict=True):
+                    setting, values = chart.moved(each[0])
+                    moved = moved.having(chart.name, setting, values)
                 trial = self.model.predict(moved)
                 reached = float((self.values(trial) * self.use).sum(dtype=torch.float64))
                 if found:
@@ -168,25 +170,20 @@ class Fitter:
         return (torch.stack(means), torch.stack(spreads)) if free else (empty, empty)
 
     def _newton(
-        self, hypothesis: Hypothesis, free: list[Name], prediction: Prediction, now: Score, charts: dict[str, Chart]
-    ) -> tuple[torch.Tensor, torch.Tensor, dict[str, torch.Tensor]]:
-        """Slope and information of the free parameters, the maps eliminated, and how the maps follow them."""
+        self, hypothesis: Hypothesis, free: list[Name], prediction: Prediction, now: Score, system: ChartSystem
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Slope and information of the free parameters, the maps eliminated; ``(p, S)`` how the maps follow them."""
         mean, spread = self.jacobian(hypothesis, free, prediction)
         weighted, spread_weighted = mean * (now.weight * self.use), spread * (now.spread_weight * self.use)
         slope = (mean * (now.slope * self.use)).flatten(1).sum(1, dtype=torch.float64)
         # a map follows the noise and leaves less of it: what it took must not be missed in the deviation
-        lever = sum(chart.jacobian.square() * chart.response.float() for chart in charts.values())
+        lever = sum(chart.jacobian.square() * chart.variance.float() for chart in system.charts)
         slope += (spread * ((now.spread + now.weight * lever) * self.use)).flatten(1).sum(1, dtype=torch.float64)
         information = (weighted.flatten(1) @ mean.flatten(1).T).double()
         information += (spread_weighted.flatten(1) @ spread.flatten(1).T).double()
-        couplings = {}
-        for name, chart in charts.items():
-            cross = chart.cross(weighted)
-            follow = cross * chart.response
-            slope -= (follow * chart.pull).flatten(1).sum(1)
-            information -= follow.flatten(1) @ cross.flatten(1).T
-            couplings[name] = follow
-        return slope, information, couplings
+        cross = system.cross(weighted)
+        follow = system.solve(cross)
+        return slope - follow @ system.pull, information - follow @ cross.T, follow
 
     def _move(
         self, hypothesis: Hypothesis, free: list[Name], slope: torch.Tensor, information: torch.Tensor, damping: float
@@ -243,7 +240,7 @@ class Fitter:
         """The prediction with the maps' uncertainty in its deviation, as fair for pixels that were not fitted."""
         variance = prediction.deviation.square()
         for chart in charts.values():
-            variance = variance + chart.jacobian.square() * chart.variance
+            variance = variance + chart.jacobian.square() * chart.variance.float()
         return Prediction(prediction.mean, variance.sqrt(), prediction.bits) if charts else prediction
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import torch
 
+from sci_lightning.diagnosis.chart_system import ChartSystem
 from sci_lightning.diagnosis.fit import Fit, Fitter
 
 
@@ -44,49 +45,35 @@ class Linear:
         self.weight = now.weight * fitter.use
         self.slope = now.slope * fitter.use
         self.value = now.value
-        self._charts = fitter.charts(fit.hypothesis, fit.prediction, now)
+        self._system = ChartSystem(fitter.charts(fit.hypothesis, fit.prediction, now), self.weight)
         mean, _ = fitter.jacobian(fit.hypothesis, list(fit.free), fit.prediction)
         self._weighted = (mean * self.weight).flatten(1)
-        self._crosses = [chart.cross(mean * self.weight).flatten(1) for chart in self._charts]
-        slope, information = (mean * self.slope).flatten(1).sum(1).double(), self._gram(mean, self._crosses)
-        for chart, cross in zip(self._charts, self._crosses, strict=True):
-            slope -= (cross * (chart.response * chart.pull).flatten()).sum(1)
+        self._follow = self._system.solve(self._system.cross(mean * self.weight))
+        self._pull = self._system.solve(self._system.pull[None])[0]
+        self._cross = self._system.cross(mean * self.weight)
+        self._score = (mean * self.slope).flatten(1).sum(1).double() - self._cross @ self._pull
+        information = (self._weighted @ mean.flatten(1).T).double() - self._follow @ self._cross.T
         self._inverse = torch.linalg.pinv(information, hermitian=True, rtol=1e-10)
-        self._score = slope
-
-    def _gram(self, mean: torch.Tensor, crosses: list[torch.Tensor]) -> torch.Tensor:
-        information = (self._weighted @ mean.flatten(1).T).double()
-        for chart, own, cross in zip(self._charts, self._crosses, crosses, strict=True):
-            information -= own * chart.response.flatten() @ cross.T
-        return information
 
     def each(self, changes: torch.Tensor) -> torch.Tensor:
         """Nats that each of some changes ``(K, N, H, W)`` gains alone, ``(K,)``; none where it had to be reversed."""
         flat = changes.flatten(1)
-        score = (flat @ self.slope.flatten()).double()
-        size = (flat.square() @ self.weight.flatten()).double()
-        crosses = [chart.cross(changes * self.weight).flatten(1) for chart in self._charts]
-        for chart, cross in zip(self._charts, crosses, strict=True):
-            score -= (cross * (chart.response * chart.pull).flatten()).sum(1)
-            size -= (cross.square() * chart.response.flatten()).sum(1)
-        own = self._gram(changes, crosses)
+        cross = self._system.cross(changes * self.weight)
+        score = (flat @ self.slope.flatten()).double() - cross @ self._pull
+        size = (flat.square() @ self.weight.flatten()).double() - (self._system.solve(cross) * cross).sum(1)
+        own = (self._weighted @ flat.T).double() - self._follow @ cross.T
         score -= own.T @ self._inverse @ self._score
         size -= ((self._inverse @ own) * own).sum(0)
         return 0.5 * score.clamp(min=0).square() / size.clamp(min=1e-6)
 
     def gain(self, changes: torch.Tensor) -> Gain:
         """Of changes of the mean ``(K, N, H, W)``, DN per unit of their factors."""
-        score = torch.stack([(change * self.slope).sum(dtype=torch.float64) for change in changes])
-        rows = [(changes.flatten(1) @ (change * self.weight).flatten()).double() for change in changes]
-        information = torch.stack(rows)
-        crosses = [
-            torch.cat([chart.cross((change * self.weight)[None]).flatten(1) for change in changes])
-            for chart in self._charts
-        ]
-        for chart, cross in zip(self._charts, crosses, strict=True):
-            score -= (cross * (chart.response * chart.pull).flatten()).sum(1)
-            information -= cross * chart.response.flatten() @ cross.T
-        own = self._gram(changes, crosses)
+        flat = changes.flatten(1)
+        cross = torch.cat([self._system.cross((change * self.weight)[None]) for change in changes])
+        score = (flat @ self.slope.flatten()).double() - cross @ self._pull
+        information = torch.stack([(flat @ (change * self.weight).flatten()).double() for change in changes])
+        information -= self._system.solve(cross) @ cross.T
+        own = (self._weighted @ flat.T).double() - self._follow @ cross.T
         score -= own.T @ self._inverse @ self._score
         information -= own.T @ self._inverse @ own
         return solve(score, information)
