@@ -55,8 +55,11 @@ class Linear:
         information = (self._weighted @ mean.flatten(1).T).double() - self._follow @ self._cross.T
         self._inverse = torch.linalg.pinv(information, hermitian=True, rtol=1e-10)
 
-    def each(self, changes: torch.Tensor) -> torch.Tensor:
-        """Nats that each of some changes ``(K, N, H, W)`` gains alone, ``(K,)``; none where it had to be reversed."""
+    def each(self, changes: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Nats that each of some changes ``(K, N, H, W)`` gains alone, and by which factor: ``(K,)`` each.
+
+        Nothing where it had to be reversed.
+        """
         flat = changes.flatten(1)
         cross = self._system.cross(changes * self.weight)
         score = (flat @ self.slope.flatten()).double() - cross @ self._pull
@@ -64,7 +67,8 @@ class Linear:
         own = (self._weighted @ flat.T).double() - self._follow @ cross.T
         score -= own.T @ self._inverse @ self._score
         size -= ((self._inverse @ own) * own).sum(0)
-        return 0.5 * score.clamp(min=0).square() / size.clamp(min=1e-6)
+        factors = score.clamp(min=0) / size.clamp(min=1e-6)
+        return 0.5 * score * factors, factors
 
     def gain(self, changes: torch.Tensor) -> Gain:
         """Of changes of the mean ``(K, N, H, W)``, DN per unit of their factors."""

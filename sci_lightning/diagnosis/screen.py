@@ -10,6 +10,7 @@ from sci_lightning.diagnosis.camera_model import Hypothesis, Setting
 from sci_lightning.diagnosis.chart import chart_of
 from sci_lightning.diagnosis.fit import Fit, Fitter
 from sci_lightning.diagnosis.linear import Linear
+from sci_lightning.encoder.effects.parameter import Parameter, Value
 
 BATCH = 12
 """Starts whose predictions are held in memory at a time."""
@@ -54,29 +55,48 @@ def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
             found.append(Candidate(name, chart.evidence, start))
             continue
         starts = effect.starts(seen.frames, seen.size, seen.bit_depth)
-        gains = [
-            gain
-            for first in range(0, len(starts), BATCH)
-            for gain in _gains(fitter, base, name, starts[first : first + BATCH], linear, chi2)
-        ]
-        best = max(range(len(starts)), key=gains.__getitem__)
-        found.append(Candidate(name, gains[best], starts[best]))
+        found.append(
+            max(
+                (
+                    candidate
+                    for first in range(0, len(starts), BATCH)
+                    for candidate in _candidates(fitter, base, name, starts[first : first + BATCH], linear, chi2)
+                ),
+                key=lambda each: each.gain,
+            )
+        )
     return sorted(found, key=lambda each: -each.gain)
 
 
-def _gains(
+def _candidates(
     fitter: Fitter, base: Fit, name: str, starts: list[Setting], linear: Linear, chi2: torch.Tensor
-) -> list[float]:
-    """Nats of each start: those of a large change, by chi2, or of a small one, to second order."""
+) -> list[Candidate]:
+    """Each start with the nats of a large change, by chi2, or those of a small one, to second order: then nearer."""
+    about = fitter.model.vocabulary[name].about
     trials = [fitter.model.predict(base.hypothesis.having(name, start)) for start in starts]
     if any(trial.bits != base.prediction.bits for trial in trials):
-        return [float(((fitter.values(trial) - linear.value) * fitter.use).sum()) for trial in trials]
+        gains = [float(((fitter.values(trial) - linear.value) * fitter.use).sum()) for trial in trials]
+        return [Candidate(name, gain, start) for gain, start in zip(gains, starts, strict=True)]
     deviation, count = base.prediction.deviation, float(fitter.use.sum())
     far = [0.5 * count * float(torch.log(chi2 / _chi2(fitter, trial.mean, deviation))) for trial in trials]
-    if any(about.choices for about in fitter.model.vocabulary[name].about.values()):
-        return far
-    near = linear.each(torch.stack([trial.mean - base.prediction.mean for trial in trials]))
-    return [max(pair) for pair in zip(far, near.tolist(), strict=True)]
+    found = [Candidate(name, gain, start) for gain, start in zip(far, starts, strict=True)]
+    if not any(each.choices for each in about.values()):
+        near, factors = linear.each(torch.stack([trial.mean - base.prediction.mean for trial in trials]))
+        for i, (gain, factor) in enumerate(zip(near.tolist(), factors.tolist(), strict=True)):
+            if gain > found[i].gain:
+                found[i] = Candidate(name, gain, _nearer(starts[i], about, factor))
+    return found
+
+
+def _nearer(start: Setting, about: dict[str, Parameter], factor: float) -> Setting:
+    """So many times as far from the neutral setting."""
+
+    def moved(value: Value, of: Parameter) -> Value:
+        if not isinstance(of.neutral, (int, float)):
+            return value
+        return min(max(of.neutral + min(factor, 2.0) * (float(value) - of.neutral), of.low), of.high)
+
+    return {name: moved(value, about[name]) for name, value in start.items()}
 
 
 def _chi2(fitter: Fitter, mean: torch.Tensor, deviation: torch.Tensor) -> torch.Tensor:
