@@ -97,10 +97,10 @@ def chart_of(
     model: CameraModel, hypothesis: Hypothesis, name: str, prediction: Prediction, now: Score, use: torch.Tensor
 ) -> Chart:
     """The map of an effect at a hypothesis, with the prior's width that makes the captures likeliest."""
-    kind = model.vocabulary[name].chart or ""
-    shape = model.vocabulary[name].shape(model.observation.size)  # type: ignore[attr-defined]
+    kind = model.known[name].chart or ""
+    shape = model.known[name].shape(model.observation.size)  # type: ignore[attr-defined]
     values = hypothesis.charts.get(name, torch.zeros(shape))
-    setting: Setting = {parameter: 1.0 if parameter == "std" else 0.5 for parameter in model.vocabulary[name].about}
+    setting: Setting = {parameter: 1.0 if parameter == "std" else 0.5 for parameter in model.known[name].about}
     shifted = model.predict(hypothesis.having(name, setting, values + STEP))
     if name in hypothesis.effects and name in hypothesis.charts:
         base = prediction

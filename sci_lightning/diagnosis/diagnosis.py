@@ -8,12 +8,13 @@ from typing import Any
 
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis.camera_model import CameraModel
+from sci_lightning.diagnosis.explain import explain
 from sci_lightning.diagnosis.fit import Fit, Fitter
 from sci_lightning.diagnosis.gap import gap
-from sci_lightning.diagnosis.leftover import Unnamed, leftover
-from sci_lightning.diagnosis.noise import settle, stated
+from sci_lightning.diagnosis.leftover import Unnamed
+from sci_lightning.diagnosis.noise import stated
 from sci_lightning.diagnosis.observation import observe
-from sci_lightning.diagnosis.search import Round, search
+from sci_lightning.diagnosis.search import Round
 from sci_lightning.diagnosis.split import split
 from sci_lightning.encoder.effects import Effect
 
@@ -79,11 +80,7 @@ def diagnose(
     fitter = Fitter(CameraModel(observation, vocabulary), split(observation))
     noise, fixed = stated(fitter)
     before = fitter.fit(noise, fixed=fixed, iterations=30)
-    found, rounds = search(fitter, noise, most, told)
-    found, unnamed = leftover(fitter, found, before, noise, told)
-    found, differing = settle(fitter, found)
-    free = {each.name for each in unnamed}
-    names = [name for name in found.hypothesis.effects if name not in noise.effects and name not in free] + differing
+    found, names, rounds, unnamed = explain(fitter, before, noise, most, told)
     return Diagnosis(
         fitter=fitter,
         before=before,

@@ -87,14 +87,14 @@ class Fitter:
         return [
             chart_of(self.model, hypothesis, name, prediction, now, self.use)
             for name in hypothesis.effects
-            if self.model.vocabulary[name].chart
+            if self.model.known[name].chart
         ]
 
     def free_parameters(self, hypothesis: Hypothesis) -> list[Name]:
         """All numbers that a fit may move; choices and the sizes of maps are found otherwise."""
         found = []
         for name in hypothesis.effects:
-            effect = self.model.vocabulary[name]
+            effect = self.model.known[name]
             if effect.chart is None:
                 found += [(name, each) for each, about in effect.about.items() if not about.choices]
         return found
@@ -155,7 +155,7 @@ class Fitter:
         means, spreads = [], []
         spread = prediction.deviation.log()
         for name, parameter in free:
-            about = self.model.vocabulary[name].about[parameter]
+            about = self.model.known[name].about[parameter]
             value = float(hypothesis.effects[name][parameter])
             step = about.step * DIFFERENCE
             at = math.log(value) if about.log else value
@@ -215,7 +215,7 @@ class Fitter:
             limit = self._limit(hypothesis, (name, parameter), float(step[i]))
             if limit is not None:
                 step[i] = limit
-            about = self.model.vocabulary[name].about[parameter]
+            about = self.model.known[name].about[parameter]
             value = float(hypothesis.effects[name][parameter])
             new = value * math.exp(float(step[i])) if about.log else value + float(step[i])
             new = min(max(new, about.low), about.high)
@@ -225,7 +225,7 @@ class Fitter:
     def _limit(self, hypothesis: Hypothesis, which: Name, step: float) -> float | None:
         """What is left of a step that leaves the parameter's range, or goes further than its derivative can tell."""
         name, parameter = which
-        about = self.model.vocabulary[name].about[parameter]
+        about = self.model.known[name].about[parameter]
         value = float(hypothesis.effects[name][parameter])
         if about.log:
             low, high = math.log(max(about.low, 1e-300) / value), math.log(about.high / value)

@@ -78,7 +78,7 @@ def probe(fitter: Fitter, base: Fit, charts: Mapping[str, type[Effect]] | None =
         if name in base.hypothesis.effects:
             continue
         if effect.chart:
-            fitter.model.vocabulary[name] = effect
+            fitter.model.known[name] = effect
             chart = chart_of(fitter.model, base.hypothesis, name, base.prediction, now, fitter.use)
             p_value = float(chi2.sf(2 * max(chart.evidence, 0.0), 1))
             found.append(Probe(name, chart.evidence, 1, p_value, dict.fromkeys(effect.about, chart.std), effect))
@@ -99,7 +99,7 @@ def _free_form(
     count = effect.numbers(captures, frames)
     model = fitter.model
     about = effect.of(count)
-    model.vocabulary[effect.name] = about
+    model.known[effect.name] = about
     if effect.name == "ghost":
         return _ghost(fitter, base, linear, about)
     hypothesis = base.hypothesis.having(effect.name, dict.fromkeys(about.about, 0.0))

@@ -28,7 +28,7 @@ def describe(found: Diagnosis) -> dict[str, Any]:
             **{
                 name: each
                 for name, each in found.after.hypothesis.effects.items()
-                if found.fitter.model.vocabulary[name].noise
+                if found.fitter.model.known[name].noise
             },
             "stated_by_the_file": list(found.stated),
         },
@@ -44,7 +44,7 @@ def describe_effects(fitter: Fitter, fit: Fit, names: list[str]) -> list[dict[st
     deviation = dict(zip(fit.free, covariance.diagonal().clamp(min=0).sqrt().tolist(), strict=True))
     found = []
     for name in names:
-        effect = fitter.model.vocabulary[name]
+        effect = fitter.model.known[name]
         parameters = {}
         for parameter, about in effect.about.items():
             value = fit.hypothesis.effects[name][parameter]
@@ -77,7 +77,7 @@ def write_encoder(fitter: Fitter, fit: Fit, out: Path) -> None:
     _save(out / "patterns.npy", seen.patterns[coding].numpy())
     effects: dict[str, Any] = {}
     for name, values in fit.hypothesis.effects.items():
-        effect = fitter.model.vocabulary[name]
+        effect = fitter.model.known[name]
         effects[name] = {"_target_": f"{effect.__module__}.{effect.__qualname__}", **values}
         if effect.chart and name in fit.hypothesis.charts:
             scale = float(values["std"]) if "std" in values else 1.0

@@ -72,7 +72,7 @@ def _candidates(
     fitter: Fitter, base: Fit, name: str, starts: list[Setting], linear: Linear, chi2: torch.Tensor
 ) -> list[Candidate]:
     """Each start with the nats of a large change, by chi2, or those of a small one, to second order: then nearer."""
-    about = fitter.model.vocabulary[name].about
+    about = fitter.model.known[name].about
     trials = [fitter.model.predict(base.hypothesis.having(name, start)) for start in starts]
     if any(trial.bits != base.prediction.bits for trial in trials):
         gains = [float(((fitter.values(trial) - linear.value) * fitter.use).sum()) for trial in trials]
