@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 from sci_lightning.diagnosis.camera_model import Hypothesis
 from sci_lightning.diagnosis.fit import Fit, Fitter
-from sci_lightning.diagnosis.leftover import CERTAIN, IMPRECISE, Unnamed, leftover, likeliest
+from sci_lightning.diagnosis.leftover import CERTAIN, IMPRECISE, SURROGATE, Unnamed, leftover, likeliest
 from sci_lightning.diagnosis.noise import settle
-from sci_lightning.diagnosis.search import Round, score, search
+from sci_lightning.diagnosis.search import Round, prune, score, search
 
 MANY = 3
 """So many names may together imitate something that has none."""
@@ -39,6 +39,7 @@ def explain(
         if probe is not None and score(fitter, start) > score(fitter, ideal) + 0.5 * (fit.total - ideal.total):
             told(f"beside it: {probe.where}")
             other, more = search(fitter, start.hypothesis, most, told)
+            other = prune(fitter, other, start.hypothesis, SURROGATE * (start.total - ideal.total))
             other, rest = leftover(fitter, other, before, noise, (probe,), told)
             if score(fitter, other) > score(fitter, fit):
                 fit, rounds, unnamed = other, more, rest

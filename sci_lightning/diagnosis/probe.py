@@ -137,14 +137,17 @@ def _ghost(fitter: Fitter, base: Fit, linear: Linear, effect: type[Empirical]) -
     near = rows.square() + columns.square() < 4
     gain = torch.where(near | (rows.abs() > local) | (columns.abs() > local), 0.0, gain)
     best = None
-    for index in gain.flatten().topk(6).indices.tolist():
+    for index in gain.flatten().topk(4).indices.tolist():
         dy, dx = float(rows[index // padded[1], 0]), float(columns[0, index % padded[1]])
-        start: Setting = {"c0": 0.02, "c1": dx, "c2": dy}
-        change = fitter.model.predict(base.hypothesis.having("ghost", start)).mean - base.prediction.mean
-        nats, factor = linear.each(change[None])
-        if best is None or float(nats) > best.gain:
-            places = height * width
-            p_value = min(1.0, places * float(chi2.sf(2 * max(float(nats), 0.0), 1)))
-            start["c0"] = min(0.02 * float(factor), 0.5)
-            best = Probe("ghost", float(nats), 3, p_value, start, effect)
+        # linear interpolation has a kink at whole pixels, from which no derivative leads away
+        starts: list[Setting] = [
+            {"c0": 0.02, "c1": dx + right, "c2": dy + down} for right in (-0.4, 0.4) for down in (-0.4, 0.4)
+        ]
+        trials = [fitter.model.predict(base.hypothesis.having("ghost", start)).mean for start in starts]
+        nats, factors = linear.each(torch.stack(trials) - base.prediction.mean)
+        top = int(nats.argmax())
+        if best is None or float(nats[top]) > best.gain:
+            p_value = min(1.0, height * width * float(chi2.sf(2 * float(nats[top]), 1)))
+            start = {**starts[top], "c0": min(0.02 * float(factors[top]), 0.5)}
+            best = Probe("ghost", float(nats[top]), 3, p_value, start, effect)
     return best
