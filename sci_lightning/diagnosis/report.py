@@ -11,6 +11,7 @@ from omegaconf import OmegaConf
 
 from sci_lightning import __version__
 from sci_lightning.atomic_file import whole_file
+from sci_lightning.diagnosis.alternatives import Alternatives, alternatives
 from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.fit import Fit, Fitter
 
@@ -52,10 +53,10 @@ def describe_effects(fitter: Fitter, fit: Fit, names: list[str]) -> list[dict[st
             if name in fit.charts:
                 std = fit.charts[name].std_error
             parameters[parameter] = {"value": value, "std": std, "unit": about.unit}
-        if effect.noise:
-            evidence = {}
-        else:
-            lost = fit.total - fitter.fit(fit.hypothesis.without(name)).total
+        evidence, other = {}, Alternatives((), "")
+        if not effect.noise:
+            without = fitter.fit(fit.hypothesis.without(name))
+            other, lost = alternatives(fitter, fit, without, name), fit.total - without.total
             evidence = {"delta_nll": lost, "delta_bic": 2 * lost - len(parameters) * float(np.log(fitter.use.numel()))}
         found.append(
             {
@@ -63,8 +64,8 @@ def describe_effects(fitter: Fitter, fit: Fit, names: list[str]) -> list[dict[st
                 "stage": effect.stage,
                 "parameters": parameters,
                 "evidence": evidence,
-                "alternatives": [],
-                "tell_apart": "",
+                "alternatives": list(other.names),
+                "tell_apart": other.tell_apart,
             }
         )
     return found

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from sci_lightning.diagnosis.camera_model import Hypothesis
 from sci_lightning.diagnosis.fit import Fit, Fitter
+from sci_lightning.diagnosis.rivals import rivals
 from sci_lightning.diagnosis.screen import screen
 
 TRIED = 4
@@ -63,7 +64,18 @@ def search(
             break
         told(f"{name}: {gains[name][0]:.0f} nats")
         best = prune(fitter, fit, noise)
-    return best, rounds
+    return exchange(fitter, best, noise), rounds
+
+
+def exchange(fitter: Fitter, fit: Fit, noise: Hypothesis) -> Fit:
+    """With a better effect in the place of each that was chosen before the others were known."""
+    for name in [each for each in fit.hypothesis.effects if each not in noise.effects]:
+        if name in fit.hypothesis.effects and len(fit.hypothesis.effects) - len(noise.effects) > 1:
+            without = fitter.fit(fit.hypothesis.without(name))
+            for _, rival in rivals(fitter, fit, without, name):
+                if score(fitter, rival) > score(fitter, fit) + MARGIN:
+                    fit = rival
+    return fit
 
 
 def prune(fitter: Fitter, fit: Fit, noise: Hypothesis, margin: float = 0.0) -> Fit:
