@@ -1,0 +1,251 @@
+"""``report.html``: a diagnosis on one page that needs nothing else, for a supervisor and for a talk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import torch
+from matplotlib.figure import Figure
+
+from sci_lightning.diagnosis import pictures
+from sci_lightning.diagnosis.diagnosis import Diagnosis
+from sci_lightning.diagnosis.residual_tests import SIGNIFICANT
+from sci_lightning.diagnosis.sentences import headline, quantity, say
+from sci_lightning.diagnosis.svg import svg
+
+TEMPLATE = Path(__file__).with_suffix(".html")
+VERDICTS = {
+    "consistent": "consistent: nothing is missing",
+    "explained": "explained",
+    "partly_explained": "partly explained",
+    "unexplained": "unexplained",
+}
+
+
+def report_page(found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str, Figure], command: str) -> str:
+    """The page as HTML with its pictures in it.
+
+    Args:
+        found: the diagnosis.
+        report: ``report.json``.
+        drawn: :func:`~sci_lightning.diagnosis.pictures.figures`.
+        command: that was run.
+    """
+    left = [test for test in found.where["after"] if test.significant]
+    sections = (
+        _disagreement(drawn),
+        _effects(found, report),
+        _gap(report, drawn),
+        _evidence(found, drawn),
+        _tests(found),
+        _left(found, report, drawn),
+        _maps(found),
+    )
+    sentence = headline(report, left)
+    return Template(TEMPLATE.read_text()).substitute(
+        title=escape(f"{found.verdict}: {', '.join(found.names) or 'no effect'}"),
+        verdict=report["verdict"],
+        verdict_words=VERDICTS[report["verdict"]],
+        headline=escape(sentence),
+        captures=_captures(found),
+        cards=_cards(found, report),
+        sections="\n".join(sections),
+        footer=_footer(found, report, command),
+    )
+
+
+def _captures(found: Diagnosis) -> str:
+    seen = found.fitter.model.observation
+    height, width = seen.size
+    kinds = ", ".join(f"{seen.kinds.count(kind)} {kind}" for kind in sorted(set(seen.kinds)))
+    held = "judged on pixels that no fit has seen" if found.fitter.split.held.any() else "nothing could be held out"
+    return (
+        f"{len(seen)} captures with known scenes ({kinds}), {height} &times; {width} pixels, {seen.frames} slots, "
+        f"{seen.bit_depth} bits; {held}."
+    )
+
+
+def _cards(found: Diagnosis, report: Mapping[str, Any]) -> str:
+    before, after = report["gap"]["before"], report["gap"]["after"]
+    hits = [sum(test.significant for test in found.where[when]) for when in ("before", "after")]
+    cards = [
+        (f"{before['chi2']:.4g} &rarr; {after['chi2']:.3g}", "held-out reduced &chi;&sup2; (1 = noise)"),
+        (f"{before['rmse_dn']:.3g} &rarr; {after['rmse_dn']:.3g} DN", "held-out RMS error"),
+        (f"{hits[0]} &rarr; {hits[1]}", f"of {len(found.where['before'])} questions find something"),
+        (str(len(report["effects"])), "effects named"),
+    ]
+    return "".join(f'<div class="card"><b>{value}</b><span>{label}</span></div>' for value, label in cards)
+
+
+def _disagreement(drawn: Mapping[str, Figure]) -> str:
+    return _section(
+        "Where model and captures disagree",
+        "<p>A residual is what is left of a pixel when the model has had its say, in units of its predicted noise: "
+        "standard normal when the model is right. Both pairs of maps share their scales.</p>"
+        + _figure(
+            drawn["residuals.png"], "Residuals of every pixel over all captures: mean, in standard errors, and size."
+        )
+        + _figure(drawn["example.png"], "The held-out capture that the ideal camera misses most.")
+        + _figure(drawn["histogram.png"], "All residuals against the standard normal."),
+    )
+
+
+def _effects(found: Diagnosis, report: Mapping[str, Any]) -> str:
+    if not report["effects"]:
+        return _section("What was found", "<p>No effect is worth its parameters.</p>")
+    rows = []
+    for effect in report["effects"]:
+        evidence = effect["evidence"].get("delta_nll")
+        for number, (name, each) in enumerate(effect["parameters"].items()):
+            value, std, unit = each["value"], each["std"], each["unit"]
+            range_ = ""
+            if isinstance(value, float) and std > 0:
+                low, high = (quantity(value + side * 1.96 * std, std).split(" ")[0] for side in (-1, 1))
+                range_ = f"{low} to {high}"
+            told = (effect["name"], effect["stage"], "" if evidence is None else f"{evidence:,.0f}")
+            first = told if number == 0 else ("", "", "")
+            rows.append((first[0], first[1], name, quantity(value, std), range_, "" if unit == "1" else unit, first[2]))
+    head = ("effect", "stage", "parameter", "value", "95 % interval", "unit", "nats lost without it")
+    parts = ["<ul>", *(f"<li>{escape(say(effect))}.</li>" for effect in report["effects"]), "</ul>", _table(head, rows)]
+    names, correlation = _correlation(found)
+    if len(names) > 1:
+        figure = pictures.correlation_figure(names, correlation)
+        parts.append(
+            _figure(figure, "How the parameters' errors go together: far from 0, the captures leave a trade-off.")
+        )
+    return _section("What was found", "".join(parts))
+
+
+def _correlation(found: Diagnosis) -> tuple[list[str], torch.Tensor]:
+    fit = found.after
+    covariance = torch.linalg.pinv(fit.information)
+    deviation = covariance.diagonal().clamp(min=1e-300).sqrt()
+    several = {name for name, _ in fit.free if sum(name == other for other, _ in fit.free) > 1}
+    names = [f"{name} {parameter}" if name in several else name for name, parameter in fit.free]
+    return names, covariance / deviation[:, None] / deviation
+
+
+def _gap(report: Mapping[str, Any], drawn: Mapping[str, Figure]) -> str:
+    before, after = report["gap"]["before"], report["gap"]["after"]
+    rows = []
+    for kind in (*before["by_kind"], "all"):
+        pair = [each if kind == "all" else each["by_kind"][kind] for each in (before, after)]
+        rows.append((kind, *(f"{each[key]:.4g}" for key in ("chi2", "rmse_dn", "nll") for each in pair)))
+    head = ("kind", "&chi;&sup2; before", "after", "RMSE before (DN)", "after", "nats per pixel before", "after")
+    table = _table(head, rows, numbers=range(1, 7))
+    drawing = _figure(drawn["gap.png"], "Reduced chi2 of held-out pixels by kind of capture.")
+    return _section("The gap, by kind of capture", f'<div class="pair">{drawing}{table}</div>')
+
+
+def _evidence(found: Diagnosis, drawn: Mapping[str, Figure]) -> str:
+    if not found.rounds:
+        return ""
+    text = (
+        "<p>Every round looks at all candidates at a glance (mark), fits the promising ones jointly with all that is in the "
+        "model already (bar), and adds the best (blue) if held-out pixels agree.</p>"
+    )
+    return _section(
+        "Why these names", text + _figure(drawn["evidence.png"], "Gain of every candidate, round by round.")
+    )
+
+
+def _tests(found: Diagnosis) -> str:
+    before = {test.name: test for test in found.where["before"]}
+    rows, shown = [], []
+    for after in found.where["after"]:
+        first = before.get(after.name)
+        cells = [_p_cell(test.corrected) if test else "<td></td>" for test in (first, after)]
+        rows.append(
+            f"<tr><td>{after.name}</td><td>{escape(after.question)}</td><td>{after.about}</td>{''.join(cells)}</tr>"
+        )
+        if after.significant or (first and first.significant):
+            shown.append(
+                f"<div><h3>{escape(after.question)}</h3>{_figure(pictures.test_figure(first, after), '')}</div>"
+            )
+    head = "".join(f"<th>{each}</th>" for each in ("name", "question to the residuals", "about"))
+    head += '<th class="n">p before</th><th class="n">p after</th>'
+    table = f'<div class="scroll"><table><tr>{head}</tr>{"".join(rows)}</table></div>'
+    text = (
+        f"<p>p-values are corrected (Holm) for how many questions are asked; below {SIGNIFICANT:g} counts as found. Noise can "
+        "explain what is said about variance, nothing else.</p>"
+    )
+    return _section("Questions to the residuals", f'{text}{table}<div class="tests">{"".join(shown)}</div>')
+
+
+def _p_cell(p_value: float) -> str:
+    kind = "hit" if p_value < SIGNIFICANT else "miss"
+    text = "&lt; 1e-300" if p_value < 1e-300 else f"{p_value:.2g}"
+    return f'<td class="n {kind}">{text}</td>'
+
+
+def _left(found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str, Figure]) -> str:
+    parts = []
+    for number, each in enumerate(report["unnamed"], start=1):
+        caption = f"{each['stage']}: {each['where']} (p = {each['p_value']:.2g})"
+        parts.append(_figure(drawn[f"unnamed_{number}.png"], caption))
+    for effect in report["effects"]:
+        if effect["alternatives"]:
+            others = ", ".join(effect["alternatives"])
+            apart = f" This would tell: {effect['tell_apart']}." if effect["tell_apart"] else ""
+            parts.append(
+                f"<p>The captures cannot tell <b>{effect['name']}</b> from {escape(others)}.{escape(apart)}</p>"
+            )
+    if report.get("next_captures"):
+        parts.append("<h3>Captures to take next</h3><ol>")
+        parts += [f"<li>{escape(each)}</li>" for each in report["next_captures"]]
+        parts.append("</ol>")
+    return _section("What is left", "".join(parts) or "<p>Nothing without a name, and no name in doubt.</p>")
+
+
+def _maps(found: Diagnosis) -> str:
+    parts = []
+    for name in found.after.charts:
+        effect, values = found.fitter.model.vocabulary[name], found.after.hypothesis.charts[name]
+        unit = next(iter(effect.about.values())).unit
+        label = "relative gain" if name == "prnu" else "part of full scale" if unit == "1" else unit
+        parts.append(_figure(pictures.chart_figure(values, label), f"Estimated map of {name}."))
+    return _section("Estimated maps", f'<div class="pair">{"".join(parts)}</div>') if parts else ""
+
+
+def _footer(found: Diagnosis, report: Mapping[str, Any], command: str) -> str:
+    split, noise = report["split"], dict(report["noise"])
+    stated = noise.pop("stated_by_the_file")
+    told = [
+        f"{name.replace('_', ' ')}: "
+        + ", ".join(f"{key} {value:.4g}" for key, value in values.items())
+        + (" (datasheet)" if name in stated else " (estimated)")
+        for name, values in noise.items()
+    ]
+    rows = [
+        (
+            "held out",
+            f"captures {', '.join(map(str, split['held_out_captures'])) or 'none'} as numbered in the file, and "
+            f"{split['held_out_blocks']}: {100 * split['held_out_fraction']:.0f} % of all pixels",
+        ),
+        ("noise", "; ".join(told)),
+        ("command", f"<code>{escape(command)}</code>"),
+        ("run time", f"{report['runtime_s']:.1f} s"),
+        ("version", f"sci_lightning {report['sci_lightning']}, seed {report['seed']}"),
+    ]
+    return "<table>" + "".join(f"<tr><th>{key}</th><td>{value}</td></tr>" for key, value in rows) + "</table>"
+
+
+def _section(title: str, content: str) -> str:
+    return f"<section><h2>{title}</h2>{content}</section>"
+
+
+def _figure(figure: Figure, caption: str) -> str:
+    note = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
+    return f"<figure>{svg(figure, escape(caption, quote=True))}{note}</figure>"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]], numbers: Iterable[int] = ()) -> str:
+    right = set(numbers)
+    kinds = [' class="n"' if place in right else "" for place in range(len(head))]
+    lines = ["".join(f"<th{kind}>{cell}</th>" for kind, cell in zip(kinds, head, strict=True))]
+    lines += ["".join(f"<td{kind}>{escape(cell)}</td>" for kind, cell in zip(kinds, row, strict=True)) for row in rows]
+    return '<div class="scroll"><table>' + "".join(f"<tr>{line}</tr>" for line in lines) + "</table></div>"
