@@ -14,9 +14,11 @@ from matplotlib.figure import Figure
 from sci_lightning.diagnosis import pictures
 from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.residual_tests import SIGNIFICANT
-from sci_lightning.diagnosis.sentences import headline, quantity, say
+from sci_lightning.diagnosis.sentences import chi2, headline, quantity, say
 from sci_lightning.diagnosis.svg import svg
 
+MOST = 8
+"""Residual tests that are drawn."""
 TEMPLATE = Path(__file__).with_suffix(".html")
 VERDICTS = {
     "consistent": "consistent: nothing is missing",
@@ -45,7 +47,7 @@ def report_page(found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str,
         _left(found, report, drawn),
         _maps(found),
     )
-    sentence = headline(report, left)
+    sentence = headline(report, left).replace("chi2", "χ²")
     return Template(TEMPLATE.read_text()).substitute(
         title=escape(f"{found.verdict}: {', '.join(found.names) or 'no effect'}"),
         verdict=report["verdict"],
@@ -73,7 +75,7 @@ def _cards(found: Diagnosis, report: Mapping[str, Any]) -> str:
     before, after = report["gap"]["before"], report["gap"]["after"]
     hits = [sum(test.significant for test in found.where[when]) for when in ("before", "after")]
     cards = [
-        (f"{before['chi2']:.4g} &rarr; {after['chi2']:.3g}", "held-out reduced &chi;&sup2; (1 = noise)"),
+        (f"{chi2(before['chi2'])} &rarr; {chi2(after['chi2'])}", "held-out reduced &chi;&sup2; (1 = noise)"),
         (f"{before['rmse_dn']:.3g} &rarr; {after['rmse_dn']:.3g} DN", "held-out RMS error"),
         (f"{hits[0]} &rarr; {hits[1]}", f"of {len(found.where['before'])} questions find something"),
         (str(len(report["effects"])), "effects named"),
@@ -84,13 +86,10 @@ def _cards(found: Diagnosis, report: Mapping[str, Any]) -> str:
 def _disagreement(drawn: Mapping[str, Figure]) -> str:
     return _section(
         "Where model and captures disagree",
-        "<p>A residual is what is left of a pixel when the model has had its say, in units of its predicted noise: "
-        "standard normal when the model is right. Both pairs of maps share their scales.</p>"
-        + _figure(
-            drawn["residuals.png"], "Residuals of every pixel over all captures: mean, in standard errors, and size."
-        )
-        + _figure(drawn["example.png"], "The held-out capture that the ideal camera misses most.")
-        + _figure(drawn["histogram.png"], "All residuals against the standard normal."),
+        "<p>A residual is what is left of a pixel when the model has had its say, in units of the noise σ that it "
+        "predicts: standard normal when the model is right. Before and after are drawn to the same scale.</p>"
+        + _figure(drawn["residuals.png"], "Residuals of every pixel, taken over all captures.")
+        + _figure(drawn["example.png"], "The held-out capture that the ideal camera misses most."),
     )
 
 
@@ -110,7 +109,8 @@ def _effects(found: Diagnosis, report: Mapping[str, Any]) -> str:
             first = told if number == 0 else ("", "", "")
             rows.append((first[0], first[1], name, quantity(value, std), range_, "" if unit == "1" else unit, first[2]))
     head = ("effect", "stage", "parameter", "value", "95 % interval", "unit", "nats lost without it")
-    parts = ["<ul>", *(f"<li>{escape(say(effect))}.</li>" for effect in report["effects"]), "</ul>", _table(head, rows)]
+    told = "".join(f"<li>{escape(say(effect))}</li>" for effect in report["effects"])
+    parts = [f"<ul>{told}</ul>" if len(report["effects"]) > 1 else "", _table(head, rows)]
     names, correlation = _correlation(found)
     if len(names) > 1:
         figure = pictures.correlation_figure(names, correlation)
@@ -121,32 +121,42 @@ def _effects(found: Diagnosis, report: Mapping[str, Any]) -> str:
 
 
 def _correlation(found: Diagnosis) -> tuple[list[str], torch.Tensor]:
+    """Of all parameters that the captures tell something of: names, and correlations of their errors."""
     fit = found.after
-    covariance = torch.linalg.pinv(fit.information)
+    kept = fit.information.diagonal() > 0
+    free = [name for name, known in zip(fit.free, kept.tolist(), strict=True) if known]
+    covariance = torch.linalg.pinv(fit.information[kept][:, kept], hermitian=True)
     deviation = covariance.diagonal().clamp(min=1e-300).sqrt()
-    several = {name for name, _ in fit.free if sum(name == other for other, _ in fit.free) > 1}
-    names = [f"{name} {parameter}" if name in several else name for name, parameter in fit.free]
-    return names, covariance / deviation[:, None] / deviation
+    effects = [effect for effect, _ in free]
+    names = [f"{effect} {parameter}" if effects.count(effect) > 1 else effect for effect, parameter in free]
+    return names, (covariance / deviation[:, None] / deviation).clamp(-1, 1)
 
 
 def _gap(report: Mapping[str, Any], drawn: Mapping[str, Figure]) -> str:
-    before, after = report["gap"]["before"], report["gap"]["after"]
-    rows = []
-    for kind in (*before["by_kind"], "all"):
-        pair = [each if kind == "all" else each["by_kind"][kind] for each in (before, after)]
-        rows.append((kind, *(f"{each[key]:.4g}" for key in ("chi2", "rmse_dn", "nll") for each in pair)))
-    head = ("kind", "&chi;&sup2; before", "after", "RMSE before (DN)", "after", "nats per pixel before", "after")
-    table = _table(head, rows, numbers=range(1, 7))
-    drawing = _figure(drawn["gap.png"], "Reduced chi2 of held-out pixels by kind of capture.")
-    return _section("The gap, by kind of capture", f'<div class="pair">{drawing}{table}</div>')
+    gaps = [report["gap"][when] for when in ("before", "after")]
+    groups = {"chi2": "&chi;&sup2;", "rmse_dn": "RMS error (DN)", "nll": "nats per pixel"}
+    lines = ["<th></th>" + "".join(f'<th colspan="2" class="n">{each}</th>' for each in groups.values())]
+    lines.append("<th>kind</th>" + '<th class="n">before</th><th class="n">after</th>' * len(groups))
+    for kind in (*gaps[0]["by_kind"], "all"):
+        pair = [each if kind == "all" else each["by_kind"][kind] for each in gaps]
+        cells = (f'<td class="n">{each[key]:.4g}</td>' for key in groups for each in pair)
+        lines.append(f"<td>{kind}</td>{''.join(cells)}")
+    drawings = (
+        _figure(
+            drawn["histogram.png"], "Residuals against the standard normal that they follow when the model is right."
+        ),
+        _figure(drawn["gap.png"], "Reduced chi2 of held-out pixels by kind of capture."),
+    )
+    table = '<div class="scroll"><table>' + "".join(f"<tr>{line}</tr>" for line in lines) + "</table></div>"
+    return _section("How far apart they are", f'<div class="pair">{"".join(drawings)}</div>{table}')
 
 
 def _evidence(found: Diagnosis, drawn: Mapping[str, Figure]) -> str:
     if not found.rounds:
         return ""
     text = (
-        "<p>Every round looks at all candidates at a glance (mark), fits the promising ones jointly with all that is in the "
-        "model already (bar), and adds the best (blue) if held-out pixels agree.</p>"
+        "<p>Every round looks at all candidates at a glance (mark), fits the promising ones jointly with all that is "
+        "in the model already (bar), and adds the best (blue) if held-out pixels agree.</p>"
     )
     return _section(
         "Why these names", text + _figure(drawn["evidence.png"], "Gain of every candidate, round by round.")
@@ -155,24 +165,27 @@ def _evidence(found: Diagnosis, drawn: Mapping[str, Figure]) -> str:
 
 def _tests(found: Diagnosis) -> str:
     before = {test.name: test for test in found.where["before"]}
-    rows, shown = [], []
-    for after in found.where["after"]:
-        first = before.get(after.name)
+    pairs = [(before.get(after.name), after) for after in found.where["after"]]
+    rows = []
+    for first, after in pairs:
         cells = [_p_cell(test.corrected) if test else "<td></td>" for test in (first, after)]
-        rows.append(
-            f"<tr><td>{after.name}</td><td>{escape(after.question)}</td><td>{after.about}</td>{''.join(cells)}</tr>"
-        )
-        if after.significant or (first and first.significant):
-            shown.append(
-                f"<div><h3>{escape(after.question)}</h3>{_figure(pictures.test_figure(first, after), '')}</div>"
-            )
+        told = f"<td>{after.name}</td><td>{escape(after.question)}</td><td>{after.about}</td>"
+        rows.append(f"<tr>{told}{''.join(cells)}</tr>")
     head = "".join(f"<th>{each}</th>" for each in ("name", "question to the residuals", "about"))
     head += '<th class="n">p before</th><th class="n">p after</th>'
     table = f'<div class="scroll"><table><tr>{head}</tr>{"".join(rows)}</table></div>'
     text = (
-        f"<p>p-values are corrected (Holm) for how many questions are asked; below {SIGNIFICANT:g} counts as found. Noise can "
-        "explain what is said about variance, nothing else.</p>"
+        f"<p>p-values are corrected (Holm) for how many questions are asked; below {SIGNIFICANT:g} counts as found. "
+        "Noise can explain what is said about variance, nothing else.</p>"
     )
+    hits = [(first, after) for first, after in pairs if after.significant or (first and first.significant)]
+    hits.sort(key=lambda pair: (not pair[1].significant, -max(test.share for test in pair if test)))
+    shown = [
+        f"<div><h3>{escape(after.question)}</h3>{_figure(pictures.test_figure(first, after), '')}</div>"
+        for first, after in hits[:MOST]
+    ]
+    if len(hits) > MOST:
+        text += f"<p>Of the {len(hits)} that found something, the {MOST} largest are drawn: what is left first.</p>"
     return _section("Questions to the residuals", f'{text}{table}<div class="tests">{"".join(shown)}</div>')
 
 
@@ -243,9 +256,7 @@ def _figure(figure: Figure, caption: str) -> str:
     return f"<figure>{svg(figure, escape(caption, quote=True))}{note}</figure>"
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]], numbers: Iterable[int] = ()) -> str:
-    right = set(numbers)
-    kinds = [' class="n"' if place in right else "" for place in range(len(head))]
-    lines = ["".join(f"<th{kind}>{cell}</th>" for kind, cell in zip(kinds, head, strict=True))]
-    lines += ["".join(f"<td{kind}>{escape(cell)}</td>" for kind, cell in zip(kinds, row, strict=True)) for row in rows]
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = ["".join(f"<th>{cell}</th>" for cell in head)]
+    lines += ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in rows]
     return '<div class="scroll"><table>' + "".join(f"<tr>{line}</tr>" for line in lines) + "</table></div>"

@@ -38,6 +38,9 @@ EFFECTS = {
 }
 """What every effect of the package means, with its parameters."""
 
+MOST = 3
+"""Effects that a headline tells of in words."""
+
 
 def headline(report: Mapping[str, Any], left: Sequence[ResidualTest]) -> str:
     """The verdict in one sentence.
@@ -46,13 +49,16 @@ def headline(report: Mapping[str, Any], left: Sequence[ResidualTest]) -> str:
         report: ``report.json``.
         left: residual tests that are significant with everything that was found in the model.
     """
-    before, after = (_chi2(report["gap"][when]["chi2"]) for when in ("before", "after"))
+    before, after = (chi2(report["gap"][when]["chi2"]) for when in ("before", "after"))
     rest = _rest(report, left)
     if not report["effects"]:
         if rest == CLEAN:
             return f"The captures agree with the ideal camera: held-out chi2 {after}, and {CLEAN}."
         return f"The captures disagree with the ideal camera (held-out chi2 {after}) and no name explains it: {rest}."
-    found = " and ".join(filter(None, (", ".join(map(say, report["effects"][:-1])), say(report["effects"][-1]))))
+    told = [say(effect) for effect in report["effects"]]
+    found = " and ".join(filter(None, (", ".join(told[:-1]), told[-1])))
+    if len(told) > MOST:
+        found = f"{len(told)} effects act together: {', '.join(each['name'] for each in report['effects'])}"
     link = "and" if rest == CLEAN else "but"
     fall = f"with that in the model the held-out misfit falls from chi2 {before} to {after}"
     return f"{found[0].upper()}{found[1:]}; {fall}, {link} {rest}."
@@ -91,5 +97,6 @@ def quantity(value: float | int | str, std: float = 0.0) -> str:
     return f"{value:.{digits}f} \u00b1 {std:.{digits}f}".replace("-", "\u2212")
 
 
-def _chi2(value: float) -> str:
-    return f"{value:.0f}" if value >= 1000 else f"{value:.4g}" if value >= 10 else f"{value:.3g}"
+def chi2(value: float) -> str:
+    """A reduced chi2, to the digits that mean something."""
+    return f"{value:.0f}" if value >= 1000 else f"{value:.4g}" if value >= 10 else f"{value:.3f}"

@@ -19,9 +19,7 @@ def kinds(residuals: Residuals) -> Answer:
     members = [torch.tensor([each == name for each in residuals.seen.kinds]) for name in names]
     count = torch.tensor([residuals.raw[each].numel() for each in members]).double()
     mean = torch.stack([residuals.scaled[each].mean(dtype=torch.float64) for each in members])
-    picture = Picture(
-        "bars", mean, unit="mean residual (standard deviations)", x=names, axes=("kind",), errors=count.rsqrt()
-    )
+    picture = Picture("bars", mean, unit="mean residual (σ)", x=names, axes=("kind",), errors=count.rsqrt())
     return judge(mean * count.sqrt(), residuals.raw.numel(), picture)
 
 
@@ -46,7 +44,7 @@ def drift(residuals: Residuals) -> Answer:
     picture = Picture(
         "curve",
         100 * values[order],
-        unit="light beyond the model (%)",
+        unit="excess light (%)",
         x=tuple(number[order].tolist()),
         axes=("capture, as in the file",),
         errors=100 * errors[order],

@@ -27,4 +27,4 @@ def carry_over(residuals: Residuals) -> Answer:
                 changes[later - 1] = (before - own @ (own.T @ before)).reshape(weight.shape)
         found.add(changes, residuals.scaled[n])
     names = tuple(str(later) for later in range(1, LATER + 1))
-    return found.answer(names, "captures later", "part of the picture that remains")
+    return found.answer(names, "captures later", "part that remains")

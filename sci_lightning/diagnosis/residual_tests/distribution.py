@@ -27,9 +27,9 @@ def distribution(residuals: Residuals) -> Answer:
     picture = Picture(
         "curve",
         found / expected,
-        unit="number of residuals (1 = as expected)",
+        unit="count (1 = as expected)",
         x=tuple(middle.tolist()),
-        axes=("residual (standard deviations)",),
+        axes=("residual (σ)",),
         errors=torch.full((BINS,), expected**-0.5),
         middle=1.0,
     )

@@ -52,7 +52,7 @@ def _answer(residuals: Residuals, light: Callable[[int], tuple[torch.Tensor, tor
         turn, larger = x * down - y * right, x * right + y * down
         wider, skew = x * right - y * down, y * right + x * down
         found.add(torch.stack((right, down, turn, larger, wider, skew, blur)), residual)
-    return found.answer(NAMES, "of the edges", "pixel (blur: pixel squared)")
+    return found.answer(NAMES, "of the edges", "pixel (blur: pixel²)")
 
 
 def _derivatives(field: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:

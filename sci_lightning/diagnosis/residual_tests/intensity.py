@@ -16,7 +16,7 @@ def intensity(residuals: Residuals) -> Answer:
     picture = Picture(
         "curve",
         mean,
-        unit="mean residual (standard deviations)",
+        unit="mean residual (σ)",
         x=tuple(place.tolist()),
         axes=("predicted signal (DN)",),
         errors=count.rsqrt(),

@@ -8,7 +8,7 @@ from sci_lightning.diagnosis.residual_tests.regression import Regression
 from sci_lightning.diagnosis.residual_tests.residual_test import Answer
 from sci_lightning.diagnosis.residual_tests.residuals import Residuals
 
-NAMES = ("its own", "of the whole picture", "in the dark")
+NAMES = ("own", "even", "in the dark")
 
 
 def light(residuals: Residuals) -> Answer:
@@ -19,4 +19,4 @@ def light(residuals: Residuals) -> Answer:
         found.add(
             torch.stack((picture, picture.mean().expand_as(picture), torch.ones_like(picture))) * weight, residual
         )
-    return found.answer(NAMES, "light", "part of it; in the dark: of full scale")
+    return found.answer(NAMES, "light", "part of the light")

@@ -23,7 +23,7 @@ def slots(residuals: Residuals) -> Answer:
         light = residuals.masks[seen.sequence[n]] * scene * seen.aperture[n] * residuals.sensitivity[n]
         found.add(light, residuals.scaled[n])
     names = tuple(str(slot + 1) for slot in range(seen.frames))
-    return found.centred().answer(names, "slot", "light beyond the model (1 = all of the slot's)")
+    return found.centred().answer(names, "slot", "part of the slot's light")
 
 
 def delays(residuals: Residuals) -> Answer:
@@ -37,7 +37,7 @@ def delays(residuals: Residuals) -> Answer:
             shown = residuals.masks[seen.sequence[n]]
             light = torch.stack([(shown.roll(each, 0) * motion).sum(0) for each in range(late)])
             found.add(light * seen.aperture[n] * residuals.sensitivity[n], residuals.scaled[n])
-    return found.answer(tuple(map(str, range(late))), "slots late", "part of the light beyond the model")
+    return found.answer(tuple(map(str, range(late))), "slots late", "part of the light")
 
 
 def patterns(residuals: Residuals) -> Answer:

@@ -44,7 +44,7 @@ def radius(residuals: Residuals) -> Answer:
     picture = Picture(
         "curve",
         total / pixels,
-        unit="mean residual (standard deviations)",
+        unit="mean residual (σ)",
         x=tuple(place.tolist()),
         axes=("distance from the image centre (pixel)",),
         errors=pixels.rsqrt(),
@@ -86,7 +86,7 @@ def _line_answer(total: torch.Tensor, pixels: int, residuals: Residuals, axis: s
     picture = Picture(
         "curve",
         total / pixels,
-        unit="mean residual (standard deviations)",
+        unit="mean residual (σ)",
         x=tuple(float(n) for n in range(len(total))),
         axes=(axis,),
         errors=torch.full((len(total),), pixels**-0.5),
