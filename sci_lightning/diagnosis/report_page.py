@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from sci_lightning.diagnosis import pictures
 from sci_lightning.diagnosis.diagnosis import Diagnosis
-from sci_lightning.diagnosis.residual_tests import SIGNIFICANT
+from sci_lightning.diagnosis.residual_tests import SIGNIFICANT, ResidualTest
 from sci_lightning.diagnosis.sentences import chi2, headline, quantity, say
 from sci_lightning.diagnosis.svg import svg
 
@@ -109,10 +109,13 @@ def _effects(found: Diagnosis, report: Mapping[str, Any]) -> str:
             first = told if number == 0 else ("", "", "")
             rows.append((first[0], first[1], name, quantity(value, std), range_, "" if unit == "1" else unit, first[2]))
     head = ("effect", "stage", "parameter", "value", "95 % interval", "unit", "nats lost without it")
-    told = "".join(f"<li>{escape(say(effect))}</li>" for effect in report["effects"])
-    parts = [f"<ul>{told}</ul>" if len(report["effects"]) > 1 else "", _table(head, rows)]
+    sentences = "".join(f"<li>{escape(say(effect))}</li>" for effect in report["effects"])
+    parts = [f"<ul>{sentences}</ul>" if len(report["effects"]) > 1 else "", _table(head, rows)]
     names, correlation = _correlation(found)
-    if len(names) > 1:
+    if len(names) == 2:
+        pair = f"The errors of {names[0]} and {names[1]} are correlated by {float(correlation[0, 1]):.2f}."
+        parts.append(f"<p>{escape(pair)}</p>")
+    elif len(names) > 2:
         figure = pictures.correlation_figure(names, correlation)
         parts.append(
             _figure(figure, "How the parameters' errors go together: far from 0, the captures leave a trade-off.")
@@ -179,7 +182,7 @@ def _tests(found: Diagnosis) -> str:
         "Noise can explain what is said about variance, nothing else.</p>"
     )
     hits = [(first, after) for first, after in pairs if after.significant or (first and first.significant)]
-    hits.sort(key=lambda pair: (not pair[1].significant, -max(test.share for test in pair if test)))
+    hits.sort(key=lambda pair: (not pair[1].significant, pair[1].about == "variance", -_share(pair)))
     shown = [
         f"<div><h3>{escape(after.question)}</h3>{_figure(pictures.test_figure(first, after), '')}</div>"
         for first, after in hits[:MOST]
@@ -187,6 +190,10 @@ def _tests(found: Diagnosis) -> str:
     if len(hits) > MOST:
         text += f"<p>Of the {len(hits)} that found something, the {MOST} largest are drawn: what is left first.</p>"
     return _section("Questions to the residuals", f'{text}{table}<div class="tests">{"".join(shown)}</div>')
+
+
+def _share(pair: tuple[ResidualTest | None, ResidualTest]) -> float:
+    return max(test.share for test in pair if test)
 
 
 def _p_cell(p_value: float) -> str:
@@ -230,7 +237,7 @@ def _footer(found: Diagnosis, report: Mapping[str, Any], command: str) -> str:
     told = [
         f"{name.replace('_', ' ')}: "
         + ", ".join(f"{key} {value:.4g}" for key, value in values.items())
-        + (" (datasheet)" if name in stated else " (estimated)")
+        + (" (datasheet)" if name in stated and name not in found.names else " (estimated)")
         for name, values in noise.items()
     ]
     rows = [

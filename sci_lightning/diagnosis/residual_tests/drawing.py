@@ -82,5 +82,5 @@ def _bars(axes: Axes, picture: Picture, colour: str) -> None:
     axes.bar(place, values, width=0.7, color=colour, yerr=errors, error_kw={"elinewidth": 0.9, "ecolor": "#8a8f98"})
     every = max(1, -(-len(values) // LABELS))
     labels = [str(each) for each in picture.x][::every]
-    turned = sum(map(len, labels)) > 24
+    turned = max(map(len, labels), default=0) > 3 and sum(map(len, labels)) > 24
     axes.set_xticks(place[::every], labels, rotation=30 if turned else 0, ha="right" if turned else "center")

@@ -38,5 +38,7 @@ def variance_by_position(residuals: Residuals) -> Answer:
     total, size = block_sums(spread)
     freedom = size * max(count - 1, 1)
     extent = (-0.5, width - 0.5, height - 0.5, -0.5)
-    picture = Picture("map", total / freedom, unit="variance (1 = as predicted)", axes=PLACE, extent=extent, middle=1.0)
+    picture = Picture(
+        "map", (total / freedom).log10(), "log10 of variance (0 = as predicted)", axes=PLACE, extent=extent
+    )
     return judge(chi2_normal(total, freedom), residuals.raw.numel(), picture)
