@@ -10,7 +10,8 @@ import torch
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
-from sci_lightning.diagnosis.diagnosis import Diagnosis, Unnamed
+from sci_lightning.diagnosis.diagnosis import Diagnosis
+from sci_lightning.diagnosis.leftover import Unnamed
 from sci_lightning.diagnosis.residual_tests import Picture, Residuals, ResidualTest
 from sci_lightning.diagnosis.residual_tests.drawing import draw_map, draw_test, limits
 from sci_lightning.diagnosis.residual_tests.position import PLACE

@@ -224,7 +224,7 @@ def _left(found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str, Figur
 def _maps(found: Diagnosis) -> str:
     parts = []
     for name in found.after.charts:
-        effect, values = found.fitter.model.vocabulary[name], found.after.hypothesis.charts[name]
+        effect, values = found.fitter.model.known[name], found.after.hypothesis.charts[name]
         unit = next(iter(effect.about.values())).unit
         label = "relative gain" if name == "prnu" else "part of full scale" if unit == "1" else unit
         parts.append(_figure(pictures.chart_figure(values, label), f"Estimated map of {name}."))
