@@ -72,6 +72,11 @@ class Diagnosis:
         """``before`` and ``after``: what the residuals were asked, and their answers."""
         return {when: ask(residuals) for when, residuals in self.residuals.items()}
 
+    @property
+    def left(self) -> list[ResidualTest]:
+        """Questions whose answer is significant with everything that was found in the model."""
+        return [test for test in self.where["after"] if test.significant]
+
 
 def diagnose(
     captures: Captures,

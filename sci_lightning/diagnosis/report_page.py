@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -37,7 +38,6 @@ def report_page(found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str,
         drawn: :func:`~sci_lightning.diagnosis.pictures.figures`.
         command: that was run.
     """
-    left = [test for test in found.where["after"] if test.significant]
     sections = (
         _disagreement(drawn),
         _effects(found, report),
@@ -47,12 +47,12 @@ def report_page(found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str,
         _left(found, report, drawn),
         _maps(found),
     )
-    sentence = headline(report, left).replace("chi2", "χ²")
-    return Template(TEMPLATE.read_text()).substitute(
+    sentence = headline(report, found.left)
+    return Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
         title=escape(f"{found.verdict}: {', '.join(found.names) or 'no effect'}"),
         verdict=report["verdict"],
         verdict_words=VERDICTS[report["verdict"]],
-        headline=escape(sentence),
+        headline=_typeset(sentence),
         captures=_captures(found),
         cards=_cards(found, report),
         sections="\n".join(sections),
@@ -109,12 +109,12 @@ def _effects(found: Diagnosis, report: Mapping[str, Any]) -> str:
             first = told if number == 0 else ("", "", "")
             rows.append((first[0], first[1], name, quantity(value, std), range_, "" if unit == "1" else unit, first[2]))
     head = ("effect", "stage", "parameter", "value", "95 % interval", "unit", "nats lost without it")
-    sentences = "".join(f"<li>{escape(say(effect))}</li>" for effect in report["effects"])
+    sentences = "".join(f"<li>{_typeset(say(effect))}</li>" for effect in report["effects"])
     parts = [f"<ul>{sentences}</ul>" if len(report["effects"]) > 1 else "", _table(head, rows)]
     names, correlation = _correlation(found)
     if len(names) == 2:
         pair = f"The errors of {names[0]} and {names[1]} are correlated by {float(correlation[0, 1]):.2f}."
-        parts.append(f"<p>{escape(pair)}</p>")
+        parts.append(f"<p>{_typeset(pair)}</p>")
     elif len(names) > 2:
         figure = pictures.correlation_figure(names, correlation)
         parts.append(
@@ -205,7 +205,8 @@ def _p_cell(p_value: float) -> str:
 def _left(found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str, Figure]) -> str:
     parts = []
     for number, each in enumerate(report["unnamed"], start=1):
-        caption = f"{each['stage']}: {each['where']} (p = {each['p_value']:.2g})"
+        chance = "below 1e-300" if each["p_value"] < 1e-300 else f"{each['p_value']:.2g}"
+        caption = f"{each['stage']}: {each['where']} (p {chance})"
         parts.append(_figure(drawn[f"unnamed_{number}.png"], caption))
     for effect in report["effects"]:
         if effect["alternatives"]:
@@ -226,7 +227,7 @@ def _maps(found: Diagnosis) -> str:
     for name in found.after.charts:
         effect, values = found.fitter.model.known[name], found.after.hypothesis.charts[name]
         unit = next(iter(effect.about.values())).unit
-        label = "relative gain" if name == "prnu" else "part of full scale" if unit == "1" else unit
+        label = "relative" if unit == "1" else unit
         parts.append(_figure(pictures.chart_figure(values, label), f"Estimated map of {name}."))
     return _section("Estimated maps", f'<div class="pair">{"".join(parts)}</div>') if parts else ""
 
@@ -254,6 +255,11 @@ def _footer(found: Diagnosis, report: Mapping[str, Any], command: str) -> str:
     return "<table>" + "".join(f"<tr><th>{key}</th><td>{value}</td></tr>" for key, value in rows) + "</table>"
 
 
+def _typeset(text: str) -> str:
+    """Text for the page: chi squared and minus as they are printed."""
+    return re.sub(r"(?<![\w.])-(?=\d)", "\u2212", escape(text).replace("chi2", "χ²"))
+
+
 def _section(title: str, content: str) -> str:
     return f"<section><h2>{title}</h2>{content}</section>"
 
@@ -265,5 +271,5 @@ def _figure(figure: Figure, caption: str) -> str:
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     lines = ["".join(f"<th>{cell}</th>" for cell in head)]
-    lines += ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in rows]
+    lines += ["".join(f"<td>{_typeset(cell)}</td>" for cell in row) for row in rows]
     return '<div class="scroll"><table>' + "".join(f"<tr>{line}</tr>" for line in lines) + "</table></div>"

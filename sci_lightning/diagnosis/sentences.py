@@ -92,9 +92,9 @@ def quantity(value: float | int | str, std: float = 0.0) -> str:
     if not isinstance(value, float):
         return str(value)
     if not std > 0 or not math.isfinite(std):
-        return f"{value:.6g}".replace("-", "\u2212")
+        return f"{value:.6g}"
     digits = max(0, 1 - math.floor(math.log10(std)))
-    return f"{value:.{digits}f} \u00b1 {std:.{digits}f}".replace("-", "\u2212")
+    return f"{value:.{digits}f} \u00b1 {std:.{digits}f}"
 
 
 def chi2(value: float) -> str:
