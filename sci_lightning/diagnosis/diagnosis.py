@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from sci_lightning.captures import Captures
@@ -14,8 +15,10 @@ from sci_lightning.diagnosis.gap import gap
 from sci_lightning.diagnosis.leftover import Unnamed
 from sci_lightning.diagnosis.noise import stated
 from sci_lightning.diagnosis.observation import observe
+from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
 from sci_lightning.diagnosis.search import Round
 from sci_lightning.diagnosis.split import split
+from sci_lightning.diagnosis.where import ask
 from sci_lightning.encoder.effects import Effect
 
 GOOD = 1.05
@@ -55,6 +58,24 @@ class Diagnosis:
         if chi2 <= GOOD and not self.unnamed:
             return "explained" if self.names else "consistent"
         return "partly_explained" if self.names and chi2 < before else "unexplained"
+
+    @cached_property
+    def residuals(self) -> dict[str, Residuals]:
+        """``before`` and ``after``."""
+        return {
+            "before": Residuals.of(self.fitter, self.before, self.seed),
+            "after": Residuals.of(self.fitter, self.after, self.seed),
+        }
+
+    @cached_property
+    def where(self) -> dict[str, list[ResidualTest]]:
+        """``before`` and ``after``: what the residuals were asked, and their answers."""
+        return {when: ask(residuals) for when, residuals in self.residuals.items()}
+
+    @property
+    def left(self) -> list[ResidualTest]:
+        """Questions whose answer is significant with everything that was found in the model."""
+        return [test for test in self.where["after"] if test.significant]
 
 
 def diagnose(

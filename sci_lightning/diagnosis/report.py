@@ -1,12 +1,14 @@
-"""``report.json`` and ``encoder.yaml`` of a diagnosis."""
+"""The files of a diagnosis: ``report.json``, ``report.html``, pictures and ``encoder.yaml``."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from matplotlib.figure import Figure
 from omegaconf import OmegaConf
 
 from sci_lightning import __version__
@@ -14,6 +16,7 @@ from sci_lightning.atomic_file import whole_file
 from sci_lightning.diagnosis.alternatives import Alternatives, alternatives
 from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.fit import Fit, Fitter
+from sci_lightning.diagnosis.report_page import report_page
 
 
 def describe(found: Diagnosis) -> dict[str, Any]:
@@ -24,7 +27,11 @@ def describe(found: Diagnosis) -> dict[str, Any]:
         "verdict": found.verdict,
         "effects": describe_effects(found.fitter, found.after, list(found.names)),
         "gap": found.gaps,
-        "unnamed": [{"stage": each.stage, "where": each.where, "p_value": each.p_value} for each in found.unnamed],
+        "unnamed": [
+            {"stage": each.stage, "where": each.where, "p_value": each.p_value, "picture": f"unnamed_{number}.png"}
+            for number, each in enumerate(found.unnamed, start=1)
+        ],
+        "where": {when: [test.describe() for test in tests] for when, tests in found.where.items()},
         "noise": {
             **{
                 name: each
@@ -69,6 +76,21 @@ def describe_effects(fitter: Fitter, fit: Fit, names: list[str]) -> list[dict[st
             }
         )
     return found
+
+
+def write_pictures(drawn: Mapping[str, Figure], out: Path) -> None:
+    """PNG files by name."""
+    for name, figure in drawn.items():
+        with whole_file(out / name) as temporary:
+            figure.savefig(temporary, dpi=150, facecolor="white")
+
+
+def write_page(
+    found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str, Figure], command: str, out: Path
+) -> None:
+    """``report.html``; see :func:`~sci_lightning.diagnosis.report_page.report_page`."""
+    with whole_file(out / "report.html") as temporary:
+        temporary.write_text(report_page(found, report, drawn, command), encoding="utf-8")
 
 
 def write_encoder(fitter: Fitter, fit: Fit, out: Path) -> None:
