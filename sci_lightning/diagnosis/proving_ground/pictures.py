@@ -142,13 +142,15 @@ def gap_figure(outcomes: Sequence[Outcome]) -> Figure:
             axes.plot(before[chosen], after[chosen], "o", color=colour, alpha=0.75, markersize=5, label=suite)
     axes.plot((0.5, high), (0.5, high), color="#999999", linewidth=1, linestyle=":", label="no change")
     axes.axhline(GOOD, color="#222222", linewidth=1, linestyle="--", label=f"target {GOOD}")
-    axes.set(xscale="log", yscale="log", xlim=(0.8, high))
-    axes.set_ylim(0.9 * min(after.min(), 1), 1.2 * max(after.max(), 1.2))
+    axes.set(xscale="log", xlim=(0.8, high))
     axes.set(xlabel="held-out reduced chi2 before: ideal camera", ylabel="after: with what was found")
-    fine = [number / 10 for number in range(10, 100)]
-    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if after.max() > 2 else fine))
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_minor_locator(NullLocator())
+    if after.max() > 2:
+        axes.set(yscale="log", ylim=(0.9 * min(after.min(), 1), 1.2 * after.max()))
+        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_locator(NullLocator())
+    else:
+        axes.set_ylim(min(after.min(), 1) - 0.05, max(after.max(), 1.2) + 0.05)
     axes.set_title("The gap between captures and model", fontsize=12)
     axes.legend(frameon=False, fontsize=9)
     return figure
