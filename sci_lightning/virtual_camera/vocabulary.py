@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-from sci_lightning.virtual_camera import converter, exposure, fixed_pattern, modulator, optics, relay, response
+from sci_lightning.virtual_camera import (
+    converter,
+    distortion,
+    exposure,
+    fixed_pattern,
+    modulator,
+    optics,
+    relay,
+    response,
+)
 from sci_lightning.virtual_camera.effect import Effect
 
 LIGHT_PATH: tuple[type[Effect], ...] = (
@@ -19,6 +28,9 @@ LIGHT_PATH: tuple[type[Effect], ...] = (
     relay.MaskRotation,
     relay.MaskScale,
     relay.MaskBlur,
+    distortion.Keystone,
+    distortion.BarrelDistortion,
+    distortion.MaskAstigmatism,
     exposure.DriftingSource,
     exposure.Flicker,
     exposure.ShortSlot,
@@ -53,6 +65,9 @@ OUTSIDE: dict[str, type[Effect]] = {
         modulator.SwappedPatterns,
         modulator.StuckMirrors,
         modulator.ModulatorDust,
+        distortion.Keystone,
+        distortion.BarrelDistortion,
+        distortion.MaskAstigmatism,
         exposure.DriftingSource,
         exposure.ShortSlot,
         optics.Ghost,
