@@ -203,6 +203,21 @@ def test_swapped_patterns_and_short_slot(signal):
     assert signal(shots(coding, scene), short_slot={"slot": 1, "loss": 0.2})[0, 0, 0] == 0.8 * coding[1, 0, 0]
 
 
+def test_light_differs_by_slot_or_by_capture(signal):
+    seen, again, other = (signal(TOLD, unsteady_source={"std": 0.05, "course": course}) for course in (3, 3, 4))
+    lit = TOLD.scene.any((1, 2, 3)) & TOLD.patterns[TOLD.sequence].any((1, 2, 3))
+    power = seen[lit].sum((1, 2)) / signal(TOLD)[lit].sum((1, 2))
+    assert 0.02 < power.std() < 0.08 and abs(power.mean() - 1) < 0.03
+    assert (seen == again).all() and (seen != other).any()
+    levels = []
+    for slot in range(4):
+        scene = np.zeros((4, 16, 16))
+        scene[slot] = 1
+        seen = signal(shots(np.ones((4, 16, 16)) / 4, scene), uneven_slots={"std": 0.1, "course": 3})
+        levels.append(4 * seen[0, 0, 0])
+    assert np.mean(levels) == pytest.approx(1) and np.std(levels) == pytest.approx(0.1)
+
+
 def test_gains_by_row_column_and_capture(signal):
     grey = shots(np.full((2, 16, 16), 0.25))
     rows = signal(grey, interlaced_gain={"difference": 0.1})[0, :, 0]
