@@ -195,6 +195,22 @@ def test_ghost_lies_where_it_says(signal):
     assert seen[8, 5] == pytest.approx(0.9) and seen[6, 8] == pytest.approx(0.1)
 
 
+def test_astigmatism_blurs_light_along_x_only(signal):
+    seen = signal(one_mirror(), astigmatism={"sigma": 0.7}, optical_blur={"sigma": 0.5})[0]
+    for axis, sigma in ((0, np.hypot(0.7, 0.5)), (1, 0.5)):
+        np.testing.assert_allclose(seen.sum(axis), signal(one_mirror(), optical_blur={"sigma": sigma})[0].sum(axis))
+
+
+def test_flare_keeps_the_light(signal):
+    coding = np.random.default_rng(0).random((2, 40, 50)) / 2
+    wish = {"flare": {"fraction": 0.2, "x": 0.7, "y": 0.3, "radius": 0.05}}
+    added = signal(shots(coding), **wish)[0] - 0.8 * coding.sum(0)
+    assert added.sum() == pytest.approx(0.2 * coding.sum())
+    row, column = np.unravel_index(added.argmax(), added.shape)
+    assert row in (11, 12) and column in (34, 35)  # (0.3, 0.7) of the sides
+    assert added[:, :20].max() < 1e-3
+
+
 def test_swapped_patterns_and_short_slot(signal):
     scene = np.zeros((4, 16, 16))
     scene[1] = 1
