@@ -7,8 +7,10 @@ from sci_lightning.virtual_camera import (
     distortion,
     exposure,
     fixed_pattern,
+    image_lag,
     modulator,
     optics,
+    pickup,
     relay,
     response,
 )
@@ -45,6 +47,7 @@ LIGHT_PATH: tuple[type[Effect], ...] = (
     optics.Flare,
     optics.LightLeak,
     fixed_pattern.SensorDust,
+    image_lag.ImageLag,
     response.Gain,
     fixed_pattern.Prnu,
     fixed_pattern.InterlacedGain,
@@ -57,7 +60,10 @@ LIGHT_PATH: tuple[type[Effect], ...] = (
     fixed_pattern.ColumnNoise,
     fixed_pattern.RowNoise,
     fixed_pattern.HotPixels,
+    pickup.RowFlutter,
+    pickup.Banding,
     converter.ReadNoise,
+    converter.ConverterStep,
     converter.BitDepth,
 )
 
@@ -83,7 +89,11 @@ OUTSIDE: dict[str, type[Effect]] = {
         fixed_pattern.SensorDust,
         fixed_pattern.InterlacedGain,
         fixed_pattern.DeadColumn,
+        image_lag.ImageLag,
         response.SShapedResponse,
+        pickup.RowFlutter,
+        pickup.Banding,
+        converter.ConverterStep,
     )
 }
 """Effects that a diagnosis has no name for: it should say where they sit, and must not call them something else."""

@@ -241,3 +241,33 @@ def test_gains_by_row_column_and_capture(signal):
     assert signal(grey, dead_column={"column": 4, "loss": 1.0})[0, :, 4].max() == 0
     drifted = signal(TOLD, drifting_source={"drift": 0.1}) / np.maximum(signal(TOLD), 1e-9)
     assert drifted[-1].max() == pytest.approx(1.05) and drifted[2].max() < 0.98
+
+
+def test_a_capture_leaves_a_part_of_itself_in_the_next(signal):
+    ideal, seen = signal(TOLD), signal(TOLD, image_lag={"fraction": 0.03})
+    np.testing.assert_allclose(seen[1:] - ideal[1:], 0.03 * ideal[:-1], atol=1e-12)
+    np.testing.assert_array_equal(seen[0], ideal[0])
+
+
+def test_banding_moves_on_from_capture_to_capture(signal):
+    wave = signal(TOLD, banding={"amplitude": 0.02, "period": 8, "advance": 0.25}) - signal(TOLD)
+    assert np.ptp(wave, axis=2).max() < 1e-12
+    np.testing.assert_allclose(wave[0, :, 0], 0.02 * np.sin(2 * np.pi * np.arange(32) / 8), atol=1e-12)
+    np.testing.assert_allclose(wave[1, :-2, 0], wave[0, 2:, 0], atol=1e-12)
+
+
+def test_rows_flutter_anew_in_every_capture():
+    dark = SMALL.shots(1)
+    fluttering = VirtualCamera(SMALL, {"row_flutter": EFFECTS["row_flutter"].read({"std": 0.02}, SMALL)}, 1)
+    random = stream(1, "noise")
+    offset = (fluttering.signal(np.full(dark.scene[:, 0].shape, 0.5), dark, random) - 0.5).mean(2)  # (N, H)
+    assert offset.std() == pytest.approx(0.02, rel=0.1)
+    assert abs(np.corrcoef(offset[0], offset[1])[0, 1]) < 0.5
+    still = VirtualCamera(SMALL, {}, 1).signal(np.full(dark.scene[:, 0].shape, 0.5), dark, stream(1, "noise"))
+    assert (still - 0.5).mean(2).std() < 0.002
+
+
+def test_converter_step(signal):
+    for level, expected in ((0.4, 0.4), (0.6, 0.63)):
+        seen = signal(shots(np.full((2, 16, 16), level / 2)), converter_step={"step": 0.03})
+        assert seen[0, 0, 0] == pytest.approx(expected)

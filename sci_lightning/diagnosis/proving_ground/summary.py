@@ -14,6 +14,8 @@ GOOD = 1.05
 """Held-out reduced chi2 up to which captures count as explained."""
 CLOSED = 0.95
 """Part of chi2's excess that should be gone."""
+APART = 1.5
+"""Reduced chi2 from which on its excess is asked about; of a smaller one, chi2's own noise is more than the 5 %."""
 FAINT = 30.0
 """Nats below which nobody is asked to see an effect, beside others or by itself."""
 WEAK = 100.0
@@ -62,7 +64,7 @@ def sum_up(records: Iterable[Mapping[str, Any]]) -> list[Row]:
     weak = [each for each in cases("weak") if FAINT <= each.nats <= WEAK]
     named = [each for name in ("single", "weak", "pair", "triple") for each in cases(name)]
     explained = [each for each in named if each.record["verdict"] == "explained"]
-    apart = [each for each in named if each.chi2[0] > GOOD]
+    apart = [each for each in named if each.chi2[0] > APART]
     rows = [
         _share("single effect, clear: its name and no other", seen["single"], _exact, lost("single"), least=0.98),
         _share("single effect, weak (30 to 100 nats): its name and no other", weak, _exact, lost("weak"), least=0.9),
@@ -148,7 +150,7 @@ def _intervals(outcomes: Sequence[Outcome]) -> Row:
 
 def _gap(outcomes: Sequence[Outcome]) -> Row:
     row = _share(
-        f"{CLOSED:.0%} of chi2's excess closed (where it was above {GOOD})",
+        f"{CLOSED:.0%} of chi2's excess closed (where it was above {APART})",
         outcomes,
         lambda each: each.closed >= CLOSED,
         least=1.0,

@@ -74,7 +74,7 @@ def test_rows(records: list[dict[str, Any]]) -> None:
         "fewer captures": (0, 0, None),
         "95 % intervals": (8, 9, False),
         "explained": (8, 8, True),
-        "95% of chi2's excess": (8, 9, False),
+        "95% of chi2's excess": (7, 8, False),
     }
     for start, (count, total, met) in shares.items():
         each = row(rows, start)
