@@ -58,13 +58,14 @@ class CameraModel:
 
     Args:
         observation: the captures.
-        vocabulary: every effect that may be named, by name.
+        vocabulary: every effect that may be named, by name. Others may be put into ``known``.
         memory: how many light fields to remember.
     """
 
     def __init__(self, observation: Observation, vocabulary: Mapping[str, type[Effect]], memory: int = 6) -> None:
         self.observation = observation
         self.vocabulary = dict(vocabulary)
+        self.known = dict(vocabulary)
         self._memory = memory
         self._modulated: OrderedDict[Any, Any] = OrderedDict()
         self._formed: OrderedDict[Any, Any] = OrderedDict()
@@ -73,7 +74,7 @@ class CameraModel:
         """The hypothesis as modules."""
         effects = []
         for name, values in hypothesis.effects.items():
-            effect = self.vocabulary[name](**values)
+            effect = self.known[name](**values)
             if isinstance(effect, ChartEffect):
                 _fill(effect, hypothesis.charts.get(name), self.observation.size)
             effects.append(effect)

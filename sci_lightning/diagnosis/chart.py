@@ -42,11 +42,22 @@ class Chart:
     evidence: float
 
     @property
-    def response(self) -> torch.Tensor:
-        """Variance of each value given everything else."""
+    def active(self) -> torch.Tensor:
+        """Bool: values that may differ from 0."""
         if self.kind == "hot":
-            return torch.where(self.values > 0, 1 / self.weight.clamp(min=1e-9), 0.0)
-        return 1 / (self.weight + 1 / max(self.std, 1e-9) ** 2)
+            return _hot(self.slope, self.weight, self.values)
+        return torch.ones_like(self.values, dtype=torch.bool)
+
+    @property
+    def precision(self) -> torch.Tensor:
+        """Information about each value, given everything else: the captures' and the prior's."""
+        prior = 0.0 if self.kind == "hot" else 1 / max(self.std, 1e-9) ** 2
+        return (self.weight + prior).clamp(min=1e-9)
+
+    @property
+    def variance(self) -> torch.Tensor:
+        """Of each value given everything else."""
+        return torch.where(self.active, 1 / self.precision, 0.0)
 
     @property
     def pull(self) -> torch.Tensor:
@@ -55,49 +66,49 @@ class Chart:
             return self.slope
         return self.slope - self.values / max(self.std, 1e-9) ** 2
 
-    @property
-    def variance(self) -> torch.Tensor:
-        """Of each value after the fit, float32."""
-        return self.response.float()
-
     def gather(self, field: torch.Tensor) -> torch.Tensor:
         """Sum a ``(.., N, H, W)`` field over all that shares one value of the map: ``(.., *map)``."""
-        return _gather(self.kind, field)
+        return self.reduce(field.sum(-3))
 
-    def updated(self, followed: torch.Tensor) -> tuple[Setting, torch.Tensor]:
-        """The map one Newton step on, having followed the parameters' step; and the effect's setting."""
+    def reduce(self, field: torch.Tensor) -> torch.Tensor:
+        """The same of a ``(.., H, W)`` field."""
+        return _reduce(self.kind, field)
+
+    def cross(self, weighted: torch.Tensor) -> torch.Tensor:
+        """Information that the map's values share with changes of the mean ``(p, N, H, W)`` times its weight."""
+        return self.gather(weighted * self.jacobian).double()
+
+    def moved(self, step: torch.Tensor) -> tuple[Setting, torch.Tensor]:
+        """The effect's setting and its map, a step on."""
+        values = torch.where(self.active, self.values + step, 0.0).float()
         if self.kind == "hot":
-            hot = _hot(self.slope, self.weight, self.values)
-            best = self.values + self.slope / self.weight.clamp(min=1e-9)
-            values = torch.where(hot, best - followed, 0.0).clamp(min=0).float()
+            values = values.clamp(min=0)
             return {"fraction": float((values > 0).float().mean())}, values
-        values = (self.values + self.response * self.pull - followed).float()
         return {"std": self.std}, values
 
-    def cost_of(self, hypothesis: Hypothesis) -> float:
-        """Nats of the map in another hypothesis, the weights as they are here."""
-        values = hypothesis.charts[self.name]
+    def cost_of(self, values: torch.Tensor, weight: torch.Tensor) -> float:
+        """Nats of other values, weighted otherwise."""
         if self.kind == "hot":
             return float((values > 0).sum()) * _toll(values)
-        return _cost(values.double(), self.weight, self.std)
+        return _cost(values.double(), weight, self.std)
 
 
 def chart_of(
     model: CameraModel, hypothesis: Hypothesis, name: str, prediction: Prediction, now: Score, use: torch.Tensor
 ) -> Chart:
     """The map of an effect at a hypothesis, with the prior's width that makes the captures likeliest."""
-    kind = model.vocabulary[name].chart or ""
-    shape = model.vocabulary[name].shape(model.observation.size)  # type: ignore[attr-defined]
+    kind = model.known[name].chart or ""
+    shape = model.known[name].shape(model.observation.size)  # type: ignore[attr-defined]
     values = hypothesis.charts.get(name, torch.zeros(shape))
-    setting: Setting = {parameter: 1.0 if parameter == "std" else 0.5 for parameter in model.vocabulary[name].about}
+    setting: Setting = {parameter: 1.0 if parameter == "std" else 0.5 for parameter in model.known[name].about}
     shifted = model.predict(hypothesis.having(name, setting, values + STEP))
     if name in hypothesis.effects and name in hypothesis.charts:
         base = prediction
     else:
         base = model.predict(hypothesis.having(name, setting, values))
     jacobian = (shifted.mean - base.mean) / STEP
-    slope = _gather(kind, jacobian * now.slope * use).double()
-    weight = _gather(kind, jacobian.square() * now.weight * use).double()
+    slope = _reduce(kind, (jacobian * now.slope * use).sum(0)).double()
+    weight = _reduce(kind, (jacobian.square() * now.weight * use).sum(0)).double()
     known = values.double()
     if kind == "hot":
         hot = _hot(slope, weight, known)
@@ -121,8 +132,7 @@ def chart_of(
     return Chart(name, kind, known, jacobian, slope, weight, std, error, _cost(known, weight, std), evidence)
 
 
-def _gather(kind: str, field: torch.Tensor) -> torch.Tensor:
-    field = field.sum(-3)
+def _reduce(kind: str, field: torch.Tensor) -> torch.Tensor:
     if kind == "column":
         return field.sum(-2, keepdim=True)
     return field.sum(-1, keepdim=True) if kind == "row" else field

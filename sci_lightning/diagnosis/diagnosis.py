@@ -6,37 +6,20 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import torch
-
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis.camera_model import CameraModel
+from sci_lightning.diagnosis.explain import explain
 from sci_lightning.diagnosis.fit import Fit, Fitter
 from sci_lightning.diagnosis.gap import gap
-from sci_lightning.diagnosis.noise import settle, stated
+from sci_lightning.diagnosis.leftover import Unnamed
+from sci_lightning.diagnosis.noise import stated
 from sci_lightning.diagnosis.observation import observe
-from sci_lightning.diagnosis.search import Round, search
+from sci_lightning.diagnosis.search import Round
 from sci_lightning.diagnosis.split import split
 from sci_lightning.encoder.effects import Effect
 
 GOOD = 1.05
 """Reduced chi2 on held-out pixels up to which nothing is left to explain."""
-
-
-@dataclass(frozen=True)
-class Unnamed:
-    """Something that no effect of the vocabulary explains.
-
-    Attributes:
-        stage: modulator, relay, exposure, optics or sensor.
-        where: in words.
-        p_value: corrected for how many probes were asked.
-        picture: ``(H, W)`` or a curve ``(n,)`` that shows it.
-    """
-
-    stage: str
-    where: str
-    p_value: float
-    picture: torch.Tensor
 
 
 @dataclass(frozen=True)
@@ -97,16 +80,14 @@ def diagnose(
     fitter = Fitter(CameraModel(observation, vocabulary), split(observation))
     noise, fixed = stated(fitter)
     before = fitter.fit(noise, fixed=fixed, iterations=30)
-    found, rounds = search(fitter, noise, most, told)
-    found, differing = settle(fitter, found)
-    names = [name for name in found.hypothesis.effects if name not in noise.effects] + differing
+    found, names, rounds, unnamed = explain(fitter, before, noise, most, told)
     return Diagnosis(
         fitter=fitter,
         before=before,
         after=found,
         names=tuple(sorted(names, key=lambda name: vocabulary[name].rank)),
         rounds=tuple(rounds),
-        unnamed=(),
+        unnamed=tuple(unnamed),
         stated=tuple(name for name, _ in fixed),
         gaps={"before": gap(fitter, before, seed), "after": gap(fitter, found, seed)},
         seed=seed,

@@ -9,6 +9,7 @@ import torch
 
 from sci_lightning.diagnosis.camera_model import CameraModel, Hypothesis, Prediction
 from sci_lightning.diagnosis.chart import Chart, chart_of
+from sci_lightning.diagnosis.chart_system import ChartSystem
 from sci_lightning.diagnosis.likelihood import Intervals, Score, log_likelihood, score
 from sci_lightning.diagnosis.split import Split
 
@@ -16,6 +17,8 @@ DIFFERENCE = 0.1
 """Derivatives are differences over so much of a parameter's step."""
 ENOUGH = 0.05
 """Nats; a fit that gains less in an iteration has arrived."""
+SHORTER = 0.4
+"""Part of a map's step that is tried next when the whole was too far."""
 
 Name = tuple[str, str]
 """Effect and parameter."""
@@ -79,11 +82,19 @@ class Fitter:
         """Log-likelihood of every pixel ``(N, H, W)``."""
         return log_likelihood(self.intervals(prediction.bits), prediction.mean, prediction.deviation)
 
+    def charts(self, hypothesis: Hypothesis, prediction: Prediction, now: Score) -> list[Chart]:
+        """The state of every map of a hypothesis."""
+        return [
+            chart_of(self.model, hypothesis, name, prediction, now, self.use)
+            for name in hypothesis.effects
+            if self.model.known[name].chart
+        ]
+
     def free_parameters(self, hypothesis: Hypothesis) -> list[Name]:
         """All numbers that a fit may move; choices and the sizes of maps are found otherwise."""
         found = []
         for name in hypothesis.effects:
-            effect = self.model.vocabulary[name]
+            effect = self.model.known[name]
             if effect.chart is None:
                 found += [(name, each) for each, about in effect.about.items() if not about.choices]
         return found
@@ -107,23 +118,26 @@ class Fitter:
         for _ in range(iterations):
             now = self.score(prediction)
             if charts:
-                found = {
-                    name: chart_of(self.model, hypothesis, name, prediction, now, self.use)
-                    for name in hypothesis.effects
-                    if self.model.vocabulary[name].chart
-                }
-            slope, information, couplings = self._newton(hypothesis, free, prediction, now, found)
+                found = {chart.name: chart for chart in self.charts(hypothesis, prediction, now)}
+            system = ChartSystem(list(found.values()), now.weight * self.use)
+            slope, information, follow = self._newton(hypothesis, free, prediction, now, system)
+            alone = system.solve(system.pull[None])
             if not math.isfinite(value):
                 value = float((now.value * self.use).sum(dtype=torch.float64)) - sum(c.cost for c in found.values())
             before = value
-            for _attempt in range(6):
+            for attempt in range(6):
                 moved, step = self._move(hypothesis, free, slope, information, damping)
-                for name, chart in found.items():
-                    setting, values = chart.updated(torch.einsum("p...,p->...", couplings[name], step))
-                    moved = moved.having(name, setting, values)
+                steps = system.parts((alone - step @ follow) * SHORTER**attempt)
+                for chart, each in zip(system.charts, steps, strict=True):
+                    setting, values = chart.moved(each[0])
+                    moved = moved.having(chart.name, setting, values)
                 trial = self.model.predict(moved)
                 reached = float((self.values(trial) * self.use).sum(dtype=torch.float64))
-                reached -= sum(c.cost_of(moved) for c in found.values())
+                if found:
+                    weight = now.weight * self.use * _variance(prediction) / _variance(trial)
+                    for name, chart in found.items():
+                        weights = chart.gather(chart.jacobian.square() * weight).double()
+                        reached -= chart.cost_of(moved.charts[name], weights)
                 if reached >= value:
                     hypothesis, prediction, value = moved, trial, reached
                     damping = max(damping / 10, 1e-6)
@@ -141,7 +155,7 @@ class Fitter:
         means, spreads = [], []
         spread = prediction.deviation.log()
         for name, parameter in free:
-            about = self.model.vocabulary[name].about[parameter]
+            about = self.model.known[name].about[parameter]
             value = float(hypothesis.effects[name][parameter])
             step = about.step * DIFFERENCE
             at = math.log(value) if about.log else value
@@ -156,23 +170,20 @@ class Fitter:
         return (torch.stack(means), torch.stack(spreads)) if free else (empty, empty)
 
     def _newton(
-        self, hypothesis: Hypothesis, free: list[Name], prediction: Prediction, now: Score, charts: dict[str, Chart]
-    ) -> tuple[torch.Tensor, torch.Tensor, dict[str, torch.Tensor]]:
-        """Slope and information of the free parameters, the maps eliminated, and how the maps follow them."""
+        self, hypothesis: Hypothesis, free: list[Name], prediction: Prediction, now: Score, system: ChartSystem
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Slope and information of the free parameters, the maps eliminated; ``(p, S)`` how the maps follow them."""
         mean, spread = self.jacobian(hypothesis, free, prediction)
         weighted, spread_weighted = mean * (now.weight * self.use), spread * (now.spread_weight * self.use)
         slope = (mean * (now.slope * self.use)).flatten(1).sum(1, dtype=torch.float64)
-        slope += (spread * (now.spread * self.use)).flatten(1).sum(1, dtype=torch.float64)
+        # a map follows the noise and leaves less of it: what it took must not be missed in the deviation
+        lever = sum(chart.jacobian.square() * chart.variance.float() for chart in system.charts)
+        slope += (spread * ((now.spread + now.weight * lever) * self.use)).flatten(1).sum(1, dtype=torch.float64)
         information = (weighted.flatten(1) @ mean.flatten(1).T).double()
         information += (spread_weighted.flatten(1) @ spread.flatten(1).T).double()
-        couplings = {}
-        for name, chart in charts.items():
-            cross = chart.gather(weighted * chart.jacobian).double()  # (p, *map)
-            follow = cross * chart.response
-            slope -= (follow * chart.pull).flatten(1).sum(1)
-            information -= follow.flatten(1) @ cross.flatten(1).T
-            couplings[name] = follow
-        return slope, information, couplings
+        cross = system.cross(weighted)
+        follow = system.solve(cross)
+        return slope - follow @ system.pull, information - follow @ cross.T, follow
 
     def _move(
         self, hypothesis: Hypothesis, free: list[Name], slope: torch.Tensor, information: torch.Tensor, damping: float
@@ -204,7 +215,7 @@ class Fitter:
             limit = self._limit(hypothesis, (name, parameter), float(step[i]))
             if limit is not None:
                 step[i] = limit
-            about = self.model.vocabulary[name].about[parameter]
+            about = self.model.known[name].about[parameter]
             value = float(hypothesis.effects[name][parameter])
             new = value * math.exp(float(step[i])) if about.log else value + float(step[i])
             new = min(max(new, about.low), about.high)
@@ -214,7 +225,7 @@ class Fitter:
     def _limit(self, hypothesis: Hypothesis, which: Name, step: float) -> float | None:
         """What is left of a step that leaves the parameter's range, or goes further than its derivative can tell."""
         name, parameter = which
-        about = self.model.vocabulary[name].about[parameter]
+        about = self.model.known[name].about[parameter]
         value = float(hypothesis.effects[name][parameter])
         if about.log:
             low, high = math.log(max(about.low, 1e-300) / value), math.log(about.high / value)
@@ -229,5 +240,10 @@ class Fitter:
         """The prediction with the maps' uncertainty in its deviation, as fair for pixels that were not fitted."""
         variance = prediction.deviation.square()
         for chart in charts.values():
-            variance = variance + chart.jacobian.square() * chart.variance
+            variance = variance + chart.jacobian.square() * chart.variance.float()
         return Prediction(prediction.mean, variance.sqrt(), prediction.bits) if charts else prediction
+
+
+def _variance(prediction: Prediction) -> torch.Tensor:
+    """Of a pixel's DN, quantisation counted as noise."""
+    return prediction.deviation.square() + 1 / 12

@@ -11,6 +11,7 @@ from omegaconf import OmegaConf
 
 from sci_lightning import __version__
 from sci_lightning.atomic_file import whole_file
+from sci_lightning.diagnosis.alternatives import Alternatives, alternatives
 from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.fit import Fit, Fitter
 
@@ -28,7 +29,7 @@ def describe(found: Diagnosis) -> dict[str, Any]:
             **{
                 name: each
                 for name, each in found.after.hypothesis.effects.items()
-                if found.fitter.model.vocabulary[name].noise
+                if found.fitter.model.known[name].noise
             },
             "stated_by_the_file": list(found.stated),
         },
@@ -44,7 +45,7 @@ def describe_effects(fitter: Fitter, fit: Fit, names: list[str]) -> list[dict[st
     deviation = dict(zip(fit.free, covariance.diagonal().clamp(min=0).sqrt().tolist(), strict=True))
     found = []
     for name in names:
-        effect = fitter.model.vocabulary[name]
+        effect = fitter.model.known[name]
         parameters = {}
         for parameter, about in effect.about.items():
             value = fit.hypothesis.effects[name][parameter]
@@ -52,10 +53,10 @@ def describe_effects(fitter: Fitter, fit: Fit, names: list[str]) -> list[dict[st
             if name in fit.charts:
                 std = fit.charts[name].std_error
             parameters[parameter] = {"value": value, "std": std, "unit": about.unit}
-        if effect.noise:
-            evidence = {}
-        else:
-            lost = fit.total - fitter.fit(fit.hypothesis.without(name)).total
+        evidence, other = {}, Alternatives((), "")
+        if not effect.noise:
+            without = fitter.fit(fit.hypothesis.without(name))
+            other, lost = alternatives(fitter, fit, without, name), fit.total - without.total
             evidence = {"delta_nll": lost, "delta_bic": 2 * lost - len(parameters) * float(np.log(fitter.use.numel()))}
         found.append(
             {
@@ -63,8 +64,8 @@ def describe_effects(fitter: Fitter, fit: Fit, names: list[str]) -> list[dict[st
                 "stage": effect.stage,
                 "parameters": parameters,
                 "evidence": evidence,
-                "alternatives": [],
-                "tell_apart": "",
+                "alternatives": list(other.names),
+                "tell_apart": other.tell_apart,
             }
         )
     return found
@@ -77,7 +78,7 @@ def write_encoder(fitter: Fitter, fit: Fit, out: Path) -> None:
     _save(out / "patterns.npy", seen.patterns[coding].numpy())
     effects: dict[str, Any] = {}
     for name, values in fit.hypothesis.effects.items():
-        effect = fitter.model.vocabulary[name]
+        effect = fitter.model.known[name]
         effects[name] = {"_target_": f"{effect.__module__}.{effect.__qualname__}", **values}
         if effect.chart and name in fit.hypothesis.charts:
             scale = float(values["std"]) if "std" in values else 1.0

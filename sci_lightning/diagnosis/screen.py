@@ -9,6 +9,11 @@ import torch
 from sci_lightning.diagnosis.camera_model import Hypothesis, Setting
 from sci_lightning.diagnosis.chart import chart_of
 from sci_lightning.diagnosis.fit import Fit, Fitter
+from sci_lightning.diagnosis.linear import Linear
+from sci_lightning.encoder.effects.parameter import Parameter, Value
+
+BATCH = 12
+"""Starts whose predictions are held in memory at a time."""
 
 
 @dataclass(frozen=True)
@@ -37,16 +42,9 @@ def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
     """
     model, seen = fitter.model, fitter.model.observation
     prediction = base.prediction
-    now = fitter.score(prediction)
+    now, linear = fitter.score(prediction), Linear(fitter, base)
     deviation = prediction.deviation
     chi2 = _chi2(fitter, prediction.mean, deviation)
-    mean, _ = fitter.jacobian(base.hypothesis, list(base.free), prediction)
-    weight = now.weight * fitter.use
-    flat = mean.flatten(1)
-    inverse = torch.linalg.pinv(((mean * weight).flatten(1) @ flat.T).double())
-    slope = now.slope * fitter.use
-    score = (flat @ slope.flatten()).double()
-    count = float(fitter.use.sum())
     found = []
     for name, effect in model.vocabulary.items():
         if name in base.hypothesis.effects or effect.noise:
@@ -56,24 +54,49 @@ def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
             start: Setting = dict.fromkeys(effect.about, chart.std)
             found.append(Candidate(name, chart.evidence, start))
             continue
-        best = Candidate(name, -1.0, {})
-        for start in effect.starts(seen.frames, seen.size, seen.bit_depth):
-            trial = model.predict(base.hypothesis.having(name, start))
-            if trial.bits != prediction.bits:
-                gain = float(((fitter.values(trial) - now.value) * fitter.use).sum())
-            else:
-                change = trial.mean - prediction.mean
-                cross = (flat @ (change * weight).flatten()).double()
-                size = float((change.square() * weight).sum()) - float(cross @ inverse @ cross)
-                pull = float((change * slope).sum()) - float(cross @ inverse @ score)
-                near = 0.5 * max(pull, 0.0) ** 2 / max(size, 1e-6)
-                far = 0.5 * count * float(torch.log(chi2 / _chi2(fitter, trial.mean, deviation)))
-                gain = max(far, near if not any(about.choices for about in effect.about.values()) else far)
-            if gain > best.gain:
-                best = Candidate(name, gain, start)
-        if best.start:
-            found.append(best)
+        starts = effect.starts(seen.frames, seen.size, seen.bit_depth)
+        found.append(
+            max(
+                (
+                    candidate
+                    for first in range(0, len(starts), BATCH)
+                    for candidate in _candidates(fitter, base, name, starts[first : first + BATCH], linear, chi2)
+                ),
+                key=lambda each: each.gain,
+            )
+        )
     return sorted(found, key=lambda each: -each.gain)
+
+
+def _candidates(
+    fitter: Fitter, base: Fit, name: str, starts: list[Setting], linear: Linear, chi2: torch.Tensor
+) -> list[Candidate]:
+    """Each start with the nats of a large change, by chi2, or those of a small one, to second order: then nearer."""
+    about = fitter.model.known[name].about
+    trials = [fitter.model.predict(base.hypothesis.having(name, start)) for start in starts]
+    if any(trial.bits != base.prediction.bits for trial in trials):
+        gains = [float(((fitter.values(trial) - linear.value) * fitter.use).sum()) for trial in trials]
+        return [Candidate(name, gain, start) for gain, start in zip(gains, starts, strict=True)]
+    deviation, count = base.prediction.deviation, float(fitter.use.sum())
+    far = [0.5 * count * float(torch.log(chi2 / _chi2(fitter, trial.mean, deviation))) for trial in trials]
+    found = [Candidate(name, gain, start) for gain, start in zip(far, starts, strict=True)]
+    if not any(each.choices for each in about.values()):
+        near, factors = linear.each(torch.stack([trial.mean - base.prediction.mean for trial in trials]))
+        for i, (gain, factor) in enumerate(zip(near.tolist(), factors.tolist(), strict=True)):
+            if gain > found[i].gain:
+                found[i] = Candidate(name, gain, _nearer(starts[i], about, factor))
+    return found
+
+
+def _nearer(start: Setting, about: dict[str, Parameter], factor: float) -> Setting:
+    """So many times as far from the neutral setting."""
+
+    def moved(value: Value, of: Parameter) -> Value:
+        if not isinstance(of.neutral, (int, float)):
+            return value
+        return min(max(of.neutral + min(factor, 2.0) * (float(value) - of.neutral), of.low), of.high)
+
+    return {name: moved(value, about[name]) for name, value in start.items()}
 
 
 def _chi2(fitter: Fitter, mean: torch.Tensor, deviation: torch.Tensor) -> torch.Tensor:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from sci_lightning.diagnosis.camera_model import Hypothesis
 from sci_lightning.diagnosis.fit import Fit, Fitter
+from sci_lightning.diagnosis.rivals import rivals
 from sci_lightning.diagnosis.screen import screen
 
 TRIED = 4
@@ -52,7 +53,7 @@ def search(
         screened = screen(fitter, best)
         for candidate in screened[:TRIED]:
             if candidate.gain > MARGIN:
-                effect = model.vocabulary[candidate.name]
+                effect = model.known[candidate.name]
                 shape = effect.shape(model.observation.size) if effect.chart else None  # type: ignore[attr-defined]
                 trials.append((candidate.name, fitter.fit(candidate.added(best.hypothesis, shape), iterations=20)))
         gains = {name: (fit.total - best.total, fit.held - best.held) for name, fit in trials}
@@ -63,16 +64,26 @@ def search(
             break
         told(f"{name}: {gains[name][0]:.0f} nats")
         best = prune(fitter, fit, noise)
-    return best, rounds
+    return exchange(fitter, best, noise), rounds
 
 
-def prune(fitter: Fitter, fit: Fit, noise: Hypothesis) -> Fit:
-    """Without the effects that are not worth their parameters beside the others."""
+def exchange(fitter: Fitter, fit: Fit, noise: Hypothesis) -> Fit:
+    """With a better effect in the place of each that was chosen before the others were known."""
     for name in [each for each in fit.hypothesis.effects if each not in noise.effects]:
-        if len(fit.hypothesis.effects) > len(noise.effects) + 1:
+        if name in fit.hypothesis.effects and len(fit.hypothesis.effects) - len(noise.effects) > 1:
             without = fitter.fit(fit.hypothesis.without(name))
-            if worth(fitter, without, fit) <= 0:
-                fit = without
+            for _, rival in rivals(fitter, fit, without, name):
+                if score(fitter, rival) > score(fitter, fit) + MARGIN:
+                    fit = rival
+    return fit
+
+
+def prune(fitter: Fitter, fit: Fit, noise: Hypothesis, margin: float = 0.0) -> Fit:
+    """Without the effects that are not worth their parameters, and ``margin`` nats, beside the others."""
+    for name in [each for each in fit.hypothesis.effects if each not in noise.effects]:
+        without = fitter.fit(fit.hypothesis.without(name))
+        if worth(fitter, without, fit) <= margin:
+            fit = without
     return fit
 
 
@@ -80,10 +91,14 @@ def worth(fitter: Fitter, less: Fit, more: Fit) -> float:
     """Nats that the larger model gains beyond its parameters' cost (BIC); held-out pixels must speak for it."""
     if fitter.split.held.any() and more.held <= less.held:
         return -math.inf
-    extra = parameters(fitter, more) - parameters(fitter, less)
-    return more.total - less.total - 0.5 * extra * math.log(fitter.use.numel()) - MARGIN
+    return score(fitter, more) - score(fitter, less) - MARGIN
+
+
+def score(fitter: Fitter, fit: Fit) -> float:
+    """Nats less the cost of the parameters (BIC)."""
+    return fit.total - 0.5 * parameters(fitter, fit) * math.log(fitter.use.numel())
 
 
 def parameters(fitter: Fitter, fit: Fit) -> int:
     """How many parameters a hypothesis has; a map counts as the one that describes it."""
-    return sum(len(fitter.model.vocabulary[name].about) for name in fit.hypothesis.effects)
+    return sum(len(fitter.model.known[name].about) for name in fit.hypothesis.effects)

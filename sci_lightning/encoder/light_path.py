@@ -13,9 +13,8 @@ from sci_lightning.encoder.relay import Pose
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput
 
-CELLS = 3
-"""Cells per pixel and axis for a displaced mask behind a blurred lens: whole pixels err by 5 % of what the two change,
-these by 0.5 %."""
+CELLS = 5
+"""Cells per pixel and axis for a displaced mask behind a blurred lens."""
 
 
 class LightPath(nn.Module):
@@ -52,7 +51,7 @@ class LightPath(nn.Module):
 
     def images(self, patterns: torch.Tensor) -> torch.Tensor:
         """Modulator and relay: patterns told to the modulator ``(P, H, W)`` to images on the sensor ``(P, qH, qW)``."""
-        for effect in self.of("modulator"):
+        for effect in (*self.of("modulator"), *self.of("relay")):
             patterns = effect.show(patterns)
         pose = Pose()
         for effect in self.of("relay"):
@@ -84,7 +83,7 @@ class LightPath(nn.Module):
 
     def form(self, signal: Signal) -> Signal:
         """Optics: the modulated image, in cells if need be, to the image on the sensor's pixels."""
-        for effect in self.of("optics"):
+        for effect in (*self.of("exposure"), *self.of("optics")):
             signal = effect.form(signal)
         return signal.pooled()
 

@@ -51,8 +51,8 @@ class Pose:
         sigma = None if self.sigma is None or float(self.sigma.detach()) < 1e-4 else self.sigma / scale
         pixel = 1 / (cells * scale)
         if self.angle is None:
-            down = _along(patterns, y + (height - 1) / 2, -2, sigma, pixel)
-            return _along(down, x + (width - 1) / 2, -1, sigma, pixel)
+            down = _shares(y + (height - 1) / 2, sigma, pixel, height)
+            return down @ patterns @ _shares(x + (width - 1) / 2, sigma, pixel, width).T
         cos, sin = torch.cos(self.angle), torch.sin(self.angle)
         row = cos * y[:, None] - sin * x + (height - 1) / 2
         column = cos * x + sin * y[:, None] + (width - 1) / 2
@@ -79,13 +79,9 @@ def _taps(
     return taps
 
 
-def _along(
-    patterns: torch.Tensor, centre: torch.Tensor, axis: int, sigma: torch.Tensor | None, pixel: torch.Tensor
-) -> torch.Tensor:
-    image = torch.zeros(())
-    for index, weight in _taps(centre, sigma, pixel, patterns.shape[axis]):
-        image = image + patterns.index_select(axis, index) * (weight[:, None] if axis == -2 else weight)
-    return image
+def _shares(centre: torch.Tensor, sigma: torch.Tensor | None, pixel: torch.Tensor, length: int) -> torch.Tensor:
+    """``(cells, length)``: how much each mirror lights each cell, along one axis."""
+    return square_kernel(centre[:, None] - torch.arange(length).to(centre), sigma, pixel)
 
 
 def _turned(

@@ -1,0 +1,30 @@
+"""Level curve: what the modulator shows for what it is told."""
+
+from __future__ import annotations
+
+import torch
+
+from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.empirical.empirical import Empirical, piecewise_linear
+
+
+class LevelCurve(Empirical):
+    """Displayed = told + a curve through the numbers, at equidistant levels from 0 to 1.
+
+    Args:
+        count: of the levels.
+        values: the curve.
+    """
+
+    name = "level_curve"
+    stage = "modulator"
+    rank = 18
+    where = "levels are displayed otherwise than told"
+    number = Parameter("1", 0.0, -1, 1, step=0.005)
+
+    @classmethod
+    def numbers(cls, captures: int, frames: int) -> int:
+        return 6
+
+    def show(self, patterns: torch.Tensor) -> torch.Tensor:
+        return patterns + piecewise_linear(patterns, self.coefficients.to(patterns))

@@ -1,0 +1,44 @@
+"""Mask field: every part of the mask's image is displaced in its own way."""
+
+from __future__ import annotations
+
+import torch
+
+from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.empirical.empirical import Empirical, polynomials
+
+DEGREE = 3
+
+
+class MaskField(Empirical):
+    """A smooth field of displacements (pixel): polynomials of the place, half the numbers for y and half for x.
+
+    Args:
+        count: 20 for polynomials up to degree 3.
+        values: in units of pixels, at the field's edge.
+    """
+
+    name = "mask_field"
+    stage = "relay"
+    rank = 26
+    where = "the mask's image is distorted"
+    number = Parameter("pixel", 0.0, -16, 16, step=0.05)
+
+    @classmethod
+    def numbers(cls, captures: int, frames: int) -> int:
+        return (DEGREE + 1) * (DEGREE + 2)
+
+    def show(self, patterns: torch.Tensor) -> torch.Tensor:
+        height, width = patterns.shape[-2:]
+        y = (torch.arange(height).to(patterns)[:, None] + 0.5) * (2 / height) - 1
+        x = (torch.arange(width).to(patterns)[None] + 0.5) * (2 / width) - 1
+        basis = polynomials(y, x, DEGREE)
+        down, across = self.coefficients.to(patterns).view(2, -1)
+        grid = torch.stack(
+            (
+                x - torch.einsum("k,khw->hw", across, basis) * (2 / width),
+                y - torch.einsum("k,khw->hw", down, basis) * (2 / height),
+            ),
+            -1,
+        )
+        return torch.nn.functional.grid_sample(patterns[None], grid[None], align_corners=False)[0]

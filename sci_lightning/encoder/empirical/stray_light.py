@@ -1,0 +1,31 @@
+"""Stray light: light that does not come through the mask."""
+
+from __future__ import annotations
+
+from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.empirical.empirical import Empirical
+from sci_lightning.encoder.empirical.shading import DEGREE, smooth
+from sci_lightning.encoder.signal import Signal
+
+
+class StrayLight(Empirical):
+    """Light plus a polynomial of the place that grows with the integration time, in dark frames too.
+
+    Args:
+        count: 15 for polynomials up to degree 4.
+        values: fraction of full scale, of the Legendre polynomials' products, by degree.
+    """
+
+    name = "stray_light"
+    stage = "optics"
+    rank = 46
+    where = "light reaches the sensor that does not come from the scene"
+    number = Parameter("1", 0.0, -1, 1, step=0.001)
+
+    @classmethod
+    def numbers(cls, captures: int, frames: int) -> int:
+        return (DEGREE + 1) * (DEGREE + 2) // 2
+
+    def form(self, signal: Signal) -> Signal:
+        signal = signal.pooled()
+        return signal.with_mean(signal.mean + signal.exposure * smooth(signal, self.coefficients, DEGREE, True))
