@@ -56,7 +56,8 @@ def confusion_figure(outcomes: Sequence[Outcome]) -> Figure:
     tried = {each.hidden for each in outcomes}
     rows = [name for name in (*VOCABULARY, *OUTSIDE) if (name,) in tried]
     rows += ["nothing"] if () in tried else []
-    columns = [*VOCABULARY, "nothing", *(f"unnamed:{stage}" for stage in STAGES)]
+    columns = [*VOCABULARY, *sorted({said for each in outcomes for said in each.found} - set(VOCABULARY))]
+    columns += ["nothing", *(f"unnamed:{stage}" for stage in STAGES)]
     share = np.zeros((len(rows), len(columns)))
     for row, name in enumerate(rows):
         cases = [each for each in outcomes if each.hidden == (() if name == "nothing" else (name,))]
