@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
@@ -145,7 +146,9 @@ def _intervals(outcomes: Sequence[Outcome]) -> Row:
     missed = tuple(f"{name} {error:+.1f} std: {said}" for name, error, said in errors if abs(error) > NORMAL)
     # of few parameters all may hold the truth, though one in a hundred should not
     met = found.share >= 0.9 and found.interval[0] <= 0.99
-    return Row(what, _words(found), target, met, found, missed)
+    spread = math.sqrt(sum(error**2 for _, error, _ in errors) / len(errors))
+    words = f"{_words(found)}; errors of {spread:.2f} stated standard deviations, root mean square"
+    return Row(what, words, target, met, found, missed)
 
 
 def _gap(outcomes: Sequence[Outcome]) -> Row:
