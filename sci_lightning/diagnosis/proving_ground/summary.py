@@ -21,6 +21,13 @@ FAINT = 30.0
 """Nats below which nobody is asked to see an effect, beside others or by itself."""
 WEAK = 100.0
 """Nats up to which an effect is called weak."""
+NAMES = (
+    ("single", "single effect, clear: its name and no other", 0.98),
+    ("weak", "single effect, weak (30 to 100 nats): its name and no other", 0.9),
+    ("pair", "pairs: exact set of names", 0.95),
+    ("triple", "triples: exact set of names", 0.9),
+)
+"""Suites in which exactly the hidden names are to be found, and in what share of the cases at least."""
 SECONDS = {(128, 128): 60.0, (256, 256): 300.0}
 """Allowed for a session of 34 captures of 8 slots, on two cores."""
 MEMORY = 4096.0
@@ -61,16 +68,18 @@ def sum_up(records: Iterable[Mapping[str, Any]]) -> list[Row]:
     def lost(name: str) -> list[str]:
         return [f"{each['case']} failed" for each in failed if each["suite"] == name]
 
-    seen = {name: [each for each in cases(name) if each.nats >= FAINT] for name in ("single", "pair", "triple")}
-    weak = [each for each in cases("weak") if FAINT <= each.nats <= WEAK]
+    asked = {
+        name: [each for each in cases(name) if FAINT <= each.nats <= (WEAK if name == "weak" else math.inf)]
+        for name, _, _ in NAMES
+    }
     named = [each for name in ("single", "weak", "pair", "triple") for each in cases(name)]
     explained = [each for each in named if each.record["verdict"] == "explained"]
     apart = [each for each in named if each.chi2[0] > APART]
     rows = [
-        _share("single effect, clear: its name and no other", seen["single"], _exact, lost("single"), least=0.98),
-        _share("single effect, weak (30 to 100 nats): its name and no other", weak, _exact, lost("weak"), least=0.9),
-        _share("pairs: exact set of names", seen["pair"], _exact, lost("pair"), least=0.95),
-        _share("triples: exact set of names", seen["triple"], _exact, lost("triple"), least=0.9),
+        *(
+            _share(what, asked[name], _exact, lost(name), least=least, beside=len(cases(name)) - len(asked[name]))
+            for name, what, least in NAMES
+        ),
         *(
             _share(
                 f"nothing hidden, {mask} mask: false alarms",
@@ -121,15 +130,20 @@ def _share(
     *,
     least: float | None = None,
     most: float | None = None,
+    beside: int = 0,
 ) -> Row:
-    """How often the answer is yes, ``lost`` being cases without one; the target is ``least`` or else ``most``."""
+    """How often the answer is yes, ``lost`` being cases without one; the target is ``least`` or else ``most``.
+
+    ``beside`` is how many cases of the suite are not asked, being fainter or stronger than the suite's name promises.
+    """
     found = Proportion(sum(map(answer, outcomes)), len(outcomes) + len(lost))
     target = f"at least {least:.0%}" if least is not None else f"at most {most:.0%}"
     if not found.total:
         return Row(what, "no cases", target, None, found)
     met = found.share >= least if least is not None else found.share <= (most or 0.0)
     missed = tuple(str(each) for each in outcomes if answer(each) is (least is None))
-    return Row(what, _words(found), target, met, found, (*missed, *lost))
+    words = _words(found) + (f"; {beside} not asked: too faint or too strong" if beside else "")
+    return Row(what, words, target, met, found, (*missed, *lost))
 
 
 def _words(found: Proportion) -> str:
@@ -173,7 +187,8 @@ def _times(outcomes: Sequence[Outcome]) -> list[Row]:
         rows.append(
             Row(
                 f"time, {size[0]} x {size[1]}",
-                f"median {median(seconds):.1f} s, longest {max(seconds):.1f} s ({len(seconds)} cases)",
+                f"median {median(seconds):.1f} s, longest {max(seconds):.1f} s ({len(seconds)} cases; "
+                f"median {median(float(each.record['cpu_seconds']) for each in some):.1f} s of a processor)",
                 f"at most {allowed:.0f} s" if allowed else "",
                 max(seconds) <= allowed if allowed else None,
                 None,

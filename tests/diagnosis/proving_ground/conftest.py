@@ -60,6 +60,7 @@ def record() -> Callable[..., Record]:
             "verdict": verdict or ("explained" if found else "consistent"),
             "gap": {"before": {"chi2": before}, "after": {"chi2": after}},
             "seconds": 5.0,
+            "cpu_seconds": 4.0,
             "memory_mib": 400.0,
             **more,
         }
