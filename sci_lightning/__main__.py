@@ -31,6 +31,11 @@ COMMANDS = (
         "out=captures.h5 effects=random seed=5",
     ),
     (
+        "diagnosis.proving_ground",
+        "count how often a diagnosis names what is hidden in a virtual camera",
+        "seeds=1 cases=4",
+    ),
+    (
         "captures pack",
         "make one captures file of a folder of pictures and its captures.yaml",
         "FOLDER out=captures.h5",
