@@ -16,6 +16,8 @@ class FrameMetric(Metric):
     is_differentiable = True
     higher_is_better = True
     full_state_update = False
+    smallest = 1
+    """Sides that frames need, in pixels."""
     convention = ""
     """What has to be told with its values, in words, where they are printed."""
     total: torch.Tensor

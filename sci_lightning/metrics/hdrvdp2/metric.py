@@ -6,6 +6,7 @@ import torch
 
 from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.hdrvdp2.quality import check_convention, hdrvdp2_q
+from sci_lightning.metrics.hdrvdp2.steerable_pyramid import SMALLEST
 
 
 class HDRVDP2(FrameMetric):
@@ -26,6 +27,7 @@ class HDRVDP2(FrameMetric):
         89.58
     """
 
+    smallest = SMALLEST
     plot_upper_bound = 100.0
 
     def __init__(

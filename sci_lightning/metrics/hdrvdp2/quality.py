@@ -103,10 +103,7 @@ def _check_images(test: torch.Tensor, reference: torch.Tensor, encoding: str, dt
     if not (test.dim() == 3 or (test.dim() == 4 and shape[1] == 3 and encoding == "sRGB-display")) or shape[0] == 0:
         raise BadInput(f"images are {shape}: must be (N, H, W), or (N, 3, H, W) with encoding=sRGB-display, N from 1")
     if min(shape[-2:]) < SMALLEST:
-        raise BadInput(
-            f"the Q-Score needs images of at least {SMALLEST} x {SMALLEST} pixels, got {shape[-2]} x {shape[-1]}; "
-            "metrics.qscore=null leaves it out"
-        )
+        raise BadInput(f"the Q-Score needs at least {SMALLEST} x {SMALLEST} pixels, got {shape[-2]} x {shape[-1]}")
     for name, images in (("test", test), ("reference", reference)):
         if not images.is_floating_point():
             raise BadInput(f"{name} is {images.dtype}: must be floating-point; for 8 bits, images / 255")
