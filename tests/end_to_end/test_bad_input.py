@@ -58,7 +58,7 @@ def test_loss(refused: Refused) -> None:
 
 def test_metrics(refused: Refused) -> None:
     assert "luma-display, sRGB-display, luminance" in refused("train", *TINY, "metrics.qscore.encoding=sRGB")
-    assert "must be positive" in refused("train", *TINY, "metrics.qscore.pixels_per_degree=-1")
+    assert "must be a positive number" in refused("train", *TINY, "metrics.qscore.pixels_per_degree=-1")
     assert "psnr is missing" in refused("train", *TINY, "metric=[qscore]")
     assert "psnr is missing" in refused("train", *TINY, "metric=[]")
     line = refused("train", *TINY, "+metrics.mine._target_=torch.nn.Identity")

@@ -1,4 +1,4 @@
-"""What a display makes of pixel values, and what the eye's four kinds of photoreceptors make of its light."""
+"""What a display makes of pixel values, and how much of its light each kind of photoreceptor takes up."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CCFL_LCD = (
     (0.40476260703812544, 0.25492330644134564, 0.4809208410841319),
     (0.05439061925532116, 0.050012248959300676, 0.45427589566935994),
 )
-"""Response of (L cones, M cones, rods) to each channel: cone sensitivities of Smith and Pokorny (1975) and the CIE's
+"""What (L cones, M cones, rods) take up of each channel: cone sensitivities of Smith and Pokorny (1975) and the CIE's
 scotopic one (1951) times the emission, integrated from 360 to 780 nm. S cones count for nothing."""
 
 

@@ -18,7 +18,7 @@ def masked_differences(
     """Squared differences in units of their threshold, for each band (N, orientations, h, w) of the two pyramids.
 
     Args:
-        sensitivity: (N, 1, h, w) or a scalar for each band, inverse of the neural noise in it.
+        sensitivity: (N, 1, h, w) for each band, the inverse of the neural noise in it.
     """
     contrast = [_blur(torch.minimum(t.abs(), r.abs())) for t, r in zip(test, reference, strict=True)]
     found = []

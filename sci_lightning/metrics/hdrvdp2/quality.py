@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from numbers import Real
 
 import torch
 
@@ -17,8 +18,8 @@ from sci_lightning.metrics.hdrvdp2.photoreceptors import respond
 from sci_lightning.metrics.hdrvdp2.pooling import pool
 from sci_lightning.metrics.hdrvdp2.steerable_pyramid import SMALLEST, steerable_pyramid
 
-TOGETHER = 4
-"""Pairs that are worked on at a time: what they take stays near the processor, however long the batch is."""
+TOGETHER = 4 * 256 * 256
+"""Pixels of the pairs that are worked on at a time: memory does not grow with the batch, and caches hold more of it."""
 CHANGE = 0.001
 """Relative difference in luminance up to which a pixel counts as unchanged."""
 
@@ -55,7 +56,8 @@ def hdrvdp2_q(
     _check_images(test, reference, encoding, dtype)
     if encoding == "luminance" and reference.max() <= 1:
         warnings.warn("encoding=luminance takes cd/m2, and the reference has at most 1 of them", stacklevel=2)
-    pairs = zip(test.to(dtype).split(TOGETHER), reference.to(dtype).split(TOGETHER), strict=True)
+    together = max(1, TOGETHER // test.shape[-2:].numel())
+    pairs = zip(test.to(dtype).split(together), reference.to(dtype).split(together), strict=True)
     with torch.autocast(test.device.type, enabled=False):
         return torch.cat([_q(t, r, display, float(pixels_per_degree)) for t, r in pairs])
 
@@ -89,8 +91,8 @@ def check_convention(encoding: str, pixels_per_degree: float) -> Display:
     """The display of this encoding; :class:`BadInput` if there is none or the resolution is impossible."""
     if encoding not in DISPLAYS:
         raise BadInput(f"encoding={encoding}: no such encoding; choose one of {', '.join(DISPLAYS)}")
-    if not 0 < pixels_per_degree < math.inf:
-        raise BadInput(f"pixels_per_degree={pixels_per_degree}: must be positive; 30 is typical")
+    if not isinstance(pixels_per_degree, Real) or not 0 < pixels_per_degree < math.inf:
+        raise BadInput(f"pixels_per_degree={pixels_per_degree}: must be a positive number; 30 is typical")
     return DISPLAYS[encoding]
 
 
