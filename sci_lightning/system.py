@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import lightning as L
@@ -15,6 +15,7 @@ from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.initial_estimate import mean_video
 from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput
+from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.scene_scores import SceneScores
 
 Batch = tuple[torch.Tensor, torch.Tensor]
@@ -41,6 +42,8 @@ class System(L.LightningModule):
 
     Args:
         encoder, decoder: plain modules; the system adds nothing to what they compute.
+        metrics: what validation and test score, by name.
+        val_every_n_frames: of metrics that look at one frame in so many in validation, by name; a test looks at all.
         loss: ``mse`` or ``rmse``.
         lr: Adam's learning rate at the start; it falls to ``final_lr`` along a cosine over the whole run.
         mask_lr: learning rate of the mask at the start (same cosine), None for ``lr``.
@@ -49,7 +52,7 @@ class System(L.LightningModule):
         run_config: the run's plain, resolved configuration; kept in every checkpoint so that it can be rebuilt.
 
     Raises:
-        BadInput: unknown loss; in training, a loss or gradient that is no longer finite.
+        BadInput: unknown loss, a metric that sees no frames; in training, a loss or gradient that is no longer finite.
     """
 
     def __init__(
@@ -57,6 +60,8 @@ class System(L.LightningModule):
         encoder: Encoder,
         decoder: Decoder,
         *,
+        metrics: Mapping[str, FrameMetric] | None = None,
+        val_every_n_frames: Mapping[str, int] | None = None,
         loss: str = "mse",
         lr: float = 1e-4,
         final_lr: float = 1e-5,
@@ -68,16 +73,22 @@ class System(L.LightningModule):
         super().__init__()
         if loss not in LOSSES:
             raise BadInput(f"system.loss={loss}: no such loss; choose one of {', '.join(LOSSES)}")
+        if none := [key for key, n in (val_every_n_frames or {}).items() if n < 1]:
+            raise BadInput(
+                f"system.val_every_n_frames.{none[0]} must be at least 1; metrics.{none[0]}=null leaves it out"
+            )
         self.encoder = encoder
         self.decoder = decoder
         self.loss = LOSSES[loss]
         self.lr, self.final_lr, self.mask_lr = lr, final_lr, lr if mask_lr is None else mask_lr
         self.seed = seed
         self.run_config = run_config or {}
-        self.scores = self.baseline = SceneScores([])
+        self.metrics = dict(metrics or {})
+        self.val_every_n_frames = dict(val_every_n_frames or {})
+        self.scores = self.baseline = SceneScores([], self.metrics)
         self.seconds: list[float] = []
         self.tested: dict[str, Any] = {}
-        """What the last test found: scores by scene, their mean, the baseline's, seconds and device."""
+        """What the last test found: scores by scene, their mean and conventions, the baseline's, seconds and device."""
         if compile:
             self.decoder.compile()
 
@@ -167,22 +178,26 @@ class System(L.LightningModule):
     # Validation and test: item = (scene number, video)
 
     def on_validation_epoch_start(self) -> None:
-        self._start_scoring(self.trainer.val_dataloaders)
+        self.scores = self._scores(self.trainer.val_dataloaders, self.val_every_n_frames)
 
     def on_test_epoch_start(self) -> None:
-        self._start_scoring(self.trainer.test_dataloaders)
+        self.scores, self.baseline = (self._scores(self.trainer.test_dataloaders) for _ in range(2))
+        self.seconds = []
 
     def validation_step(self, batch: Batch, batch_idx: int) -> None:
         self._score(batch, batch_idx)
 
     def test_step(self, batch: Batch, batch_idx: int) -> None:
-        self._score(batch, batch_idx)
+        measurement, mask = self._score(batch, batch_idx)
+        for scene, guess, truth in zip(batch[0], mean_video(measurement, mask), batch[1], strict=True):
+            self.baseline.update(int(scene), guess, truth)
 
     def on_test_epoch_end(self) -> None:
         scenes, mean = self.scores.compute()
         self.tested = {
             "scenes": scenes,
             "mean": mean,
+            "conventions": {key: metric.convention for key, metric in self.metrics.items() if metric.convention},
             "baseline": self.baseline.compute()[1],
             "seconds_per_measurement": statistics.median(self.seconds),
             "device": self._device_name(),
@@ -190,27 +205,25 @@ class System(L.LightningModule):
 
     def on_validation_epoch_end(self) -> None:
         scenes, mean = self.scores.compute()
-        self.log("val/psnr", mean["psnr"], prog_bar=True, sync_dist=True)
-        self.log("val/ssim", mean["ssim"], sync_dist=True)
+        for key, value in mean.items():
+            self.log(f"val/{key}", value, prog_bar=key == "psnr", sync_dist=True)
         per_scene = {f"val_{key}/{name}": value for name, scene in scenes.items() for key, value in scene.items()}
         self.log_dict(per_scene, sync_dist=True)
 
-    def _start_scoring(self, loader: Any) -> None:
-        names = loader.dataset.names
-        self.scores = SceneScores(names).to(self.device)
-        self.baseline = SceneScores(names).to(self.device)
-        self.seconds = []
+    def _scores(self, loader: Any, every_n_frames: Mapping[str, int] | None = None) -> SceneScores:
+        return SceneScores(loader.dataset.names, self.metrics, every_n_frames).to(self.device)
 
-    def _score(self, batch: Batch, batch_idx: int) -> None:
+    def _score(self, batch: Batch, batch_idx: int) -> Batch:
+        """Add a batch to the scores; returns what its decoder was given."""
         self._seed_step(batch_idx, testing=True)  # sensor noise in a test does not depend on the training before it
         scenes, video = batch
         measurement, mask = self.decodable(*self.shoot(video))
         start = self._now()
         estimate = self.decoder(measurement, mask)
         self.seconds.append((self._now() - start) / len(video))
-        for scene, x, guess, truth in zip(scenes, estimate, mean_video(measurement, mask), video, strict=True):
+        for scene, x, truth in zip(scenes, estimate, video, strict=True):
             self.scores.update(int(scene), x, truth)
-            self.baseline.update(int(scene), guess, truth)
+        return measurement, mask
 
     def _now(self) -> float:
         if self.device.type == "cuda":

@@ -23,6 +23,7 @@ def train(cfg: DictConfig) -> float:
     from lightning.pytorch.loggers import TensorBoardLogger
 
     from sci_lightning.checkpoint import SafeCheckpointIO, read_checkpoint
+    from sci_lightning.chosen_metrics import chosen_metrics
     from sci_lightning.data.loader import ClipLoader, scene_loader
     from sci_lightning.results import hparams, print_results, results, write_json
 
@@ -34,7 +35,9 @@ def train(cfg: DictConfig) -> float:
     torch.manual_seed(cfg.seed)  # the decoder's first weights
     encoder = instantiate(cfg.encoder, _convert_="all")
     decoder = instantiate(cfg.decoder, _convert_="all")
-    system = instantiate(cfg.system, _partial_=True)(encoder, decoder, run_config={**config, "names": names})
+    run_config = {**config, "names": names}
+    make_system = instantiate(cfg.system, _partial_=True)
+    system = make_system(encoder, decoder, metrics=chosen_metrics(cfg), run_config=run_config)
     if cfg.ckpt_path:
         checkpoint = read_checkpoint(cfg.ckpt_path)
         checkpoint.fill("decoder", decoder, names["decoder"])

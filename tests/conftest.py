@@ -46,6 +46,15 @@ def shared_data() -> Path:
     return folder
 
 
+@pytest.fixture(scope="session")
+def shared_reference() -> Path:
+    """The folder of reference values of other people's programs, which is not part of the repository."""
+    folder = SHARED / "reference"
+    if not folder.is_dir():
+        pytest.skip(f"reference values not present ({folder})")
+    return folder
+
+
 @pytest.fixture
 def command(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
     """``command("train", "encoder=lsw_sr", ..)`` runs a command in a process of its own, in an empty folder."""

@@ -56,6 +56,18 @@ def test_loss(refused: Refused) -> None:
     assert "mse, rmse" in refused("train", *TINY, "system.loss=l1")
 
 
+def test_metrics(refused: Refused) -> None:
+    assert "luma-display, sRGB-display, luminance" in refused("train", *TINY, "metrics.qscore.encoding=sRGB")
+    assert "must be a positive number" in refused("train", *TINY, "metrics.qscore.pixels_per_degree=-1")
+    assert "psnr is missing" in refused("train", *TINY, "metric=[qscore]")
+    assert "psnr is missing" in refused("train", *TINY, "metric=[]")
+    line = refused("train", *TINY, "+metrics.mine._target_=torch.nn.Identity")
+    assert "metrics.mine" in line and "not a FrameMetric" in line
+    line = refused("train", *TINY, "size=[16,40]")
+    assert "size=[16, 40]" in line and "17 x 17" in line and "metrics.qscore=null" in line
+    assert "at least 1" in refused("train", *TINY, "system.val_every_n_frames.qscore=0")
+
+
 def test_masks_that_do_not_fit(refused: Refused, tmp_path: Path) -> None:
     measured = [*TINY, "encoder=rbw_sr", "encoder/mask=measured", "encoder.mask.file=mask.npy"]
     np.save(tmp_path / "mask.npy", np.ones((8, 32, 40)))
