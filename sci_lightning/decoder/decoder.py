@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import torch
 from torch import nn
 
@@ -14,6 +16,12 @@ class Decoder(nn.Module):
     Shapes: measurement ``(N, H, W)`` = sum over t of M_t x_t, mask ``(T, H, W)`` in [0, 1], video ``(N, T, H, W)``.
     Subclasses write :meth:`decode`; calling checks the shapes first.
     """
+
+    published_names: ClassVar[tuple[tuple[str, str], ...]] = ()
+    """Where the authors' weights go: (regular expression of their key, our key); see
+    :mod:`~sci_lightning.decoder.published`."""
+    published_unused: ClassVar[tuple[str, ...]] = ()
+    """Regular expressions of the authors' keys that their network does not use, or ours computes by itself."""
 
     def forward(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """Estimate the video ``(N, T, H, W)``, nominally in [0, 1], not clipped.

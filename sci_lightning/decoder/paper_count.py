@@ -1,0 +1,108 @@
+"""Multiply-accumulates as the paper's table counts them, which is not what is computed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from torch import Tensor, nn
+from torch.overrides import TorchFunctionMode
+
+from sci_lightning.decoder.complexity import call_without_data
+from sci_lightning.errors import BadInput
+
+RULES = (2022, 2020)
+"""Generations of the counter (thop) whose output the paper's table mixes."""
+
+
+def count_as_paper(decoder: nn.Module, frames: int, height: int, width: int, rules: int = 2022) -> int:
+    """Multiply-accumulates ("FLOPs") of one measurement by the rules of the counter that the paper used.
+
+    ======================  =======================================================================
+    convolution             elements of the output x values of one kernel (padding counts as well)
+    transposed convolution  the same formula, so a stride s makes it s * s times what is computed
+    linear layer            elements of the output x width of the input
+    softmax of n values     3n - 1; within an attention too, of which nothing else is counted:
+                            its two matrix products are left out
+    layer normalisation     4 for each element with scale and shift (2 without); by the rules of 2020: 2
+    bias of a convolution   by the rules of 2020: 1 for each element of the output; else nothing
+    LeakyReLU               by the rules of 2020: 1 for each element; else nothing
+    everything else         nothing
+    ======================  =======================================================================
+
+    Counted where torch's functions are called, on tensors without data, so it does not matter which module calls them
+    nor whether a three-dimensional convolution is computed as a two-dimensional one over stacked frames.
+
+    Args:
+        decoder: any network.
+        frames, height, width: T, H and W of the measurement.
+        rules: 2022, behind E2E-CNN, Res2former and Res2former-L in the paper's Table 4; or 2020, behind RevSCI and
+            STFormer.
+
+    Raises:
+        BadInput: other rules.
+    """
+    if rules not in RULES:
+        raise BadInput(f"rules={rules!r}: the paper's figures follow the rules of {' or '.join(map(str, RULES))}")
+    with _Counter(rules) as counter:
+        call_without_data(decoder, frames, height, width)
+    return counter.total
+
+
+class _Counter(TorchFunctionMode):
+    """Adds up the cost of every call of a torch function while it is active."""
+
+    def __init__(self, rules: int) -> None:
+        super().__init__()
+        self.rules = rules
+        self.total = 0
+
+    def __torch_function__(self, function: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
+        result = function(*args, **(kwargs or {}))
+        if cost := COSTS.get(getattr(function, "__name__", "")):
+            self.total += cost(self.rules, result, *args, **(kwargs or {}))
+        return result
+
+
+def _convolution(
+    rules: int, result: Tensor, x: Tensor, weight: Tensor, bias: Tensor | None = None, *_: Any, **__: Any
+) -> int:
+    channels = result.shape[1 - weight.ndim]
+    return result.numel() * (weight.numel() // channels + (rules == 2020 and bias is not None))
+
+
+def _linear(rules: int, result: Tensor, x: Tensor, weight: Tensor, bias: Tensor | None = None) -> int:
+    return result.numel() * weight.shape[1]
+
+
+def _softmax(rules: int, result: Tensor, x: Tensor, dim: int, *_: Any, **__: Any) -> int:
+    return _softmax_rows(result.numel(), result.shape[dim])
+
+
+def _attention(rules: int, result: Tensor, query: Tensor, key: Tensor, *_: Any, **__: Any) -> int:
+    return _softmax_rows(query.shape[:-1].numel() * key.shape[-2], key.shape[-2])
+
+
+def _softmax_rows(elements: int, length: int) -> int:
+    return elements // length * (3 * length - 1)
+
+
+def _layer_norm(
+    rules: int, result: Tensor, x: Tensor, normalized_shape: Any, weight: Tensor | None = None, *_: Any, **__: Any
+) -> int:
+    return result.numel() * (4 if rules == 2022 and weight is not None else 2)
+
+
+def _leaky_relu(rules: int, result: Tensor, *_: Any, **__: Any) -> int:
+    return result.numel() if rules == 2020 else 0
+
+
+COSTS = {
+    **{f"conv{kind}{n}d": _convolution for kind in ("", "_transpose") for n in (1, 2, 3)},
+    "linear": _linear,
+    "softmax": _softmax,
+    "scaled_dot_product_attention": _attention,
+    "layer_norm": _layer_norm,
+    "leaky_relu": _leaky_relu,
+    "leaky_relu_": _leaky_relu,
+}
+"""By the name of torch's function; each is called with the rules, the result and the function's own arguments."""
