@@ -48,9 +48,31 @@ def load_published(decoder: Decoder, state_dict: Mapping[str, Any]) -> Published
     Raises:
         BadInput: a key without a place, a shape that does not fit, a key that is missing; each names it.
     """
-    weights, mask = _unpack(state_dict)
+    weights, mask = unpack(state_dict)
     decoder.load_state_dict(our_state(decoder, weights))
     return mask
+
+
+def unpack(content: Mapping[str, Any]) -> tuple[dict[str, torch.Tensor], PublishedMask | None]:
+    """The bare state of the decoder by its authors' keys, and the mask, of what :func:`load_published` takes."""
+    inside = next((name for name in STATES if isinstance(content.get(name), Mapping)), None)
+    real = content.get("continuous_mask") if inside else None
+    if inside:
+        for key in content.keys() - {inside, "continuous_mask", *BESIDE}:
+            raise BadInput(f"'{key}' beside '{inside}' is not known; expected one of {', '.join(BESIDE)}")
+        content = content[inside]
+    for key, value in [*content.items(), ("continuous_mask", real)]:
+        if not isinstance(value, torch.Tensor) and value is not None:
+            raise BadInput(f"'{key}' is a {type(value).__name__}, expected a tensor; is it a network's state?")
+    weights = {_bare(key): value for key, value in content.items()}
+    if "encoder.weight" not in weights and not all(key.startswith("decoder.") for key in weights):
+        return weights, None
+    levels = weights.pop("encoder.weight", None)
+    for key in weights:
+        if not key.startswith("decoder."):
+            raise BadInput(f"'{key}' has no place; beside 'encoder.weight' every key starts with 'decoder.'")
+    weights = {_bare(key.removeprefix("decoder.")): value for key, value in weights.items()}
+    return weights, None if levels is None else PublishedMask(levels, real)
 
 
 def our_state(decoder: Decoder, weights: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
@@ -72,14 +94,18 @@ def our_state(decoder: Decoder, weights: Mapping[str, torch.Tensor]) -> dict[str
     for place, like in wanted.items():
         if place not in sources:
             ours = "" if (authors := authors_key(decoder, place)) == place else f" ('{place}' here)"
-            raise BadInput(f"'{authors}'{ours} is missing, {name} needs it; is it of another network or size?")
+            raise BadInput(
+                f"'{authors}'{ours} is missing, {name} needs it; is it of another network, or of another size?"
+            )
         keys = [key for _, key in sorted(sources[place])]
         parts = [weights[key] for key in keys]
         joins = len({part.shape[1:] for part in parts}) == 1 and (len(parts) == 1 or parts[0].ndim > 0)
         state[place] = torch.cat(parts) if joins and len(parts) > 1 else parts[0]
         if not joins or state[place].shape != like.shape:
             shapes = " and ".join(f"'{key}' {tuple(part.shape)}" for key, part in zip(keys, parts, strict=True))
-            raise BadInput(f"{shapes} does not fit {name}, which takes {tuple(like.shape)}; build it of that size")
+            raise BadInput(
+                f"{shapes}: {name} as configured has {tuple(like.shape)} there; set frames= and decoder.* to the file's"
+            )
     return state
 
 
@@ -104,28 +130,6 @@ def _place(decoder: Decoder, key: str) -> tuple[int, str]:
         if match := re.fullmatch(pattern, key):
             return number, match.expand(replacement)
     return len(decoder.published_names), key
-
-
-def _unpack(content: Mapping[str, Any]) -> tuple[dict[str, torch.Tensor], PublishedMask | None]:
-    """The bare state of the decoder, and the mask beside it."""
-    inside = next((name for name in STATES if isinstance(content.get(name), Mapping)), None)
-    real = content.get("continuous_mask") if inside else None
-    if inside:
-        for key in content.keys() - {inside, "continuous_mask", *BESIDE}:
-            raise BadInput(f"'{key}' beside '{inside}' is not known; expected one of {', '.join(BESIDE)}")
-        content = content[inside]
-    for key, value in [*content.items(), ("continuous_mask", real)]:
-        if not isinstance(value, torch.Tensor) and value is not None:
-            raise BadInput(f"'{key}' is a {type(value).__name__}, expected a tensor; is it a network's state?")
-    weights = {_bare(key): value for key, value in content.items()}
-    if "encoder.weight" not in weights and not all(key.startswith("decoder.") for key in weights):
-        return weights, None
-    levels = weights.pop("encoder.weight", None)
-    for key in weights:
-        if not key.startswith("decoder."):
-            raise BadInput(f"'{key}' has no place; beside 'encoder.weight' every key starts with 'decoder.'")
-    weights = {_bare(key.removeprefix("decoder.")): value for key, value in weights.items()}
-    return weights, None if levels is None else PublishedMask(levels, real)
 
 
 def _bare(key: str) -> str:
