@@ -46,7 +46,7 @@ def convert(cfg: DictConfig) -> None:
 def published(cfg: DictConfig, content: Mapping[str, Any], console: Console) -> tuple[dict[str, Any], dict[str, Any]]:
     """Configuration and state of a checkpoint, made of what a network's authors saved.
 
-    A mask in the file takes the place of the encoder's; ``frames``, ``size`` and ``encoder`` are set where they are None.
+    A mask in the file takes the place of the encoder's. ``frames``, ``size`` and ``encoder`` are set where absent.
     """
     from hydra.utils import instantiate
     from torch import nn
@@ -54,39 +54,32 @@ def published(cfg: DictConfig, content: Mapping[str, Any], console: Console) -> 
     from sci_lightning.decoder.published import load_published, unpack
     from sci_lightning.encoder.mask import LearnedStructural, published_mask
 
-    found, encoder_name = unpack(content)[1], "rbw_osr"
+    _, found = unpack(content)
     shape = (8, 256, 256) if found is None else found.levels.shape
     cfg.frames = cfg.frames or (shape[0] if len(shape) == 3 else 8)
     cfg.size = cfg.size or list(shape[-2:])
-    if found is not None:
-        mask = published_mask(found.levels, found.real, cfg.frames, tuple(cfg.size))
-        encoder_name = "lsw_sr" if mask.learned else "rbw_sr"
-    if "encoder" in cfg:
-        encoder_name = chosen("encoder")
-    else:
-        with open_dict(cfg):
-            cfg.encoder = member("convert", "encoder", encoder_name)
-    if found is not None:
-        own = {"bits": mask.bits} if isinstance(mask, LearnedStructural) else {"file": None}
-        target = f"{type(mask).__module__}.{type(mask).__name__}"
-        cfg.encoder.mask = {"_target_": target, "frames": mask.frames, "size": list(mask.size), **own}
-
-    encoder = instantiate(cfg.encoder, _convert_="all")
     decoder = instantiate(cfg.decoder, _convert_="all")
     load_published(decoder, content)
-    if found is not None:
+
+    mask = None if found is None else published_mask(found.levels, found.real, cfg.frames, tuple(cfg.size))
+    names = {"encoder": chosen("encoder"), "decoder": chosen("decoder")}
+    if "encoder" not in cfg:
+        names["encoder"] = "rbw_osr" if mask is None else "lsw_sr" if mask.learned else "rbw_sr"
+        told = "no mask in the file, a random one takes its place" if mask is None else f"the file's mask, {mask}"
+        console.print(f"encoder={names['encoder']}: {told}")
+        with open_dict(cfg):
+            cfg.encoder = member("convert", "encoder", names["encoder"])
+    if mask is not None:
+        target = f"{type(mask).__module__}.{type(mask).__name__}"
+        own = {"bits": mask.bits} if isinstance(mask, LearnedStructural) else {"file": None}
+        cfg.encoder.mask = {"_target_": target, "frames": mask.frames, "size": list(mask.size), **own}
+    encoder = instantiate(cfg.encoder, _convert_="all")
+    if mask is not None:
         encoder.mask.load_state_dict(mask.state_dict())
-        console.print(f"with the file's mask: {type(mask).__name__}({mask.extra_repr()})")
-    else:
-        console.print(
-            "no mask in the file, a random one is put in its place; name the right one: encoder/mask=measured .."
-        )
+    config = plain(cfg)
+    kept = {key: config[key] for key in ("encoder", "decoder", "frames", "size", "seed")}
     state = nn.ModuleDict({"encoder": encoder, "decoder": decoder}).state_dict()
-    config = {
-        key: value for key, value in plain(cfg).items() if key in ("encoder", "decoder", "frames", "size", "seed")
-    }
-    names = {"encoder": encoder_name, "decoder": chosen("decoder")}
-    return {**config, "crop": config["size"], "names": names, "converted": Path(cfg.checkpoint).name}, state
+    return {**kept, "crop": config["size"], "names": names, "converted": Path(cfg.checkpoint).name}, state
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from torch import Tensor, nn
@@ -96,7 +97,7 @@ def _leaky_relu(rules: int, result: Tensor, *_: Any, **__: Any) -> int:
     return result.numel() if rules == 2020 else 0
 
 
-COSTS = {
+COSTS: dict[str, Callable[..., int]] = {
     **{f"conv{kind}{n}d": _convolution for kind in ("", "_transpose") for n in (1, 2, 3)},
     "linear": _linear,
     "softmax": _softmax,

@@ -110,15 +110,16 @@ def our_state(decoder: Decoder, weights: Mapping[str, torch.Tensor]) -> dict[str
 
 
 def authors_key(decoder: Decoder, place: str) -> str:
-    """The authors' key that goes to ``place``, for messages: our own where a pattern cannot be read backwards."""
+    """The authors' key that goes to ``place``, for messages: our own where no pattern can be read backwards."""
     for pattern, replacement in decoder.published_names:
-        groups = dict(enumerate(re.findall(r"\(([^()]*)\)", pattern), 1))
-        literals = re.split(r"\\(\d)", replacement)
-        backwards = "".join(f"({groups[int(each)]})" if n % 2 else re.escape(each) for n, each in enumerate(literals))
+        literals = re.split(r"\([^()]*\)", pattern.replace("\\.", "."))
+        groups = re.findall(r"\([^()]*\)", pattern)
+        pieces = re.split(r"\\(\d)", replacement)  # literal, number of a group, literal, ..
+        numbers = [int(each) - 1 for each in pieces[1::2]]
+        backwards = "".join(groups[numbers[n // 2]] if n % 2 else re.escape(each) for n, each in enumerate(pieces))
         if match := re.fullmatch(backwards, place):
-            told = dict(zip(map(int, literals[1::2]), match.groups(), strict=True))
-            counter = iter(groups)
-            key = re.sub(r"\([^()]*\)", lambda _: told.get(next(counter), ""), pattern).replace("\\.", ".")
+            told = dict(zip(numbers, match.groups(), strict=True))
+            key = literals[0] + "".join(told.get(n, "") + literal for n, literal in enumerate(literals[1:]))
             if _place(decoder, key)[1] == place:
                 return key
     return place

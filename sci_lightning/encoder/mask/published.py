@@ -29,7 +29,7 @@ def published_mask(levels: torch.Tensor, real: torch.Tensor | None, frames: int,
     Raises:
         BadInput: a mask of another shape, or not in [0, 1].
     """
-    if levels.ndim == 2 and levels.frac().eq(0).all() and 0 <= levels.min() and levels.max() < frames:
+    if levels.ndim == 2 and levels.frac().eq(0).all() and levels.min() >= 0 and levels.max() < frames:
         levels, real = one_hot(levels.long(), frames).permute(2, 0, 1), None
     if levels.shape[1:] == (size[0] / 2, size[1] / 2):
         levels, real = _doubled(levels), None if real is None else _doubled(real)
