@@ -35,6 +35,8 @@ def benchmark(cfg: DictConfig) -> None:
     device = chosen_device(cfg.device)
     if cfg.precision not in PRECISIONS:
         raise BadInput(f"precision={cfg.precision}: choose one of {', '.join(PRECISIONS)}")
+    if cfg.repeats < 1:
+        raise BadInput(f"repeats={cfg.repeats}: at least one call must be timed")
     settings: dict[str, Any] = {key: cfg[key] for key in SETTINGS}
     settings["size"] = (cfg.size, cfg.size) if isinstance(cfg.size, int) else tuple(cfg.size)
     about = {"format": "sci-benchmark", "format_version": 1, "torch": torch.__version__, "device": device_name(device)}

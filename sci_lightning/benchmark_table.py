@@ -11,7 +11,7 @@ from rich.table import Table
 Cost = Mapping[str, Any]
 
 COLUMNS: dict[str, Callable[[Cost], str]] = {
-    "parameters (M)": lambda cost: f"{cost['parameters'] / 1e6:.2f}",
+    "params (M)": lambda cost: f"{cost['parameters'] / 1e6:.2f}",
     "MACs (G)": lambda cost: f"{cost['macs'] / 1e9:.2f}",
     "as the paper counts": lambda cost: f"{cost['macs_as_paper'] / 1e9:.2f}",
     "time (s)": lambda cost: f"{cost['seconds']:.3g}",
@@ -20,7 +20,7 @@ COLUMNS: dict[str, Callable[[Cost], str]] = {
     "of matmul": lambda cost: f"{cost['gflops'] / cost['product_gflops']:.0%}",
 }
 PAPER: dict[str, Callable[[Cost], str]] = {
-    "parameters (M)": lambda cost: f"{cost['paper']['parameters_M']:.2f}",
+    "params (M)": lambda cost: f"{cost['paper']['parameters_M']:.2f}",
     "as the paper counts": lambda cost: f"{cost['paper']['macs_G']:.2f}",
     "time (s)": lambda cost: f"{cost['paper']['seconds']:.2f}",
 }

@@ -77,26 +77,26 @@ def measure(
     on_gpu = place.type == "cuda"
     before = 0 if on_gpu else _memory("VmRSS")
     decoder = instantiate(config, _convert_="all").eval().to(place)
-    found: dict[str, Any] = {
-        "parameters": count_parameters(decoder),
-        "macs": count_macs(decoder, frames, *size),
-        "macs_as_paper": count_as_paper(decoder, frames, size[0], size[1], rules),
-    }
     mask = (torch.rand(frames, *size, device=place) < 0.5).float()
     measurement = (torch.rand(1, frames, *size, device=place) * mask).sum(1)
     if compile:
         decoder.compile()
-
     with torch.inference_mode(), torch.autocast(place.type, PRECISIONS[precision], enabled=precision != "32-true"):
         seconds = _timed(lambda: decoder(measurement, mask), place, warm_up, repeats)
         peak = torch.cuda.max_memory_allocated(place) if on_gpu else _memory("VmHWM")
-        found |= {"seconds": statistics.median(seconds), "fastest": min(seconds)}
-        found |= {"gflops": 2e-9 * found["macs"] / found["seconds"]}
-        found |= {"memory": peak - before} if peak else {}
-        if product:
-            one, other = torch.rand(2, product, product, device=place)
-            found["product_gflops"] = 2e-9 * product**3 / min(_timed(lambda: one @ other, place, 1, 3))
-    return found
+        one, other = torch.rand(2, product, product, device=place)
+        product_seconds = min(_timed(lambda: one @ other, place, 1, 3))
+    macs = count_macs(decoder, frames, *size)  # after the memory was read: counting loads a good part of torch
+    return {
+        "parameters": count_parameters(decoder),
+        "macs": macs,
+        "macs_as_paper": count_as_paper(decoder, frames, size[0], size[1], rules),
+        "seconds": statistics.median(seconds),
+        "fastest": min(seconds),
+        **({"memory": peak - before} if peak else {}),
+        "gflops": 2e-9 * macs / statistics.median(seconds),
+        **({"product_gflops": 2e-9 * product**3 / product_seconds} if product else {}),
+    }
 
 
 def _timed(work: Callable[[], Any], place: torch.device, warm_up: int, repeats: int) -> list[float]:
