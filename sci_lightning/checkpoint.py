@@ -135,16 +135,22 @@ def load_file(path: Path) -> dict[str, Any]:
             return _load_safetensors(path)
         with torch.serialization.safe_globals(_numpy_scalars()):
             content = torch.load(path, map_location="cpu", weights_only=True)
-    except pickle.UnpicklingError as error:
-        raise BadInput(
-            f"{path}: holds Python objects other than tensors and plain values; refused, nothing was executed; "
-            "have whoever wrote it save a state_dict instead"
-        ) from error
     except Exception as error:  # torch raises RuntimeError, EOFError, KeyError, .. on damaged archives
+        if isinstance(error, pickle.UnpicklingError) and _is_pickle(path):
+            raise BadInput(
+                f"{path}: holds Python objects other than tensors and plain values; refused, nothing was executed; "
+                "have whoever wrote it save a state_dict instead"
+            ) from error
         raise BadInput(f"{path}: not a readable checkpoint, damaged or truncated ({type(error).__name__})") from error
     if not isinstance(content, dict):
         raise BadInput(f"{path}: not a checkpoint (it holds a {type(content).__name__}, expected a dictionary)")
     return content
+
+
+def _is_pickle(path: Path) -> bool:
+    """Whether a file begins like a pickle, bare or in torch's archive."""
+    with path.open("rb") as file:
+        return file.read(2).startswith((b"\x80", b"PK"))
 
 
 def _load_safetensors(path: Path) -> dict[str, Any]:

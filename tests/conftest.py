@@ -70,7 +70,7 @@ def command(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
 
 @pytest.fixture
 def ran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
-    """``ran("convert", "out=a.ckpt", ..)``: run a command in this process, in an empty folder, return what it prints."""
+    """``ran("convert", "out=a.ckpt", ..)``: run a command in this process, return what it prints."""
 
     def run(name: str, *overrides: str) -> str:
         monkeypatch.chdir(tmp_path)
