@@ -18,10 +18,9 @@ class Decoder(nn.Module):
     """
 
     published_names: ClassVar[tuple[tuple[str, str], ...]] = ()
-    """Where the authors' weights go: (regular expression of their key, our key); see
-    :mod:`~sci_lightning.decoder.published`."""
+    """(regular expression of a published state-dict key, replacement that makes it ours), matched in full."""
     published_unused: ClassVar[tuple[str, ...]] = ()
-    """Regular expressions of the authors' keys that their network does not use, or ours computes by itself."""
+    """Regular expressions of published state-dict keys that are knowingly not used."""
 
     def forward(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """Estimate the video ``(N, T, H, W)``, nominally in [0, 1], not clipped.

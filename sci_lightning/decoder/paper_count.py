@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from torch import Tensor, nn
+from torch.nn import functional as F
 from torch.overrides import TorchFunctionMode
 
 from sci_lightning.decoder.complexity import call_without_data
@@ -22,8 +23,8 @@ def count_as_paper(decoder: nn.Module, frames: int, height: int, width: int, rul
     convolution             elements of the output x values of one kernel (padding counts as well)
     transposed convolution  the same formula, so a stride s makes it s * s times what is computed
     linear layer            elements of the output x width of the input
-    softmax of n values     3n - 1; within an attention too, of which nothing else is counted:
-                            its two matrix products are left out
+    softmax of n values     3n - 1, as a layer or in torch's attention, of which nothing else is
+                            counted; the counter did not see softmax called as a function, nor ``@``
     layer normalisation     4 for each element with scale and shift (2 without); by the rules of 2020: 2
     bias of a convolution   by the rules of 2020: 1 for each element of the output; else nothing
     LeakyReLU               by the rules of 2020: 1 for each element; else nothing
@@ -59,7 +60,7 @@ class _Counter(TorchFunctionMode):
 
     def __torch_function__(self, function: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         result = function(*args, **(kwargs or {}))
-        if cost := COSTS.get(getattr(function, "__name__", "")):
+        if cost := COSTS.get(function):
             self.total += cost(self.rules, result, *args, **(kwargs or {}))
         return result
 
@@ -97,13 +98,13 @@ def _leaky_relu(rules: int, result: Tensor, *_: Any, **__: Any) -> int:
     return result.numel() if rules == 2020 else 0
 
 
-COSTS: dict[str, Callable[..., int]] = {
-    **{f"conv{kind}{n}d": _convolution for kind in ("", "_transpose") for n in (1, 2, 3)},
-    "linear": _linear,
-    "softmax": _softmax,
-    "scaled_dot_product_attention": _attention,
-    "layer_norm": _layer_norm,
-    "leaky_relu": _leaky_relu,
-    "leaky_relu_": _leaky_relu,
+COSTS: dict[Callable[..., Tensor], Callable[..., int]] = {
+    **{getattr(F, f"conv{kind}{n}d"): _convolution for kind in ("", "_transpose") for n in (1, 2, 3)},
+    F.linear: _linear,
+    F.softmax: _softmax,  # not torch.softmax: see above
+    F.scaled_dot_product_attention: _attention,
+    F.layer_norm: _layer_norm,
+    F.leaky_relu: _leaky_relu,
+    F.leaky_relu_: _leaky_relu,
 }
-"""By the name of torch's function; each is called with the rules, the result and the function's own arguments."""
+"""By torch's function; each is called with the rules, the result and the function's own arguments."""

@@ -64,7 +64,7 @@ RULES = {  # T = 4 on 6 x 10 pixels: layer, count of 2022, count of 2020
     "relu": (nn.ReLU(), 0, 0),
     "softmax": (nn.Softmax(-1), 24 * 29, 24 * 29),
     "attention": (lambda x: F.scaled_dot_product_attention(x, x, x), 24 * 17, 24 * 17),
-    "by hand": (lambda x: (x @ x.transpose(-1, -2)).softmax(dim=-1) @ x, 24 * 17, 24 * 17),
+    "called as functions": (lambda x: (x @ x.transpose(-1, -2)).softmax(dim=-1) @ x, 0, 0),
 }
 
 
