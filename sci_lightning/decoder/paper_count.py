@@ -7,7 +7,9 @@ from typing import Any
 
 from torch import Tensor, nn
 from torch.nn import functional as F
+from torch.nn.modules.conv import _ConvNd
 from torch.overrides import TorchFunctionMode
+from torch.utils.hooks import RemovableHandle
 
 from sci_lightning.decoder.complexity import call_without_data
 from sci_lightning.errors import BadInput
@@ -31,8 +33,9 @@ def count_as_paper(decoder: nn.Module, frames: int, height: int, width: int, rul
     everything else         nothing
     ======================  =======================================================================
 
-    Counted where torch's functions are called, on tensors without data, so it does not matter which module calls them
-    nor whether a three-dimensional convolution is computed as a two-dimensional one over stacked frames.
+    A convolution layer (any subclass of torch's) counts by what it is, however it computes that: as a two-dimensional
+    one over stacked frames, say. The rest is counted where torch's functions are called, whatever calls them. The
+    tensors have no data, so it costs nothing.
 
     Args:
         decoder: any network.
@@ -45,22 +48,45 @@ def count_as_paper(decoder: nn.Module, frames: int, height: int, width: int, rul
     """
     if rules not in RULES:
         raise BadInput(f"rules={rules!r}: the paper's figures follow the rules of {' or '.join(map(str, RULES))}")
-    with _Counter(rules) as counter:
+    with _Counter(decoder, rules) as counter:
         call_without_data(decoder, frames, height, width)
     return counter.total
 
 
 class _Counter(TorchFunctionMode):
-    """Adds up the cost of every call of a torch function while it is active."""
+    """Adds up, while it is active, the cost of convolution layers, and of torch functions that are called elsewhere."""
 
-    def __init__(self, rules: int) -> None:
+    def __init__(self, decoder: nn.Module, rules: int) -> None:
         super().__init__()
+        self.layers = [layer for layer in decoder.modules() if isinstance(layer, _ConvNd)]
         self.rules = rules
         self.total = 0
+        self.inside = False
+        self.hooks: list[RemovableHandle] = []
+
+    def __enter__(self) -> _Counter:
+        for layer in self.layers:
+            self.hooks += [layer.register_forward_pre_hook(self._enter), layer.register_forward_hook(self._leave)]
+        super().__enter__()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        super().__exit__(*error)
+        for hook in self.hooks:
+            hook.remove()
+
+    def _enter(self, layer: nn.Module, inputs: Any) -> None:
+        self.inside = True
+
+    def _leave(self, layer: nn.Module, inputs: Any, result: Tensor) -> None:
+        assert isinstance(layer, _ConvNd)
+        self.inside = False
+        self.total += _convolution(self.rules, result, inputs[0], layer.weight, layer.bias)
 
     def __torch_function__(self, function: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         result = function(*args, **(kwargs or {}))
-        if cost := COSTS.get(function):
+        cost = None if self.inside else COSTS.get(function)
+        if cost is not None:
             self.total += cost(self.rules, result, *args, **(kwargs or {}))
         return result
 

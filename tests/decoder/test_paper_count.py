@@ -80,14 +80,25 @@ def test_other_rules() -> None:
         count_as_paper(Layer(nn.ReLU()), 4, 6, 10, rules=2021)
 
 
-def test_stacked_frames_count_like_a_volume() -> None:
-    volume = Affine(lambda x, w: F.conv3d(x.unsqueeze(1), w, padding=1), 5, 1, 3, 3, 3)
+class Stacked(nn.Conv3d):
+    """A convolution of a video as one of its frames, beside which their neighbours are laid; the bias comes after."""
 
-    def stacked(x: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
-        frames = F.pad(x, (0, 0, 0, 0, 1, 1)).unfold(1, 3, 1)[0].permute(0, 3, 1, 2)
-        return F.conv2d(frames, weight, padding=1)
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        frames = F.pad(x, (0, 0, 0, 0, 1, 1)).unfold(2, 3, 1)[0].permute(1, 4, 0, 2, 3).flatten(1, 2)
+        weight = self.weight.transpose(1, 2).flatten(1, 2)
+        assert self.bias is not None
+        return F.conv2d(frames, weight, padding=1).transpose(0, 1).unsqueeze(0) + self.bias[:, None, None, None]
 
-    assert count_as_paper(Layer(volume), 4, 6, 10) == count_as_paper(Layer(Affine(stacked, 5, 3, 3, 3)), 4, 6, 10)
+
+@pytest.mark.parametrize("rules", [2022, 2020])
+def test_a_layer_counts_by_what_it_is(rules: int) -> None:
+    counts = set()
+    for kind in (nn.Conv3d, Stacked):
+        layers = nn.Sequential(nn.Unflatten(1, (2, 4)), kind(2, 5, 3, padding=1), nn.LeakyReLU())
+        counts.add(count_as_paper(Layer(layers), 8, 6, 10, rules))
+        x = torch.rand(1, 2, 4, 6, 10)
+        assert torch.allclose(layers[1](x), nn.Conv3d.forward(layers[1], x), atol=1e-5)
+    assert counts == {4 * PIXELS * 5 * (54 if rules == 2022 else 54 + 1 + 1)}
 
 
 @pytest.fixture
