@@ -64,7 +64,7 @@ def published(cfg: DictConfig, content: Mapping[str, Any], console: Console) -> 
     mask = None if found is None else published_mask(found.levels, found.real, cfg.frames, tuple(cfg.size))
     names = {"encoder": chosen("encoder"), "decoder": chosen("decoder")}
     if "encoder" not in cfg:
-        names["encoder"] = "rbw_osr" if mask is None else "lsw_sr" if mask.learned else "rbw_sr"
+        names["encoder"] = "rbw_osr" if mask is None else "lsw_sr" if mask().sum(0).eq(1).all() else "rbw_sr"
         told = "no mask in the file, a random one takes its place" if mask is None else f"the file's mask, {mask}"
         console.print(f"encoder={names['encoder']}: {told}")
         with open_dict(cfg):

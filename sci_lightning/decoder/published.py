@@ -58,20 +58,21 @@ def unpack(content: Mapping[str, Any]) -> tuple[dict[str, torch.Tensor], Publish
     inside = next((name for name in STATES if isinstance(content.get(name), Mapping)), None)
     real = content.get("continuous_mask") if inside else None
     if inside:
-        for key in content.keys() - {inside, "continuous_mask", *BESIDE}:
-            raise BadInput(f"'{key}' beside '{inside}' is not known; expected one of {', '.join(BESIDE)}")
+        for key in content:
+            if key not in (inside, "continuous_mask", *BESIDE):
+                raise BadInput(f"'{key}' beside '{inside}' is not known; expected one of {', '.join(BESIDE)}")
         content = content[inside]
-    for key, value in [*content.items(), ("continuous_mask", real)]:
-        if not isinstance(value, torch.Tensor) and value is not None:
+    for key, value in [*content.items(), *([] if real is None else [("continuous_mask", real)])]:
+        if not isinstance(value, torch.Tensor):
             raise BadInput(f"'{key}' is a {type(value).__name__}, expected a tensor; is it a network's state?")
-    weights = {_bare(key): value for key, value in content.items()}
+    weights = _unwrapped(content)
     if "encoder.weight" not in weights and not all(key.startswith("decoder.") for key in weights):
         return weights, None
     levels = weights.pop("encoder.weight", None)
     for key in weights:
         if not key.startswith("decoder."):
             raise BadInput(f"'{key}' has no place; beside 'encoder.weight' every key starts with 'decoder.'")
-    weights = {_bare(key.removeprefix("decoder.")): value for key, value in weights.items()}
+    weights = _unwrapped({key.removeprefix("decoder."): value for key, value in weights.items()})
     return weights, None if levels is None else PublishedMask(levels, real)
 
 
@@ -97,12 +98,10 @@ def our_state(decoder: Decoder, weights: Mapping[str, torch.Tensor]) -> dict[str
             raise BadInput(
                 f"'{authors}'{ours} is missing, {name} needs it; is it of another network, or of another size?"
             )
-        keys = [key for _, key in sorted(sources[place])]
-        parts = [weights[key] for key in keys]
-        joins = len({part.shape[1:] for part in parts}) == 1 and (len(parts) == 1 or parts[0].ndim > 0)
-        state[place] = torch.cat(parts) if joins and len(parts) > 1 else parts[0]
-        if not joins or state[place].shape != like.shape:
-            shapes = " and ".join(f"'{key}' {tuple(part.shape)}" for key, part in zip(keys, parts, strict=True))
+        parts = {key: weights[key] for _, key in sorted(sources[place])}
+        state[place] = _joined(list(parts.values()))
+        if state[place].shape != like.shape:
+            shapes = " and ".join(f"'{key}' {tuple(part.shape)}" for key, part in parts.items())
             raise BadInput(
                 f"{shapes}: {name} as configured has {tuple(like.shape)} there; set frames= and decoder.* to the file's"
             )
@@ -114,6 +113,8 @@ def authors_key(decoder: Decoder, place: str) -> str:
     for pattern, replacement in decoder.published_names:
         literals = re.split(r"\([^()]*\)", pattern.replace("\\.", "."))
         groups = re.findall(r"\([^()]*\)", pattern)
+        if re.compile(pattern).groups != len(groups):  # nested, or not capturing
+            continue
         pieces = re.split(r"\\(\d)", replacement)  # literal, number of a group, literal, ..
         numbers = [int(each) - 1 for each in pieces[1::2]]
         backwards = "".join(groups[numbers[n // 2]] if n % 2 else re.escape(each) for n, each in enumerate(pieces))
@@ -125,6 +126,12 @@ def authors_key(decoder: Decoder, place: str) -> str:
     return place
 
 
+def _joined(parts: list[torch.Tensor]) -> torch.Tensor:
+    """Side by side along the first dimension; of what cannot be joined, the first."""
+    alike = len({part.shape[1:] for part in parts}) == 1 and parts[0].ndim > 0
+    return torch.cat(parts) if alike and len(parts) > 1 else parts[0]
+
+
 def _place(decoder: Decoder, key: str) -> tuple[int, str]:
     """Where an authors' key goes, and the number of the pattern that says so."""
     for number, (pattern, replacement) in enumerate(decoder.published_names):
@@ -133,5 +140,12 @@ def _place(decoder: Decoder, key: str) -> tuple[int, str]:
     return len(decoder.published_names), key
 
 
-def _bare(key: str) -> str:
-    return re.sub(rf"^(?:{'|'.join(map(re.escape, WRAPPERS))})+", "", key)
+def _unwrapped(state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """A state whose keys start with no wrapper's name."""
+    bare: dict[str, torch.Tensor] = {}
+    for key, value in state.items():
+        short = re.sub(rf"^({'|'.join(map(re.escape, WRAPPERS))})+", "", key)
+        if short in bare:
+            raise BadInput(f"'{key}' is in the file twice, with and without '{key.removesuffix(short)}' before it")
+        bare[short] = value
+    return bare

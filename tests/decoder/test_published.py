@@ -201,6 +201,7 @@ def test_what_does_not_fit_is_named(e2e_state: State) -> None:
     assert "'encode2.conv2.weight' ('encode.1.layers.2.weight' here) is missing" in line
     assert "'conv1.weight' (9, 4, 3, 3): E2ECNN" in message({**e2e_state, "conv1.weight": torch.ones(9, 4, 3, 3)})
     assert "'conv1.weight' is a list" in message({**e2e_state, "conv1.weight": [1.0]})
+    assert "'conv1.bias' is in the file twice" in message({"module.conv1.bias": torch.ones(6), **e2e_state})
     assert "'scheduler' beside 'state_dict'" in message({"state_dict": e2e_state, "scheduler": {}})
     wrapper = {"encoder.weight": torch.ones(4, 8, 8), **{f"decoder.{key}": each for key, each in e2e_state.items()}}
     assert "'step' has no place" in message({**wrapper, "step": torch.ones(1)})

@@ -75,6 +75,15 @@ def test_training_starts_from_it(published: dict[str, torch.Tensor], ran: Run, t
         assert all(torch.equal(file.get_tensor(key), value) for key, value in last.state.items())
 
 
+def test_a_binary_mask_is_kept_as_it_is(published: dict[str, torch.Tensor], ran: Run, tmp_path: Path) -> None:
+    levels = (torch.rand(8, 16, 16) < 0.5).float()
+    wrapper = {"encoder.weight": levels, **{f"decoder.{key}": value for key, value in published.items()}}
+    torch.save({"state_dict": wrapper, "continuous_mask": torch.rand(8, 16, 16)}, tmp_path / "binary.pth")
+    assert "encoder=rbw_sr: the file's mask" in ran("convert", "checkpoint=binary.pth", *DECODER, "out=out.ckpt")
+    encoder = read_checkpoint(tmp_path / "out.ckpt").encoder()
+    assert torch.equal(encoder.transmittance(), levels) and encoder.sensor.bit_depth == 8
+
+
 def test_without_a_mask(published: dict[str, torch.Tensor], ran: Run, tmp_path: Path) -> None:
     told = ran("convert", "checkpoint=bare.pth", *DECODER, "size=[16,24]", "out=out.ckpt")
     assert "encoder=rbw_osr: no mask in the file, a random one" in told
