@@ -14,7 +14,7 @@ from rich.progress import Progress
 from sci_lightning.command import CONF, PACKAGE, chosen, member, one_line, plain, run
 from sci_lightning.errors import BadInput
 
-SETTINGS = ("frames", "precision", "compile", "warm_up", "repeats", "product")
+SETTINGS = ("frames", "precision", "compile", "warm_up", "repeats", "budget", "product")
 
 
 def benchmark(cfg: DictConfig) -> None:

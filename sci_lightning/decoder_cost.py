@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import statistics
 import time
@@ -50,6 +51,7 @@ def measure(
     compile: bool,
     warm_up: int,
     repeats: int,
+    budget: float,
     product: int,
 ) -> dict[str, Any]:
     """Build a decoder, count, and decode one measurement again and again.
@@ -62,12 +64,13 @@ def measure(
         precision: of ``PRECISIONS``.
         compile: whether torch.compile is applied; its own time is part of the warm-up.
         warm_up, repeats: number of calls that are not timed, and that are.
+        budget: seconds after which no further call is timed.
         product: n of the n x n matrix product whose speed is given for comparison; 0: none.
 
     Returns:
-        ``parameters``, ``macs``, ``macs_as_paper``; ``seconds`` (median) and ``fastest``; ``memory`` in bytes, the most
-        that weights, activations and scratch took at a time (absent where the system does not tell); ``gflops``,
-        two operations per multiply-accumulate, and ``product_gflops`` of the matrix product.
+        ``parameters``, ``macs``, ``macs_as_paper``; ``seconds`` (median) and ``fastest`` of ``calls``; ``memory`` in
+        bytes, the most that weights, activations and scratch took at a time (absent where the system does not tell);
+        ``gflops``, two operations per multiply-accumulate, and ``product_gflops`` of the matrix product.
 
     Raises:
         BadInput: what the decoder finds wrong.
@@ -79,10 +82,9 @@ def measure(
     decoder = instantiate(config, _convert_="all").eval().to(place)
     mask = (torch.rand(frames, *size, device=place) < 0.5).float()
     measurement = (torch.rand(1, frames, *size, device=place) * mask).sum(1)
-    if compile:
-        decoder.compile()
+    decode = torch.compile(decoder) if compile else decoder
     with torch.inference_mode(), torch.autocast(place.type, PRECISIONS[precision], enabled=precision != "32-true"):
-        seconds = _timed(lambda: decoder(measurement, mask), place, warm_up, repeats)
+        seconds = _timed(lambda: decode(measurement, mask), place, warm_up, repeats, budget)
         peak = torch.cuda.max_memory_allocated(place) if on_gpu else _memory("VmHWM")
         one, other = torch.rand(2, product, product, device=place)
         product_seconds = min(_timed(lambda: one @ other, place, 1, 3))
@@ -93,20 +95,24 @@ def measure(
         "macs_as_paper": count_as_paper(decoder, frames, size[0], size[1], rules),
         "seconds": statistics.median(seconds),
         "fastest": min(seconds),
+        "calls": len(seconds),
         **({"memory": peak - before} if peak else {}),
         "gflops": 2e-9 * macs / statistics.median(seconds),
         **({"product_gflops": 2e-9 * product**3 / product_seconds} if product else {}),
     }
 
 
-def _timed(work: Callable[[], Any], place: torch.device, warm_up: int, repeats: int) -> list[float]:
-    """Seconds of each of the repeats."""
-    seconds = []
-    for number in range(-warm_up, repeats):
+def _timed(
+    work: Callable[[], Any], place: torch.device, warm_up: int, repeats: int, budget: float = math.inf
+) -> list[float]:
+    """Seconds of each timed call."""
+    for _ in range(warm_up):
+        work()
+    seconds: list[float] = []
+    while len(seconds) < repeats and sum(seconds) < budget:
         start = _now(place)
         work()
-        if number >= 0:
-            seconds.append(_now(place) - start)
+        seconds.append(_now(place) - start)
     return seconds
 
 

@@ -21,6 +21,7 @@ SETTINGS: dict[str, Any] = {
     "compile": False,
     "warm_up": 1,
     "repeats": 3,
+    "budget": 60,
     "product": 64,
 }
 MIB = 2**20
@@ -65,11 +66,12 @@ def test_figures_fit_together() -> None:
     found = decoder_cost(config, **SETTINGS)
     macs = 16 * 24 * 8 * (9 * 4 + 6 * 9 * 8 + 4)
     assert found["macs"] == found["macs_as_paper"] == macs
-    assert 0 < found["fastest"] <= found["seconds"] < 10
+    assert 0 < found["fastest"] <= found["seconds"] < 10 and found["calls"] == 3
     assert found["gflops"] == pytest.approx(2e-9 * macs / found["seconds"]) and found["product_gflops"] > 0
-    rules = {**SETTINGS, "rules": 2020, "product": 0, "precision": "bf16-mixed"}
+    rules = {**SETTINGS, "rules": 2020, "product": 0, "precision": "bf16-mixed", "budget": 1e-9}
     found = decoder_cost(config, **rules)
     assert found["macs_as_paper"] == macs + 16 * 24 * (8 * 7 + 4 + 8 * 4) and "product_gflops" not in found
+    assert found["calls"] == 1
 
 
 @pytest.mark.parametrize("name", ["Killed", "TooLarge"])
