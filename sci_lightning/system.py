@@ -13,6 +13,7 @@ import torch
 
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.initial_estimate import mean_video
+from sci_lightning.device import device_name
 from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput
 from sci_lightning.metrics.frame_metric import FrameMetric
@@ -200,7 +201,7 @@ class System(L.LightningModule):
             "conventions": {key: metric.convention for key, metric in self.metrics.items() if metric.convention},
             "baseline": self.baseline.compute()[1],
             "seconds_per_measurement": statistics.median(self.seconds),
-            "device": self._device_name(),
+            "device": device_name(self.device),
         }
 
     def on_validation_epoch_end(self) -> None:
@@ -229,11 +230,6 @@ class System(L.LightningModule):
         if self.device.type == "cuda":
             torch.cuda.synchronize(self.device)
         return time.perf_counter()
-
-    def _device_name(self) -> str:
-        if self.device.type == "cuda":
-            return torch.cuda.get_device_name(self.device)
-        return f"{self.device.type} ({torch.get_num_threads()} threads)"
 
     # Checkpoints
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import torch
 from torch import nn
 
@@ -14,6 +16,11 @@ class Decoder(nn.Module):
     Shapes: measurement ``(N, H, W)`` = sum over t of M_t x_t, mask ``(T, H, W)`` in [0, 1], video ``(N, T, H, W)``.
     Subclasses write :meth:`decode`; calling checks the shapes first.
     """
+
+    published_names: ClassVar[tuple[tuple[str, str], ...]] = ()
+    """(regular expression of a published state-dict key, replacement that makes it ours), matched in full."""
+    published_unused: ClassVar[tuple[str, ...]] = ()
+    """Regular expressions of published state-dict keys that are knowingly not used."""
 
     def forward(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """Estimate the video ``(N, T, H, W)``, nominally in [0, 1], not clipped.
