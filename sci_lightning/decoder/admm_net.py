@@ -14,7 +14,7 @@ from sci_lightning.decoder.unet import UNet
 
 
 class ADMMNet(Decoder):
-    """From theta = M * y and b = 0 on, stage k: x = data step of theta + b, theta = U-net of x - b, b = b - (x - theta).
+    """Stage k, from theta = M * y and b = 0: x = data step of theta + b, theta = U-net of x - b, b = b - (x - theta).
 
     The data step's weight has a learned gamma_k added, which starts from 0. T is fixed at construction; any H x W.
     Every stage's theta is given to the loss. Sides are replicated to a multiple of 4 inside.
@@ -27,8 +27,8 @@ class ADMMNet(Decoder):
             gamma_k, as published, which is the same for binary masks only.
 
     Parameters: 4,213,809 with the defaults at T = 8.
-    Source: Ma, Liu, Shou and Yuan, "Deep tensor ADMM-Net for snapshot compressive imaging", ICCV 2019, in the form of the
-    public code mengziyi64/ADMM-net.
+    Source: Ma, Liu, Shou and Yuan, "Deep tensor ADMM-Net for snapshot compressive imaging", ICCV 2019, in the form of
+    the public code mengziyi64/ADMM-net.
     """
 
     multiple = 4

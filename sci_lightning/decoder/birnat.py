@@ -65,7 +65,7 @@ class PositionAttention(nn.Module):
 
 
 class FirstFrame(nn.Sequential):
-    """[m, M * m] to the first frame, ``(N, 1 + T, H, W)`` to ``(N, 1, H, W)``; the layers bear their published names."""
+    """[m, M * m] to the first frame, ``(N, 1 + T, H, W)`` to ``(N, 1, H, W)``; layers have their published names."""
 
     def __init__(self, inputs: int, channels: int) -> None:
         half, quarter, eighth = channels // 2, channels // 4, channels // 8
@@ -201,8 +201,8 @@ class BIRNAT(Decoder):
         BadInput: widths that do not divide.
 
     Parameters: 4,131,640 with the defaults at T = 8.
-    Source: Cheng, Lu, Wang, Zhang, Chen, Meng and Yuan, "BIRNAT: bidirectional recurrent neural networks with adversarial
-    training for video snapshot compressive imaging", ECCV 2020.
+    Source: Cheng, Lu, Wang, Zhang, Chen, Meng and Yuan, "BIRNAT: bidirectional recurrent neural networks with
+    adversarial training for video snapshot compressive imaging", ECCV 2020.
     """
 
     multiple = 2
@@ -216,7 +216,8 @@ class BIRNAT(Decoder):
         self.first_frame_net = FirstFrame(1 + frames, channels)
         self.forward_rnn = Recurrence(hidden)
         self.backrnn = Recurrence(hidden)
-        self.to(memory_format=torch.channels_last)  # in which CPU and GPU convolutions run fastest
+        # the layout in which CPU and GPU convolutions run fastest
+        self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
         mean = mean_frame(measurement, mask)

@@ -10,9 +10,7 @@ def snapshot(video: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
     return (mask * video).sum(1)
 
 
-def data_step(
-    video: torch.Tensor, measurement: torch.Tensor, mask: torch.Tensor, weight: torch.Tensor
-) -> torch.Tensor:
+def data_step(video: torch.Tensor, measurement: torch.Tensor, mask: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
     """x + M * (y - sum of M x) / weight.
 
     With R, the sum of M squared, as weight: the nearest video that explains the measurement (GAP). With R + gamma: the

@@ -45,8 +45,8 @@ class MetaSCI(Decoder):
         blocks: residual blocks (3 as published).
 
     Parameters: 2,066,968 with the defaults at T = 8.
-    Source: Wang, Zhang, Liu, Chen and Yuan, "MetaSCI: scalable and adaptive reconstruction for video compressive sensing",
-    CVPR 2021, in the form of the cacti toolbox: without the modulation that adapts the original to a new mask.
+    Source: Wang, Zhang, Liu, Chen and Yuan, "MetaSCI: scalable and adaptive reconstruction for video compressive
+    sensing", CVPR 2021, in the form of the cacti toolbox: without the modulation that adapts it to a new mask.
     """
 
     def __init__(self, frames: int, channels: int = 128, blocks: int = 3) -> None:

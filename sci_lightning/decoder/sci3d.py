@@ -79,14 +79,25 @@ class Phase(nn.Module):
             for generator in (self.generate_kernel1, self.generate_kernel2, self.generate_kernel3):
                 generator.requires_grad_(False)
 
-    def forward(self, video: torch.Tensor, guide: torch.Tensor, before: Maps | None) -> tuple[torch.Tensor, Maps]:
+    def forward(
+        self,
+        video: torch.Tensor,
+        measurement: torch.Tensor,
+        mask: torch.Tensor,
+        weight: torch.Tensor,
+        guide: torch.Tensor,
+        before: Maps | None,
+    ) -> tuple[torch.Tensor, Maps]:
         """The video ``(N, T, H, W)`` improved, and the feature maps for the next phase.
 
         Args:
-            guide: y / sum of M squared, ``(N, 1, H, W)``.
+            measurement: r, ``(N, H, W)``, which the data step draws the video to.
+            weight: Q, ``(H, W)``.
+            guide: y / Q, ``(N, 1, H, W)``.
             before: maps of the phase before at quarter, half and full resolution; None in the first.
         """
         old_quarter, old_half, old_full = before or (None, None, None)
+        video = data_step(video, measurement, mask, weight + self.eta_step)
         inputs = torch.stack([video, guide.expand_as(video)], dim=1)
         # channels-last is the layout in which CPU and GPU convolutions run fastest
         full = self.inc(inputs.contiguous(memory_format=torch.channels_last_3d))
@@ -98,9 +109,7 @@ class Phase(nn.Module):
         return video + change[:, 0], (quarter, up_half, up_full)
 
 
-def join(
-    features: torch.Tensor, old: torch.Tensor | None, generate: nn.Module, guide: torch.Tensor
-) -> torch.Tensor:
+def join(features: torch.Tensor, old: torch.Tensor | None, generate: nn.Module, guide: torch.Tensor) -> torch.Tensor:
     """Features and, where there is a phase before, its map ``old`` gated by the kernels that ``generate`` makes."""
     if old is None:
         return features
@@ -124,12 +133,12 @@ def gated(features: torch.Tensor, kernels: torch.Tensor) -> torch.Tensor:
 
 
 class SCI3D(Decoder):
-    """From v = M * y on, every phase takes a data step with accumulated residual, then adds its U-net of v. Any T, any H x W.
+    """Phases of a data step and a U-net that also sees the features of the U-net before. Any T, any H x W.
 
-    Each phase: r = r + y - sum of M v (r starts from 0), v = data step of v towards r with weight sum of M squared + eta,
-    v = v + U-net(v, y / sum of M squared). Each U-net hands its feature maps to the next one, which gates them by
-    kernels made from y / sum of M squared. Every phase's v is given to the loss. Sides are replicated to a multiple of
-    4 inside.
+    A phase, from v = M * y and r = 0: r = r + y - sum of M v, v = data step of v towards r with weight Q + eta, then
+    v = v + U-net(v, y / Q), where Q is the sum of M squared. The U-net hands its feature maps to the next one, which
+    gates them by kernels made from y / Q. Every phase's v is given to the loss. Sides are replicated to a multiple of 4
+    inside.
 
     Args:
         phases: number of phases (10 as published).
@@ -157,7 +166,6 @@ class SCI3D(Decoder):
         estimates = []
         for phase in self.fcs:
             residual = residual + (measurement - snapshot(video, mask))
-            video = data_step(video, residual, mask, weight + phase.eta_step)
-            video, maps = phase(video, guide, maps)
+            video, maps = phase(video, residual, mask, weight, guide, maps)
             estimates.append(video)
         return estimates
