@@ -175,9 +175,9 @@ class Recurrence(nn.Module):
             # this slot's share of the measurement: known frames are taken off it, those to come count as the mean
             unexplained = unexplained - mask[slot - 1] * frame[:, 0]
             share = unexplained - mask[slot + 1 :].sum(0) * mean
-            measured = self.conv_x(torch.stack([mean, share], dim=1))
+            measured = self.conv_x(channels_last(torch.stack([mean, share], dim=1)))
             features = torch.cat([state, measured, self.extract_feature1(frame)], dim=1)
-            features = self.res_part2(self.res_part1(features))
+            features = self.res_part2(self.res_part1(channels_last(features)))
             state = self.h_h(features)
             frame = self.up_feature1(features)
             frames.append(frame)
@@ -216,14 +216,17 @@ class BIRNAT(Decoder):
         self.first_frame_net = FirstFrame(1 + frames, channels)
         self.forward_rnn = Recurrence(hidden)
         self.backrnn = Recurrence(hidden)
-        # the layout in which CPU and GPU convolutions run fastest
-        self.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
         mean = mean_frame(measurement, mask)
         modulated = mask * mean.unsqueeze(1)
-        first = self.first_frame_net(torch.cat([mean.unsqueeze(1), modulated], dim=1))
+        first = self.first_frame_net(channels_last(torch.cat([mean.unsqueeze(1), modulated], dim=1)))
         state = modulated.new_zeros(len(modulated), self.hidden, *mask.shape[1:])
         there, state = self.forward_rnn(first, state, measurement, mean, mask)
         back, _ = self.backrnn(there[:, -1:], state, measurement, mean, mask.flip(0))
         return [there, back.flip(1)]
+
+
+def channels_last(x: torch.Tensor) -> torch.Tensor:
+    """The layout in which CPU and GPU convolutions run fastest, and which they hand on."""
+    return x.contiguous(memory_format=torch.channels_last)

@@ -53,7 +53,8 @@ class Decoder(nn.Module):
         margin = (0, -width % self.multiple, 0, -height % self.multiple)
         if any(margin):  # measurement and mask alike, so that they keep fitting each other
             measurement, mask = (F.pad(each, margin, mode="replicate") for each in (measurement, mask))
-        return [estimate[..., :height, :width] for estimate in self.decode_stages(measurement, mask)]
+        estimates = self.decode_stages(measurement, mask)
+        return [estimate[..., :height, :width].contiguous() for estimate in estimates]
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
         """The estimates of :meth:`stages`, of checked input."""

@@ -65,5 +65,5 @@ class E2ECNN(Decoder):
         features = self.latent(features)
         for block, skip in zip(self.decode_blocks, reversed(skips), strict=True):
             features = block(features + skip)
-        video = torch.tanh(self.last(features)).contiguous()
+        video = torch.tanh(self.last(features))
         return video + estimate if self.input_residual else video

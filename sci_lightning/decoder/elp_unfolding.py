@@ -71,8 +71,7 @@ class UNet(nn.Module):
             before: sums of features over the networks before; empty for the first.
         """
         inputs = torch.cat([video, gamma2.expand_as(mean), mean], dim=1)
-        # channels-last is the layout in which CPU and GPU convolutions run fastest
-        full = self.inc(inputs.contiguous(memory_format=torch.channels_last))
+        full = self.inc(inputs)  # not channels-last: on a CPU these many weights would be re-ordered in every call
         half = self.downc0(torch.cat([full, *before[0:1]], dim=1))
         quarter = self.downc1(torch.cat([half, *before[1:2]], dim=1))
         up_half = self.upc2(torch.cat([quarter, *before[2:3]], dim=1))

@@ -78,4 +78,4 @@ class MetaSCI(Decoder):
         estimate = mean_frame(measurement, mask).unsqueeze(1) * (1 + mask)
         # channels-last is the layout in which CPU and GPU convolutions run fastest
         features = self.conv1(estimate.contiguous(memory_format=torch.channels_last))
-        return self.conv2(self.layers(features)).contiguous()
+        return self.conv2(self.layers(features))
