@@ -12,6 +12,8 @@ from sci_lightning.encoder.sensor import ClipQuantise
 from sci_lightning.errors import BadInput
 from sci_lightning.system import System
 
+pytestmark = pytest.mark.filterwarnings("ignore:You are trying to `self.log")  # a step without a trainer
+
 
 @pytest.fixture
 def encoder() -> Encoder:
