@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import lightning as L
@@ -46,6 +46,8 @@ class System(L.LightningModule):
         metrics: what validation and test score, by name.
         val_every_n_frames: of metrics that look at one frame in so many in validation, by name; a test looks at all.
         loss: ``mse`` or ``rmse``.
+        stage_weights: of the losses of the decoder's last stages, in their order; the loss is their weighted sum.
+            ``(1,)``: of its estimate alone. Unfolding networks have many stages, most decoders one.
         lr: Adam's learning rate at the start; it falls to ``final_lr`` along a cosine over the whole run.
         mask_lr: learning rate of the mask at the start (same cosine), None for ``lr``.
         compile: compile the decoder with ``torch.compile``.
@@ -54,6 +56,8 @@ class System(L.LightningModule):
 
     Raises:
         BadInput: unknown loss, a metric that sees no frames; in training, a loss or gradient that is no longer finite.
+        BadInput: unknown loss or bad weights; in training, more weights than stages, a loss or gradient that is no
+            longer finite.
     """
 
     def __init__(
@@ -64,6 +68,7 @@ class System(L.LightningModule):
         metrics: Mapping[str, FrameMetric] | None = None,
         val_every_n_frames: Mapping[str, int] | None = None,
         loss: str = "mse",
+        stage_weights: Sequence[float] = (1.0,),
         lr: float = 1e-4,
         final_lr: float = 1e-5,
         mask_lr: float | None = None,
@@ -78,9 +83,13 @@ class System(L.LightningModule):
             raise BadInput(
                 f"system.val_every_n_frames.{none[0]} must be at least 1; metrics.{none[0]}=null leaves it out"
             )
+        if not stage_weights or min(stage_weights) <= 0:
+            raise BadInput(f"system.stage_weights={list(stage_weights)}: give one or more positive numbers, as [0.5,1]")
         self.encoder = encoder
         self.decoder = decoder
         self.loss = LOSSES[loss]
+        self.stage_weights = tuple(stage_weights)
+        self.stages = torch.compile(decoder.stages) if compile else decoder.stages
         self.lr, self.final_lr, self.mask_lr = lr, final_lr, lr if mask_lr is None else mask_lr
         self.seed = seed
         self.run_config = run_config or {}
@@ -140,11 +149,22 @@ class System(L.LightningModule):
 
     def training_step(self, video: torch.Tensor, batch_idx: int) -> torch.Tensor:
         mask, origin = self._window(self.encoder.transmittance(), *video.shape[-2:])
-        loss = self.loss(self(video, mask, origin), video)
+        loss = self.stage_loss(self.stages(*self.decodable(*self.shoot(video, mask, origin), origin)), video)
         if not torch.isfinite(loss):
             raise self._diverged("the loss became", float(loss.detach()), batch_idx)
         self.log("train/loss", loss, prog_bar=True, batch_size=len(video))
         return loss
+
+    def stage_loss(self, stages: Sequence[torch.Tensor], video: torch.Tensor) -> torch.Tensor:
+        """The weighted sum of the losses of the last stages."""
+        weights = self.stage_weights
+        if len(weights) > len(stages):
+            raise BadInput(
+                f"system.stage_weights={list(weights)}: {len(weights)} weights, but this decoder estimates in "
+                f"{len(stages)} stage{'s' * (len(stages) > 1)}; give at most as many"
+            )
+        losses = [self.loss(stage, video) for stage in stages[-len(weights) :]]
+        return torch.stack([weight * loss for weight, loss in zip(weights, losses, strict=True)]).sum()
 
     def on_before_optimizer_step(self, optimizer: torch.optim.Optimizer) -> None:
         norm = torch.nn.utils.get_total_norm([p.grad for p in self.parameters() if p.grad is not None])

@@ -53,7 +53,9 @@ def test_member_composes_and_instantiates(
             cfg.data.root = str(clips(tmp_path, name))
     plain(cfg)
     assert isinstance(instantiate(cfg.encoder, _convert_="all"), Encoder)
-    built = [instantiate(cfg[part], _convert_="all") for part in ("decoder", "data", "trainer")]
+    built = [instantiate(cfg[part], _convert_="all") for part in ("data", "trainer")]
+    with torch.device("meta"):  # the largest decoder's weights would take gigabytes
+        built.append(instantiate(cfg.decoder, _convert_="all"))
     built += [instantiate(each) for part in ("callbacks", "logger") for each in cfg[part].values() if each]
     assert all(part is not None for part in built)
     assert instantiate(cfg.system, _partial_=True).keywords["loss"] == "mse"

@@ -9,7 +9,6 @@ from torch import nn
 
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.initial_estimate import mean_frame
-from sci_lightning.errors import BadInput
 
 
 class ResidualBlock(nn.Module):
@@ -67,8 +66,6 @@ class E2ECNN(Decoder):
         self.last = nn.Conv2d(channels, frames, 1)
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        if mask.shape[0] != self.frames:
-            raise BadInput(f"this E2E-CNN was built for {self.frames} frames, the mask has {mask.shape[0]}")
         estimate = mask * mean_frame(measurement, mask).unsqueeze(1)
         # channels-last is the layout in which CPU and GPU convolutions run fastest
         features = self.first(estimate.contiguous(memory_format=torch.channels_last))
@@ -79,5 +76,5 @@ class E2ECNN(Decoder):
         features = self.latent(features)
         for block, skip in zip(self.decode_blocks, reversed(skips), strict=True):
             features = block(features + skip)
-        video = torch.tanh(self.last(features)).contiguous()
+        video = torch.tanh(self.last(features))
         return video + estimate if self.input_residual else video
