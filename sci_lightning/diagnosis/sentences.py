@@ -54,6 +54,10 @@ def headline(report: Mapping[str, Any], left: Sequence[ResidualTest]) -> str:
     if not report["effects"]:
         if rest == CLEAN:
             return f"The captures agree with the ideal camera: held-out chi2 {after}, and {CLEAN}."
+        if report["unnamed"]:
+            stand_in = f"with a free-form deviation in its place the misfit falls to {after}"
+            verdict = f"The captures disagree with the ideal camera (held-out chi2 {before}) and no name explains it"
+            return f"{verdict}: {_places(report)}; {stand_in}."
         return f"The captures disagree with the ideal camera (held-out chi2 {after}) and no name explains it: {rest}."
     told = [say(effect) for effect in report["effects"]]
     found = " and ".join(filter(None, (", ".join(told[:-1]), told[-1])))
@@ -69,12 +73,15 @@ CLEAN = "nothing significant is left"
 
 def _rest(report: Mapping[str, Any], left: Sequence[ResidualTest]) -> str:
     if report["unnamed"]:
-        places = "; ".join(f"{each['stage']}: {each['where']}" for each in report["unnamed"])
-        return f"something without a name is left ({places})"
+        return f"something without a name is left ({_places(report)})"
     if left:
         names = ", ".join(each.name for each in left[:4]) + (", .." if len(left) > 4 else "")
         return f"the residuals are not noise yet ({names})"
     return CLEAN
+
+
+def _places(report: Mapping[str, Any]) -> str:
+    return ", and ".join(f"in the {each['stage']}, {each['where']}" for each in report["unnamed"])
 
 
 def say(effect: Mapping[str, Any]) -> str:
