@@ -89,7 +89,7 @@ def say(effect: Mapping[str, Any]) -> str:
     values = {name: quantity(each["value"], each["std"]) for name, each in effect["parameters"].items()}
     if effect["name"] in EFFECTS:
         return EFFECTS[effect["name"]].format(**values)
-    units = {name: each["unit"] for name, each in effect["parameters"].items()}
+    units = {name: each["unit"].removeprefix("1") for name, each in effect["parameters"].items()}
     told = ", ".join(f"{name} {value} {units[name]}".strip() for name, value in values.items())
     return f"{effect['name']} ({told})"
 
