@@ -34,7 +34,7 @@ def diagnose(cfg: DictConfig) -> None:
     start, out, console = time.perf_counter(), Path(cfg.out), Console(highlight=False, soft_wrap=True)
     captures = read_captures(cfg.captures)
     with searching(console, cfg.most) as told:
-        found = diagnose(captures, vocabulary(cfg.candidates), cfg.seed, cfg.most, told)
+        found = diagnose(captures, vocabulary(cfg.candidates), cfg.seed, cfg.most, cfg.empirical, told)
         told("writing the report")
         drawn = figures(found)
         report = describe(found) | {"runtime_s": time.perf_counter() - start}

@@ -21,6 +21,8 @@ CLEAR = 3.5
 """Standard deviations from 0 of a number that a probe keeps."""
 MOST = 24
 """Numbers that a probe keeps."""
+LARGEST = 250_000_000
+"""Derivatives held in memory at once (1 GB); a probe of so many numbers on so many pixels is left out."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,8 @@ def _free_form(
     model.known[effect.name] = about
     if effect.name == "ghost":
         return _ghost(fitter, base, linear, about)
+    if count * fitter.use.numel() > LARGEST:
+        return None
     hypothesis = base.hypothesis.having(effect.name, dict.fromkeys(about.about, 0.0))
     changes, _ = fitter.jacobian(hypothesis, [(effect.name, name) for name in about.about], base.prediction)
     gain = linear.gain(changes)

@@ -17,15 +17,17 @@ from sci_lightning.diagnosis.alternatives import Alternatives, alternatives
 from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.fit import Fit, Fitter
 from sci_lightning.diagnosis.report_page import report_page
+from sci_lightning.encoder.empirical import Empirical, SourcePower
 
 
 def describe(found: Diagnosis) -> dict[str, Any]:
     """``report.json`` without its run time."""
+    effects = describe_effects(found.fitter, found.complete, list(found.names))
     return {
         "format": "sci-diagnosis",
         "format_version": 1,
         "verdict": found.verdict,
-        "effects": describe_effects(found.fitter, found.after, list(found.names)),
+        "effects": effects,
         "gap": found.gaps,
         "unnamed": [
             {"stage": each.stage, "where": each.where, "p_value": each.p_value, "picture": f"unnamed_{number}.png"}
@@ -40,6 +42,7 @@ def describe(found: Diagnosis) -> dict[str, Any]:
             },
             "stated_by_the_file": list(found.stated),
         },
+        "next_captures": [each["tell_apart"] for each in effects if each["tell_apart"]],
         "split": found.fitter.split.describe(),
         "seed": found.seed,
         "sci_lightning": __version__,
@@ -101,7 +104,11 @@ def write_encoder(fitter: Fitter, fit: Fit, out: Path) -> None:
     effects: dict[str, Any] = {}
     for name, values in fit.hypothesis.effects.items():
         effect = fitter.model.known[name]
+        if issubclass(effect, SourcePower):  # it belongs to the captures, not to the camera
+            continue
         effects[name] = {"_target_": f"{effect.__module__}.{effect.__qualname__}", **values}
+        if issubclass(effect, Empirical):
+            effects[name]["count"] = effect.count
         if effect.chart and name in fit.hypothesis.charts:
             scale = float(values["std"]) if "std" in values else 1.0
             _save(out / f"{name}.npy", (fit.hypothesis.charts[name] / max(scale, 1e-12)).numpy())

@@ -16,7 +16,7 @@ from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera.camera import VirtualCamera
 from sci_lightning.virtual_camera.choice import choose
 from sci_lightning.virtual_camera.effect import Effect
-from sci_lightning.virtual_camera.evidence import log_likelihood_gain
+from sci_lightning.virtual_camera.evidence import log_likelihood_gain, marginal_gain
 from sci_lightning.virtual_camera.session import Session
 from sci_lightning.virtual_camera.shots import Shots
 from sci_lightning.virtual_camera.vocabulary import VOCABULARY
@@ -75,6 +75,9 @@ class Captures:
             "in_vocabulary": effect.name in VOCABULARY,
             "parameters": effect.values,
             "units": {name: each.unit for name, each in effect.parameters().items()},
+            "log_likelihood_gain": marginal_gain(
+                self.session, self.effects, effect.name, self.seed, self.shots, self.measurement
+            ),
         }
         if effect.name in self.charts:
             chart = self.charts[effect.name]

@@ -73,6 +73,20 @@ class ReadNoise(SensorEffect):
 
 
 @dataclass(frozen=True)
+class ConverterStep(SensorEffect):
+    """The converter's largest weight is off: everything from half scale upwards reads ``step`` (of full scale) higher.
+
+    Outside the vocabulary.
+    """
+
+    name = "converter_step"
+    step: float = parameter("full scale", -0.5, 0.5, (0.01, 0.04), neutral=0.0, signed=True)
+
+    def respond(self, signal: np.ndarray, readout: Readout, chart: np.ndarray | None) -> np.ndarray:
+        return signal + self.step * (signal >= 0.5)
+
+
+@dataclass(frozen=True)
 class BitDepth(SensorEffect):
     """The converter has ``bits`` only: 2**bits codes, evenly from 0 to full scale, each written as the nearest DN.
 

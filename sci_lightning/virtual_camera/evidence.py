@@ -42,6 +42,21 @@ def log_likelihood_gain(session: Session, effects: dict[str, Effect], seed: int,
     return log_likelihood(hidden, hidden.light(shots), shots, dn) - log_likelihood(ideal, ideal.light(shots), shots, dn)
 
 
+def marginal_gain(
+    session: Session, effects: dict[str, Effect], name: str, seed: int, shots: Shots, dn: np.ndarray
+) -> float:
+    """What knowing one of the hidden effects gains when the others are known: nats.
+
+    Of a Gaussian map only the standard deviation counts as known. Near 0: nobody could see it beside the others.
+    """
+    hidden = VirtualCamera(session, effects, seed)
+    others = VirtualCamera(session, {each: effect for each, effect in effects.items() if each != name}, seed)
+    gain = log_likelihood(hidden, hidden.light(shots), shots, dn) - log_likelihood(
+        others, others.light(shots), shots, dn
+    )
+    return _without_map(gain, hidden.charts[name].size) if effects[name].gaussian else gain
+
+
 def weak(effect: Effect, session: Session, seed: int) -> Effect:
     """The effect with its magnitudes reduced until its captures gain 30 to 100 nats from knowing it.
 

@@ -11,6 +11,7 @@ import numpy as np
 from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera.effect import Effect
 from sci_lightning.virtual_camera.parameter import parameter
+from sci_lightning.virtual_camera.stream import stream
 
 if TYPE_CHECKING:
     from sci_lightning.virtual_camera.session import Session
@@ -25,6 +26,8 @@ class Timing:
         amplitude, frequency, phase: the source shines as 1 + amplitude sin(2 pi frequency s / T + phase).
         slot, loss: that slot is shut for its last ``loss``, in every turn of the sequence.
         drift: change of the source's power from the first to the last capture.
+        uneven, unsteady: standard deviation of the light of each slot, and of each capture, about the others'; which of
+            all random courses they take.
     """
 
     delay: float = 0.0
@@ -34,6 +37,8 @@ class Timing:
     slot: int = 0
     loss: float = 0.0
     drift: float = 0.0
+    uneven: tuple[float, int] = (0.0, 0)
+    unsteady: tuple[float, int] = (0.0, 0)
 
     def light(self, slots: int, rows: int) -> np.ndarray:
         """(K, rows): the light that each row collects during slot k; 1 where all is in order, K >= T with a delay.
@@ -47,11 +52,19 @@ class Timing:
         stop = np.maximum(start, stop)
         rate = 2 * np.pi * self.frequency / slots
         swing = np.cos(rate * start + self.phase) - np.cos(rate * stop + self.phase)
-        return np.maximum(stop - start + self.amplitude / rate * swing, 0)  # rounding may leave -1e-16
+        level = _course(*self.uneven, slots)[slot % slots]
+        return level * np.maximum(stop - start + self.amplitude / rate * swing, 0)  # rounding may leave -1e-16
 
     def power(self, captures: int) -> np.ndarray:
         """(N,): of the source during each capture."""
-        return 1 + self.drift * np.linspace(-0.5, 0.5, captures)
+        return (1 + self.drift * np.linspace(-0.5, 0.5, captures)) * _course(*self.unsteady, captures)
+
+
+def _course(deviation: float, course: int, length: int) -> np.ndarray:
+    """(length,): Gaussian numbers of mean 1 and the given standard deviation, exactly; none is negative."""
+    numbers = stream(course, "course").standard_normal(length)
+    spread = numbers.std() if length > 1 else 1.0
+    return np.maximum(1 + deviation * (numbers - numbers.mean()) / spread, 0)
 
 
 @dataclass(frozen=True)
@@ -121,3 +134,30 @@ class DriftingSource(ExposureEffect):
 
     def disturb(self, timing: Timing) -> Timing:
         return replace(timing, drift=self.drift)
+
+
+@dataclass(frozen=True)
+class UnevenSlots(ExposureEffect):
+    """Slots differ in length or light, each by its own amount, in every capture alike. Outside the vocabulary.
+
+    ``course`` chooses the Gaussian numbers.
+    """
+
+    name = "uneven_slots"
+    std: float = parameter("1", 0, 0.5, (0.02, 0.1), neutral=0.0)
+    course: int = parameter("", 0, 2**31 - 1, (0, 2**31 - 1), neutral=0, integer=True)
+
+    def disturb(self, timing: Timing) -> Timing:
+        return replace(timing, uneven=(self.std, self.course))
+
+
+@dataclass(frozen=True)
+class UnsteadySource(ExposureEffect):
+    """The source's power, or the shutter, differs from capture to capture at random. Outside the vocabulary."""
+
+    name = "unsteady_source"
+    std: float = parameter("1", 0, 0.5, (0.01, 0.05), neutral=0.0)
+    course: int = parameter("", 0, 2**31 - 1, (0, 2**31 - 1), neutral=0, integer=True)
+
+    def disturb(self, timing: Timing) -> Timing:
+        return replace(timing, unsteady=(self.std, self.course))

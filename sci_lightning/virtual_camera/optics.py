@@ -18,18 +18,23 @@ class Image:
 
     Attributes:
         share: of the light. dx, dy: where it lies, pixel. sigma: of its Gaussian blur, pixel.
+        across: of a further blur, along x only, pixel.
     """
 
     share: float = 1.0
     dx: float = 0.0
     dy: float = 0.0
     sigma: float = 0.0
+    across: float = 0.0
 
     def collect(self, light: np.ndarray, rows: np.ndarray, columns: np.ndarray, surround: str) -> np.ndarray:
         """(H, W): what each pixel gets of light (n, m) that is even over cells: blurred and integrated, exactly."""
         down, across = (
-            overlap(np.arange(cells[-1] + 1), sources_with(surround, cells + shift), self.sigma)
-            for cells, shift in ((rows, self.dy), (columns, self.dx))
+            overlap(np.arange(cells[-1] + 1), sources_with(surround, cells + shift), sigma)
+            for cells, shift, sigma in (
+                (rows, self.dy, self.sigma),
+                (columns, self.dx, np.hypot(self.sigma, self.across)),
+            )
         )
         return self.share * (down @ light @ across.T)
 
@@ -85,6 +90,17 @@ class OpticalBlur(OpticsEffect):
 
 
 @dataclass(frozen=True)
+class Astigmatism(OpticsEffect):
+    """The lens before the sensor blurs along x and is sharp along y. Outside the vocabulary."""
+
+    name = "astigmatism"
+    sigma: float = parameter("pixel", 0, 16, (0.4, 1.5), neutral=0.0)
+
+    def form(self, images: list[Image]) -> list[Image]:
+        return [replace(image, across=np.hypot(image.across, self.sigma)) for image in images]
+
+
+@dataclass(frozen=True)
 class Vignetting(OpticsEffect):
     """Light lost towards the corners: 1 - strength * (r / R)**2, R at the centre of the corner pixels."""
 
@@ -106,6 +122,28 @@ class VeilingGlare(OpticsEffect):
     def fall(self, light: np.ndarray, time: np.ndarray) -> np.ndarray:
         stray = self.fraction * light
         return light - stray + stray.mean((1, 2), keepdims=True)
+
+
+@dataclass(frozen=True)
+class Flare(OpticsEffect):
+    """A reflection inside the lens: a ``fraction`` of all light gathers in a soft patch. Outside the vocabulary.
+
+    The patch is a Gaussian of deviation ``radius`` around (``x``, ``y``), all three in image sides.
+    """
+
+    name = "flare"
+    fraction: float = parameter("1", 0, 1, (0.03, 0.15), neutral=0.0)
+    x: float = parameter("image side", 0, 1, (0.2, 0.8), neutral=0.5, magnitude=False)
+    y: float = parameter("image side", 0, 1, (0.2, 0.8), neutral=0.5, magnitude=False)
+    radius: float = parameter("image side", 0.02, 2, (0.08, 0.2), neutral=0.1, magnitude=False)
+
+    def fall(self, light: np.ndarray, time: np.ndarray) -> np.ndarray:
+        down, across = (
+            np.exp(-0.5 * (((np.arange(length) + 0.5) / length - middle) / self.radius) ** 2)
+            for length, middle in zip(light.shape[1:], (self.y, self.x), strict=True)
+        )
+        patch = np.outer(down / down.mean(), across / across.mean())
+        return light + self.fraction * (light.mean((1, 2), keepdims=True) * patch - light)
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,9 @@ class Relay:
 
     Attributes:
         angle: radian. scale: 1. dx, dy: pixel. sigma: of the blur, pixel.
+        across: of a further blur, along x only, pixel.
+        keystone: how much larger the image is at its lower end than in the middle, and smaller at its upper end.
+        barrel: how much further out the mirror lies that is seen in a corner, relative; grows with the radius squared.
     """
 
     angle: float = 0.0
@@ -34,18 +37,31 @@ class Relay:
     dx: float = 0.0
     dy: float = 0.0
     sigma: float = 0.0
+    across: float = 0.0
+    keystone: float = 0.0
+    barrel: float = 0.0
+
+    @property
+    def upright(self) -> bool:
+        """Whether the mirrors' borders are straight lines along the pixels'."""
+        return not (self.angle or self.keystone or self.barrel)
+
+    @property
+    def sigmas(self) -> tuple[float, float]:
+        """Of the blur down and across, pixel."""
+        return self.sigma, math.hypot(self.sigma, self.across)
 
     def cells(self, size: tuple[int, int], oversampling: int, *, sharp: bool) -> tuple[np.ndarray, np.ndarray]:
         """The edges, down and across, of the cells in each of which the light counts as even.
 
         Whole pixels do when the lens that follows is ``sharp``: only what a pixel collects matters then. Else the
-        squares are cut at the edges of pixels and of mirrors, within which it is even; and a turned or blurred image
-        into ``oversampling`` cells per pixel and axis. ``oversampling`` 1 asks for whole pixels in any case.
+        squares are cut at the edges of pixels and of mirrors, within which it is even; and a turned, bent or blurred
+        image into ``oversampling`` cells per pixel and axis. ``oversampling`` 1 asks for whole pixels in any case.
         """
         pixels = [np.arange(length + 1.0) for length in size]
-        if oversampling == 1 or (sharp and not self.angle):
+        if oversampling == 1 or (sharp and self.upright):
             return pixels[0], pixels[1]
-        if self.angle or self.sigma:
+        if not self.upright or any(self.sigmas):
             parts = min(oversampling, 4) if sharp else oversampling
             return np.arange(parts * size[0] + 1) / parts, np.arange(parts * size[1] + 1) / parts
         down, across = self._borders(size)
@@ -56,17 +72,19 @@ class Relay:
 
         Args:
             patterns: (P, H, W) transmittance of the mirrors.
-            rows, columns: (n + 1,) and (m + 1,) edges of the cells; evenly spaced when the relay is turned.
+            rows, columns: (n + 1,) and (m + 1,) edges of the cells; evenly spaced unless the relay is upright.
             surround: what lies beyond the mirrors: ``dark``, or the ``edge`` mirrors going on.
 
         Returns:
-            (P, n, m). Exact when upright; when turned, a cell's footprint on the mirrors is taken as upright.
+            (P, n, m). Exact when upright; else a cell's footprint on the mirrors is taken as an upright square, of the
+            same size everywhere.
         """
-        if self.angle:
+        if not self.upright:
             return self._turned(patterns, rows, columns, surround)
+        axes = zip((rows, columns), self._borders(patterns.shape[1:]), self.sigmas, strict=True)
         down, across = (
-            overlap(cells, sources_with(surround, mirrors), self.sigma) / np.diff(cells)[:, None]
-            for cells, mirrors in zip((rows, columns), self._borders(patterns.shape[1:]), strict=True)
+            overlap(cells, sources_with(surround, mirrors), sigma) / np.diff(cells)[:, None]
+            for cells, mirrors, sigma in axes
         )
         return down @ patterns @ across.T
 
@@ -83,13 +101,15 @@ class Relay:
         y = (rows[1:] + rows[:-1]) / 2 - height / 2 - self.dy
         x = (columns[1:] + columns[:-1]) / 2 - width / 2 - self.dx
         cos, sin = math.cos(self.angle) / self.scale, math.sin(self.angle) / self.scale
-        half, sigma = (rows[1] - rows[0]) / 2 / self.scale, self.sigma / self.scale
-        parts = math.ceil(len(x) * len(y) * _window(half, sigma) ** 2 / ENTRIES)
+        half, sigma, wide = ((rows[1] - rows[0]) / 2 / self.scale, *(each / self.scale for each in self.sigmas))
+        parts = math.ceil(len(x) * len(y) * _window(half, sigma) * _window(half, wide) / ENTRIES)
         strips = []
         for some in np.array_split(y, min(parts, len(y))):
-            u = (cos * x + sin * some[:, None]).ravel() + width / 2
-            v = (cos * some[:, None] - sin * x).ravel() + height / 2
-            column, across = _collected(u, half, sigma, width, surround)
+            u, v = (cos * x + sin * some[:, None]).ravel(), (cos * some[:, None] - sin * x).ravel()
+            bent = 1 + self.barrel * 4 * (u**2 + v**2) / (width**2 + height**2)
+            bent /= 1 + self.keystone * 2 * v / height
+            u, v = u * bent + width / 2, v * bent + height / 2
+            column, across = _collected(u, half, wide, width, surround)
             line, down = _collected(v, half, sigma, height, surround)
             mirror = line[:, :, None] * width + column[:, None, :]
             share = down[:, :, None] * across[:, None, :]

@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from sci_lightning.virtual_camera import converter, exposure, fixed_pattern, modulator, optics, relay, response
+from sci_lightning.virtual_camera import (
+    converter,
+    distortion,
+    exposure,
+    fixed_pattern,
+    image_lag,
+    modulator,
+    optics,
+    pickup,
+    relay,
+    response,
+)
 from sci_lightning.virtual_camera.effect import Effect
 
 LIGHT_PATH: tuple[type[Effect], ...] = (
@@ -19,16 +30,24 @@ LIGHT_PATH: tuple[type[Effect], ...] = (
     relay.MaskRotation,
     relay.MaskScale,
     relay.MaskBlur,
+    distortion.Keystone,
+    distortion.BarrelDistortion,
+    distortion.MaskAstigmatism,
     exposure.DriftingSource,
+    exposure.UnsteadySource,
     exposure.Flicker,
     exposure.ShortSlot,
+    exposure.UnevenSlots,
     exposure.RollingShutter,
     optics.Ghost,
     optics.OpticalBlur,
+    optics.Astigmatism,
     optics.Vignetting,
     optics.VeilingGlare,
+    optics.Flare,
     optics.LightLeak,
     fixed_pattern.SensorDust,
+    image_lag.ImageLag,
     response.Gain,
     fixed_pattern.Prnu,
     fixed_pattern.InterlacedGain,
@@ -41,7 +60,10 @@ LIGHT_PATH: tuple[type[Effect], ...] = (
     fixed_pattern.ColumnNoise,
     fixed_pattern.RowNoise,
     fixed_pattern.HotPixels,
+    pickup.RowFlutter,
+    pickup.Banding,
     converter.ReadNoise,
+    converter.ConverterStep,
     converter.BitDepth,
 )
 
@@ -53,14 +75,25 @@ OUTSIDE: dict[str, type[Effect]] = {
         modulator.SwappedPatterns,
         modulator.StuckMirrors,
         modulator.ModulatorDust,
+        distortion.Keystone,
+        distortion.BarrelDistortion,
+        distortion.MaskAstigmatism,
         exposure.DriftingSource,
+        exposure.UnsteadySource,
         exposure.ShortSlot,
+        exposure.UnevenSlots,
         optics.Ghost,
+        optics.Astigmatism,
+        optics.Flare,
         optics.LightLeak,
         fixed_pattern.SensorDust,
         fixed_pattern.InterlacedGain,
         fixed_pattern.DeadColumn,
+        image_lag.ImageLag,
         response.SShapedResponse,
+        pickup.RowFlutter,
+        pickup.Banding,
+        converter.ConverterStep,
     )
 }
 """Effects that a diagnosis has no name for: it should say where they sit, and must not call them something else."""

@@ -36,7 +36,7 @@ def test_at_random():
     names = [tuple(choose("random", SESSION, seed, number=2)) for seed in range(60)]
     assert all(len(set(pair)) == 2 and set(pair) <= set(VOCABULARY) for pair in names)
     assert len({name for pair in names for name in pair}) == len(VOCABULARY)
-    assert {name for seed in range(60) for name in choose("outside", SESSION, seed)} == set(OUTSIDE)
+    assert {name for seed in range(200) for name in choose("outside", SESSION, seed)} == set(OUTSIDE)
 
 
 def test_random_effects_can_show():

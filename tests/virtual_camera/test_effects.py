@@ -195,12 +195,43 @@ def test_ghost_lies_where_it_says(signal):
     assert seen[8, 5] == pytest.approx(0.9) and seen[6, 8] == pytest.approx(0.1)
 
 
+def test_astigmatism_blurs_light_along_x_only(signal):
+    seen = signal(one_mirror(), astigmatism={"sigma": 0.7}, optical_blur={"sigma": 0.5})[0]
+    for axis, sigma in ((0, np.hypot(0.7, 0.5)), (1, 0.5)):
+        np.testing.assert_allclose(seen.sum(axis), signal(one_mirror(), optical_blur={"sigma": sigma})[0].sum(axis))
+
+
+def test_flare_keeps_the_light(signal):
+    coding = np.random.default_rng(0).random((2, 40, 50)) / 2
+    wish = {"flare": {"fraction": 0.2, "x": 0.7, "y": 0.3, "radius": 0.05}}
+    added = signal(shots(coding), **wish)[0] - 0.8 * coding.sum(0)
+    assert added.sum() == pytest.approx(0.2 * coding.sum())
+    row, column = np.unravel_index(added.argmax(), added.shape)
+    assert row in (11, 12) and column in (34, 35)  # (0.3, 0.7) of the sides
+    assert added[:, :20].max() < 1e-3
+
+
 def test_swapped_patterns_and_short_slot(signal):
     scene = np.zeros((4, 16, 16))
     scene[1] = 1
     coding = one_slot_each()
     assert signal(shots(coding, scene), swapped_patterns={"first": 1, "second": 3})[0, 0, 0] == coding[3, 0, 0]
     assert signal(shots(coding, scene), short_slot={"slot": 1, "loss": 0.2})[0, 0, 0] == 0.8 * coding[1, 0, 0]
+
+
+def test_light_differs_by_slot_or_by_capture(signal):
+    seen, again, other = (signal(TOLD, unsteady_source={"std": 0.05, "course": course}) for course in (3, 3, 4))
+    lit = TOLD.scene.any((1, 2, 3)) & TOLD.patterns[TOLD.sequence].any((1, 2, 3))
+    power = seen[lit].sum((1, 2)) / signal(TOLD)[lit].sum((1, 2))
+    assert 0.02 < power.std() < 0.08 and abs(power.mean() - 1) < 0.03
+    assert (seen == again).all() and (seen != other).any()
+    levels = []
+    for slot in range(4):
+        scene = np.zeros((4, 16, 16))
+        scene[slot] = 1
+        seen = signal(shots(np.ones((4, 16, 16)) / 4, scene), uneven_slots={"std": 0.1, "course": 3})
+        levels.append(4 * seen[0, 0, 0])
+    assert np.mean(levels) == pytest.approx(1) and np.std(levels) == pytest.approx(0.1)
 
 
 def test_gains_by_row_column_and_capture(signal):
@@ -210,3 +241,33 @@ def test_gains_by_row_column_and_capture(signal):
     assert signal(grey, dead_column={"column": 4, "loss": 1.0})[0, :, 4].max() == 0
     drifted = signal(TOLD, drifting_source={"drift": 0.1}) / np.maximum(signal(TOLD), 1e-9)
     assert drifted[-1].max() == pytest.approx(1.05) and drifted[2].max() < 0.98
+
+
+def test_a_capture_leaves_a_part_of_itself_in_the_next(signal):
+    ideal, seen = signal(TOLD), signal(TOLD, image_lag={"fraction": 0.03})
+    np.testing.assert_allclose(seen[1:] - ideal[1:], 0.03 * ideal[:-1], atol=1e-12)
+    np.testing.assert_array_equal(seen[0], ideal[0])
+
+
+def test_banding_moves_on_from_capture_to_capture(signal):
+    wave = signal(TOLD, banding={"amplitude": 0.02, "period": 8, "advance": 0.25}) - signal(TOLD)
+    assert np.ptp(wave, axis=2).max() < 1e-12
+    np.testing.assert_allclose(wave[0, :, 0], 0.02 * np.sin(2 * np.pi * np.arange(32) / 8), atol=1e-12)
+    np.testing.assert_allclose(wave[1, :-2, 0], wave[0, 2:, 0], atol=1e-12)
+
+
+def test_rows_flutter_anew_in_every_capture():
+    dark = SMALL.shots(1)
+    fluttering = VirtualCamera(SMALL, {"row_flutter": EFFECTS["row_flutter"].read({"std": 0.02}, SMALL)}, 1)
+    random = stream(1, "noise")
+    offset = (fluttering.signal(np.full(dark.scene[:, 0].shape, 0.5), dark, random) - 0.5).mean(2)  # (N, H)
+    assert offset.std() == pytest.approx(0.02, rel=0.1)
+    assert abs(np.corrcoef(offset[0], offset[1])[0, 1]) < 0.5
+    still = VirtualCamera(SMALL, {}, 1).signal(np.full(dark.scene[:, 0].shape, 0.5), dark, stream(1, "noise"))
+    assert (still - 0.5).mean(2).std() < 0.002
+
+
+def test_converter_step(signal):
+    for level, expected in ((0.4, 0.4), (0.6, 0.63)):
+        seen = signal(shots(np.full((2, 16, 16), level / 2)), converter_step={"step": 0.03})
+        assert seen[0, 0, 0] == pytest.approx(expected)

@@ -14,7 +14,10 @@ import sci_lightning.virtual_camera as package
 FILES = sorted(Path(package.__file__).parent.glob("*.py"))
 LIBRARIES = {"numpy", "scipy", "h5py", "skimage"}
 OWN = {"sci_lightning.errors", "sci_lightning.atomic_file"}
-COMMAND = {"sci_lightning.command", "omegaconf", "rich.console"}
+COMMANDS = {
+    "__main__": {"sci_lightning.command", "omegaconf", "rich.console"},
+    "reveal": {"rich.console", "rich.table"},
+}
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
@@ -28,7 +31,7 @@ def test_imports(file):
             imported.add(node.module)
     foreign = {name for name in imported if name.split(".")[0] not in LIBRARIES | sys.stdlib_module_names}
     foreign = {name for name in foreign if not name.startswith("sci_lightning.virtual_camera")}
-    assert foreign <= (OWN | COMMAND if file.stem == "__main__" else OWN)
+    assert foreign <= OWN | COMMANDS.get(file.stem, set())
 
 
 def test_torch_is_not_even_loaded():

@@ -33,12 +33,19 @@ def counted(relay, surround="dark", n=40):
     y, x = (np.arange(n * length)[:, None] / n + 0.5 / n - length / 2 for length in (height, width))
     y, x = y - relay.dy, x.T - relay.dx
     cos, sin = np.cos(relay.angle) / relay.scale, np.sin(relay.angle) / relay.scale
-    column = np.floor(cos * x + sin * y + width / 2).astype(int)
-    row = np.floor(cos * y - sin * x + height / 2).astype(int)
+    u, v = cos * x + sin * y, cos * y - sin * x
+    w = 1 + 2 * relay.keystone * v / height  # a plane seen at an angle
+    u, v = u / w * (1 + relay.barrel * farness(u, v)), v / w * (1 + relay.barrel * farness(u, v))
+    column, row = np.floor(u + width / 2).astype(int), np.floor(v + height / 2).astype(int)
     light = RANDOM[0][row.clip(0, height - 1), column.clip(0, width - 1)]
     if surround == "dark":
         light = light * ((row >= 0) & (row < height) & (column >= 0) & (column < width))
     return light.reshape(height, n, width, n).mean((1, 3))
+
+
+def farness(u, v):
+    """(r / R)**2, 1 in the corners."""
+    return (u**2 + v**2) / (RANDOM.shape[1] ** 2 + RANDOM.shape[2] ** 2) * 4
 
 
 @pytest.mark.parametrize("surround", ["dark", "edge"])
@@ -50,6 +57,10 @@ def counted(relay, surround="dark", n=40):
         Relay(dx=-3.2, scale=1.04),
         Relay(angle=0.02),
         Relay(angle=-0.3, scale=0.93, dx=1.3, dy=0.4),
+        Relay(keystone=0.05, dx=0.3),
+        Relay(keystone=-0.04, angle=0.01, scale=1.02),
+        Relay(barrel=0.05),
+        Relay(barrel=-0.04, dy=-0.4),
     ],
 )
 def test_areas(relay, surround):
@@ -66,7 +77,7 @@ def test_a_fraction_of_a_pixel_is_linear_interpolation():
 @pytest.mark.parametrize("sigma", [0.0, 0.2, 0.9])
 @pytest.mark.parametrize("surround", ["dark", "edge"])
 def test_turned_by_nothing_is_upright(sigma, surround):
-    upright, turned = (fine(Relay(angle, 1.01, 0.3, -0.7, sigma), RANDOM, surround, 3) for angle in (0.0, 1e-9))
+    upright, turned = (fine(Relay(angle, 1.01, 0.3, -0.7, sigma, 0.4), RANDOM, surround, 3) for angle in (0.0, 1e-9))
     np.testing.assert_allclose(turned, upright, atol=1e-6)
 
 
@@ -79,6 +90,24 @@ def test_blur_widens_by_its_variance(sigma):
     assert image.sum() / 16**2 == pytest.approx(1)
     # a square of side 1 has 1/12, a cell that it is averaged over 1/12/16**2
     assert (image.sum(0) * place**2).sum() / image.sum() == pytest.approx(sigma**2 + 1 / 12 + 1 / 12 / 256)
+
+
+def test_astigmatism_blurs_along_x_only(signal):
+    seen = signal(one_mirror(), mask_astigmatism={"sigma": 0.7})[0]
+    assert seen[8].sum() == pytest.approx(1) and seen[8, 5] < 0.6
+    both = signal(one_mirror(), mask_astigmatism={"sigma": 0.7}, mask_blur={"sigma": 0.5})[0]
+    alone = signal(one_mirror(), mask_blur={"sigma": np.hypot(0.7, 0.5)})[0]
+    np.testing.assert_allclose(both.sum(0), alone.sum(0), atol=1e-9)
+    np.testing.assert_allclose(both.sum(1), signal(one_mirror(), mask_blur={"sigma": 0.5})[0].sum(1), atol=1e-9)
+
+
+def test_keystone_and_barrel_move_what_is_far_from_the_middle(signal):
+    low = one_mirror(15, 14, (17, 17))
+    assert signal(low, keystone={"tilt": 0.2})[0].argmax() > 15 * 17 + 14  # larger at the lower end
+    assert signal(low, barrel_distortion={"strength": 0.2})[0].argmax() < 15 * 17
+    middle = one_mirror(8, 8, (17, 17))
+    for wish in ({"keystone": {"tilt": 0.2}}, {"barrel_distortion": {"strength": 0.2}}):
+        assert signal(middle, **wish)[0, 8, 8] > 0.95
 
 
 def test_light_that_crosses_into_the_next_pixel(signal):

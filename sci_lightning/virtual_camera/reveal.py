@@ -1,0 +1,77 @@
+"""``python -m sci_lightning.virtual_camera.reveal TRUTH REPORT``: what was hidden, beside what was found."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from sci_lightning.errors import BadInput
+from sci_lightning.virtual_camera.comparison import Compared, compare, verdict
+from sci_lightning.virtual_camera.parameter import Value
+
+
+def reveal(truth: str, report: str) -> None:
+    """Print a table, parameter by parameter, and the verdict in a sentence.
+
+    Args:
+        truth: ``<captures>.truth.json`` of a virtual camera. report: ``report.json`` of a diagnosis of its captures.
+
+    Raises:
+        BadInput: a file that is missing, or is something else.
+    """
+    hidden, found = _read(truth, "sci-captures-truth"), _read(report, "sci-diagnosis")
+    table = Table(title="what was hidden, and what was found", title_justify="left")
+    for name in ("effect", "parameter", "hidden", "found", ""):
+        table.add_column(name, justify="right" if name in ("hidden", "found") else "left")
+    colours = {"within 95 %": "green", "right": "green"}
+    for row in compare(hidden, found):
+        colour = colours.get(row.answer, "red")
+        unit = f"{row.parameter} ({row.unit})" if row.unit not in ("", "1") else row.parameter
+        table.add_row(row.effect, unit, _number(row.truth), _found(row), f"[{colour}]{row.answer}[/]")
+    console = Console(highlight=False)
+    if table.row_count:
+        console.print(table)
+    chi2 = [f"{found['gap'][when]['chi2']:.4g}" for when in ("before", "after")]
+    console.print(f"[bold]{verdict(hidden, found)}[/]; held-out chi2 {chi2[0]} before, {chi2[1]} after")
+
+
+def main() -> None:
+    """The command line: one line on stderr and status 2 on bad input."""
+    if len(sys.argv) != 3 or sys.argv[1].startswith("-"):
+        print(__doc__)
+        sys.exit(0 if "--help" in sys.argv else 2)
+    try:
+        reveal(sys.argv[1], sys.argv[2])
+    except BadInput as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+
+
+def _read(path: str, form: str) -> dict[str, Any]:
+    try:
+        content = json.loads(Path(path).read_text())
+    except OSError as error:
+        raise BadInput(f"{path}: {(error.strerror or 'unreadable').lower()}; expected JSON of format {form}") from error
+    except ValueError as error:
+        raise BadInput(f"{path}: not JSON ({error}); expected format {form}") from error
+    told = content.get("format") if isinstance(content, dict) else None
+    if told != form or content.get("format_version") != 1:
+        raise BadInput(f"{path}: format {told!r}, expected {form!r}, format_version 1")
+    return content
+
+
+def _number(value: Value | None) -> str:
+    return "" if value is None else f"{value:.5g}" if isinstance(value, float) else str(value)
+
+
+def _found(row: Compared) -> str:
+    return _number(row.found) + (f" +- {row.std:.2g}" if row.std else "")
+
+
+if __name__ == "__main__":
+    main()
