@@ -55,9 +55,9 @@ def headline(report: Mapping[str, Any], left: Sequence[ResidualTest]) -> str:
         if rest == CLEAN:
             return f"The captures agree with the ideal camera: held-out chi2 {after}, and {CLEAN}."
         if report["unnamed"]:
-            stand_in = f"with a free-form deviation in its place the misfit falls to {after}"
             verdict = f"The captures disagree with the ideal camera (held-out chi2 {before}) and no name explains it"
-            return f"{verdict}: {_places(report)}; {stand_in}."
+            fallen = report["gap"]["after"]["chi2"] < 0.999 * report["gap"]["before"]["chi2"]
+            return f"{verdict}: {_places(report)}{f'; in free form it leaves {after}' if fallen else ''}."
         return f"The captures disagree with the ideal camera (held-out chi2 {after}) and no name explains it: {rest}."
     told = [say(effect) for effect in report["effects"]]
     found = " and ".join(filter(None, (", ".join(told[:-1]), told[-1])))
