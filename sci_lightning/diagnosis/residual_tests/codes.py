@@ -36,7 +36,7 @@ def codes(residuals: Residuals) -> Answer:
     picture = Picture(
         "curve", found[:shown], unit="pixels", x=tuple(float(n) for n in range(shown)), axes=("code (DN)",)
     )
-    return Answer(statistic, min(1.0, (full + 1) * math.exp(-min(statistic, 600.0))), 0.0, picture)
+    return Answer(statistic, min(1.0, (full + 1) * math.exp(-min(statistic, 600.0))), statistic, picture)
 
 
 def _drawn(residuals: Residuals) -> torch.Tensor:
