@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
 import time
 from pathlib import Path
 
@@ -12,35 +14,39 @@ from sci_lightning.command import run
 
 
 def diagnose(cfg: DictConfig) -> None:
-    """Write ``report.json`` and ``encoder.yaml``, and print what was found.
+    """Write ``report.html``, ``report.json``, ``encoder.yaml`` and pictures, and print what was found.
 
     Args:
         cfg: ``conf/diagnose.yaml``, composed.
     """
+    from hydra.utils import instantiate
+
     from sci_lightning.captures import read_captures
+    from sci_lightning.diagnosis.dashboard import log
     from sci_lightning.diagnosis.diagnosis import diagnose
-    from sci_lightning.diagnosis.report import describe, write_encoder
+    from sci_lightning.diagnosis.pictures import figures
+    from sci_lightning.diagnosis.report import describe, write_encoder, write_page, write_pictures
+    from sci_lightning.diagnosis.sentences import headline
+    from sci_lightning.diagnosis.terminal import print_report, searching
     from sci_lightning.diagnosis.vocabulary import vocabulary
     from sci_lightning.results import write_json
 
-    start, out, console = time.perf_counter(), Path(cfg.out), Console(highlight=False)
+    start, out, console = time.perf_counter(), Path(cfg.out), Console(highlight=False, soft_wrap=True)
     captures = read_captures(cfg.captures)
-    with console.status("searching") as status:
-        found = diagnose(captures, vocabulary(cfg.candidates), cfg.seed, cfg.most, status.update)
-    report = describe(found) | {"runtime_s": time.perf_counter() - start}
-    write_encoder(found.fitter, found.after, out)
-    write_json(report, out / "report.json")
-    chi2 = {when: each["chi2"] for when, each in report["gap"].items()}
-    console.print(f"[bold]{found.verdict}[/]: held-out chi2 {chi2['before']:.4g} before, {chi2['after']:.4g} after")
-    for effect in report["effects"]:
-        values = ", ".join(
-            f"{key} {each['value']:.5g} +- {each['std']:.2g} {each['unit']}"
-            if isinstance(each["value"], float)
-            else f"{key} {each['value']} {each['unit']}"
-            for key, each in effect["parameters"].items()
-        )
-        console.print(f"  {effect['stage']}: {effect['name']} ({values})")
-    console.print(f"[bold]{out}[/]: report.json, encoder.yaml")
+    with searching(console, cfg.most) as told:
+        found = diagnose(captures, vocabulary(cfg.candidates), cfg.seed, cfg.most, cfg.empirical, told)
+        told("writing the report")
+        drawn = figures(found)
+        report = describe(found) | {"runtime_s": time.perf_counter() - start}
+        sentence = headline(report, found.left)
+        write_json(report, out / "report.json")
+        write_encoder(found.fitter, found.after, out)
+        write_pictures(drawn, out)
+        write_page(found, report, drawn, shlex.join(["python", "-m", "sci_lightning.diagnose", *sys.argv[1:]]), out)
+    for logger in filter(None, cfg.logger.values()):
+        log(instantiate(logger), report, drawn)
+    print_report(report, sentence, console)
+    console.print(f"[bold]{out}/report.html[/]; beside it report.json, encoder.yaml and pictures")
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ def evaluate(cfg: DictConfig) -> float:
 
     from sci_lightning.checkpoint import read_checkpoint
     from sci_lightning.chosen_encoder import chosen_encoder
+    from sci_lightning.chosen_metrics import chosen_metrics
     from sci_lightning.data.loader import scene_loader
     from sci_lightning.results import print_results, results, write_json
     from sci_lightning.system import System
@@ -35,7 +36,7 @@ def evaluate(cfg: DictConfig) -> float:
     encoder, test_encoder = chosen_encoder(cfg, checkpoint)
     names = {**trained["names"], "test_encoder": test_encoder}
 
-    system = System(encoder, decoder, seed=cfg.seed)
+    system = System(encoder, decoder, metrics=chosen_metrics(cfg), seed=cfg.seed)
     scenes = instantiate(cfg.data, _convert_="all").scenes()
     trainer = instantiate(cfg.trainer, logger=False, enable_checkpointing=False)
     assert isinstance(trainer, L.Trainer)

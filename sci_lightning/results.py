@@ -14,7 +14,7 @@ from sci_lightning.atomic_file import whole_file
 from sci_lightning.decoder.complexity import count_macs, count_parameters
 from sci_lightning.system import System
 
-UNITS = {"psnr": "PSNR (dB)", "ssim": "SSIM"}
+UNITS = {"psnr": "PSNR (dB)", "ssim": "SSIM", "qscore": "Q-Score"}
 
 
 def results(system: System, names: Mapping[str, str], config: Mapping[str, Any]) -> dict[str, Any]:
@@ -46,7 +46,8 @@ def write_json(content: Mapping[str, Any], path: Path) -> None:
 def print_results(found: Mapping[str, Any], console: Console) -> None:
     """A table of the scenes, their mean, and the baseline in which every frame is the mean measurement."""
     title = f"{found['decoder']}, trained on {found['encoder']}, tested on {found['test_encoder']}"
-    table = Table(title=title, title_justify="left")
+    conventions = "\n".join(f"{UNITS.get(key, key)}: {text}" for key, text in found["conventions"].items())
+    table = Table(title=title, title_justify="left", caption=conventions or None, caption_justify="left")
     table.add_column("scene")
     keys = list(found["mean"])
     for key in keys:
@@ -61,7 +62,7 @@ def print_results(found: Mapping[str, Any], console: Console) -> None:
 
 
 def _number(key: str, value: float) -> str:
-    return f"{value:.2f}" if key == "psnr" else f"{value:.4f}"
+    return f"{value:.4f}" if key == "ssim" else f"{value:.2f}"
 
 
 def hparams(found: Mapping[str, Any]) -> dict[str, Any]:
@@ -72,4 +73,5 @@ def hparams(found: Mapping[str, Any]) -> dict[str, Any]:
     chosen.update({key: config[key] for key in ("frames", "batch_size", "seed")})
     chosen.update({key: config["system"][key] for key in ("loss", "lr", "final_lr")})
     chosen["size"] = "x".join(map(str, config["size"]))
+    chosen.update(found["conventions"])
     return chosen

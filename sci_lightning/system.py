@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import lightning as L
@@ -13,8 +13,10 @@ import torch
 
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.initial_estimate import mean_video
+from sci_lightning.device import device_name
 from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput
+from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.scene_scores import SceneScores
 
 Batch = tuple[torch.Tensor, torch.Tensor]
@@ -41,7 +43,11 @@ class System(L.LightningModule):
 
     Args:
         encoder, decoder: plain modules; the system adds nothing to what they compute.
+        metrics: what validation and test score, by name.
+        val_every_n_frames: of metrics that look at one frame in so many in validation, by name; a test looks at all.
         loss: ``mse`` or ``rmse``.
+        stage_weights: of the losses of the decoder's last stages, in their order; the loss is their weighted sum.
+            ``(1,)``: of its estimate alone. Unfolding networks have many stages, most decoders one.
         lr: Adam's learning rate at the start; it falls to ``final_lr`` along a cosine over the whole run.
         mask_lr: learning rate of the mask at the start (same cosine), None for ``lr``.
         compile: compile the decoder with ``torch.compile``.
@@ -49,7 +55,9 @@ class System(L.LightningModule):
         run_config: the run's plain, resolved configuration; kept in every checkpoint so that it can be rebuilt.
 
     Raises:
-        BadInput: unknown loss; in training, a loss or gradient that is no longer finite.
+        BadInput: unknown loss, a metric that sees no frames; in training, a loss or gradient that is no longer finite.
+        BadInput: unknown loss or bad weights; in training, more weights than stages, a loss or gradient that is no
+            longer finite.
     """
 
     def __init__(
@@ -57,7 +65,10 @@ class System(L.LightningModule):
         encoder: Encoder,
         decoder: Decoder,
         *,
+        metrics: Mapping[str, FrameMetric] | None = None,
+        val_every_n_frames: Mapping[str, int] | None = None,
         loss: str = "mse",
+        stage_weights: Sequence[float] = (1.0,),
         lr: float = 1e-4,
         final_lr: float = 1e-5,
         mask_lr: float | None = None,
@@ -68,16 +79,26 @@ class System(L.LightningModule):
         super().__init__()
         if loss not in LOSSES:
             raise BadInput(f"system.loss={loss}: no such loss; choose one of {', '.join(LOSSES)}")
+        if none := [key for key, n in (val_every_n_frames or {}).items() if n < 1]:
+            raise BadInput(
+                f"system.val_every_n_frames.{none[0]} must be at least 1; metrics.{none[0]}=null leaves it out"
+            )
+        if not stage_weights or min(stage_weights) <= 0:
+            raise BadInput(f"system.stage_weights={list(stage_weights)}: give one or more positive numbers, as [0.5,1]")
         self.encoder = encoder
         self.decoder = decoder
         self.loss = LOSSES[loss]
+        self.stage_weights = tuple(stage_weights)
+        self.stages = torch.compile(decoder.stages) if compile else decoder.stages
         self.lr, self.final_lr, self.mask_lr = lr, final_lr, lr if mask_lr is None else mask_lr
         self.seed = seed
         self.run_config = run_config or {}
-        self.scores = self.baseline = SceneScores([])
+        self.metrics = dict(metrics or {})
+        self.val_every_n_frames = dict(val_every_n_frames or {})
+        self.scores = self.baseline = SceneScores([], self.metrics)
         self.seconds: list[float] = []
         self.tested: dict[str, Any] = {}
-        """What the last test found: scores by scene, their mean, the baseline's, seconds and device."""
+        """What the last test found: scores by scene, their mean and conventions, the baseline's, seconds and device."""
         if compile:
             self.decoder.compile()
 
@@ -128,11 +149,22 @@ class System(L.LightningModule):
 
     def training_step(self, video: torch.Tensor, batch_idx: int) -> torch.Tensor:
         mask, origin = self._window(self.encoder.transmittance(), *video.shape[-2:])
-        loss = self.loss(self(video, mask, origin), video)
+        loss = self.stage_loss(self.stages(*self.decodable(*self.shoot(video, mask, origin), origin)), video)
         if not torch.isfinite(loss):
             raise self._diverged("the loss became", float(loss.detach()), batch_idx)
         self.log("train/loss", loss, prog_bar=True, batch_size=len(video))
         return loss
+
+    def stage_loss(self, stages: Sequence[torch.Tensor], video: torch.Tensor) -> torch.Tensor:
+        """The weighted sum of the losses of the last stages."""
+        weights = self.stage_weights
+        if len(weights) > len(stages):
+            raise BadInput(
+                f"system.stage_weights={list(weights)}: {len(weights)} weights, but this decoder estimates in "
+                f"{len(stages)} stage{'s' * (len(stages) > 1)}; give at most as many"
+            )
+        losses = [self.loss(stage, video) for stage in stages[-len(weights) :]]
+        return torch.stack([weight * loss for weight, loss in zip(weights, losses, strict=True)]).sum()
 
     def on_before_optimizer_step(self, optimizer: torch.optim.Optimizer) -> None:
         norm = torch.nn.utils.get_total_norm([p.grad for p in self.parameters() if p.grad is not None])
@@ -167,60 +199,57 @@ class System(L.LightningModule):
     # Validation and test: item = (scene number, video)
 
     def on_validation_epoch_start(self) -> None:
-        self._start_scoring(self.trainer.val_dataloaders)
+        self.scores = self._scores(self.trainer.val_dataloaders, self.val_every_n_frames)
 
     def on_test_epoch_start(self) -> None:
-        self._start_scoring(self.trainer.test_dataloaders)
+        self.scores, self.baseline = (self._scores(self.trainer.test_dataloaders) for _ in range(2))
+        self.seconds = []
 
     def validation_step(self, batch: Batch, batch_idx: int) -> None:
         self._score(batch, batch_idx)
 
     def test_step(self, batch: Batch, batch_idx: int) -> None:
-        self._score(batch, batch_idx)
+        measurement, mask = self._score(batch, batch_idx)
+        for scene, guess, truth in zip(batch[0], mean_video(measurement, mask), batch[1], strict=True):
+            self.baseline.update(int(scene), guess, truth)
 
     def on_test_epoch_end(self) -> None:
         scenes, mean = self.scores.compute()
         self.tested = {
             "scenes": scenes,
             "mean": mean,
+            "conventions": {key: metric.convention for key, metric in self.metrics.items() if metric.convention},
             "baseline": self.baseline.compute()[1],
             "seconds_per_measurement": statistics.median(self.seconds),
-            "device": self._device_name(),
+            "device": device_name(self.device),
         }
 
     def on_validation_epoch_end(self) -> None:
         scenes, mean = self.scores.compute()
-        self.log("val/psnr", mean["psnr"], prog_bar=True, sync_dist=True)
-        self.log("val/ssim", mean["ssim"], sync_dist=True)
+        for key, value in mean.items():
+            self.log(f"val/{key}", value, prog_bar=key == "psnr", sync_dist=True)
         per_scene = {f"val_{key}/{name}": value for name, scene in scenes.items() for key, value in scene.items()}
         self.log_dict(per_scene, sync_dist=True)
 
-    def _start_scoring(self, loader: Any) -> None:
-        names = loader.dataset.names
-        self.scores = SceneScores(names).to(self.device)
-        self.baseline = SceneScores(names).to(self.device)
-        self.seconds = []
+    def _scores(self, loader: Any, every_n_frames: Mapping[str, int] | None = None) -> SceneScores:
+        return SceneScores(loader.dataset.names, self.metrics, every_n_frames).to(self.device)
 
-    def _score(self, batch: Batch, batch_idx: int) -> None:
+    def _score(self, batch: Batch, batch_idx: int) -> Batch:
+        """Add a batch to the scores; returns what its decoder was given."""
         self._seed_step(batch_idx, testing=True)  # sensor noise in a test does not depend on the training before it
         scenes, video = batch
         measurement, mask = self.decodable(*self.shoot(video))
         start = self._now()
         estimate = self.decoder(measurement, mask)
         self.seconds.append((self._now() - start) / len(video))
-        for scene, x, guess, truth in zip(scenes, estimate, mean_video(measurement, mask), video, strict=True):
+        for scene, x, truth in zip(scenes, estimate, video, strict=True):
             self.scores.update(int(scene), x, truth)
-            self.baseline.update(int(scene), guess, truth)
+        return measurement, mask
 
     def _now(self) -> float:
         if self.device.type == "cuda":
             torch.cuda.synchronize(self.device)
         return time.perf_counter()
-
-    def _device_name(self) -> str:
-        if self.device.type == "cuda":
-            return torch.cuda.get_device_name(self.device)
-        return f"{self.device.type} ({torch.get_num_threads()} threads)"
 
     # Checkpoints
 

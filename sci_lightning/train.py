@@ -23,6 +23,7 @@ def train(cfg: DictConfig) -> float:
     from lightning.pytorch.loggers import TensorBoardLogger
 
     from sci_lightning.checkpoint import SafeCheckpointIO, read_checkpoint
+    from sci_lightning.chosen_metrics import chosen_metrics
     from sci_lightning.data.loader import ClipLoader, scene_loader
     from sci_lightning.results import hparams, print_results, results, write_json
 
@@ -34,9 +35,13 @@ def train(cfg: DictConfig) -> float:
     torch.manual_seed(cfg.seed)  # the decoder's first weights
     encoder = instantiate(cfg.encoder, _convert_="all")
     decoder = instantiate(cfg.decoder, _convert_="all")
-    system = instantiate(cfg.system, _partial_=True)(encoder, decoder, run_config={**config, "names": names})
+    run_config = {**config, "names": names}
+    make_system = instantiate(cfg.system, _partial_=True)
+    system = make_system(encoder, decoder, metrics=chosen_metrics(cfg), run_config=run_config)
+    resumed = None
     if cfg.ckpt_path:
         checkpoint = read_checkpoint(cfg.ckpt_path)
+        resumed = cfg.ckpt_path if checkpoint.resumable else None
         checkpoint.fill("decoder", decoder, names["decoder"])
         checkpoint.fill("encoder", encoder, names["encoder"])
 
@@ -52,7 +57,7 @@ def train(cfg: DictConfig) -> float:
     share = {"rank": trainer.global_rank, "world_size": trainer.world_size}
     clips = ClipLoader(source.clips(), cfg.batch_size, workers=cfg.workers, **share)
     try:
-        trainer.fit(system, clips, scene_loader(held_out, **share), ckpt_path=cfg.ckpt_path)
+        trainer.fit(system, clips, scene_loader(held_out, **share), ckpt_path=resumed)
     except SystemExit:
         if trainer.interrupted and (out / "checkpoints" / "last.ckpt").is_file():
             print(f"interrupted; continue with ckpt_path={out}/checkpoints/last.ckpt", file=sys.stderr)

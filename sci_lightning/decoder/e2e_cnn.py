@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import torch
 from torch import nn
 
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.initial_estimate import mean_frame
-from sci_lightning.errors import BadInput
 
 
 class ResidualBlock(nn.Module):
@@ -40,6 +41,15 @@ class E2ECNN(Decoder):
     Source: Qiao et al., "Deep learning for video compressive sensing", APL Photonics 2020.
     """
 
+    published_names: ClassVar[tuple[tuple[str, str], ...]] = (
+        (r"conv1\.(.*)", r"first.\1"),
+        *((rf"encode{i + 1}\.conv1\.(.*)", rf"encode.{i}.layers.0.\1") for i in range(5)),
+        *((rf"encode{i + 1}\.conv2\.(.*)", rf"encode.{i}.layers.2.\1") for i in range(5)),
+        *((rf"decode{5 - i}\.conv1\.(.*)", rf"decode_blocks.{i}.layers.0.\1") for i in range(5)),
+        *((rf"decode{5 - i}\.conv2\.(.*)", rf"decode_blocks.{i}.layers.2.\1") for i in range(5)),
+        (r"last_act\.0\.(.*)", r"last.\1"),
+    )
+
     def __init__(self, frames: int, channels: int = 64, blocks: int = 5, input_residual: bool = False) -> None:
         super().__init__()
         self.frames = frames
@@ -56,8 +66,6 @@ class E2ECNN(Decoder):
         self.last = nn.Conv2d(channels, frames, 1)
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        if mask.shape[0] != self.frames:
-            raise BadInput(f"this E2E-CNN was built for {self.frames} frames, the mask has {mask.shape[0]}")
         estimate = mask * mean_frame(measurement, mask).unsqueeze(1)
         # channels-last is the layout in which CPU and GPU convolutions run fastest
         features = self.first(estimate.contiguous(memory_format=torch.channels_last))
@@ -68,5 +76,5 @@ class E2ECNN(Decoder):
         features = self.latent(features)
         for block, skip in zip(self.decode_blocks, reversed(skips), strict=True):
             features = block(features + skip)
-        video = torch.tanh(self.last(features)).contiguous()
+        video = torch.tanh(self.last(features))
         return video + estimate if self.input_residual else video

@@ -62,7 +62,7 @@ class CameraModel:
         memory: how many light fields to remember.
     """
 
-    def __init__(self, observation: Observation, vocabulary: Mapping[str, type[Effect]], memory: int = 6) -> None:
+    def __init__(self, observation: Observation, vocabulary: Mapping[str, type[Effect]], memory: int = 3) -> None:
         self.observation = observation
         self.vocabulary = dict(vocabulary)
         self.known = dict(vocabulary)
@@ -98,18 +98,20 @@ class CameraModel:
 
     def _modulate(self, path: LightPath) -> Signal:
         seen, cells = self.observation, path.cells
-        masks = path.transmittance(seen.patterns, seen.sequences)
-        summed: dict[int, torch.Tensor] = {}
-        images = []
-        for scene, which in zip(seen.scene, seen.sequence.tolist(), strict=True):
-            if scene.shape[0] == 1:  # at rest: the masks may be added up first
-                if which not in summed:
-                    summed[which] = masks[which].sum(0)
-                images.append(summed[which] * _fine(scene, cells)[0])
-            elif scene.shape[1:] == (1, 1):
-                images.append(torch.einsum("thw,t->hw", masks[which], scene[:, 0, 0]))
-            else:
-                images.append((masks[which] * _fine(scene, cells)).sum(0))
+        shown = path.images(seen.patterns)
+        images: list[torch.Tensor] = [torch.zeros(())] * len(seen)
+        for which, sequence in enumerate(seen.sequences):  # one after the other: all masks at once are too large
+            masks = path.during(shown, sequence[None])[0]
+            total = None
+            for number in (seen.sequence == which).nonzero()[:, 0].tolist():
+                scene = seen.scene[number]
+                if scene.shape[0] == 1:  # at rest: the masks may be added up first
+                    total = masks.sum(0) if total is None else total
+                    images[number] = total * _fine(scene, cells)[0]
+                elif scene.shape[1:] == (1, 1):
+                    images[number] = torch.einsum("thw,t->hw", masks, scene[:, 0, 0])
+                else:
+                    images[number] = (masks * _fine(scene, cells)).sum(0)
         light = torch.stack(images) * seen.aperture
         return Signal(light, torch.zeros(()), seen.exposure, 1 / seen.full_scale, (0, 0), seen.size, cells)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from sci_lightning.captures import Captures
@@ -14,8 +15,10 @@ from sci_lightning.diagnosis.gap import gap
 from sci_lightning.diagnosis.leftover import Unnamed
 from sci_lightning.diagnosis.noise import stated
 from sci_lightning.diagnosis.observation import observe
+from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
 from sci_lightning.diagnosis.search import Round
 from sci_lightning.diagnosis.split import split
+from sci_lightning.diagnosis.where import ask
 from sci_lightning.encoder.effects import Effect
 
 GOOD = 1.05
@@ -29,7 +32,8 @@ class Diagnosis:
     Attributes:
         fitter: of the captures: observation, split and model are in it.
         before: the ideal camera with the datasheet's noise.
-        after: with everything that was found.
+        after: with everything that was named; in free form what was not, if that was asked for.
+        complete: with both in any case.
         names: effects found, in the order of the light, noise that differs from the datasheet's among them.
         rounds: what was considered, round by round.
         unnamed: what is left.
@@ -41,6 +45,7 @@ class Diagnosis:
     fitter: Fitter
     before: Fit
     after: Fit
+    complete: Fit
     names: tuple[str, ...]
     rounds: tuple[Round, ...]
     unnamed: tuple[Unnamed, ...]
@@ -56,12 +61,31 @@ class Diagnosis:
             return "explained" if self.names else "consistent"
         return "partly_explained" if self.names and chi2 < before else "unexplained"
 
+    @cached_property
+    def residuals(self) -> dict[str, Residuals]:
+        """``before`` and ``after``."""
+        return {
+            "before": Residuals.of(self.fitter, self.before, self.seed),
+            "after": Residuals.of(self.fitter, self.after, self.seed),
+        }
+
+    @cached_property
+    def where(self) -> dict[str, list[ResidualTest]]:
+        """``before`` and ``after``: what the residuals were asked, and their answers."""
+        return {when: ask(residuals) for when, residuals in self.residuals.items()}
+
+    @property
+    def left(self) -> list[ResidualTest]:
+        """Questions whose answer is significant with everything that was found in the model."""
+        return [test for test in self.where["after"] if test.significant]
+
 
 def diagnose(
     captures: Captures,
     vocabulary: Mapping[str, type[Effect]],
     seed: int = 0,
     most: int = 6,
+    empirical: bool = False,
     told: Callable[[str], None] = lambda text: None,
 ) -> Diagnosis:
     """Find the effects that the ideal camera lacks to explain the captures.
@@ -71,6 +95,7 @@ def diagnose(
         vocabulary: effects that may be named.
         seed: of the randomised residuals.
         most: effects to be found at most.
+        empirical: whether what has no name is added to the model in free form.
         told: is called with a line of text whenever there is news.
 
     Raises:
@@ -80,15 +105,22 @@ def diagnose(
     fitter = Fitter(CameraModel(observation, vocabulary), split(observation))
     noise, fixed = stated(fitter)
     before = fitter.fit(noise, fixed=fixed, iterations=30)
-    found, names, rounds, unnamed = explain(fitter, before, noise, most, told)
+    complete, names, rounds, unnamed = explain(fitter, before, noise, most, told)
+    after = complete
+    if unnamed and not empirical:  # the noise stays: it must not take up what has no name
+        named = complete.hypothesis
+        for each in unnamed:
+            named = named.without(each.name)
+        after = fitter.fit(named, fixed=tuple((each, name) for each in noise.effects for name in noise.effects[each]))
     return Diagnosis(
         fitter=fitter,
         before=before,
-        after=found,
+        after=after,
+        complete=complete,
         names=tuple(sorted(names, key=lambda name: vocabulary[name].rank)),
         rounds=tuple(rounds),
         unnamed=tuple(unnamed),
         stated=tuple(name for name, _ in fixed),
-        gaps={"before": gap(fitter, before, seed), "after": gap(fitter, found, seed)},
+        gaps={"before": gap(fitter, before, seed), "after": gap(fitter, after, seed)},
         seed=seed,
     )

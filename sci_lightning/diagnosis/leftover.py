@@ -72,18 +72,19 @@ def leftover(
     for name in maps:
         told(f"the map of {name} has structure: not that")
         fit = fitter.fit(fit.hypothesis.without(name), iterations=20)
-    found = [*found]
+    found, gained = [*found], 0.0
     for _ in range(ROUNDS - len(found)):
-        least = CERTAIN + IMPRECISE * (fit.total - before.total)
+        least = CERTAIN + IMPRECISE * (fit.total - before.total) + SURROGATE * gained
         best, more = likeliest(fitter, fit, least, maps)
         if best is None:
             break
         told(f"unnamed: {best.where}")
-        gained = more.total - fit.total
+        gained = max(gained, more.total - fit.total)
         found.append(best)
         free: dict[str, Setting] = {each.name: {} for each in found}
         fit = prune(fitter, more, Hypothesis({**noise.effects, **free}), margin=SURROGATE * gained)
-    return fit, [_unnamed(fitter, fit, each, unlike) for each in found]
+    # in the order of the light: what is wrong with mirrors also shows as a gain of the pixels behind them
+    return fit, [_unnamed(fitter, fit, each, unlike) for each in sorted(found, key=lambda each: each.effect.rank)]
 
 
 def likeliest(

@@ -12,6 +12,9 @@ IMPOSSIBLE = -60.0
 LEAST_DEVIATION = 0.05
 """DN; noise below it cannot be told from none behind a converter."""
 
+FAR = -11.0
+"""Standard deviations below which the error function leaves single precision."""
+
 
 @dataclass(frozen=True)
 class Intervals:
@@ -113,8 +116,23 @@ def _ordered(
 
 
 def _log_difference(low: torch.Tensor, high: torch.Tensor) -> torch.Tensor:
-    larger, smaller = torch.special.log_ndtr(high), torch.special.log_ndtr(low)
-    return larger + torch.log(-torch.expm1((smaller - larger).clamp(max=-1e-7)))
+    """Logarithm of the normal probability between two ordered places, of which the upper is the nearer to 0.
+
+    In the lower tail the complementary error function is precise, and a difference of two of its values much faster
+    than one of their logarithms; beyond its range the tail's asymptote stands in for it.
+    """
+    between = 0.5 * (torch.special.erfc(high * -math.sqrt(0.5)) - torch.special.erfc(low * -math.sqrt(0.5)))
+    larger, smaller = _tail(high), _tail(low)
+    far = larger + torch.log(-torch.expm1((smaller - larger).clamp(max=-1e-7)))
+    return torch.where(high > FAR, torch.log(between.clamp(min=1e-37)), far)
+
+
+def _tail(place: torch.Tensor) -> torch.Tensor:
+    """Logarithm of the normal probability below a place that is far below 0, asymptotically."""
+    place = place.clamp(max=FAR)
+    by = 1 / place.square()
+    series = torch.log1p(by * (by * (3 - 15 * by) - 1))
+    return -0.5 * place.square() - torch.log(-place) - 0.5 * math.log(2 * math.pi) + series
 
 
 def _density_over(edge: torch.Tensor, log_probability: torch.Tensor) -> torch.Tensor:

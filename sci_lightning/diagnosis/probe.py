@@ -15,12 +15,14 @@ from sci_lightning.diagnosis.fit import Fit, Fitter
 from sci_lightning.diagnosis.linear import Linear
 from sci_lightning.encoder import empirical
 from sci_lightning.encoder.effects import Effect
-from sci_lightning.encoder.empirical import Empirical
+from sci_lightning.encoder.empirical import Empirical, SourcePower
 
 CLEAR = 3.5
 """Standard deviations from 0 of a number that a probe keeps."""
 MOST = 24
 """Numbers that a probe keeps."""
+LARGEST = 250_000_000
+"""Derivatives held in memory at once (1 GB); a probe of so many numbers on so many pixels is left out."""
 
 
 @dataclass(frozen=True)
@@ -99,9 +101,14 @@ def _free_form(
     count = effect.numbers(captures, frames)
     model = fitter.model
     about = effect.of(count)
+    turns = model.observation.number * (2 / max(captures - 1, 1)) - 1
+    if issubclass(about, SourcePower):
+        about.turns = turns
     model.known[effect.name] = about
     if effect.name == "ghost":
         return _ghost(fitter, base, linear, about)
+    if count * fitter.use.numel() > LARGEST:
+        return None
     hypothesis = base.hypothesis.having(effect.name, dict.fromkeys(about.about, 0.0))
     changes, _ = fitter.jacobian(hypothesis, [(effect.name, name) for name in about.about], base.prediction)
     gain = linear.gain(changes)
@@ -114,6 +121,8 @@ def _free_form(
     p_value = float(chi2.sf(2 * max(gain.nats, 0.0), max(known, 1)))
     few = gain.of(kept)
     chosen = effect.of(count, kept.tolist())
+    if issubclass(chosen, SourcePower):
+        chosen.turns = turns
     number = effect.number
     bounded = few.factors.clamp(number.low, number.high).tolist()
     start: Setting = dict(zip(chosen.about, bounded, strict=True))

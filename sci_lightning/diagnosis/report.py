@@ -1,12 +1,14 @@
-"""``report.json`` and ``encoder.yaml`` of a diagnosis."""
+"""The files of a diagnosis: ``report.json``, ``report.html``, pictures and ``encoder.yaml``."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from matplotlib.figure import Figure
 from omegaconf import OmegaConf
 
 from sci_lightning import __version__
@@ -14,17 +16,24 @@ from sci_lightning.atomic_file import whole_file
 from sci_lightning.diagnosis.alternatives import Alternatives, alternatives
 from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.fit import Fit, Fitter
+from sci_lightning.diagnosis.report_page import report_page
+from sci_lightning.encoder.empirical import Empirical, SourcePower
 
 
 def describe(found: Diagnosis) -> dict[str, Any]:
     """``report.json`` without its run time."""
+    effects = describe_effects(found.fitter, found.complete, list(found.names))
     return {
         "format": "sci-diagnosis",
         "format_version": 1,
         "verdict": found.verdict,
-        "effects": describe_effects(found.fitter, found.after, list(found.names)),
+        "effects": effects,
         "gap": found.gaps,
-        "unnamed": [{"stage": each.stage, "where": each.where, "p_value": each.p_value} for each in found.unnamed],
+        "unnamed": [
+            {"stage": each.stage, "where": each.where, "p_value": each.p_value, "picture": f"unnamed_{number}.png"}
+            for number, each in enumerate(found.unnamed, start=1)
+        ],
+        "where": {when: [test.describe() for test in tests] for when, tests in found.where.items()},
         "noise": {
             **{
                 name: each
@@ -33,6 +42,7 @@ def describe(found: Diagnosis) -> dict[str, Any]:
             },
             "stated_by_the_file": list(found.stated),
         },
+        "next_captures": [each["tell_apart"] for each in effects if each["tell_apart"]],
         "split": found.fitter.split.describe(),
         "seed": found.seed,
         "sci_lightning": __version__,
@@ -71,6 +81,21 @@ def describe_effects(fitter: Fitter, fit: Fit, names: list[str]) -> list[dict[st
     return found
 
 
+def write_pictures(drawn: Mapping[str, Figure], out: Path) -> None:
+    """PNG files by name."""
+    for name, figure in drawn.items():
+        with whole_file(out / name) as temporary:
+            figure.savefig(temporary, dpi=150, facecolor="white")
+
+
+def write_page(
+    found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str, Figure], command: str, out: Path
+) -> None:
+    """``report.html``; see :func:`~sci_lightning.diagnosis.report_page.report_page`."""
+    with whole_file(out / "report.html") as temporary:
+        temporary.write_text(report_page(found, report, drawn, command), encoding="utf-8")
+
+
 def write_encoder(fitter: Fitter, fit: Fit, out: Path) -> None:
     """The corrected encoder: ``encoder.yaml``, with the patterns and maps it names beside it."""
     seen = fitter.model.observation
@@ -79,7 +104,11 @@ def write_encoder(fitter: Fitter, fit: Fit, out: Path) -> None:
     effects: dict[str, Any] = {}
     for name, values in fit.hypothesis.effects.items():
         effect = fitter.model.known[name]
+        if issubclass(effect, SourcePower):  # it belongs to the captures, not to the camera
+            continue
         effects[name] = {"_target_": f"{effect.__module__}.{effect.__qualname__}", **values}
+        if issubclass(effect, Empirical):
+            effects[name]["count"] = effect.count
         if effect.chart and name in fit.hypothesis.charts:
             scale = float(values["std"]) if "std" in values else 1.0
             _save(out / f"{name}.npy", (fit.hypothesis.charts[name] / max(scale, 1e-12)).numpy())

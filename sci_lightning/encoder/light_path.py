@@ -68,18 +68,22 @@ class LightPath(nn.Module):
         Returns:
             ``(U, T, qH, qW)`` for pixels of q x q :attr:`cells`; ``(T, qH, qW)`` without a sequence.
         """
-        images = self.images(patterns)
+        shown = self.during(self.images(patterns), sequence)
+        return shown[0] if sequence is None else shown
+
+    def during(self, images: torch.Tensor, sequence: torch.Tensor | None = None) -> torch.Tensor:
+        """Schedule and exposure: ``(U, T, qH, qW)`` what each frame is multiplied with, of :meth:`images`."""
         shown = images[None] if sequence is None else images[sequence]
         slots = shown.shape[1]
         for effect in self.of("modulator"):
             if (mixture := effect.schedule(slots)) is not None:
                 shown = torch.einsum("ts,ushw->uthw", mixture.to(shown), shown)
         if timed := self.of("exposure"):
-            exposure = Exposure.ideal(slots, patterns.shape[-2], shown)
+            exposure = Exposure.ideal(slots, images.shape[-2] // self.cells, shown)
             for effect in timed:
                 exposure = effect.expose(exposure)
             shown = exposure.mask(shown)
-        return shown[0] if sequence is None else shown
+        return shown
 
     def form(self, signal: Signal) -> Signal:
         """Optics: the modulated image, in cells if need be, to the image on the sensor's pixels."""

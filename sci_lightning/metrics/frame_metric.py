@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 from torchmetrics import Metric
+
+from sci_lightning.errors import BadInput
 
 
 class FrameMetric(Metric):
@@ -12,6 +16,10 @@ class FrameMetric(Metric):
     is_differentiable = True
     higher_is_better = True
     full_state_update = False
+    smallest = 1
+    """Sides that frames need, in pixels."""
+    convention = ""
+    """What has to be told with its values, in words, where they are printed."""
     total: torch.Tensor
     frames: torch.Tensor
 
@@ -20,16 +28,25 @@ class FrameMetric(Metric):
         self.add_state("total", torch.zeros((), dtype=torch.float64), dist_reduce_fx="sum")
         self.add_state("frames", torch.zeros((), dtype=torch.int64), dist_reduce_fx="sum")
 
-    @staticmethod
-    def score(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    def score(self, estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
         """One value per frame: two ``(..., H, W)`` to ``(...)``."""
         raise NotImplementedError
 
     def update(self, estimate: torch.Tensor, truth: torch.Tensor) -> None:
-        """Add the frames of two ``(..., H, W)`` videos, nominally in [0, 1]."""
+        """Add the frames of two ``(..., H, W)`` videos, nominally in [0, 1].
+
+        Raises:
+            BadInput: the two differ in shape.
+        """
+        if estimate.shape != truth.shape:
+            raise BadInput(f"estimate is {tuple(estimate.shape)} and truth {tuple(truth.shape)}: must be of one shape")
         scores = self.score(estimate, truth)
         self.total += scores.sum()
         self.frames += scores.numel()
 
     def compute(self) -> torch.Tensor:
         return self.total / self.frames
+
+    def plot(self, val: Any = None, ax: Any = None) -> Any:
+        """Figure and axes with the mean so far, or with ``val``, one or more values that calls returned."""
+        return self._plot(val, ax)

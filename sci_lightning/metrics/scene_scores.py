@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 
 import torch
 from torch import nn
-from torchmetrics import MetricCollection
 
 from sci_lightning.metrics.frame_metric import FrameMetric
-from sci_lightning.metrics.psnr import PSNR
-from sci_lightning.metrics.ssim import SSIM
-
-METRICS: Mapping[str, type[FrameMetric]] = {"psnr": PSNR, "ssim": SSIM}
 
 
 class SceneScores(nn.Module):
@@ -20,28 +16,37 @@ class SceneScores(nn.Module):
 
     Args:
         names: of the scenes, in the order of their indices.
-        metrics: by the name they have in ``metrics.json``.
+        metrics: by the name they have in ``metrics.json``; copied.
+        every_n_frames: of metrics that look at one frame in so many, by name.
     """
 
-    def __init__(self, names: Sequence[str], metrics: Mapping[str, type[FrameMetric]] = METRICS) -> None:
+    def __init__(
+        self,
+        names: Sequence[str],
+        metrics: Mapping[str, FrameMetric],
+        every_n_frames: Mapping[str, int] | None = None,
+    ) -> None:
         super().__init__()
         self.names = list(names)
-        self.scores = nn.ModuleList(MetricCollection({key: made() for key, made in metrics.items()}) for _ in names)
+        self.every_n_frames = every_n_frames or {}
+        self.scores = nn.ModuleList(nn.ModuleDict(deepcopy(dict(metrics))) for _ in names)
 
     def update(self, scene: int, estimate: torch.Tensor, truth: torch.Tensor) -> None:
-        """Add the frames of two ``(..., H, W)`` videos of scene number ``scene``."""
-        self._of(scene).update(estimate, truth)
+        """Add the frames of two ``(..., T, H, W)`` videos of scene number ``scene``."""
+        for key, metric in self._of(scene).items():
+            step = min(self.every_n_frames.get(key, 1), truth.shape[-3])
+            metric.update(*(video[..., step // 2 :: step, :, :] for video in (estimate, truth)))
 
     def compute(self) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
         """Scores per scene, ``{scene: {metric: value}}``, and their mean over scenes, ``{metric: value}``."""
         scenes = {
-            name: {key: float(value) for key, value in self._of(scene).compute().items()}
+            name: {key: float(metric.compute()) for key, metric in self._of(scene).items()}
             for scene, name in enumerate(self.names)
         }
         keys = next(iter(scenes.values()), {})
         return scenes, {key: sum(scene[key] for scene in scenes.values()) / len(scenes) for key in keys}
 
-    def _of(self, scene: int) -> MetricCollection:
+    def _of(self, scene: int) -> dict[str, FrameMetric]:
         metrics = self.scores[scene]
-        assert isinstance(metrics, MetricCollection)
-        return metrics
+        assert isinstance(metrics, nn.ModuleDict)
+        return {key: metric for key, metric in metrics.items() if isinstance(metric, FrameMetric)}

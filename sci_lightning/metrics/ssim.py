@@ -57,4 +57,6 @@ def _window_matrix(side: int, device: torch.device) -> torch.Tensor:
 class SSIM(FrameMetric):
     """Mean over frames of :func:`ssim`."""
 
+    smallest = WINDOW
+
     score = staticmethod(ssim)

@@ -15,6 +15,7 @@ from scipy.io import savemat
 from sci_lightning.checkpoint import read_checkpoint
 from sci_lightning.decoder import E2ECNN
 from sci_lightning.errors import BadInput
+from tests.conftest import members
 from tests.end_to_end.test_train import TINY
 from tests.test_configs import clips
 
@@ -23,7 +24,7 @@ Refused = Callable[..., str]
 
 def test_unknown_members_list_the_choices(refused: Refused) -> None:
     line = refused("train", "decoder=res3former")
-    assert "decoder=res3former: no such decoder" in line and "e2e_cnn, res2former, res2former_l" in line
+    assert "decoder=res3former: no such decoder" in line and ", ".join(members("decoder")) in line
     line = refused("train", "encoder=lsw")
     assert "lsw_sr, rbw_osr, rbw_sr, rsw_sr" in line
     assert "mask=solid" in refused("train", "encoder/mask=solid")
@@ -54,6 +55,18 @@ def test_unknown_key(refused: Refused) -> None:
 
 def test_loss(refused: Refused) -> None:
     assert "mse, rmse" in refused("train", *TINY, "system.loss=l1")
+
+
+def test_metrics(refused: Refused) -> None:
+    assert "luma-display, sRGB-display, luminance" in refused("train", *TINY, "metrics.qscore.encoding=sRGB")
+    assert "must be a positive number" in refused("train", *TINY, "metrics.qscore.pixels_per_degree=-1")
+    assert "psnr is missing" in refused("train", *TINY, "metric=[qscore]")
+    assert "psnr is missing" in refused("train", *TINY, "metric=[]")
+    line = refused("train", *TINY, "+metrics.mine._target_=torch.nn.Identity")
+    assert "metrics.mine" in line and "not a FrameMetric" in line
+    line = refused("train", *TINY, "size=[16,40]")
+    assert "size=[16, 40]" in line and "17 x 17" in line and "metrics.qscore=null" in line
+    assert "at least 1" in refused("train", *TINY, "system.val_every_n_frames.qscore=0")
 
 
 def test_masks_that_do_not_fit(refused: Refused, tmp_path: Path) -> None:

@@ -53,10 +53,14 @@ def test_metrics_file(run: Path) -> None:
     assert (found["format"], found["format_version"]) == ("sci-metrics", 1)
     assert (found["encoder"], found["decoder"], found["test_encoder"]) == ("lsw_sr", "e2e_cnn", "lsw_sr")
     assert len(found["scenes"]) == 2
-    for metric in ("psnr", "ssim"):
+    for metric in ("psnr", "ssim", "qscore"):
         values = [scene[metric] for scene in found["scenes"].values()]
         assert found["mean"][metric] == pytest.approx(np.mean(values))
         assert found["baseline"][metric] > 0
+    assert set(found["mean"]) == {"psnr", "ssim", "qscore"}
+    assert found["conventions"]["qscore"].startswith(
+        "Q of HDR-VDP-2.2.2, luma-display, 30 pixels per degree, per frame"
+    )
     assert found["parameters"] > 0 and found["macs"] > 0 and found["seconds_per_measurement"] > 0
     assert found["device"].startswith("cpu")
     assert found["config"]["encoder"]["mask"]["bits"] == 4
@@ -72,9 +76,10 @@ def test_everything_is_where_the_summary_says(run: Path) -> None:
 def test_dashboard(run: Path) -> None:
     board = EventAccumulator(str(run / "tensorboard"), size_guidance={"images": 0}).Reload()
     tags = board.Tags()
-    for scalar in ("train/loss", "train/lr", "train/clips_per_second", "val/psnr", "val/ssim"):
+    for scalar in ("train/loss", "train/lr", "train/clips_per_second", "val/psnr", "val/ssim", "val/qscore"):
         assert scalar in tags["scalars"], tags["scalars"]
-    assert any(tag.startswith("val_psnr/") for tag in tags["scalars"])
+    for metric in ("psnr", "ssim", "qscore"):
+        assert any(tag.startswith(f"val_{metric}/") for tag in tags["scalars"])
     assert "mask" in tags["images"] and any(tag.startswith("scene/") for tag in tags["images"])
     assert len(board.Images("mask")) == 2  # one after each epoch: the mask's evolution
     assert any("hparams" in tag for tag in board.summary_metadata)
@@ -100,11 +105,20 @@ def test_evaluate_with_the_trained_and_with_another_encoder(run: Path, command: 
     assert found["mean"] == pytest.approx(trained["mean"], abs=1e-6)
     assert found["test_encoder"] == "lsw_sr"
 
-    done = command("evaluate", ckpt, "encoder=rbw_sr", *scenes, "out=b")
+    done = command("evaluate", ckpt, "encoder=rbw_sr", *scenes, "metrics.qscore=null", "out=b")
     assert done.returncode == 0, done.stderr
+    assert "Q-Score" not in done.stdout
     other = json.loads((tmp_path / "b" / "metrics.json").read_text())
     assert (other["encoder"], other["test_encoder"]) == ("lsw_sr", "rbw_sr")
     assert other["mean"]["psnr"] < found["mean"]["psnr"]
+    assert "qscore" not in other["mean"] and not other["conventions"]
+
+    convention = ["metric=[psnr,qscore]", "metrics.qscore.encoding=sRGB-display", "metrics.qscore.pixels_per_degree=40"]
+    done = command("evaluate", ckpt, *scenes, *convention, "out=c")
+    assert done.returncode == 0, done.stderr
+    assert "sRGB-display, 40 pixels per degree" in " ".join(done.stdout.split())
+    other = json.loads((tmp_path / "c" / "metrics.json").read_text())
+    assert set(other["mean"]) == {"psnr", "qscore"} and other["mean"]["qscore"] != found["mean"]["qscore"]
 
 
 def test_evaluate_on_the_benchmark(run: Path, command: Command, tmp_path: Path, shared_data: Path) -> None:

@@ -71,11 +71,12 @@ def polynomials(y: torch.Tensor, x: torch.Tensor, degree: int) -> torch.Tensor:
     Args:
         y: ``(H, 1)`` and x ``(1, W)`` from -1 to 1.
     """
-    down, across = _legendre(y, degree), _legendre(x, degree)
+    down, across = legendre(y, degree), legendre(x, degree)
     return torch.stack([down[i] * across[total - i] for total in range(degree + 1) for i in range(total + 1)])
 
 
-def _legendre(x: torch.Tensor, degree: int) -> list[torch.Tensor]:
+def legendre(x: torch.Tensor, degree: int) -> list[torch.Tensor]:
+    """Legendre polynomials of degree 0 to ``degree``, on [-1, 1]."""
     found = [torch.ones_like(x), x]
     for n in range(1, degree):
         found.append(((2 * n + 1) * x * found[n] - n * found[n - 1]) / (n + 1))

@@ -1,31 +1,38 @@
-"""Source power: the light differs from capture to capture."""
+"""Source power: the light drifts from capture to capture."""
 
 from __future__ import annotations
 
+from typing import ClassVar
+
+import torch
+
 from sci_lightning.encoder.effects.parameter import Parameter
-from sci_lightning.encoder.empirical.empirical import Empirical
+from sci_lightning.encoder.empirical.empirical import Empirical, legendre
 from sci_lightning.encoder.signal import Signal
 
 
 class SourcePower(Empirical):
-    """Capture n receives 1 + c_n times its light. It belongs to a set of captures, not to the camera.
+    """Captures receive 1 + a polynomial of their turn times their light: a matter of the captures, not of the camera.
 
     Args:
-        count: N.
-        values: c.
+        count: 3, for Legendre polynomials of degree 1 to 3.
+        values: their factors.
     """
 
     name = "source_power"
     stage = "exposure"
     rank = 34
-    where = "captures as a whole receive more or less light than others"
+    where = "the light drifts from capture to capture"
     number = Parameter("1", 0.0, -1, 4, step=0.005)
+    turns: ClassVar[torch.Tensor | None] = None
+    """``(N,)`` of the captures, -1 for the first and 1 for the last; None: nothing is known of captures."""
 
     @classmethod
     def numbers(cls, captures: int, frames: int) -> int:
-        return captures
+        return min(3, captures - 1)
 
     def form(self, signal: Signal) -> Signal:
-        if len(signal.mean) != self.count:
+        if self.turns is None or len(self.turns) != len(signal.mean):
             return signal
-        return signal.with_mean(signal.mean * (1 + self.coefficients.to(signal.mean))[:, None, None])
+        basis = torch.stack(legendre(self.turns.to(signal.mean), 3)[1 : self.count + 1])
+        return signal.with_mean(signal.mean * (1 + self.coefficients.to(signal.mean) @ basis)[:, None, None])

@@ -1,0 +1,56 @@
+"""ADMM-net: the alternating direction method of multipliers, unfolded, with a U-net as the prior of every stage."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import nn
+
+from sci_lightning.decoder.data_step import data_step
+from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.initial_estimate import mask_total
+from sci_lightning.decoder.unet import UNet
+
+
+class ADMMNet(Decoder):
+    """Stage k, from theta = M * y and b = 0: x = data step of theta + b, theta = U-net of x - b, b = b - (x - theta).
+
+    The data step's weight has a learned gamma_k added, which starts from 0. T is fixed at construction; any H x W.
+    Every stage's theta is given to the loss. Sides are replicated to a multiple of 4 inside.
+
+    Args:
+        frames: T.
+        stages: number of stages (9 as published).
+        channels: widths of the U-nets at full, half and quarter resolution (32, 64, 128 as published).
+        squared: the data step divides by the sum of M squared + gamma_k, the exact minimiser; False: by the sum of M +
+            gamma_k, as published, which is the same for binary masks only.
+
+    Parameters: 4,213,809 with the defaults at T = 8.
+    Source: Ma, Liu, Shou and Yuan, "Deep tensor ADMM-Net for snapshot compressive imaging", ICCV 2019, in the form of
+    the public code mengziyi64/ADMM-net.
+    """
+
+    multiple = 4
+
+    def __init__(
+        self, frames: int, stages: int = 9, channels: Sequence[int] = (32, 64, 128), squared: bool = True
+    ) -> None:
+        super().__init__()
+        self.frames = frames
+        self.squared = squared
+        for stage in range(1, stages + 1):
+            self.add_module(f"unet{stage}", UNet(frames, channels))
+            self.register_parameter(f"gamma{stage}", nn.Parameter(torch.zeros(1)))
+
+    def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
+        weight = mask_total(mask, self.squared)
+        theta = mask * measurement.unsqueeze(1)
+        b = torch.zeros_like(theta)
+        estimates = []
+        for unet, gamma in zip(self.children(), self.parameters(recurse=False), strict=True):
+            x = data_step(theta + b, measurement, mask, weight + gamma)
+            theta = unet(x - b)
+            b = b - (x - theta)
+            estimates.append(theta)
+        return estimates

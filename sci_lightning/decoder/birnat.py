@@ -1,0 +1,232 @@
+"""BIRNAT: a first frame, then one frame after the other by a forward and a backward recurrence."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+
+import torch
+from torch import nn
+
+from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.initial_estimate import mean_frame
+from sci_lightning.decoder.named_block import named_block
+from sci_lightning.errors import BadInput
+
+
+class ResidualPart(nn.Module):
+    """Three residual steps x + [3x3, LeakyReLU, 1x1, LeakyReLU, 3x3](x), ``(N, C, H, W)`` to the same."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        for step in (1, 2, 3):
+            layers = nn.Sequential(
+                nn.Conv2d(channels, channels, 3, padding=1),
+                nn.LeakyReLU(inplace=True),
+                nn.Conv2d(channels, channels, 1),
+                nn.LeakyReLU(inplace=True),
+                nn.Conv2d(channels, channels, 3, padding=1),
+            )
+            self.add_module(f"conv{step}", layers)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        for layers in self.children():
+            x = x + layers(x)
+        return x
+
+
+class PositionAttention(nn.Module):
+    """x + gain * conv(mix of all positions' values), ``(N, C, H, W)`` to the same; the gain starts from 0.
+
+    As published, the weights from one position to all others add up to 1, not those to one position from all others:
+    so this is not what ``scaled_dot_product_attention`` computes. Rows of weights are taken a block at a time, since
+    all of them are (HW)^2 values.
+    """
+
+    block = 2**20
+    """Weights held at once, per snapshot."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.gamma1 = nn.Parameter(torch.zeros(1))
+        self.conv1 = nn.Conv2d(channels, channels // 8, 1)
+        self.conv2 = nn.Conv2d(channels, channels // 8, 1)
+        self.conv3 = nn.Conv2d(channels, channels, 1)
+        self.conv4 = nn.Conv2d(channels, channels, 1)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        rows = max(1, self.block // x[0, 0].numel())
+        targets = self.conv2(x).flatten(2)
+        mixed = torch.zeros_like(x).flatten(2)
+        for sources, values in zip(
+            self.conv1(x).flatten(2).split(rows, -1), self.conv3(x).flatten(2).split(rows, -1), strict=True
+        ):
+            mixed = torch.baddbmm(mixed, values, torch.softmax(sources.transpose(1, 2) @ targets, dim=-1))
+        return x + self.gamma1 * self.conv4(mixed.view_as(x))
+
+
+class FirstFrame(nn.Sequential):
+    """[m, M * m] to the first frame, ``(N, 1 + T, H, W)`` to ``(N, 1, H, W)``; layers have their published names."""
+
+    def __init__(self, inputs: int, channels: int) -> None:
+        half, quarter, eighth = channels // 2, channels // 4, channels // 8
+        layers = OrderedDict(
+            conv1=nn.Conv2d(inputs, quarter, 5, padding=2),
+            relu1=nn.LeakyReLU(inplace=True),
+            conv2=nn.Conv2d(quarter, half, 3, padding=1),
+            relu2=nn.LeakyReLU(inplace=True),
+            conv3=nn.Conv2d(half, half, 1),
+            relu3=nn.LeakyReLU(inplace=True),
+            conv4=nn.Conv2d(half, channels, 3, stride=2, padding=1),
+            relu4=nn.LeakyReLU(inplace=True),
+            res_part1=ResidualPart(channels),
+            conv7=nn.Conv2d(channels, channels, 3, padding=1),
+            relu7=nn.LeakyReLU(inplace=True),
+            conv8=nn.Conv2d(channels, channels, 1),
+            res_part2=ResidualPart(channels),
+            conv9=nn.Conv2d(channels, channels, 3, padding=1),
+            relu9=nn.LeakyReLU(inplace=True),
+            conv10=nn.Conv2d(channels, channels, 1),
+            res_part3=ResidualPart(channels),
+            att1=PositionAttention(channels),
+            conv5=nn.ConvTranspose2d(channels, half, 3, stride=2, padding=1, output_padding=1),
+            relu5=nn.LeakyReLU(inplace=True),
+            conv51=nn.Conv2d(half, quarter, 3, padding=1),
+            relu51=nn.LeakyReLU(inplace=True),
+            conv52=nn.Conv2d(quarter, eighth, 1),
+            relu52=nn.LeakyReLU(inplace=True),
+            conv6=nn.Conv2d(eighth, 1, 3, padding=1),
+        )
+        super().__init__(layers)
+
+
+class Recurrence(nn.Module):
+    """From the first frame of an order of slots, the others one by one.
+
+    Args:
+        hidden: width of the state, and of the features of the frame before; those of the measurement have half of it.
+
+    Convolutions that follow each other without an activation are as published.
+    """
+
+    def __init__(self, hidden: int) -> None:
+        super().__init__()
+        half = hidden // 2
+        width = 5 * half
+        self.extract_feature1 = named_block(
+            "conv",
+            nn.Conv2d(1, hidden, 5, padding=2),
+            nn.Conv2d(hidden, hidden, 1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(hidden, hidden, 3, padding=1),
+            nn.Conv2d(hidden, 2 * hidden, 1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(2 * hidden, hidden, 3, padding=1),
+        )
+        self.up_feature1 = named_block(
+            "conv",
+            nn.Conv2d(width, 2 * hidden, 3, padding=1),
+            nn.Conv2d(2 * hidden, 3 * half, 1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(3 * half, hidden, 3, padding=1),
+            nn.Conv2d(hidden, hidden, 1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(hidden, hidden, 3, padding=1),
+            nn.Conv2d(hidden, 1, 1),
+        )
+        self.conv_x = nn.Sequential(
+            nn.Conv2d(2, hidden, 5, padding=2),
+            nn.Conv2d(hidden, hidden, 1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(hidden, 4 * hidden, 3, stride=2, padding=1),
+            nn.Conv2d(4 * hidden, 2 * hidden, 1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(2 * hidden, 2 * hidden, 3, padding=1),
+            nn.LeakyReLU(inplace=True),
+            nn.ConvTranspose2d(2 * hidden, half, 3, stride=2, padding=1, output_padding=1),
+        )
+        self.h_h = nn.Sequential(
+            nn.Conv2d(width, 3 * half, 3, padding=1),
+            nn.Conv2d(3 * half, hidden, 1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(hidden, hidden, 3, padding=1),
+        )
+        self.res_part1 = ResidualPart(width)
+        self.res_part2 = ResidualPart(width)
+
+    def forward(
+        self,
+        frame: torch.Tensor,
+        state: torch.Tensor,
+        measurement: torch.Tensor,
+        mean: torch.Tensor,
+        mask: torch.Tensor,
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """The video in the mask's order of slots, ``(N, T, H, W)``, and the last state.
+
+        Args:
+            frame: estimate of the first slot, ``(N, 1, H, W)``.
+            state: ``(N, hidden, H, W)``.
+            measurement, mean: y and y / sum of M, ``(N, H, W)``.
+            mask: ``(T, H, W)``.
+        """
+        frames = [frame]
+        unexplained = measurement
+        for slot in range(1, len(mask)):
+            # this slot's share of the measurement: known frames are taken off it, those to come count as the mean
+            unexplained = unexplained - mask[slot - 1] * frame[:, 0]
+            share = unexplained - mask[slot + 1 :].sum(0) * mean
+            measured = self.conv_x(channels_last(torch.stack([mean, share], dim=1)))
+            features = torch.cat([state, measured, self.extract_feature1(frame)], dim=1)
+            features = self.res_part2(self.res_part1(channels_last(features)))
+            state = self.h_h(features)
+            frame = self.up_feature1(features)
+            frames.append(frame)
+        return torch.cat(frames, dim=1), state
+
+
+class BIRNAT(Decoder):
+    """The first frame by a network with attention over all positions, the rest by two recurrences.
+
+    The forward recurrence runs from the first frame to the last, the backward one from there to the first again, with
+    weights of its own and the state that the forward one left. Both videos are given to the loss; the backward one is
+    the estimate. T is fixed at construction; any H x W: odd sides are replicated to an even one inside. The attention's
+    cost grows with the square of the number of pixels.
+
+    Args:
+        frames: T.
+        channels: width of the first-frame network at half resolution, a multiple of 8 (128 as published).
+        hidden: width of the recurrent state, even (20 as published).
+
+    Raises:
+        BadInput: widths that do not divide.
+
+    Parameters: 4,131,640 with the defaults at T = 8.
+    Source: Cheng, Lu, Wang, Zhang, Chen, Meng and Yuan, "BIRNAT: bidirectional recurrent neural networks with
+    adversarial training for video snapshot compressive imaging", ECCV 2020.
+    """
+
+    multiple = 2
+
+    def __init__(self, frames: int, channels: int = 128, hidden: int = 20) -> None:
+        super().__init__()
+        if channels % 8 or hidden % 2:
+            raise BadInput(f"BIRNAT: channels={channels} must be a multiple of 8 and hidden={hidden} of 2")
+        self.frames = frames
+        self.hidden = hidden
+        self.first_frame_net = FirstFrame(1 + frames, channels)
+        self.forward_rnn = Recurrence(hidden)
+        self.backrnn = Recurrence(hidden)
+
+    def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
+        mean = mean_frame(measurement, mask)
+        modulated = mask * mean.unsqueeze(1)
+        first = self.first_frame_net(channels_last(torch.cat([mean.unsqueeze(1), modulated], dim=1)))
+        state = modulated.new_zeros(len(modulated), self.hidden, *mask.shape[1:])
+        there, state = self.forward_rnn(first, state, measurement, mean, mask)
+        back, _ = self.backrnn(there[:, -1:], state, measurement, mean, mask.flip(0))
+        return [there, back.flip(1)]
+
+
+def channels_last(x: torch.Tensor) -> torch.Tensor:
+    """The layout in which CPU and GPU convolutions run fastest, and which they hand on."""
+    return x.contiguous(memory_format=torch.channels_last)

@@ -1,0 +1,164 @@
+"""ELP-Unfolding: an augmented Lagrangian, unfolded, first with one prior and then with an ensemble of them."""
+
+from __future__ import annotations
+
+import torch
+from torch import nn
+
+from sci_lightning.decoder.data_step import data_step, snapshot
+from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.initial_estimate import mask_total, mean_frame
+from sci_lightning.decoder.named_block import named_block
+from sci_lightning.errors import BadInput
+
+Features = list[torch.Tensor]
+
+
+def conv(inputs: int, outputs: int, stride: int = 1) -> nn.Conv2d:
+    return nn.Conv2d(inputs, outputs, 3, stride=stride, padding=1, bias=False)
+
+
+def pair(inputs: int, inner: int, outputs: int) -> nn.Sequential:
+    """Twice 3x3 and ReLU."""
+    return named_block(
+        "convblock", conv(inputs, inner), nn.ReLU(inplace=True), conv(inner, outputs), nn.ReLU(inplace=True)
+    )
+
+
+def down(inputs: int, outputs: int) -> nn.Sequential:
+    """To half of H and W."""
+    return named_block(
+        "convblock", conv(inputs, outputs, stride=2), nn.ReLU(inplace=True), pair(outputs, outputs, outputs)
+    )
+
+
+def up(inputs: int, outputs: int) -> nn.Sequential:
+    """To twice H and W."""
+    return named_block("convblock", pair(inputs, inputs, inputs), conv(inputs, 4 * outputs), nn.PixelShuffle(2))
+
+
+class UNet(nn.Module):
+    """The prior's network, which also sees what the networks before it saw: video ``(N, T, H, W)`` to the same.
+
+    Each of its five maps of features is joined by the sum of the same map over all networks before.
+
+    Args:
+        frames: T.
+        channels: C, width at quarter resolution; C/2 at half, C/4 at full.
+        first: no networks before.
+    """
+
+    def __init__(self, frames: int, channels: int, first: bool) -> None:
+        super().__init__()
+        full, half, sources = channels // 4, channels // 2, 1 if first else 2
+        self.inc = pair(frames + 2, channels, full)
+        self.downc0 = down(sources * full, half)
+        self.downc1 = down(sources * half, channels)
+        self.upc2 = up(sources * channels, half)
+        self.upc1 = up(sources * half, full)
+        self.outc = named_block(
+            "convblock", conv(sources * full, sources * full), nn.ReLU(inplace=True), conv(sources * full, frames)
+        )
+
+    def forward(
+        self, video: torch.Tensor, gamma2: torch.Tensor, mean: torch.Tensor, before: Features
+    ) -> tuple[torch.Tensor, Features]:
+        """The video improved, and the sums of features including this network's.
+
+        Args:
+            gamma2: one value, given to the network as a constant map.
+            mean: y / sum of M, ``(N, 1, H, W)``.
+            before: sums of features over the networks before; empty for the first.
+        """
+        inputs = torch.cat([video, gamma2.expand_as(mean), mean], dim=1)
+        full = self.inc(inputs)  # not channels-last: on a CPU these many weights would be re-ordered in every call
+        half = self.downc0(torch.cat([full, *before[0:1]], dim=1))
+        quarter = self.downc1(torch.cat([half, *before[1:2]], dim=1))
+        up_half = self.upc2(torch.cat([quarter, *before[2:3]], dim=1))
+        up_full = self.upc1(torch.cat([up_half + half, *before[3:4]], dim=1))
+        change = self.outc(torch.cat([up_full + full, *before[4:5]], dim=1))
+        features = [full, half, quarter, up_half, up_full]
+        if before:
+            features = [new + old for new, old in zip(features, before, strict=True)]
+        return video + change, features
+
+
+class Iteration(nn.Module):
+    """A network and its penalties gamma1 (of the measurement) and gamma2 (of the prior)."""
+
+    def __init__(self, frames: int, channels: int, first: bool) -> None:
+        super().__init__()
+        self.gamma1 = nn.Parameter(torch.ones(1))
+        self.gamma2 = nn.Parameter(torch.ones(1))
+        self.visualtransformer = UNet(frames, channels, first)
+
+
+class ELPUnfolding(Decoder):
+    """Eight iterations with one prior, then five with an ensemble: 13 networks. T is fixed at construction; any H x W.
+
+    Each iteration, with multipliers l1 (of the measurement) and l2 (of the prior), both from 0, and v from ones:
+    v = U-net(x - l2 / gamma2), l1 = l1 - gamma1 (y - sum of M x), l2 = l2 - gamma2 (x - v), then x = data step, with
+    weight R + G / gamma1, of (sum of l2 + gamma2 v - M l1) / G, where G = sum of gamma2 and both sums run over the
+    priors combined. The ensemble of n priors is the newest and the n - 1 first ones, which keep their v, l2 and gamma2;
+    the newest goes on from the l2 of the one before it, and gamma1 stays that of the eighth iteration. Every x is given
+    to the loss. Sides are replicated to a multiple of 4 inside.
+
+    Args:
+        frames: T.
+        channels: C, width at quarter resolution, a multiple of 4 (512 as published).
+        iterations: of the first prior (8 as published).
+        priors: 1 + number of ensembles (6 as published).
+        squared: R is the sum of M squared, the exact minimiser, as the authors have it; False: the sum of M, as the
+            cacti toolbox has it, which is the same for binary masks only.
+
+    Raises:
+        BadInput: a width that does not divide.
+
+    Parameters: 565,733,402 with the defaults at T = 8, of which 5 are unused as published.
+    Source: Yang, Zhang and Yuan, "Ensemble learning priors driven deep unfolding for scalable video snapshot
+    compressive imaging", ECCV 2022.
+    """
+
+    multiple = 4
+
+    def __init__(
+        self, frames: int, channels: int = 512, iterations: int = 8, priors: int = 6, squared: bool = True
+    ) -> None:
+        super().__init__()
+        if channels % 4:
+            raise BadInput(f"ELP-Unfolding: channels={channels} must be a multiple of 4")
+        self.frames = frames
+        self.squared = squared
+        alone = [Iteration(frames, channels, first=number == 0) for number in range(iterations)]
+        ensembles = [Iteration(frames, channels, first=False) for _ in range(1, priors)]
+        for iteration in ensembles:
+            iteration.gamma1.requires_grad_(False)
+        self.all = nn.ModuleList(
+            nn.ModuleDict({"AL": nn.ModuleList(newest)}) for newest in (alone, *([each] for each in ensembles))
+        )
+
+    def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
+        weight = mask_total(mask, self.squared)
+        mean = mean_frame(measurement, mask).unsqueeze(1)
+        priors = [[each for each in prior.modules() if isinstance(each, Iteration)] for prior in self.all]
+        ones = torch.ones_like(mask).expand(len(measurement), -1, -1, -1)
+        x = data_step(ones, measurement, mask, weight + priors[0][0].gamma2 / priors[0][0].gamma1)
+        l1, l2 = torch.zeros_like(measurement), torch.zeros_like(x)
+        features: Features = []
+        kept: list[tuple[torch.Tensor, torch.Tensor]] = []  # (gamma2, l2 + gamma2 v) of every prior that is done
+        estimates = []
+        for iterations in priors:
+            for iteration in iterations:
+                gamma1 = iteration.gamma1 if iterations is priors[0] else priors[0][-1].gamma1
+                gamma2 = iteration.gamma2
+                v, features = iteration.visualtransformer(x - l2 / gamma2, gamma2, mean, features)
+                l1 = l1 - gamma1 * (measurement - snapshot(x, mask))
+                l2 = l2 - gamma2 * (x - v)
+                newest = (gamma2, l2 + gamma2 * v)
+                gammas, pulls = zip(*kept[:-1], newest, strict=True)
+                total = sum(gammas)
+                x = (sum(pulls) - mask * l1.unsqueeze(1)) / total
+                x = data_step(x, measurement, mask, weight + total / gamma1)
+                estimates.append(x)
+            kept.append(newest)
+        return estimates

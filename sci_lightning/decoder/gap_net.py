@@ -1,0 +1,49 @@
+"""GAP-net: generalised alternating projection, unfolded, with a U-net as the prior of every stage."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+
+from sci_lightning.decoder.data_step import data_step
+from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.initial_estimate import mask_total
+from sci_lightning.decoder.unet import UNet
+
+
+class GAPNet(Decoder):
+    """From x = M * y on, every stage takes a data step and then its own U-net. T is fixed at construction; any H x W.
+
+    Every stage's estimate is given to the loss. Sides are replicated to a multiple of 4 inside.
+
+    Args:
+        frames: T.
+        stages: number of stages (12 as published).
+        channels: widths of the U-nets at full, half and quarter resolution (32, 64, 128 as published).
+        squared: the data step divides by the sum of M squared, the exact projection; False: by the sum of M, as
+            published, which is the same for binary masks only.
+
+    Parameters: 5,618,400 with the defaults at T = 8.
+    Source: Meng, Jalali and Yuan, "GAP-net for snapshot compressive imaging", 2020 (arXiv 2012.08364).
+    """
+
+    multiple = 4
+
+    def __init__(
+        self, frames: int, stages: int = 12, channels: Sequence[int] = (32, 64, 128), squared: bool = True
+    ) -> None:
+        super().__init__()
+        self.frames = frames
+        self.squared = squared
+        for stage in range(1, stages + 1):
+            self.add_module(f"unet{stage}", UNet(frames, channels))
+
+    def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
+        weight = mask_total(mask, self.squared)
+        video = mask * measurement.unsqueeze(1)
+        estimates = []
+        for unet in self.children():
+            video = unet(data_step(video, measurement, mask, weight))
+            estimates.append(video)
+        return estimates

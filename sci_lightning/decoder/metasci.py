@@ -1,0 +1,81 @@
+"""MetaSCI: a two-dimensional residual network, of which each mask has a version adapted from common weights."""
+
+from __future__ import annotations
+
+import torch
+from torch import nn
+
+from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.initial_estimate import mean_frame
+
+
+class ResidualBlock(nn.Module):
+    """t = x + conv1(x), then conv2(t) without a second addition, ``(N, C, H, W)`` to the same."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.conv1 = nn.Sequential(
+            nn.Conv2d(channels, channels, 3, padding=1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(channels, channels, 1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(channels, channels, 3, padding=1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(channels, channels, 3, padding=1),
+        )
+        self.conv2 = nn.Sequential(
+            nn.Conv2d(channels, channels, 3, padding=1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(channels, channels, 1),
+            nn.LeakyReLU(inplace=True),
+        )
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return self.conv2(x + self.conv1(x))
+
+
+class MetaSCI(Decoder):
+    """Frames as channels, residual blocks at half resolution, input m + M * m with m = y / sum of M.
+
+    T is fixed at construction; any H x W: of odd sides, the row or column that the up-sampling has too many is cut off.
+
+    Args:
+        frames: T.
+        channels: width C at half resolution, a multiple of 8 (128 as published).
+        blocks: residual blocks (3 as published).
+
+    Parameters: 2,066,968 with the defaults at T = 8.
+    Source: Wang, Zhang, Liu, Chen and Yuan, "MetaSCI: scalable and adaptive reconstruction for video compressive
+    sensing", CVPR 2021, in the form of the cacti toolbox: without the modulation that adapts it to a new mask.
+    """
+
+    def __init__(self, frames: int, channels: int = 128, blocks: int = 3) -> None:
+        super().__init__()
+        self.frames = frames
+        half, quarter, eighth = channels // 2, channels // 4, channels // 8
+        self.conv1 = nn.Sequential(
+            nn.Conv2d(frames, quarter, 5, padding=2),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(quarter, half, 3, padding=1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(half, half, 1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(half, channels, 3, stride=2, padding=1),
+            nn.LeakyReLU(inplace=True),
+        )
+        self.layers = nn.Sequential(*(ResidualBlock(channels) for _ in range(blocks)))
+        self.conv2 = nn.Sequential(
+            nn.ConvTranspose2d(channels, half, 3, stride=2, padding=1, output_padding=1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(half, quarter, 3, padding=1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(quarter, eighth, 1),
+            nn.LeakyReLU(inplace=True),
+            nn.Conv2d(eighth, frames, 3, padding=1),
+        )
+
+    def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        estimate = mean_frame(measurement, mask).unsqueeze(1) * (1 + mask)
+        # channels-last is the layout in which CPU and GPU convolutions run fastest
+        features = self.conv1(estimate.contiguous(memory_format=torch.channels_last))
+        return self.conv2(self.layers(features))

@@ -1,0 +1,171 @@
+"""SCI3D (DUN-3DUnet): half-quadratic splitting, unfolded, with dense feature maps between its 3-D U-nets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from sci_lightning.decoder.data_step import data_step, snapshot
+from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.initial_estimate import mask_total
+from sci_lightning.decoder.named_block import named_block
+
+Maps = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
+
+
+def conv(inputs: int, outputs: int, stride: int = 1, groups: int = 1) -> nn.Conv3d:
+    """A 3x3x3 convolution that keeps T and divides H and W by ``stride``."""
+    return nn.Conv3d(inputs, outputs, 3, stride=(1, stride, stride), padding=1, groups=groups)
+
+
+class ResidualPair(nn.Module):
+    """x + conv(ReLU(conv(x))), ``(N, C, T, H, W)`` to the same."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.convblock = nn.Sequential(conv(channels, channels), nn.ReLU(inplace=True), conv(channels, channels))
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return x + self.convblock(x)
+
+
+def down(inputs: int, outputs: int) -> nn.Sequential:
+    """To half of H and W."""
+    return named_block("convblock", conv(inputs, outputs, stride=2), nn.ReLU(inplace=True), ResidualPair(outputs))
+
+
+def up(inputs: int, outputs: int) -> nn.Sequential:
+    """To twice H and W, nearest."""
+    return named_block(
+        "convblock", ResidualPair(inputs), conv(inputs, outputs), up=nn.Upsample(scale_factor=(1.0, 2.0, 2.0))
+    )
+
+
+class Phase(nn.Module):
+    """A data step's eta and the 3-D U-net after it, which also takes the feature maps of the phase before.
+
+    Args:
+        channels: widths at full, half and quarter resolution.
+        inner: channels that each input has in the first, grouped convolution.
+        first: no phase before; its generators of gates exist, as published, but are not used and not trained.
+    """
+
+    def __init__(self, channels: Sequence[int], inner: int, first: bool) -> None:
+        super().__init__()
+        full, half, quarter = channels
+        sources = 1 if first else 2
+        self.eta_step = nn.Parameter(torch.full((1,), 0.01))
+        self.inc = named_block(
+            "convblock",
+            conv(2, 2 * inner, groups=2),
+            nn.ReLU(inplace=True),
+            conv(2 * inner, full),
+            nn.ReLU(inplace=True),
+        )
+        self.downc0 = down(full, half)
+        self.downc1 = down(half, quarter)
+        self.upc2 = up(sources * quarter, half)
+        self.upc1 = up(sources * half, full)
+        self.outc = named_block(
+            "convblock", conv(sources * full, sources * full), nn.ReLU(inplace=True), conv(sources * full, 1)
+        )
+        self.generate_kernel1 = nn.Conv2d(1, 9 * quarter, 5, stride=4, padding=1, bias=False)
+        self.generate_kernel2 = nn.Conv2d(1, 9 * half, 3, stride=2, padding=1, bias=False)
+        self.generate_kernel3 = nn.Conv2d(1, 9 * full, 3, padding=1, bias=False)
+        if first:
+            for generator in (self.generate_kernel1, self.generate_kernel2, self.generate_kernel3):
+                generator.requires_grad_(False)
+
+    def forward(
+        self,
+        video: torch.Tensor,
+        measurement: torch.Tensor,
+        mask: torch.Tensor,
+        weight: torch.Tensor,
+        guide: torch.Tensor,
+        before: Maps | None,
+    ) -> tuple[torch.Tensor, Maps]:
+        """The video ``(N, T, H, W)`` improved, and the feature maps for the next phase.
+
+        Args:
+            measurement: r, ``(N, H, W)``, which the data step draws the video to.
+            weight: Q, ``(H, W)``.
+            guide: y / Q, ``(N, 1, H, W)``.
+            before: maps of the phase before at quarter, half and full resolution; None in the first.
+        """
+        old_quarter, old_half, old_full = before or (None, None, None)
+        video = data_step(video, measurement, mask, weight + self.eta_step)
+        inputs = torch.stack([video, guide.expand_as(video)], dim=1)
+        # channels-last is the layout in which CPU and GPU convolutions run fastest
+        full = self.inc(inputs.contiguous(memory_format=torch.channels_last_3d))
+        half = self.downc0(full)
+        quarter = self.downc1(half)
+        up_half = self.upc2(join(quarter, old_quarter, self.generate_kernel1, guide))
+        up_full = self.upc1(join(half + up_half, old_half, self.generate_kernel2, guide))
+        change = self.outc(join(full + up_full, old_full, self.generate_kernel3, guide))
+        return video + change[:, 0], (quarter, up_half, up_full)
+
+
+def join(features: torch.Tensor, old: torch.Tensor | None, generate: nn.Module, guide: torch.Tensor) -> torch.Tensor:
+    """Features and, where there is a phase before, its map ``old`` gated by the kernels that ``generate`` makes."""
+    if old is None:
+        return features
+    return torch.cat([features, gated(old, F.relu(generate(guide)))], dim=1)
+
+
+def gated(features: torch.Tensor, kernels: torch.Tensor) -> torch.Tensor:
+    """Features ``(N, C, T, H, W)`` times the sigmoid of their product with a 3x3 kernel of each pixel and channel.
+
+    Args:
+        kernels: ``(N, 9 C, H, W)``, the nine taps of a channel in a row; the same for all frames.
+    """
+    height, width = features.shape[-2:]
+    taps = kernels.unflatten(1, (-1, 9)).unsqueeze(3).unbind(2)
+    padded = F.pad(features, (1, 1, 1, 1))
+    similarity = torch.zeros_like(features)
+    for number, tap in enumerate(taps):  # summed in place: no copies of the neighbourhoods
+        row, column = divmod(number, 3)
+        similarity.addcmul_(tap, padded[..., row : row + height, column : column + width])
+    return features * torch.sigmoid(similarity)
+
+
+class SCI3D(Decoder):
+    """Phases of a data step and a U-net that also sees the features of the U-net before. Any T, any H x W.
+
+    A phase, from v = M * y and r = 0: r = r + y - sum of M v, v = data step of v towards r with weight Q + eta, then
+    v = v + U-net(v, y / Q), where Q is the sum of M squared. The U-net hands its feature maps to the next one, which
+    gates them by kernels made from y / Q. Every phase's v is given to the loss. Sides are replicated to a multiple of 4
+    inside.
+
+    Args:
+        phases: number of phases (10 as published).
+        channels: widths at full, half and quarter resolution (32, 64, 128 as published).
+        inner: channels of each of the two inputs after the first convolution (30 as published).
+
+    Parameters: 61,951,477 with the defaults, of which 36,577 are unused as published.
+    Source: Wu, Zhang and Mou, "Dense deep unfolding network with 3D-CNN prior for snapshot compressive imaging",
+    ICCV 2021.
+    """
+
+    multiple = 4
+
+    def __init__(self, phases: int = 10, channels: Sequence[int] = (32, 64, 128), inner: int = 30) -> None:
+        super().__init__()
+        self.Phi_scale = nn.Parameter(torch.full((1,), 0.01), requires_grad=False)  # unused, as published
+        self.fcs = nn.ModuleList(Phase(channels, inner, first=number == 0) for number in range(phases))
+
+    def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
+        weight = mask_total(mask, squared=True)
+        guide = (measurement / weight).unsqueeze(1)
+        video = mask * measurement.unsqueeze(1)
+        residual = torch.zeros_like(measurement)
+        maps: Maps | None = None
+        estimates = []
+        for phase in self.fcs:
+            residual = residual + (measurement - snapshot(video, mask))
+            video, maps = phase(video, residual, mask, weight, guide, maps)
+            estimates.append(video)
+        return estimates

@@ -1,0 +1,11 @@
+"""Where captures and model disagree: questions to the residuals, each with a p-value and a picture, one a file.
+
+Residuals are standard normal and independent when the model is right. Every test below has a null distribution that
+follows from this alone. Parameters that were fitted to the same pixels can only take structure out of the residuals,
+so that p-values err on the safe side: a matched model is called significant less often than stated.
+"""
+
+from sci_lightning.diagnosis.residual_tests.residual_test import SIGNIFICANT, Answer, Picture, ResidualTest
+from sci_lightning.diagnosis.residual_tests.residuals import Residuals
+
+__all__ = ["SIGNIFICANT", "Answer", "Picture", "ResidualTest", "Residuals"]

@@ -1,0 +1,51 @@
+"""Are there codes that the converter never gives?"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+
+from sci_lightning.diagnosis.residual_tests.residual_test import Answer, Picture
+from sci_lightning.diagnosis.residual_tests.residuals import Residuals
+
+REACH = 64
+"""Codes to either side within which one that occurs must lie, for a code between to be missed."""
+DRAWS = 4
+"""Times that the captures are drawn from the model, to see how often it gives a code."""
+
+
+def codes(residuals: Residuals) -> Answer:
+    """Codes of the raw captures that never occur though the model gives them and codes to either side do occur.
+
+    A code is missed as often as the model gives it or, if that is less, half as often as the rarer of its nearest
+    neighbours occurs: a wrong mean alone leaves no code missing. How often a code occurs is Poisson-distributed.
+    """
+    seen = residuals.seen
+    full = seen.full_scale
+    found = torch.bincount(seen.dn.flatten().long(), minlength=full + 1).double()
+    missing = found == 0
+    index = torch.arange(full + 1)
+    below = torch.where(missing, -REACH - 1, index).cummax(0).values
+    above = torch.where(missing, full + REACH + 1, index).flip(0).cummin(0).values.flip(0)
+    between = (missing & (index - below <= REACH) & (above - index <= REACH)).nonzero()[:, 0]
+    neighbours = torch.minimum(found[below[between]], found[above[between]]) / 2
+    missed = torch.minimum(_drawn(residuals)[between], neighbours)
+    statistic = float(missed.max()) if len(missed) else 0.0
+    shown = int((~missing).nonzero().max()) + 1
+    picture = Picture(
+        "curve", found[:shown], unit="pixels", x=tuple(float(n) for n in range(shown)), axes=("code (DN)",)
+    )
+    return Answer(statistic, min(1.0, (full + 1) * math.exp(-min(statistic, 600.0))), 0.0, picture)
+
+
+def _drawn(residuals: Residuals) -> torch.Tensor:
+    """How many pixels of every code the model gives, of all codes that the file's bit depth has."""
+    full, prediction = residuals.seen.full_scale, residuals.prediction
+    random = torch.Generator().manual_seed(residuals.seed)
+    count = torch.zeros(full + 1, dtype=torch.float64)
+    for _ in range(DRAWS):
+        noise = torch.randn(prediction.mean.shape, generator=random)
+        drawn = (prediction.mean + prediction.deviation * noise).round().clamp(0, full).long()
+        count += torch.bincount(drawn.flatten(), minlength=full + 1)
+    return count / DRAWS

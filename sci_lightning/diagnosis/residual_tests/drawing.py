@@ -1,0 +1,86 @@
+"""Pictures of residual tests on axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from matplotlib.axes import Axes
+from matplotlib.figure import FigureBase
+from matplotlib.image import AxesImage
+
+from sci_lightning.diagnosis.residual_tests.residual_test import Picture
+
+LABELS = 18
+"""Bars at most that are labelled one by one."""
+
+
+def draw_test(figure: FigureBase, pictures: Sequence[Picture], titles: Sequence[str], colours: Sequence[str]) -> None:
+    """Pictures of one question, asked of several models, side by side and to the same scale."""
+    grid = figure.subplots(1, len(pictures), squeeze=False, sharey=pictures[0].kind != "map")[0]
+    low, high = limits(pictures)
+    for axes, picture, title, colour in zip(grid, pictures, titles, colours, strict=True):
+        axes.set_title(title, loc="left")
+        if picture.kind == "map":
+            image = draw_map(axes, picture, low, high)
+        elif picture.kind == "curve":
+            _curve(axes, picture, colour)
+        else:
+            _bars(axes, picture, colour)
+        if picture.kind != "map":
+            axes.set_ylim(low, high)
+            axes.axhline(picture.middle, color="#8a8f98", linewidth=0.8, zorder=0)
+            axes.set_xlabel(picture.axes[0])
+    if pictures[0].kind == "map":
+        bar = figure.colorbar(image, ax=list(grid), shrink=0.85, label=pictures[0].unit)
+        bar.outline.set_visible(False)
+    else:
+        grid[0].set_ylabel(pictures[0].unit)
+
+
+def draw_map(axes: Axes, picture: Picture, low: float, high: float) -> AxesImage:
+    """A map in colours that go two ways from its middle; returns the image, for a colour bar."""
+    values = np.ma.masked_invalid(picture.values.numpy())
+    drawn = axes.imshow(values, cmap="RdBu_r", vmin=low, vmax=high, extent=picture.extent, interpolation="nearest")
+    axes.set_xlabel(picture.axes[0])
+    axes.set_ylabel(picture.axes[1])
+    axes.spines[:].set_visible(False)
+    return drawn
+
+
+def limits(pictures: Sequence[Picture]) -> tuple[float, float]:
+    """Values between which all the pictures are drawn: symmetrical for maps, a few far ones cut off."""
+    middle = pictures[0].middle
+    away = torch.cat([(each.values.double() - middle).flatten() for each in pictures])
+    away = away[away.isfinite()]
+    if not len(away):
+        return middle - 1, middle + 1
+    if pictures[0].kind == "map":
+        far = float(torch.quantile(away.abs()[:: max(1, len(away) // 10**6)], 0.998))
+        far = max(far, 3.0 if middle == 0 and pictures[0].unit == "standard errors" else 1e-6)
+        return middle - far, middle + far
+    errors = [each.errors if each.errors is not None else torch.ones_like(each.values) for each in pictures]
+    spread = torch.cat([each.double().flatten() for each in errors]).nan_to_num(0.0)
+    low, high = float((away - 2 * spread).min()), float((away + 2 * spread).max())
+    room = 0.06 * max(high - low, 1e-9)
+    return middle + low - room, middle + high + room
+
+
+def _curve(axes: Axes, picture: Picture, colour: str) -> None:
+    place, values = np.array(picture.x, float), picture.values.numpy()
+    if picture.errors is not None:
+        band = 2 * picture.errors.numpy()
+        axes.fill_between(place, values - band, values + band, color=colour, alpha=0.22, linewidth=0)
+    axes.plot(place, values, color=colour, linewidth=1.2, marker="." if len(place) < 60 else "", markersize=4)
+
+
+def _bars(axes: Axes, picture: Picture, colour: str) -> None:
+    values = picture.values.numpy()
+    place = np.arange(len(values))
+    errors = None if picture.errors is None else 2 * picture.errors.numpy()
+    axes.bar(place, values, width=0.7, color=colour, yerr=errors, error_kw={"elinewidth": 0.9, "ecolor": "#8a8f98"})
+    every = max(1, -(-len(values) // LABELS))
+    labels = [str(each) for each in picture.x][::every]
+    turned = max(map(len, labels), default=0) > 3 and sum(map(len, labels)) > 24
+    axes.set_xticks(place[::every], labels, rotation=30 if turned else 0, ha="right" if turned else "center")

@@ -1,0 +1,70 @@
+"""Figures as SVG inside a page: in the page's own colour of ink and its own type, light or dark."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from matplotlib import style as mpl_style
+from matplotlib.figure import Figure
+
+INK = "#010203"
+"""All but black, where a figure stands alone; the page's own colour in it."""
+BEFORE, AFTER, FAINT = "#d6604d", "#2f86bf", "#8a8f98"
+"""Of what belongs to the model before, after, and to neither; told apart on white and on black."""
+
+STYLE: dict[str, Any] = {
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": INK,
+    "axes.titlecolor": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "font.size": 9,
+    "axes.titlesize": 9.5,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.facecolor": "none",
+    "legend.frameon": False,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "sci_lightning",
+}
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Figures made within look alike."""
+    with mpl_style.context(STYLE):
+        yield
+
+
+def svg(figure: Figure, label: str) -> str:
+    """The figure as an ``<svg>`` element that fits its column; ``label`` says what it shows to those who cannot see."""
+    with io.StringIO() as file, style():
+        figure.savefig(file, format="svg", transparent=True, metadata={"Date": None})
+        text = file.getvalue()
+    text = text[text.index("<svg") :].replace(INK, "currentColor")
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(
+        r' id="(?:figure|axes|patch|text|line2d|matplotlib|xtick|ytick|legend|PathCollection|QuadMesh|'
+        r'FillBetweenPolyCollection|LineCollection)[^"]*"',
+        "",
+        text,
+    )
+    text = re.sub(r"font: ([^;\"]*?)'DejaVu Sans'[^;\"]*", r"font: \1system-ui, sans-serif", text)
+    width = figure.get_size_inches()[0] * 72
+    head = re.compile(r'<svg[^>]*viewBox="([^"]*)"[^>]*>', re.DOTALL)
+    return head.sub(
+        lambda found: (
+            f'<svg viewBox="{found[1]}" role="img" aria-label="{label}" '
+            f'style="max-width:{width * 1.34:.0f}px" xmlns:xlink="http://www.w3.org/1999/xlink">'
+        ),
+        text,
+        count=1,
+    )

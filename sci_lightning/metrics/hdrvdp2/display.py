@@ -1,0 +1,65 @@
+"""What a display makes of pixel values, and how much of its light each kind of photoreceptor takes up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+
+from sci_lightning.metrics.hdrvdp2.precomputed import precomputed
+
+BLACK, RANGE = 1.0, 99.0
+"""Luminance of the modelled display at 0, and what it adds up to 1, in cd/m2."""
+
+D65 = ((0.601847152244699, 0.31670829557916946, 0.9046706545995032),)
+CCFL_LCD = (
+    (0.1989961203379287, 0.04100586040758893, 0.01437736862111919),
+    (0.40476260703812544, 0.25492330644134564, 0.4809208410841319),
+    (0.05439061925532116, 0.050012248959300676, 0.45427589566935994),
+)
+"""What (L cones, M cones, rods) take up of each channel: cone sensitivities of Smith and Pokorny (1975) and the CIE's
+scotopic one (1951) times the emission, integrated from 360 to 780 nm. S cones count for nothing."""
+
+
+def _luma(x: torch.Tensor) -> torch.Tensor:
+    return RANGE * x**2.2 + BLACK
+
+
+def _srgb(x: torch.Tensor) -> torch.Tensor:
+    return RANGE * torch.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4) + BLACK
+
+
+def _as_given(x: torch.Tensor) -> torch.Tensor:
+    return x
+
+
+@dataclass(frozen=True)
+class Display:
+    """``luminance`` takes pixel values to cd/m2, each channel by itself; ``matrix`` takes channels to L, M and rods."""
+
+    luminance: Callable[[torch.Tensor], torch.Tensor]
+    matrix: tuple[tuple[float, float, float], ...]
+
+    def receptors(self, light: torch.Tensor) -> torch.Tensor:
+        """Light on the retina, (N, C, H, W), to what L cones, M cones and rods get of it, (N, 3, H, W).
+
+        A single channel stands for all that the display has.
+        """
+        matrix = _matrix(light, self.matrix)
+        if light.shape[1] == 1:
+            return light * matrix.sum(0)[:, None, None]
+        return torch.einsum("nchw,cr->nrhw", light, matrix)
+
+
+DISPLAYS = {
+    "luma-display": Display(_luma, D65),
+    "sRGB-display": Display(_srgb, CCFL_LCD),
+    "luminance": Display(_as_given, D65),
+}
+"""By the encoding of what they are given."""
+
+
+@precomputed
+def _matrix(rows: tuple[tuple[float, float, float], ...]) -> torch.Tensor:
+    return torch.tensor(rows, dtype=torch.float64)

@@ -1,0 +1,48 @@
+"""Differences between two images, band by band, as far as the image's own contrast does not mask them."""
+
+from __future__ import annotations
+
+import torch
+from torch.nn import functional as F
+
+from sci_lightning.metrics.hdrvdp2.imresize import imresize
+
+P, Q = 10**0.544068, 10**0.49576
+SELF, ORIENTATIONS, NEIGHBOURS = 10**0.189065, 10**0.449199, 10**1.52512
+"""Weights of what masks: the band itself, the other orientations, the bands next to it."""
+
+
+def masked_differences(
+    test: list[torch.Tensor], reference: list[torch.Tensor], sensitivity: list[torch.Tensor]
+) -> list[torch.Tensor]:
+    """Squared differences in units of their threshold, for each band (N, orientations, h, w) of the two pyramids.
+
+    Args:
+        sensitivity: (N, 1, h, w) for each band, the inverse of the neural noise in it.
+    """
+    contrast = [_blur(torch.minimum(t.abs(), r.abs())) for t, r in zip(test, reference, strict=True)]
+    found = []
+    for band, (t, r, s, own) in enumerate(zip(test, reference, sensitivity, contrast, strict=True)):
+        gain = 2.0**band
+        masking = SELF * (own * s / gain) ** Q
+        if own.shape[1] > 1:
+            masking = masking + ORIENTATIONS * ((own.sum(1, keepdim=True) - own).clamp(min=0) * s / gain) ** Q
+        masking = gain * (masking + NEIGHBOURS * (_neighbours(contrast, band) * s) ** Q)
+        excitation = gain**2 * ((t - r).abs() / gain) ** (2 * P)
+        found.append(excitation / (s ** (-2 * P) + masking**2))
+    return found
+
+
+def _neighbours(contrast: list[torch.Tensor], band: int) -> torch.Tensor:
+    """Contrast of the bands next to this one at its size; the base masks nothing but itself."""
+    size, orientations = contrast[band].shape[-2:], contrast[band].shape[1]
+    found = torch.zeros_like(contrast[band])
+    for other, gain in ((band - 1, 2.0 ** (band - 1)), (band + 1, 2.0 ** (band + 1))):
+        if 0 <= other < len(contrast) - 1:
+            found = found + imresize(contrast[other][:, :orientations], size).clamp(min=0) / gain
+    return found
+
+
+def _blur(images: torch.Tensor) -> torch.Tensor:
+    """3 x 3 mean with zeros around."""
+    return F.avg_pool2d(images, 3, stride=1, padding=1)

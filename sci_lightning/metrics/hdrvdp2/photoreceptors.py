@@ -1,0 +1,53 @@
+"""Photoreceptors: from the light that they get to responses in just-noticeable steps."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+
+from sci_lightning.metrics.hdrvdp2.lookup import log_luminances, look_up
+from sci_lightning.metrics.hdrvdp2.precomputed import precomputed
+
+POINTS = 2048
+CORRECTION = 0.006894596 / 10**-2.4
+"""Brings the thresholds of the sensitivities to those of the fitted metric."""
+
+
+def respond(receptors: torch.Tensor) -> torch.Tensor:
+    """Light on (L cones, M cones, rods), (N, 3, H, W), to the achromatic response (N, H, W), of mean 0."""
+    log_light = receptors.clamp(1e-5, 1e5).log10()
+    cones = look_up(response(receptors, "cone"), log_light[:, :2]).sum(1)
+    rods = look_up(response(receptors, "rod"), log_light[:, 2])
+    total = cones + rods
+    return total - total.mean((-2, -1), keepdim=True)
+
+
+@precomputed
+def response(kind: str) -> torch.Tensor:
+    """(2048,): the integral over log luminance of the sensitivity of a ``cone`` or a ``rod``."""
+    log_light = log_luminances(POINTS)
+    sensitivity = (cone_sensitivity if kind == "cone" else rod_sensitivity)(10**log_light)
+    steps = torch.cumulative_trapezoid(sensitivity * math.log(10), log_light)
+    return CORRECTION * torch.cat((torch.zeros(1, dtype=torch.float64), steps))
+
+
+def joint_sensitivity(light: torch.Tensor) -> torch.Tensor:
+    """Of cones and rods together: the inverse of the contrast just seen at this luminance (cd/m2)."""
+    return 30.162 * ((4.0627 / light) ** 1.6596 + 1) ** -0.2712
+
+
+def rod_sensitivity(light: torch.Tensor) -> torch.Tensor:
+    """Of the rods, highest at 1.1732 cd/m2."""
+    away = (light / 1.1732).log10()
+    bright, dark = away.abs() ** 2.9899 / 0.5547, away.abs() ** 1.2167 / 1.1478
+    return 10**1.1414 * torch.exp(-torch.where(away > 0, bright, dark))
+
+
+def cone_sensitivity(light: torch.Tensor) -> torch.Tensor:
+    """Of L or M cones, half of what the rods leave at twice the light; read off the points given, as ``light`` is."""
+    left = (joint_sensitivity(light) - rod_sensitivity(light)).clamp(min=1e-3)
+    double = (2 * light).clamp(max=light[-1])
+    above = torch.searchsorted(light, double).clamp(1, len(light) - 1)
+    part = (double - light[above - 1]) / (light[above] - light[above - 1])
+    return 0.5 * torch.lerp(left[above - 1], left[above], part)

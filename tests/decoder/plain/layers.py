@@ -1,0 +1,26 @@
+"""Layers looked up by name in a state dict, as torch's functions."""
+
+from __future__ import annotations
+
+from torch import Tensor
+from torch.nn import functional as F
+
+State = dict[str, Tensor]
+
+
+def conv2d(state: State, name: str, x: Tensor, stride: int = 1) -> Tensor:
+    weight = state[f"{name}.weight"]
+    return F.conv2d(x, weight, state.get(f"{name}.bias"), stride, weight.shape[-1] // 2)
+
+
+def conv3d(state: State, name: str, x: Tensor, stride: int = 1, groups: int = 1) -> Tensor:
+    return F.conv3d(x, state[f"{name}.weight"], state.get(f"{name}.bias"), (1, stride, stride), 1, groups=groups)
+
+
+def leaky(x: Tensor) -> Tensor:
+    return F.leaky_relu(x, 0.01)
+
+
+def up2d(state: State, name: str, x: Tensor) -> Tensor:
+    """A transposed 3x3 convolution of stride 2 that doubles H and W."""
+    return F.conv_transpose2d(x, state[f"{name}.weight"], state[f"{name}.bias"], 2, 1, 1)

@@ -1,0 +1,57 @@
+"""Networks that are computed differently from how they are published, against plain transcriptions of those."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+import torch
+from torch import Tensor
+
+from sci_lightning.decoder import BIRNAT, SCI3D, Decoder, ELPUnfolding
+from tests.decoder.plain.birnat import birnat
+from tests.decoder.plain.elp_unfolding import elp_unfolding
+from tests.decoder.plain.sci3d import sci3d
+
+Plain = Callable[[dict[str, Tensor], Tensor, Tensor], list[Tensor]]
+
+NETWORKS: dict[str, tuple[Callable[[int], Decoder], Plain]] = {
+    "birnat": (lambda frames: BIRNAT(frames, 16, 6), birnat),
+    "sci3d": (lambda frames: SCI3D(3, (4, 6, 8), 3), sci3d),
+    "elp_unfolding": (
+        lambda frames: ELPUnfolding(frames, 16, 3, 5),
+        lambda state, y, mask: elp_unfolding(state, y, mask, squared=True),
+    ),
+    "elp_unfolding, sum of M": (
+        lambda frames: ELPUnfolding(frames, 16, 3, 5, squared=False),
+        lambda state, y, mask: elp_unfolding(state, y, mask, squared=False),
+    ),
+}
+
+
+def structural(frames: int, height: int, width: int) -> Tensor:
+    """Gray levels of sixteenths that sum to 1 over time."""
+    steps = torch.randint(frames, (16, height, width))
+    return torch.stack([(steps == t).float().mean(0) for t in range(frames)])
+
+
+@pytest.mark.parametrize("kind", ["binary", "structural"])
+@pytest.mark.parametrize("name", NETWORKS)
+@torch.no_grad()
+def test_every_stage_is_the_same(name: str, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sci_lightning.decoder.birnat.PositionAttention.block", 700)  # several blocks, the last smaller
+    frames, height, width = 5, 12, 20
+    build, plain = NETWORKS[name]
+    decoder = build(frames)
+    for parameter in decoder.parameters():
+        # penalties stay positive, gains leave their 0
+        parameter += 0.3 * torch.rand_like(parameter) if parameter.numel() == 1 else 0.05 * torch.randn_like(parameter)
+    if kind == "binary":
+        mask = (torch.rand(frames, height, width) < 0.5).float()
+        mask[:, 2, 3] = 0  # a pixel that never opens
+    else:
+        mask = structural(frames, height, width)
+    measurement = (mask * torch.rand(2, frames, height, width)).sum(1)
+    expected = plain(decoder.state_dict(), measurement, mask)
+    for found, stage in zip(decoder.stages(measurement, mask), expected, strict=True):
+        torch.testing.assert_close(found, stage, rtol=0, atol=1e-5 * float(stage.abs().max()))
