@@ -70,8 +70,8 @@ def main() -> None:
         console.print(f"[bold]{name}[/]: {purpose}")
         console.print(f"  python -m sci_lightning.{name} {example}", markup=False)
     console.print(
-        "\nEach takes --help (its configuration and choices); all but captures and reveal also --cfg job (what it would "
-        "run with)."
+        "\nEach takes --help (its configuration and choices); all but captures and reveal also --cfg job (what it "
+        "would run with)."
     )
 
 
