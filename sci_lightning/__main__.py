@@ -41,6 +41,11 @@ COMMANDS = (
         "out=captures.h5 effects=random seed=5",
     ),
     (
+        "virtual_camera.reveal",
+        "tell what was hidden, beside what a diagnosis found",
+        "captures.truth.json report.json",
+    ),
+    (
         "diagnosis.proving_ground",
         "count how often a diagnosis names what is hidden in a virtual camera",
         "seeds=1 cases=4",
@@ -65,7 +70,8 @@ def main() -> None:
         console.print(f"[bold]{name}[/]: {purpose}")
         console.print(f"  python -m sci_lightning.{name} {example}", markup=False)
     console.print(
-        "\nEach takes --help (its configuration and choices); all but captures also --cfg job (what it would run with)."
+        "\nEach takes --help (its configuration and choices); all but captures and reveal also --cfg job (what it "
+        "would run with)."
     )
 
 
