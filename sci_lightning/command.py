@@ -89,6 +89,14 @@ def member(command: str, group: str, name: str, *overrides: str) -> DictConfig:
     return hydra.compose(command, [f"{group}={name}", *overrides])[group]
 
 
+def targets(group: str) -> dict[str, str]:
+    """What every member of a configuration group builds, by name; ``hydra.searchpath`` counts. In a command only."""
+    sources = HydraConfig.get().runtime.config_sources
+    folders = [Path(source.path) / group for source in sources if source.schema == "file"]
+    members = {file.stem: OmegaConf.load(file) for folder in folders for file in sorted(folder.glob("*.yaml"))}
+    return {name: str(content["_target_"]) for name, content in members.items() if "_target_" in content}
+
+
 def plain(cfg: DictConfig) -> dict[str, Any]:
     """The configuration as resolved dictionaries, lists and values, fit for JSON and checkpoints."""
     content = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
