@@ -89,12 +89,12 @@ def member(command: str, group: str, name: str, *overrides: str) -> DictConfig:
     return hydra.compose(command, [f"{group}={name}", *overrides])[group]
 
 
-def targets(group: str) -> dict[str, str]:
-    """What every member of a configuration group builds, by name; ``hydra.searchpath`` counts. In a command only."""
+def targets(group: str) -> list[str]:
+    """What the members of a configuration group build, ``hydra.searchpath`` included; inside a running command only."""
     sources = HydraConfig.get().runtime.config_sources
     folders = [Path(source.path) / group for source in sources if source.schema == "file"]
-    members = {file.stem: OmegaConf.load(file) for folder in folders for file in sorted(folder.glob("*.yaml"))}
-    return {name: str(content["_target_"]) for name, content in members.items() if "_target_" in content}
+    members = [OmegaConf.load(file) for folder in folders for file in sorted(folder.glob("*.yaml"))]
+    return [str(member["_target_"]) for member in members if "_target_" in member]
 
 
 def plain(cfg: DictConfig) -> dict[str, Any]:

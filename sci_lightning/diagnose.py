@@ -33,7 +33,7 @@ def diagnose(cfg: DictConfig) -> None:
 
     start, out, console = time.perf_counter(), Path(cfg.out), Console(highlight=False, soft_wrap=True)
     captures = read_captures(cfg.captures)
-    candidates = vocabulary({**targets("effect"), **cfg.candidates})
+    candidates = vocabulary(cfg.candidates, targets("effect"))
     with searching(console, cfg.most) as told:
         found = diagnose(captures, candidates, cfg.seed, cfg.most, told)
         told("writing the report")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,9 +12,12 @@ import numpy as np
 import pytest
 import yaml
 
-from sci_lightning.captures import read_captures, write_captures
+from sci_lightning.captures import Captures, read_captures, write_captures
+from sci_lightning.encoder.effects import Effect
+from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera import Session, capture_session
 from sci_lightning.virtual_camera import write_captures as write_session
+from tests.conftest import members
 from tests.end_to_end.test_train import TINY
 
 Run = Callable[..., str]
@@ -39,11 +42,11 @@ class Slope(Effect):
         _, x = signal.coordinates()
         return 1 + self.slope * x / (signal.field[1] / 2)
 '''
-MEMBER = "# @package encoder.effects.slope\n_target_: own_effect.Slope\nslope: 0.1\n"
+MEMBER = "# @package encoder.effects.left_to_right\n_target_: own_effect.Slope\nslope: 0.1\n"
 
 
 @pytest.fixture
-def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """``lab.h5``: an ideal session, recorded anew by a camera whose left is darker than its right, and the module."""
     session = Session(size=(32, 32), frames=4)
     write_session(tmp_path / "ideal.h5", capture_session(session, {}, seed=4))
@@ -60,14 +63,8 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     sys.modules.pop("own_effect", None)
 
 
-@pytest.mark.parametrize("told", ["candidate", "member"])
-def test_found_and_trained_with(told: str, lab: Path, ran: Run) -> None:
-    way = ["+candidates.slope=own_effect.Slope"]
-    if told == "member":
-        (lab / "my_conf" / "effect").mkdir(parents=True)
-        (lab / "my_conf" / "effect" / "slope.yaml").write_text(MEMBER)
-        way = [f"hydra.searchpath=[file://{lab}/my_conf]"]
-    ran("diagnose", "captures=lab.h5", "out=found", *way)
+def test_found_and_trained_with(lab: Path, ran: Run) -> None:
+    ran("diagnose", "captures=lab.h5", "out=found", "+candidates.slope=own_effect.Slope")
     report = json.loads((lab / "found" / "report.json").read_text())
     assert report["verdict"] == "explained"
     (effect,) = report["effects"]
@@ -84,8 +81,24 @@ def test_found_and_trained_with(told: str, lab: Path, ran: Run) -> None:
     assert trained["encoder"]["effects"]["slope"]["slope"] == slope["value"]
 
 
+def test_a_member_of_the_group_is_a_candidate(lab: Path, ran: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    (lab / "my_conf" / "effect").mkdir(parents=True)
+    (lab / "my_conf" / "effect" / "left_to_right.yaml").write_text(MEMBER)
+    seen: dict[str, type[Effect]] = {}
+
+    def look(captures: Captures, vocabulary: dict[str, type[Effect]], *_: object) -> None:
+        seen.update(vocabulary)
+        raise BadInput("seen")
+
+    monkeypatch.setattr("sci_lightning.diagnosis.diagnosis.diagnose", look)
+    with pytest.raises(SystemExit):
+        ran("diagnose", "captures=lab.h5", f"hydra.searchpath=[file://{lab}/my_conf]")
+    assert seen["slope"].__module__ == "own_effect" and set(seen) == {*members("effect"), "slope"}
+
+
 def test_not_in_the_vocabulary(lab: Path, refused: Run) -> None:
-    assert "candidates.slope: no class 'own_effect.Nothing'" in refused(
-        "diagnose", "captures=lab.h5", "+candidates.slope=own_effect.Nothing"
-    )
-    assert "calls itself 'slope'" in refused("diagnose", "captures=lab.h5", "+candidates.tilt=own_effect.Slope")
+    captures = "captures=lab.h5"
+    line = refused("diagnose", captures, "+candidates.slope=own_effect.Nothing")
+    assert "candidates.slope: no class 'own_effect.Nothing'" in line
+    assert "is no sci_lightning.encoder" in refused("diagnose", captures, "+candidates.slope=own_effect.Parameter")
+    assert "calls itself 'slope'" in refused("diagnose", captures, "+candidates.tilt=own_effect.Slope")
