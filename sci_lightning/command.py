@@ -94,7 +94,7 @@ def targets(group: str) -> list[str]:
     sources = HydraConfig.get().runtime.config_sources
     folders = [Path(source.path) / group for source in sources if source.schema == "file"]
     members = [OmegaConf.load(file) for folder in folders for file in sorted(folder.glob("*.yaml"))]
-    return [str(member["_target_"]) for member in members if "_target_" in member]
+    return [str(target) for member in members if (target := OmegaConf.select(member, "_target_"))]
 
 
 def plain(cfg: DictConfig) -> dict[str, Any]:
