@@ -57,7 +57,9 @@ class Diagnosis:
     def verdict(self) -> str:
         """consistent, explained, partly_explained or unexplained."""
         chi2, before = self.gaps["after"]["chi2"], self.gaps["before"]["chi2"]
-        if chi2 <= GOOD and not self.unnamed:
+        # noise explains variance only: as long as the residuals have a structure, it stands in for something else
+        noise = any(self.fitter.model.known[name].noise for name in self.names)
+        if chi2 <= GOOD and not self.unnamed and not (noise and self.left):
             return "explained" if self.names else "consistent"
         return "partly_explained" if self.names and chi2 < before else "unexplained"
 
