@@ -90,8 +90,6 @@ def reduced(arguments: list[str]) -> list[str]:
     if arguments[1] == "sci_lightning.benchmark":
         every = ["only=[e2e_cnn]"] if "decoder=all" in arguments else []
         return [*arguments, "size=16", "repeats=1", "product=64", *every]
-    if arguments[1] == "sci_lightning.virtual_camera":
-        return [*arguments, "size=[32,32]"]
     if arguments[1] != "sci_lightning.train":
         return arguments
     arguments = [re.sub(r"=([^\[,]+),[^\]]*$", r"=\1", each) for each in arguments]
@@ -99,8 +97,6 @@ def reduced(arguments: list[str]) -> list[str]:
     extra = [*SIZE, *DECODER[decoder], "batch_size=1", "workers=0"]
     if any(each.startswith("ckpt_path=") for each in arguments):
         extra = [*TINY, *SIZE, *DECODER["e2e_cnn"], "trainer.max_epochs=2"]
-    if "encoder=FOUND/encoder.yaml" in arguments:
-        extra += ["size=[32,32]", "crop=[32,32]"]
     return [*arguments, *extra]
 
 
