@@ -55,9 +55,8 @@ class System(L.LightningModule):
         run_config: the run's plain, resolved configuration; kept in every checkpoint so that it can be rebuilt.
 
     Raises:
-        BadInput: unknown loss, a metric that sees no frames; in training, a loss or gradient that is no longer finite.
-        BadInput: unknown loss or bad weights; in training, more weights than stages, a loss or gradient that is no
-            longer finite.
+        BadInput: unknown loss, bad weights, a metric that sees no frames; in training, more weights than stages, a
+            loss or gradient that is no longer finite.
     """
 
     def __init__(
