@@ -16,6 +16,11 @@ COMMANDS = (
         "ckpt_path=RUN/checkpoints/last.ckpt encoder=rbw_sr data=benchmark data.root=DIR",
     ),
     (
+        "tables",
+        "the paper's tables, with what runs found beside each of its figures",
+        "runs=outputs/sweep",
+    ),
+    (
         "diagnose",
         "find the effect that makes captures and model disagree",
         "captures=CAPTURES.h5",

@@ -35,6 +35,8 @@ def test_all_groups_are_known() -> None:
         "experiment",
         "logger",
         "metric",
+        "scale",
+        *(f"scale/decoder/{scale}" for scale in ("small", "smoke")),
         "system",
         "trainer",
     }
@@ -44,7 +46,10 @@ def test_all_groups_are_known() -> None:
 def test_member_composes_and_instantiates(
     group: str, name: str, configuration: Callable[..., DictConfig], tmp_path: Path
 ) -> None:
-    cfg = configuration("train", f"{group}={name}", "size=[64,64]", f"out={tmp_path}")
+    choice = [f"{group}={name}"]
+    if group.startswith("scale/decoder/"):  # chosen by these two
+        choice = [f"scale={group.rpartition('/')[2]}", f"decoder={name}"]
+    cfg = configuration("train", *choice, "size=[64,64]", f"out={tmp_path}")
     with open_dict(cfg):
         if OmegaConf.is_missing(cfg.encoder.mask, "file"):
             np.save(tmp_path / "mask.npy", np.ones((8, 64, 64)) / 8)

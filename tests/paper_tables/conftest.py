@@ -27,7 +27,7 @@ def made(tmp_path: Path) -> Made:
         test: str | None = None,
         bits: int | None = None,
         seed: int = 0,
-        scale: str | None = "small",
+        scale: str = "small",
         size: tuple[int, int] = (64, 64),
         metrics: tuple[str, ...] = ("psnr", "ssim", "qscore"),
         effects: dict[str, Any] | None = None,

@@ -18,8 +18,8 @@ def test_fields(made: Made) -> None:
     expected = {"encoder": "rbw_osr", "decoder": "e2e_cnn", "test_encoder": "rbw_sr", "mask": "RandomBinary", "bits": 1}
     assert run.fields == expected and run.seed == 7 and run.scores["psnr"] == 30.0
     assert str(run.setting) == "small: 64 x 64, 2 scenes"
-    assert read_run(made("b", "lsw_sr", "e2e_cnn", 30.0, bits=3, scale=None)).fields["bits"] == 3
-    assert str(read_run(made("b", "lsw_sr", "e2e_cnn", 30.0, scale=None)).setting).startswith("own: ")
+    assert read_run(made("b", "lsw_sr", "e2e_cnn", 30.0, bits=3)).fields["bits"] == 3
+    assert str(read_run(made("b", "lsw_sr", "e2e_cnn", 30.0, scale="own")).setting).startswith("own: ")
 
 
 def test_an_encoder_with_effects_is_not_the_papers(made: Made) -> None:
