@@ -55,7 +55,7 @@ def test_member_composes_and_instantiates(
             np.save(tmp_path / "mask.npy", np.ones((8, 64, 64)) / 8)
             cfg.encoder.mask.file = str(tmp_path / "mask.npy")
         if OmegaConf.is_missing(cfg.data, "root"):
-            cfg.data.root = str(clips(tmp_path, name))
+            cfg.data.root = str(clips(tmp_path, cfg.data._target_.rpartition(".")[2].lower()))
     plain(cfg)
     assert isinstance(instantiate(cfg.encoder, _convert_="all"), Encoder)
     built = [instantiate(cfg[part], _convert_="all") for part in ("data", "trainer")]
