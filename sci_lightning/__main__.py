@@ -36,6 +36,11 @@ COMMANDS = (
         "decoder=all",
     ),
     (
+        "export_mask",
+        "a trained mask as the bit planes and frames that a modulator displays",
+        "ckpt_path=RUN/checkpoints/last.ckpt canvas=[768,1024]",
+    ),
+    (
         "convert",
         "make a checkpoint of weights that a network's authors published, or safetensors of a checkpoint",
         "checkpoint=PUBLISHED.pth decoder=res2former out=published.ckpt",
