@@ -16,6 +16,11 @@ COMMANDS = (
         "ckpt_path=RUN/checkpoints/last.ckpt encoder=rbw_sr data=benchmark data.root=DIR",
     ),
     (
+        "tables",
+        "the paper's tables, with what runs found beside each of its figures",
+        "runs=outputs/sweep",
+    ),
+    (
         "diagnose",
         "find the effect that makes captures and model disagree",
         "captures=CAPTURES.h5",
@@ -29,6 +34,11 @@ COMMANDS = (
         "benchmark",
         "parameters, operations, time and memory of a decoder, or of all, beside the paper's figures",
         "decoder=all",
+    ),
+    (
+        "export_mask",
+        "a trained mask as the bit planes and frames that a modulator displays",
+        "ckpt_path=RUN/checkpoints/last.ckpt canvas=[768,1024]",
     ),
     (
         "convert",

@@ -70,7 +70,7 @@ def hparams(found: Mapping[str, Any]) -> dict[str, Any]:
     config = found["config"]
     chosen = {key: found[key] for key in ("encoder", "decoder")}
     chosen["mask_bits"] = config["encoder"]["mask"].get("bits", 1)
-    chosen.update({key: config[key] for key in ("frames", "batch_size", "seed")})
+    chosen.update({key: config[key] for key in ("scale", "frames", "batch_size", "seed")})
     chosen.update({key: config["system"][key] for key in ("loss", "lr", "final_lr")})
     chosen["size"] = "x".join(map(str, config["size"]))
     chosen.update(found["conventions"])

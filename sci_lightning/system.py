@@ -101,6 +101,12 @@ class System(L.LightningModule):
         if compile:
             self.decoder.compile()
 
+    def with_encoder(self, encoder: Encoder, metrics: Mapping[str, FrameMetric]) -> System:
+        """The same decoder behind another encoder, to be tested; a mask of the same kind gets this one's values."""
+        if type(encoder.mask) is type(self.encoder.mask):
+            encoder.mask.load_state_dict(self.encoder.mask.state_dict())
+        return System(encoder, self.decoder, metrics=metrics, seed=self.seed)
+
     def forward(
         self, video: torch.Tensor, mask: torch.Tensor | None = None, origin: tuple[int, int] = (0, 0)
     ) -> torch.Tensor:

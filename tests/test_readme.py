@@ -92,6 +92,9 @@ def reduced(arguments: list[str]) -> list[str]:
         return [*arguments, "size=16", "repeats=1", "product=64", *every]
     if arguments[1] != "sci_lightning.train":
         return arguments
+    if any(each.startswith("experiment=table") for each in arguments):
+        kept = [each for each in arguments if not each.startswith(("scale=", "seed="))]
+        return [*kept, "scale=smoke", "decoder=e2e_cnn", "trainer.accelerator=cpu", "data.scenes_count=1"]
     arguments = [re.sub(r"=([^\[,]+),[^\]]*$", r"=\1", each) for each in arguments]
     decoder = next((each.split("=")[1] for each in arguments if each.startswith("decoder=")), "res2former")
     extra = [*SIZE, *DECODER[decoder], "batch_size=1", "workers=0"]
