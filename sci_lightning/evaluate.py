@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.evaluate``: test a trained decoder, with the encoder it knows or with another one."""
+"""``python -m sci_lightning.evaluate``: test a trained decoder, or one that needs no training."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from sci_lightning.command import plain, run
 def evaluate(cfg: DictConfig) -> float:
     """Test, write ``metrics.json`` and print a table; returns the mean PSNR in dB.
 
-    ``encoder=`` replaces the encoder of the training, see :func:`~sci_lightning.chosen_encoder.chosen_encoder`.
+    ``encoder=`` replaces the encoder of the training, see :func:`~sci_lightning.chosen_encoder.chosen_encoder`, and
+    ``decoder=`` takes the place of a checkpoint, see :func:`~sci_lightning.chosen_checkpoint.chosen_checkpoint`.
 
     Args:
         cfg: ``conf/evaluate.yaml``, composed.
@@ -21,7 +22,7 @@ def evaluate(cfg: DictConfig) -> float:
     import lightning as L
     from hydra.utils import instantiate
 
-    from sci_lightning.checkpoint import read_checkpoint
+    from sci_lightning.chosen_checkpoint import chosen_checkpoint
     from sci_lightning.chosen_encoder import chosen_encoder
     from sci_lightning.chosen_metrics import chosen_metrics
     from sci_lightning.data.loader import scene_loader
@@ -29,7 +30,7 @@ def evaluate(cfg: DictConfig) -> float:
     from sci_lightning.system import System
 
     out = Path(cfg.out)
-    checkpoint = read_checkpoint(cfg.ckpt_path, cfg.trusted)
+    checkpoint = chosen_checkpoint("evaluate", cfg)
     trained = checkpoint.config
     cfg.crop = trained["crop"] if cfg.crop is None else cfg.crop
     decoder = checkpoint.decoder()

@@ -1,0 +1,6 @@
+"""Priors of the iterative decoders, one a file, all called as ``denoiser(video, strength)``."""
+
+from sci_lightning.decoder.denoiser.denoiser import Denoiser
+from sci_lightning.decoder.denoiser.total_variation import TotalVariation
+
+__all__ = ["Denoiser", "TotalVariation"]

@@ -1,0 +1,22 @@
+"""What all denoisers have in common: the call."""
+
+from __future__ import annotations
+
+import torch
+from torch import nn
+
+
+class Denoiser(nn.Module):
+    """A denoiser: ``denoiser(video, strength) -> video``, ``(N, T, H, W)`` both, nominally in [0, 1], not clipped.
+
+    Videos of one batch do not mix.
+    """
+
+    def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:
+        """Take away noise.
+
+        Args:
+            video: ``(N, T, H, W)``.
+            strength: positive; of a network the standard deviation of the noise, in units of the video.
+        """
+        raise NotImplementedError
