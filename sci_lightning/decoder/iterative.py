@@ -61,7 +61,7 @@ class Iterative(Decoder):
         """
         if residual.is_meta:  # no values: the operations are being counted
             return False
-        rms = float(residual.square().mean((-2, -1)).sqrt().max())
+        rms = float(residual.detach().square().mean((-2, -1)).sqrt().max())
         if not rms < float("inf"):  # also false for NaN
             raise BadInput(
                 f"{type(self).__name__} iteration {iteration + 1} of {len(self.strengths)}: the residual became {rms}: "
