@@ -16,7 +16,8 @@ class GAP(Iterative):
     total variation: GAP-TV; with a network: PnP-FFDNet, PnP-FastDVDnet. For its arguments see :class:`Iterative`.
 
     Source: Yuan, "Generalized alternating projection based total variation minimization for compressive sensing",
-    ICIP 2016; Yuan, Liu, Suo and Dai, "Plug-and-play algorithms for large-scale snapshot compressive imaging", CVPR 2020.
+    ICIP 2016; Yuan, Liu, Suo and Dai, "Plug-and-play algorithms for large-scale snapshot compressive imaging", CVPR
+    2020.
     """
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:

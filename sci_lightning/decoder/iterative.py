@@ -39,8 +39,8 @@ class Iterative(Decoder):
         super().__init__()
         if len(strengths) != len(iterations) or not len(strengths):
             raise BadInput(
-                f"decoder.strengths={list(strengths)} and decoder.iterations={list(iterations)}: give as many numbers of "
-                "iterations as strengths"
+                f"decoder.strengths={list(strengths)} and decoder.iterations={list(iterations)}: give as many numbers "
+                "of iterations as strengths"
             )
         if not all(strength > 0 for strength in strengths):
             raise BadInput(f"decoder.strengths={list(strengths)}: must be positive")

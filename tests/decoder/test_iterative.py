@@ -109,5 +109,5 @@ def test_settings_that_are_refused(algorithm: type[Iterative], settings: dict[st
 
 
 def test_gamma() -> None:
-    with pytest.raises(BadInput, match="decoder.gamma=0: must be positive"):
+    with pytest.raises(BadInput, match=r"decoder.gamma=0: must be positive"):
         ADMM(TotalVariation(), [0.1], [5], gamma=0)

@@ -33,5 +33,5 @@ def test_what_it_keeps() -> None:
 
 
 def test_no_steps() -> None:
-    with pytest.raises(BadInput, match="decoder.denoiser.steps=0: must be at least 1"):
+    with pytest.raises(BadInput, match=r"decoder.denoiser.steps=0: must be at least 1"):
         TotalVariation(0)
