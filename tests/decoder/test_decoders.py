@@ -22,6 +22,8 @@ SMALL = {
     "elp_unfolding": ["decoder.channels=16", "decoder.iterations=2", "decoder.priors=3"],
     "gap_net": ["decoder.stages=3", "decoder.channels=[4,6,8]"],
     "metasci": ["decoder.channels=16", "decoder.blocks=2"],
+    "pnp_fastdvdnet": ["decoder.strengths=[0.2]", "decoder.iterations=[2]", "decoder.denoiser.channels=[4,6,8]"],
+    "pnp_ffdnet": ["decoder.strengths=[0.2]", "decoder.iterations=[2]", "decoder.denoiser.channels=8"],
     "res2former": ["decoder.dim=16", "decoder.depths=[1,1]"],
     "res2former_l": ["decoder.dim=16", "decoder.depths=[1,1]", "decoder.groups=[2,4]"],
     "sci3d": ["decoder.phases=3", "decoder.channels=[4,6,8]", "decoder.inner=3"],

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import torch
 from torch import nn
 
@@ -11,6 +13,9 @@ class Denoiser(nn.Module):
 
     Videos of one batch do not mix.
     """
+
+    published_names: ClassVar[tuple[tuple[str, str], ...]] = ()
+    """As of :class:`~sci_lightning.decoder.decoder.Decoder`, of the denoiser's own keys."""
 
     def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:
         """Take away noise.

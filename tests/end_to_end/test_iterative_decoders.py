@@ -1,4 +1,4 @@
-"""Decoders that need no training: evaluated and used without a checkpoint."""
+"""Iterative decoders: used without a checkpoint, or with a denoiser that was trained by itself."""
 
 from __future__ import annotations
 
@@ -51,11 +51,31 @@ def test_refused(refused: Run) -> None:
     line = refused("evaluate", *SCENE)
     assert "ckpt_path=" in line and "decoder=gap_tv" in line
     line = refused("evaluate", "decoder=e2e_cnn", *SCENE)
-    assert "decoder=e2e_cnn has 817,608 parameters" not in refused(
-        "evaluate", "decoder=gap_tv", "ckpt_path=no.ckpt", *SCENE
-    )
-    assert "parameters to learn: train it first" in line
-    assert "decoder.strengths=[0]: must be positive" in refused(
-        "evaluate", "decoder=gap_tv", "decoder.strengths=[0]", *SCENE
-    )
+    assert "decoder=e2e_cnn has 817,608 parameters to learn: train it first" in line
+    assert "no such checkpoint" in refused("evaluate", "decoder=gap_tv", "ckpt_path=no.ckpt", *SCENE)
+    line = refused("evaluate", "decoder=gap_tv", "decoder.strengths=[0]", *SCENE)
+    assert "decoder.strengths=[0]: must be positive" in line
     assert "decoder=gap_tv has nothing to learn" in refused("train", "decoder=gap_tv")
+
+
+def test_a_denoiser_is_trained_by_itself(ran: Run, refused: Run, tmp_path: Path) -> None:
+    small = ["decoder.denoiser.channels=8", "decoder.denoiser.layers=4", "decoder.iterations=[1,1,1,1]", *SHORT[1:]]
+    quick = ["data=synthetic", "data.clips_per_epoch=4", "workers=0", "trainer.max_epochs=1", "trainer.accelerator=cpu"]
+    ran("train", "system=denoiser", "decoder=pnp_ffdnet", *small, *quick, "metric=[psnr]", "out=trained")
+    trained = "ckpt_path=trained/checkpoints/last.ckpt"
+    ran("evaluate", trained, *SCENE)
+    as_trained = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert as_trained["decoder"] == "pnp_ffdnet" and as_trained["mean"]["psnr"] > 10
+    ran(
+        "evaluate",
+        trained,
+        "decoder=pnp_ffdnet",
+        *small[:2],
+        "decoder.strengths=[0.1]",
+        "decoder.iterations=[1]",
+        *SCENE,
+    )
+    otherwise = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert otherwise["mean"]["psnr"] != as_trained["mean"]["psnr"]
+    assert "does not fit decoder=pnp_ffdnet as configured" in refused("evaluate", trained, "decoder=pnp_ffdnet", *SCENE)
+    assert "E2ECNN has no denoiser" in refused("train", "system=denoiser", "decoder=e2e_cnn", *SHORT[1:])
