@@ -23,7 +23,7 @@ class Decoder(nn.Module):
     """T, where the architecture is built for one; None: any."""
     multiple: ClassVar[int] = 1
     """The architecture takes H and W that are multiples of this; others are replicated up to one and cropped back."""
-    published_names: tuple[tuple[str, str], ...] = ()
+    published_names: ClassVar[tuple[tuple[str, str], ...]] = ()
     """(regular expression of a published state-dict key, replacement that makes it ours), matched in full."""
     published_unused: ClassVar[tuple[str, ...]] = ()
     """Regular expressions of published state-dict keys that are knowingly not used."""

@@ -49,7 +49,8 @@ class Iterative(Decoder):
         if tolerance is not None and not tolerance > 0:
             raise BadInput(f"decoder.tolerance={tolerance}: must be positive, or null to iterate to the end")
         self.denoiser = denoiser
-        self.published_names = tuple((pattern, rf"denoiser.{place}") for pattern, place in denoiser.published_names)
+        names = tuple((pattern, rf"denoiser.{place}") for pattern, place in denoiser.published_names)
+        self.published_names = names  # type: ignore[misc]  # those of a class elsewhere; here of what it holds
         self.strengths = [each for each, number in zip(strengths, iterations, strict=True) for _ in range(number)]
         """Of every iteration."""
         self.tolerance = tolerance

@@ -71,12 +71,12 @@ class ThreeFrames(nn.Module):
         return video - noise.view_as(video)
 
 
-def _conv(inputs: int, outputs: int, **options: int) -> nn.Conv2d:
-    return nn.Conv2d(inputs, outputs, 3, padding=1, bias=False, **options)
+def _conv(inputs: int, outputs: int, stride: int = 1, groups: int = 1) -> nn.Conv2d:
+    return nn.Conv2d(inputs, outputs, 3, stride, padding=1, groups=groups, bias=False)
 
 
-def _convolution(inputs: int, outputs: int, **options: int) -> tuple[nn.Module, ...]:
-    return _conv(inputs, outputs, **options), FixedNorm(outputs), nn.ReLU()
+def _convolution(inputs: int, outputs: int, stride: int = 1, groups: int = 1) -> tuple[nn.Module, ...]:
+    return _conv(inputs, outputs, stride, groups), FixedNorm(outputs), nn.ReLU()
 
 
 def _pair(channels: int) -> nn.Sequential:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Self
-
 from torch import nn
 
 
@@ -17,5 +15,5 @@ class FixedNorm(nn.BatchNorm2d):
         super().__init__(channels)
         self.eval()
 
-    def train(self, mode: bool = True) -> Self:
+    def train(self, mode: bool = True) -> FixedNorm:
         return super().train(False)
