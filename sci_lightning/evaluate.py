@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.evaluate``: test a trained decoder, with the encoder it knows or with another one."""
+"""``python -m sci_lightning.evaluate``: test a trained decoder, or one that needs no training."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from sci_lightning.command import plain, run
 def evaluate(cfg: DictConfig) -> float:
     """Test, write ``metrics.json`` and print a table; returns the mean PSNR in dB.
 
-    ``encoder=`` replaces the encoder of the training, see :func:`~sci_lightning.chosen_encoder.chosen_encoder`.
+    ``encoder=`` replaces the encoder of the training, see :func:`~sci_lightning.chosen_encoder.chosen_encoder`, and
+    ``decoder=`` takes the place of a checkpoint, see :func:`~sci_lightning.chosen_checkpoint.chosen_checkpoint`.
     ``captures=`` tests on what a camera recorded of known scenes instead of recording the data's scenes; the encoder
     then says what the decoder takes the camera for.
 
@@ -26,7 +27,7 @@ def evaluate(cfg: DictConfig) -> float:
     from torch.utils.data import DataLoader
 
     from sci_lightning.captures import read_captures
-    from sci_lightning.checkpoint import read_checkpoint
+    from sci_lightning.chosen_checkpoint import chosen_checkpoint
     from sci_lightning.chosen_encoder import chosen_encoder
     from sci_lightning.chosen_metrics import chosen_metrics
     from sci_lightning.data.captured import CapturedSnapshots
@@ -35,7 +36,7 @@ def evaluate(cfg: DictConfig) -> float:
     from sci_lightning.system import System
 
     out = Path(cfg.out)
-    checkpoint = read_checkpoint(cfg.ckpt_path, cfg.trusted)
+    checkpoint = chosen_checkpoint("evaluate", cfg)
     trained = checkpoint.config
     cfg.crop = trained["crop"] if cfg.crop is None else cfg.crop
     decoder = checkpoint.decoder()

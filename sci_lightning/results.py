@@ -45,7 +45,8 @@ def write_json(content: Mapping[str, Any], path: Path) -> None:
 
 def print_results(found: Mapping[str, Any], console: Console) -> None:
     """A table of the scenes, their mean, and the baseline in which every frame is the mean measurement."""
-    title = f"{found['decoder']}, trained on {found['encoder']}, tested on {found['test_encoder']}"
+    trained = f"trained on {found['encoder']}, " if found["parameters"] else ""
+    title = f"{found['decoder']}, {trained}tested on {found['test_encoder']}"
     conventions = "\n".join(f"{UNITS.get(key, key)}: {text}" for key, text in found["conventions"].items())
     table = Table(title=title, title_justify="left", caption=conventions or None, caption_justify="left")
     table.add_column("scene")

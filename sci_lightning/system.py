@@ -159,10 +159,14 @@ class System(L.LightningModule):
 
     def training_step(self, video: torch.Tensor, batch_idx: int) -> torch.Tensor:
         mask, origin = self._window(self.encoder.transmittance(), *video.shape[-2:])
-        loss = self.stage_loss(self.stages(*self.decodable(*self.shoot(video, mask, origin), origin)), video)
+        stages = self.stages(*self.decodable(*self.shoot(video, mask, origin), origin))
+        return self.checked(self.stage_loss(stages, video), batch_idx)
+
+    def checked(self, loss: torch.Tensor, batch_idx: int) -> torch.Tensor:
+        """The loss of a batch, logged; raises BadInput if it is not finite."""
         if not torch.isfinite(loss):
             raise self._diverged("the loss became", float(loss.detach()), batch_idx)
-        self.log("train/loss", loss, prog_bar=True, batch_size=len(video))
+        self.log("train/loss", loss, prog_bar=True)
         return loss
 
     def stage_loss(self, stages: Sequence[torch.Tensor], video: torch.Tensor) -> torch.Tensor:

@@ -25,6 +25,7 @@ def train(cfg: DictConfig) -> float:
     from sci_lightning.checkpoint import SafeCheckpointIO, read_checkpoint
     from sci_lightning.chosen_metrics import chosen_metrics
     from sci_lightning.data.loader import ClipLoader, scene_loader
+    from sci_lightning.decoder.complexity import count_parameters
     from sci_lightning.earlier_run import finished, interrupted
     from sci_lightning.results import hparams, print_results, results, write_json
 
@@ -41,6 +42,8 @@ def train(cfg: DictConfig) -> float:
     torch.manual_seed(cfg.seed)  # the decoder's first weights
     encoder = instantiate(cfg.encoder, _convert_="all")
     decoder = instantiate(cfg.decoder, _convert_="all")
+    if not count_parameters(decoder):
+        raise BadInput(f"decoder={names['decoder']} has nothing to learn: evaluate and reconstruct take it untrained")
     run_config = {**config, "names": names}
     make_system = instantiate(cfg.system, _partial_=True)
     system = make_system(encoder, decoder, metrics=chosen_metrics(cfg), run_config=run_config)
