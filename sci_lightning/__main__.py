@@ -26,6 +26,16 @@ COMMANDS = (
         "ckpt_path=RUN/checkpoints/last.ckpt measurement=SNAPSHOT.tiff mask=MASK.mat",
     ),
     (
+        "benchmark",
+        "parameters, operations, time and memory of a decoder, or of all, beside the paper's figures",
+        "decoder=all",
+    ),
+    (
+        "convert",
+        "make a checkpoint of weights that a network's authors published, or safetensors of a checkpoint",
+        "checkpoint=PUBLISHED.pth decoder=res2former out=published.ckpt",
+    ),
+    (
         "virtual_camera",
         "simulate the calibration captures of a camera in which effects are hidden",
         "out=captures.h5 effects=random seed=5",

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from hydra.utils import instantiate
 from lightning.fabric.plugins.io.torch_io import TorchCheckpointIO
@@ -29,12 +31,14 @@ class Checkpoint:
         config: the run's plain configuration: ``encoder``, ``decoder``, ``frames``, ``size``, ``names``, ...
         state: the system's state, ``encoder.*`` and ``decoder.*`` tensors by name.
         trusted: packages beside this one whose modules its configuration may name.
+        resumable: whether it holds the progress of a training; else weights only, to start one from.
     """
 
     path: Path
     config: dict[str, Any]
     state: dict[str, torch.Tensor]
     trusted: tuple[str, ...] = ()
+    resumable: bool = True
 
     def encoder(self) -> Encoder:
         """The trained encoder, built anew and filled.
@@ -79,13 +83,32 @@ def read_checkpoint(path: str | Path, trusted: Iterable[str] = ()) -> Checkpoint
     Raises:
         BadInput: missing, damaged, foreign, or holding anything but tensors and plain values (nothing is executed).
     """
-    content = _load(Path(path))
+    content = load_file(Path(path))
     if not isinstance(content.get("config"), dict) or not isinstance(content.get("state_dict"), dict):
         raise BadInput(
             f"{path}: not a checkpoint of sci_lightning (no 'config' and 'state_dict' inside); "
             "give RUN/checkpoints/last.ckpt of a training run"
         )
-    return Checkpoint(Path(path), content["config"], content["state_dict"], tuple(trusted))
+    resumable = "optimizer_states" in content
+    return Checkpoint(Path(path), content["config"], content["state_dict"], tuple(trusted), resumable)
+
+
+def write_weights(path: str | Path, config: Mapping[str, Any], state: Mapping[str, torch.Tensor]) -> None:
+    """Write a checkpoint without a training's progress, for ``ckpt_path=`` of evaluate, reconstruct and train.
+
+    Args:
+        path: ``.safetensors`` (the configuration is JSON in its metadata), or any other ending for torch's format.
+        config: see :class:`Checkpoint`.
+        state: likewise.
+    """
+    with whole_file(path) as temporary:
+        if temporary.suffix == ".safetensors":
+            from safetensors.torch import save_file
+
+            apart = {key: value.clone(memory_format=torch.contiguous_format) for key, value in state.items()}
+            save_file(apart, temporary, {"config": json.dumps(config)})
+        else:
+            torch.save({"config": dict(config), "state_dict": dict(state)}, temporary)
 
 
 class SafeCheckpointIO(TorchCheckpointIO):
@@ -96,23 +119,55 @@ class SafeCheckpointIO(TorchCheckpointIO):
             torch.save(checkpoint, temporary)
 
     def load_checkpoint(self, path: Any, map_location: Any = None, weights_only: bool | None = None) -> dict[str, Any]:
-        return _load(Path(path))
+        return load_file(Path(path))
 
 
-def _load(path: Path) -> dict[str, Any]:
+def load_file(path: Path) -> dict[str, Any]:
+    """Read a dictionary of tensors and plain values, from torch's format or from safetensors.
+
+    Raises:
+        BadInput: missing, damaged, not a dictionary, or holding anything else (nothing is executed).
+    """
     if not path.is_file():
         raise BadInput(f"{path}: no such checkpoint; give RUN/checkpoints/last.ckpt of a training run")
     try:
-        content = torch.load(path, map_location="cpu", weights_only=True)
-    except pickle.UnpicklingError as error:
-        raise BadInput(
-            f"{path}: holds Python objects other than tensors and plain values; refused, nothing was executed"
-        ) from error
+        if path.suffix == ".safetensors":
+            return _load_safetensors(path)
+        with torch.serialization.safe_globals(_numpy_scalars()):
+            content = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # torch raises RuntimeError, EOFError, KeyError, .. on damaged archives
+        if isinstance(error, pickle.UnpicklingError) and _is_pickle(path):
+            raise BadInput(
+                f"{path}: holds Python objects other than tensors and plain values; refused, nothing was executed; "
+                "have whoever wrote it save a state_dict instead"
+            ) from error
         raise BadInput(f"{path}: not a readable checkpoint, damaged or truncated ({type(error).__name__})") from error
     if not isinstance(content, dict):
         raise BadInput(f"{path}: not a checkpoint (it holds a {type(content).__name__}, expected a dictionary)")
     return content
+
+
+def _is_pickle(path: Path) -> bool:
+    """Whether a file begins like a pickle, bare or in torch's archive."""
+    with path.open("rb") as file:
+        return file.read(2).startswith((b"\x80", b"PK"))
+
+
+def _load_safetensors(path: Path) -> dict[str, Any]:
+    from safetensors import safe_open
+
+    with safe_open(path, framework="pt") as file:
+        state = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (the file is no mapping)
+        config = (file.metadata() or {}).get("config")
+    return state if config is None else {"config": json.loads(config), "state_dict": state}
+
+
+def _numpy_scalars() -> list[Any]:
+    """What a numpy number in a checkpoint is made of: published ones carry scores. Plain values, nothing to execute."""
+    make_scalar = np.float64(0).__reduce__()[0]
+    modules = ("numpy.core.multiarray", "numpy._core.multiarray")  # before and since numpy 2
+    kinds = [type(np.dtype(kind)) for kind in ("float16", "float32", "float64", "int32", "int64", "bool")]
+    return [*((make_scalar, f"{module}.scalar") for module in modules), np.dtype, *kinds]
 
 
 def _misfit(state: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.Tensor]) -> str:

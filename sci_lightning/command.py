@@ -84,6 +84,11 @@ def chosen(group: str) -> str:
     return str(HydraConfig.get().runtime.choices.get(group, "none"))
 
 
+def member(command: str, group: str, name: str, *overrides: str) -> DictConfig:
+    """A member of a configuration group as ``command`` would have it; inside a running command only."""
+    return hydra.compose(command, [f"{group}={name}", *overrides])[group]
+
+
 def plain(cfg: DictConfig) -> dict[str, Any]:
     """The configuration as resolved dictionaries, lists and values, fit for JSON and checkpoints."""
     content = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)

@@ -25,6 +25,7 @@ def reconstruct(cfg: DictConfig) -> None:
     from sci_lightning.atomic_file import whole_file
     from sci_lightning.checkpoint import read_checkpoint
     from sci_lightning.chosen_encoder import chosen_encoder
+    from sci_lightning.device import chosen_device
     from sci_lightning.encoder.mask import Measured
     from sci_lightning.errors import BadInput
     from sci_lightning.snapshot import read_snapshot
@@ -49,8 +50,7 @@ def reconstruct(cfg: DictConfig) -> None:
 
     with torch.no_grad():
         linear = encoder.linearise(measurement) / aperture
-    auto = "cuda" if torch.cuda.is_available() else "cpu"
-    device = torch.device(auto if cfg.device == "auto" else cfg.device)
+    device = chosen_device(cfg.device)
     decoder.eval().to(device)
     mask = mask.to(device)
     with torch.no_grad():

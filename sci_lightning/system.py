@@ -13,6 +13,7 @@ import torch
 
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.initial_estimate import mean_video
+from sci_lightning.device import device_name
 from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput
 from sci_lightning.metrics.scene_scores import SceneScores
@@ -204,7 +205,7 @@ class System(L.LightningModule):
             "mean": mean,
             "baseline": self.baseline.compute()[1],
             "seconds_per_measurement": statistics.median(self.seconds),
-            "device": self._device_name(),
+            "device": device_name(self.device),
         }
 
     def on_validation_epoch_end(self) -> None:
@@ -235,11 +236,6 @@ class System(L.LightningModule):
         if self.device.type == "cuda":
             torch.cuda.synchronize(self.device)
         return time.perf_counter()
-
-    def _device_name(self) -> str:
-        if self.device.type == "cuda":
-            return torch.cuda.get_device_name(self.device)
-        return f"{self.device.type} ({torch.get_num_threads()} threads)"
 
     # Checkpoints
 

@@ -35,8 +35,10 @@ def train(cfg: DictConfig) -> float:
     encoder = instantiate(cfg.encoder, _convert_="all")
     decoder = instantiate(cfg.decoder, _convert_="all")
     system = instantiate(cfg.system, _partial_=True)(encoder, decoder, run_config={**config, "names": names})
+    resumed = None
     if cfg.ckpt_path:
         checkpoint = read_checkpoint(cfg.ckpt_path)
+        resumed = cfg.ckpt_path if checkpoint.resumable else None
         checkpoint.fill("decoder", decoder, names["decoder"])
         checkpoint.fill("encoder", encoder, names["encoder"])
 
@@ -52,7 +54,7 @@ def train(cfg: DictConfig) -> float:
     share = {"rank": trainer.global_rank, "world_size": trainer.world_size}
     clips = ClipLoader(source.clips(), cfg.batch_size, workers=cfg.workers, **share)
     try:
-        trainer.fit(system, clips, scene_loader(held_out, **share), ckpt_path=cfg.ckpt_path)
+        trainer.fit(system, clips, scene_loader(held_out, **share), ckpt_path=resumed)
     except SystemExit:
         if trainer.interrupted and (out / "checkpoints" / "last.ckpt").is_file():
             print(f"interrupted; continue with ckpt_path={out}/checkpoints/last.ckpt", file=sys.stderr)

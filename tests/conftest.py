@@ -47,6 +47,15 @@ def shared_data() -> Path:
 
 
 @pytest.fixture
+def reference() -> Path:
+    """The folder of facts about published decoders (JSON), which is not part of the repository."""
+    folder = SHARED / "reference" / "decoders"
+    if not folder.is_dir():
+        pytest.skip(f"facts about published decoders not present ({folder})")
+    return folder
+
+
+@pytest.fixture
 def command(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
     """``command("train", "encoder=lsw_sr", ..)`` runs a command in a process of its own, in an empty folder."""
 
@@ -60,16 +69,27 @@ def command(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
 
 
 @pytest.fixture
-def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
-    """``refused("train", "decoder=none")``: run a command in this process, see it refuse, return its one line."""
+def ran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """``ran("convert", "out=a.ckpt", ..)``: run a command in this process, return what it prints."""
 
-    def run(name: str, *overrides: str, status: int = 2) -> str:
+    def run(name: str, *overrides: str) -> str:
         monkeypatch.chdir(tmp_path)
         monkeypatch.setattr(sys, "argv", [name, *overrides])
         monkeypatch.delenv("HYDRA_FULL_ERROR", raising=False)
         capsys.readouterr()
+        command_frame.run(name, getattr(import_module(f"sci_lightning.{name}"), name))
+        return capsys.readouterr().out
+
+    return run
+
+
+@pytest.fixture
+def refused(ran: Callable[..., str], capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """``refused("train", "decoder=none")``: run a command in this process, see it refuse, return its one line."""
+
+    def run(name: str, *overrides: str, status: int = 2) -> str:
         with pytest.raises(SystemExit) as caught:
-            command_frame.run(name, getattr(import_module(f"sci_lightning.{name}"), name))
+            ran(name, *overrides)
         lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
         assert len(lines) == 1, lines
         assert caught.value.code == status, lines[0]

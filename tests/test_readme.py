@@ -16,7 +16,9 @@ from scipy.io import savemat
 from skimage.io import imsave
 
 from sci_lightning.captures import pack_captures
+from sci_lightning.decoder import Res2former
 from tests.conftest import ROOT
+from tests.decoder.test_published import as_published
 from tests.end_to_end.test_train import TINY
 from tests.test_configs import clips
 from tests.test_encoder_file import encoder_file
@@ -47,6 +49,8 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "LAB" / "captures.yaml").write_text(recipe)
     pack_captures(place / "LAB", place / "CAPTURES.h5")
     encoder_file(place / "CAMERA", 64)
+    state = {f"decoder.{key}": value for key, value in as_published(Res2former()).items()}
+    torch.save({"state_dict": {"encoder.weight": torch.full((8, 16, 16), 1 / 8), **state}}, place / "PUBLISHED.pth")
     run([sys.executable, "-m", "sci_lightning.train", *TINY, *SIZE, *DECODER["e2e_cnn"], "out=RUN"], place)
     return place
 
@@ -78,6 +82,9 @@ def test_command(command: str, place: Path) -> None:
 
 def reduced(arguments: list[str]) -> list[str]:
     """A command of the README made small by overrides; of a sweep, the first value of each choice."""
+    if arguments[1] == "sci_lightning.benchmark":
+        every = ["only=[e2e_cnn]"] if "decoder=all" in arguments else []
+        return [*arguments, "size=16", "repeats=1", "product=64", *every]
     if arguments[1] != "sci_lightning.train":
         return arguments
     arguments = [re.sub(r"=([^\[,]+),[^\]]*$", r"=\1", each) for each in arguments]

@@ -21,7 +21,7 @@ def test_wheel(command: Callable[..., subprocess.CompletedProcess[str]], tmp_pat
     site = tmp_path / "site"
     install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(site), str(wheel)]
     assert subprocess.run(install, capture_output=True).returncode == 0
-    assert (site / "sci_lightning" / "conf" / "train.yaml").is_file()
+    assert all((site / "sci_lightning" / path).is_file() for path in ("conf/train.yaml", "paper_figures.yaml"))
 
     outside = tmp_path / "outside"
     outside.mkdir()

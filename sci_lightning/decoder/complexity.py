@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import copy
-
 import torch
 from torch import nn
+from torch.func import functional_call
 from torch.utils.flop_counter import FlopCounterMode
 
 
@@ -14,15 +13,20 @@ def count_parameters(decoder: nn.Module) -> int:
     return sum(parameter.numel() for parameter in decoder.parameters())
 
 
-@torch.no_grad()
 def count_macs(decoder: nn.Module, frames: int, height: int, width: int) -> int:
     """Multiply-accumulates of one measurement: convolutions, linear layers and matrix products, exactly.
 
     Counted by torch on tensors without data, so it costs no computation and no memory, at any size.
     """
-    shadow = copy.deepcopy(decoder).to("meta")
+    with FlopCounterMode(display=False) as counter:
+        call_without_data(decoder, frames, height, width)
+    return counter.get_total_flops() // 2
+
+
+@torch.no_grad()
+def call_without_data(decoder: nn.Module, frames: int, height: int, width: int) -> None:
+    """Decode one measurement of T = ``frames`` on tensors that have a shape but no values."""
+    state = {name: value.to("meta") for name, value in (*decoder.named_parameters(), *decoder.named_buffers())}
     measurement = torch.empty(1, height, width, device="meta")
     mask = torch.empty(frames, height, width, device="meta")
-    with FlopCounterMode(display=False) as counter:
-        shadow(measurement, mask)
-    return counter.get_total_flops() // 2
+    functional_call(decoder, state, (measurement, mask))

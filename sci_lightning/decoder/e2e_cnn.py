@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import torch
 from torch import nn
 
@@ -38,6 +40,15 @@ class E2ECNN(Decoder):
     Parameters: 817,608 with the defaults at T = 8.
     Source: Qiao et al., "Deep learning for video compressive sensing", APL Photonics 2020.
     """
+
+    published_names: ClassVar[tuple[tuple[str, str], ...]] = (
+        (r"conv1\.(.*)", r"first.\1"),
+        *((rf"encode{i + 1}\.conv1\.(.*)", rf"encode.{i}.layers.0.\1") for i in range(5)),
+        *((rf"encode{i + 1}\.conv2\.(.*)", rf"encode.{i}.layers.2.\1") for i in range(5)),
+        *((rf"decode{5 - i}\.conv1\.(.*)", rf"decode_blocks.{i}.layers.0.\1") for i in range(5)),
+        *((rf"decode{5 - i}\.conv2\.(.*)", rf"decode_blocks.{i}.layers.2.\1") for i in range(5)),
+        (r"last_act\.0\.(.*)", r"last.\1"),
+    )
 
     def __init__(self, frames: int, channels: int = 64, blocks: int = 5, input_residual: bool = False) -> None:
         super().__init__()

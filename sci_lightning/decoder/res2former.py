@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 import torch
 from torch import nn
@@ -11,6 +12,9 @@ from torch.nn import functional as F
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.temporal_attention import TemporalAttention
 from sci_lightning.errors import BadInput
+
+PUBLISHED_LEVELS = ((r"encoder\.0\.0", "encode"), ("bottleneck", "bottleneck"), (r"decoder\.0\.2", "decode_blocks"))
+"""Where the authors keep the ResTSA modules of each level, and where we do."""
 
 
 class TSABranch(nn.Module):
@@ -66,6 +70,21 @@ class Res2former(Decoder):
     Parameters: 11,022,625 with the defaults, 17,697,153 for Res2former-L.
     Source: "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Section 4.3.
     """
+
+    published_names: ClassVar[tuple[tuple[str, str], ...]] = (
+        (r"conv_first\.(.*)", r"extract.\1"),
+        *(
+            (rf"{theirs}\.blocks\.(\d+)\.cformer_list\.(\d+)\.{part}\.(.*)", rf"{ours}.\1.branches.\2.{name}.\3")
+            for theirs, ours in PUBLISHED_LEVELS
+            for part, name in (("conv", "conv"), ("tsab", "attention"), ("ffn", "feed_forward"))
+        ),
+        *((rf"{theirs}\.blocks\.(\d+)\.last_conv\.(.*)", rf"{ours}.\1.last.\2") for theirs, ours in PUBLISHED_LEVELS),
+        (r"encoder\.0\.1\.(.*)", r"down.\1"),
+        (r"decoder\.0\.0\.0\.(.*)", r"up.\1"),
+        (r"decoder\.0\.1\.(.*)", r"fuse.\1"),
+        (r"conv_last\.0\.(.*)", r"expand.\1"),
+        (r"conv_last\.4\.(.*)", r"last.\1"),
+    )
 
     def __init__(
         self, dim: int = 96, depths: Sequence[int] = (3, 3), groups: Sequence[int] = (2, 4), heads: int = 4

@@ -4,7 +4,17 @@ from sci_lightning.encoder.mask.learned_binary import LearnedBinary
 from sci_lightning.encoder.mask.learned_structural import LearnedStructural
 from sci_lightning.encoder.mask.mask import Mask
 from sci_lightning.encoder.mask.measured import Measured, read_mask
+from sci_lightning.encoder.mask.published import published_mask
 from sci_lightning.encoder.mask.random_binary import RandomBinary
 from sci_lightning.encoder.mask.random_structural import RandomStructural
 
-__all__ = ["LearnedBinary", "LearnedStructural", "Mask", "Measured", "RandomBinary", "RandomStructural", "read_mask"]
+__all__ = [
+    "LearnedBinary",
+    "LearnedStructural",
+    "Mask",
+    "Measured",
+    "RandomBinary",
+    "RandomStructural",
+    "published_mask",
+    "read_mask",
+]

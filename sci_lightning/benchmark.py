@@ -1,0 +1,92 @@
+"""``python -m sci_lightning.benchmark``: what decoding one measurement costs here, beside the paper's figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+from hydra.core.config_store import ConfigStore
+from omegaconf import DictConfig
+from rich.console import Console
+from rich.progress import Progress
+
+from sci_lightning.command import CONF, PACKAGE, chosen, member, one_line, plain, run
+from sci_lightning.errors import BadInput
+
+SETTINGS = ("frames", "precision", "compile", "warm_up", "repeats", "product")
+
+
+def benchmark(cfg: DictConfig) -> None:
+    """Write ``benchmark.json`` and ``benchmark.md`` and print the table; a decoder that fails does not stop the others.
+
+    Args:
+        cfg: ``conf/benchmark.yaml``, composed.
+    """
+    import torch
+
+    from sci_lightning.atomic_file import whole_file
+    from sci_lightning.benchmark_table import as_markdown, as_table
+    from sci_lightning.decoder_cost import PRECISIONS, decoder_cost
+    from sci_lightning.device import chosen_device, device_name
+    from sci_lightning.results import write_json
+
+    out, console, names = Path(cfg.out), Console(highlight=False), _names(cfg)
+    device = chosen_device(cfg.device)
+    if cfg.precision not in PRECISIONS:
+        raise BadInput(f"precision={cfg.precision}: choose one of {', '.join(PRECISIONS)}")
+    if cfg.repeats < 1:
+        raise BadInput(f"repeats={cfg.repeats}: at least one call must be timed")
+    settings: dict[str, Any] = {key: cfg[key] for key in SETTINGS}
+    settings["size"] = (cfg.size, cfg.size) if isinstance(cfg.size, int) else tuple(cfg.size)
+    about = {"format": "sci-benchmark", "format_version": 1, "torch": torch.__version__, "device": device_name(device)}
+    found: dict[str, Any] = {**about, **settings, "decoders": {}, "failed": {}}
+    paper = yaml.safe_load((PACKAGE / "paper_figures.yaml").read_text())
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task("", total=len(names))
+        for name in names:
+            progress.update(task, description=name)
+            figures = {"paper": paper[name]} if name in paper else {}
+            rules = paper[name]["macs_rules"] if name in paper else 2022
+            try:
+                cost = decoder_cost(_decoder(cfg, name), device=str(device), rules=rules, **settings)
+                found["decoders"][name] = {**cost, **figures}
+            except Exception as error:
+                if len(names) == 1:
+                    raise
+                found["failed"][name] = one_line(error)
+            progress.advance(task)
+    write_json(found, out / "benchmark.json")
+    with whole_file(out / "benchmark.md") as temporary:
+        temporary.write_text(as_markdown(found))
+    console.print(as_table(found))
+    console.print(f"[bold]{out}[/]: benchmark.json, benchmark.md")
+    if failed := found["failed"]:
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in failed.items())
+        raise BadInput(f"{len(failed)} of {len(names)} decoders could not be measured: {reasons}")
+
+
+def _decoder(cfg: DictConfig, name: str) -> dict[str, Any]:
+    """The decoder's plain configuration: with its overrides if it was chosen by itself."""
+    alone = name == chosen("decoder")
+    return plain(cfg.decoder if alone else member("benchmark", "decoder", name, f"frames={cfg.frames}"))
+
+
+def _names(cfg: DictConfig) -> list[str]:
+    """The decoder that was chosen, or every one of ``conf/decoder`` that ``only`` does not leave out."""
+    if chosen("decoder") != "all":
+        return [chosen("decoder")]
+    every = sorted(path.stem for path in (CONF / "decoder").glob("*.yaml"))
+    if unknown := sorted(set(cfg.only or []) - set(every)):
+        raise BadInput(f"only={unknown}: no such decoder; choose from {', '.join(every)}")
+    return [name for name in every if cfg.only is None or name in cfg.only]
+
+
+def main() -> None:
+    """The command; ``all`` is no file in ``conf/decoder``, whose members are decoders."""
+    ConfigStore.instance().store("all", {}, group="decoder")
+    run("benchmark", benchmark)
+
+
+if __name__ == "__main__":
+    main()

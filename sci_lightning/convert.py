@@ -1,0 +1,86 @@
+"""``python -m sci_lightning.convert``: published weights into a checkpoint, or a checkpoint into safetensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from omegaconf import DictConfig, open_dict
+from rich.console import Console
+
+from sci_lightning.command import chosen, member, plain, run
+from sci_lightning.errors import BadInput
+
+
+def convert(cfg: DictConfig) -> None:
+    """Write a file of weights that ``ckpt_path=`` of evaluate, reconstruct and train takes.
+
+    Args:
+        cfg: ``conf/convert.yaml``, composed.
+    """
+    from sci_lightning.checkpoint import load_file, read_checkpoint, write_weights
+
+    path, console = Path(cfg.checkpoint), Console(highlight=False, soft_wrap=True)
+    content = load_file(path)
+    ours = "config" in content
+    if ours and "decoder" in cfg:
+        raise BadInput(f"{path}: a checkpoint of sci_lightning knows its own network; leave decoder= out")
+    if not ours and "decoder" not in cfg:
+        raise BadInput(
+            f"{path}: no checkpoint of sci_lightning; if a network's authors wrote it, name it: decoder=NAME"
+        )
+    if ours:
+        checkpoint = read_checkpoint(path)
+        config, state = checkpoint.config, checkpoint.state
+    else:
+        try:
+            config, state = published(cfg, content, console)
+        except BadInput as error:
+            raise BadInput(f"{path}: {error}") from error
+    write_weights(cfg.out, config, state)
+    names = config["names"]
+    console.print(f"[bold]{cfg.out}[/]: {len(state)} tensors of decoder={names['decoder']} encoder={names['encoder']}")
+
+
+def published(cfg: DictConfig, content: Mapping[str, Any], console: Console) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Configuration and state of a checkpoint, made of what a network's authors saved.
+
+    A mask in the file takes the place of the encoder's. ``frames``, ``size`` and ``encoder`` are set where absent.
+    """
+    from hydra.utils import instantiate
+    from torch import nn
+
+    from sci_lightning.decoder.published import load_published, unpack
+    from sci_lightning.encoder.mask import LearnedStructural, published_mask
+
+    _, found = unpack(content)
+    shape = (8, 256, 256) if found is None else found.levels.shape
+    cfg.frames = cfg.frames or (shape[0] if len(shape) == 3 else 8)
+    cfg.size = cfg.size or list(shape[-2:])
+    decoder = instantiate(cfg.decoder, _convert_="all")
+    load_published(decoder, content)
+
+    mask = None if found is None else published_mask(found.levels, found.real, cfg.frames, tuple(cfg.size))
+    names = {"encoder": chosen("encoder"), "decoder": chosen("decoder")}
+    if "encoder" not in cfg:
+        names["encoder"] = "rbw_osr" if mask is None else "lsw_sr" if mask().sum(0).eq(1).all() else "rbw_sr"
+        told = "no mask in the file, a random one takes its place" if mask is None else f"the file's mask, {mask}"
+        console.print(f"encoder={names['encoder']}: {told}")
+        with open_dict(cfg):
+            cfg.encoder = member("convert", "encoder", names["encoder"])
+    if mask is not None:
+        target = f"{type(mask).__module__}.{type(mask).__name__}"
+        own = {"bits": mask.bits} if isinstance(mask, LearnedStructural) else {"file": None}
+        cfg.encoder.mask = {"_target_": target, "frames": mask.frames, "size": list(mask.size), **own}
+    encoder = instantiate(cfg.encoder, _convert_="all")
+    if mask is not None:
+        encoder.mask.load_state_dict(mask.state_dict())
+    config = plain(cfg)
+    kept = {key: config[key] for key in ("encoder", "decoder", "frames", "size", "seed")}
+    state = nn.ModuleDict({"encoder": encoder, "decoder": decoder}).state_dict()
+    return {**kept, "crop": config["size"], "names": names, "converted": Path(cfg.checkpoint).name}, state
+
+
+if __name__ == "__main__":
+    run("convert", convert)

@@ -1,0 +1,57 @@
+"""Every decoder under every encoder: a step of training, a checkpoint, another step, a test, an export."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import lightning as L
+import pytest
+import torch
+from hydra.utils import instantiate
+from omegaconf import DictConfig
+from torch.utils.data import DataLoader
+
+from sci_lightning.checkpoint import SafeCheckpointIO, read_checkpoint, write_weights
+from sci_lightning.command import plain
+from sci_lightning.data.loader import scene_loader
+from sci_lightning.data.source import Scene
+from sci_lightning.system import System
+from tests.conftest import members
+from tests.decoder.test_decoders import SMALL
+
+
+@pytest.mark.parametrize("encoder", members("encoder"))
+@pytest.mark.parametrize("decoder", members("decoder"))
+def test_life(decoder: str, encoder: str, configuration: Callable[..., DictConfig], tmp_path: Path) -> None:
+    settings = [f"decoder={decoder}", f"encoder={encoder}", *SMALL.get(decoder, []), "frames=4", "size=[16,16]"]
+    cfg = configuration("train", *settings, f"out={tmp_path}")
+    run_config = {**plain(cfg), "names": {"encoder": encoder, "decoder": decoder}}
+
+    def system() -> System:
+        parts = [instantiate(cfg[part], _convert_="all") for part in ("encoder", "decoder")]
+        return instantiate(cfg.system, _partial_=True)(*parts, run_config=run_config)
+
+    def trainer(steps: int) -> L.Trainer:
+        quiet = {"logger": False, "enable_progress_bar": False, "enable_model_summary": False}
+        once = {"max_steps": steps, "limit_val_batches": 0, "enable_checkpointing": False, "accelerator": "cpu"}
+        return L.Trainer(**once, **quiet, default_root_dir=tmp_path, plugins=[SafeCheckpointIO()])
+
+    clips, path = DataLoader(torch.rand(1, 4, 16, 16)), tmp_path / "last.ckpt"
+    started, first = system(), trainer(1)
+    before = {key: value.clone() for key, value in started.state_dict().items()}
+    first.fit(started, clips)
+    first.save_checkpoint(path)
+    trained = read_checkpoint(path)
+    assert any(not torch.equal(before[key], value) for key, value in trained.state.items() if "decoder." in key)
+
+    resumed, second = system(), trainer(2)
+    second.fit(resumed, clips, ckpt_path=str(path))
+    assert second.global_step == 2 and first.global_step == 1
+    second.test(resumed, scene_loader([Scene("still", torch.rand(2, 4, 16, 16))]), verbose=False)
+    assert resumed.tested["mean"]["psnr"] > 0
+
+    write_weights(tmp_path / "weights.safetensors", trained.config, trained.state)
+    again = read_checkpoint(tmp_path / "weights.safetensors").decoder().eval()
+    video, mask = torch.rand(1, 16, 16), torch.rand(4, 16, 16)
+    assert torch.equal(again(video, mask), trained.decoder().eval()(video, mask))
