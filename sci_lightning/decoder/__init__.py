@@ -8,6 +8,18 @@ from sci_lightning.decoder.elp_unfolding import ELPUnfolding
 from sci_lightning.decoder.gap_net import GAPNet
 from sci_lightning.decoder.metasci import MetaSCI
 from sci_lightning.decoder.res2former import Res2former
+from sci_lightning.decoder.revsci import RevSCI
 from sci_lightning.decoder.sci3d import SCI3D
 
-__all__ = ["BIRNAT", "E2ECNN", "SCI3D", "ADMMNet", "Decoder", "ELPUnfolding", "GAPNet", "MetaSCI", "Res2former"]
+__all__ = [
+    "BIRNAT",
+    "E2ECNN",
+    "SCI3D",
+    "ADMMNet",
+    "Decoder",
+    "ELPUnfolding",
+    "GAPNet",
+    "MetaSCI",
+    "Res2former",
+    "RevSCI",
+]
