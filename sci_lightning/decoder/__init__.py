@@ -10,6 +10,7 @@ from sci_lightning.decoder.gap import GAP
 from sci_lightning.decoder.gap_net import GAPNet
 from sci_lightning.decoder.metasci import MetaSCI
 from sci_lightning.decoder.res2former import Res2former
+from sci_lightning.decoder.revsci import RevSCI
 from sci_lightning.decoder.sci3d import SCI3D
 
 __all__ = [
@@ -24,4 +25,5 @@ __all__ = [
     "GAPNet",
     "MetaSCI",
     "Res2former",
+    "RevSCI",
 ]

@@ -26,6 +26,7 @@ SMALL = {
     "pnp_ffdnet": ["decoder.strengths=[0.2]", "decoder.iterations=[2]", "decoder.denoiser.channels=8"],
     "res2former": ["decoder.dim=16", "decoder.depths=[1,1]"],
     "res2former_l": ["decoder.dim=16", "decoder.depths=[1,1]", "decoder.groups=[2,4]"],
+    "revsci": ["decoder.blocks=2", "decoder.channels=16"],
     "sci3d": ["decoder.phases=3", "decoder.channels=[4,6,8]", "decoder.inner=3"],
 }
 PUBLISHED = {  # parameters, exact multiply-accumulates at 256 x 256 x 8
@@ -37,6 +38,7 @@ PUBLISHED = {  # parameters, exact multiply-accumulates at 256 x 256 x 8
     "metasci": (2_066_968, 36_230_397_952),
     "res2former": (11_022_625, 864_597_049_344),
     "res2former_l": (17_697_153, 1_368_618_172_416),
+    "revsci": (5_655_393, 758_263_054_336),
     "sci3d": (61_951_477, 3_974_106_710_016),
 }
 UNTRAINED = {"sci3d": 4, "elp_unfolding": 2}  # parameters that the published networks hold and do not use, of SMALL
