@@ -18,7 +18,7 @@ class Setting:
     """What runs must share to be averaged or compared.
 
     Attributes:
-        scale: of ``conf/scale``; "own" is none of the paper's tables'.
+        scale: of ``conf/scale``; "own" is none of these.
         size: (H, W) of the tested frames.
         scenes: names of the tested scenes.
         conventions: of the scores, by metric.
@@ -128,7 +128,7 @@ def _run(path: Path, content: Mapping[str, Any]) -> Run:
         "bits": mask.get("bits", 1),
     }
     setting = Setting(
-        scale=config["scale"],
+        scale=config.get("scale", "own"),
         size=tuple(int(side) for side in tested.get("size") or config["size"]),
         scenes=tuple(sorted(content["scenes"])),
         conventions=tuple(sorted(content.get("conventions", {}).items())),
