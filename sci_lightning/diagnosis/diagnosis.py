@@ -55,9 +55,9 @@ class Diagnosis:
 
     @property
     def verdict(self) -> str:
-        """consistent, explained, partly_explained or unexplained."""
+        """consistent, explained, partly_explained or unexplained; the first two only if the residuals are noise."""
         chi2, before = self.gaps["after"]["chi2"], self.gaps["before"]["chi2"]
-        if chi2 <= GOOD and not self.unnamed:
+        if chi2 <= GOOD and not self.unnamed and not self.left:
             return "explained" if self.names else "consistent"
         return "partly_explained" if self.names and chi2 < before else "unexplained"
 
