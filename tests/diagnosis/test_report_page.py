@@ -92,3 +92,11 @@ def test_a_page_of_a_camera_in_which_nothing_is_hidden(tmp_path: Path) -> None:
     text = page(diagnose(read_captures(tmp_path / "a.h5"), few))
     assert "<h1>The captures agree with the ideal camera" in text
     assert "No effect is worth its parameters" in text
+
+
+def test_a_verdict_waits_for_the_residuals_to_be_noise(found: Diagnosis) -> None:
+    assert found.verdict == "explained"
+    assert not found.left
+    less = replace(found, after=found.before)  # the numbers are those of a good model, the residuals are not
+    assert less.left
+    assert less.verdict != "explained"
