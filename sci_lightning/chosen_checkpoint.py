@@ -29,13 +29,14 @@ def chosen_checkpoint(command: str, cfg: DictConfig) -> Checkpoint:
         cfg: of the command; without a checkpoint ``frames``, ``size`` and ``seed`` that are None are filled in.
 
     Raises:
-        BadInput: neither, a checkpoint that cannot be read, or a decoder that has to be trained first.
+        BadInput: neither, a checkpoint that cannot be read or does not fit, or a decoder that has to be trained first.
     """
     name, settings = chosen("decoder"), cfg.get("decoder")
     if cfg.ckpt_path is not None:
         checkpoint = read_checkpoint(cfg.ckpt_path, cfg.trusted)
         if settings is None:
             return checkpoint
+        checkpoint.fill("decoder", instantiate(settings, _convert_="all"), name)  # refused while both names are known
         names = {**checkpoint.config["names"], "decoder": name}
         return replace(checkpoint, config={**checkpoint.config, "decoder": plain(settings), "names": names})
     if settings is None:

@@ -135,6 +135,7 @@ def _quieten() -> None:
     for message in (
         r".*does not have many workers.*",
         r".*LeafSpec.*",
+        r".*module\(s\) in eval mode.*",
         r".*smaller than the logging interval.*",
         r".*Checkpoint directory .* exists and is not empty.*",
     ):
