@@ -217,7 +217,7 @@ def test_every_published_key_list(name: str, configuration: Callable[..., DictCo
     if not path.is_file():
         pytest.skip(f"no facts about {name}")
     listed = json.loads(path.read_text())["state_dict"]
-    state = {key: torch.rand(1).to(getattr(torch, kind)).expand(shape) for key, shape, kind in listed}
+    state = {key: torch.rand(()).to(getattr(torch, kind)).expand(shape) for key, shape, kind in listed}
     with torch.device("meta"):
         decoder = instantiate(configuration("train", f"decoder={name}").decoder, _convert_="all")
     wrapper = {"encoder.weight": torch.rand(8, 4, 4), **{f"decoder.{key}": value for key, value in state.items()}}
