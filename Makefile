@@ -28,7 +28,7 @@ tables smoke-tables: $(READY)
 	$(BIN)/python -m sci_lightning.tables runs=outputs/sweep/$(SCALE) out=outputs/tables/$(SCALE) && exit $$failed
 
 test: $(READY) lint
-	$(BIN)/python -m pytest
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 
 lint: $(READY)
 	$(BIN)/ruff check .
