@@ -19,7 +19,7 @@ from sci_lightning.errors import BadInput
 from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.scene_scores import SceneScores
 
-Batch = tuple[torch.Tensor, torch.Tensor]
+Batch = tuple[torch.Tensor, ...]
 
 
 def mse(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
@@ -125,6 +125,11 @@ class System(L.LightningModule):
         linear = self.encoder.linearise(measurement, origin)
         return self.encoder.rescale(linear), self.encoder.decoder_mask(mask)
 
+    def received(self, measurement: torch.Tensor, aperture: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """As :meth:`decodable`, of snapshots (N, H, W) that a camera took, each with an aperture (N,) of its own."""
+        linear = self.encoder.linearise(measurement) / aperture[:, None, None]
+        return linear, self.encoder.decoder_mask(self.encoder.transmittance())
+
     # Training
 
     def configure_optimizers(self) -> Any:
@@ -196,7 +201,7 @@ class System(L.LightningModule):
             f"checkpoints hold the last good state; resume from there with a smaller system.lr or check the data"
         )
 
-    # Validation and test: item = (scene number, video)
+    # Validation and test: item = (scene number, video), of a test also (.., measurement, aperture) of a real camera
 
     def on_validation_epoch_start(self) -> None:
         self.scores = self._scores(self.trainer.val_dataloaders, self.val_every_n_frames)
@@ -234,11 +239,11 @@ class System(L.LightningModule):
     def _scores(self, loader: Any, every_n_frames: Mapping[str, int] | None = None) -> SceneScores:
         return SceneScores(loader.dataset.names, self.metrics, every_n_frames).to(self.device)
 
-    def _score(self, batch: Batch, batch_idx: int) -> Batch:
+    def _score(self, batch: Batch, batch_idx: int) -> tuple[torch.Tensor, torch.Tensor]:
         """Add a batch to the scores; returns what its decoder was given."""
         self._seed_step(batch_idx, testing=True)  # sensor noise in a test does not depend on the training before it
-        scenes, video = batch
-        measurement, mask = self.decodable(*self.shoot(video))
+        scenes, video, *taken = batch
+        measurement, mask = self.received(*taken) if taken else self.decodable(*self.shoot(video))
         start = self._now()
         estimate = self.decoder(measurement, mask)
         self.seconds.append((self._now() - start) / len(video))

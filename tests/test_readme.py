@@ -1,4 +1,7 @@
-"""Every command that README.md shows is run, at a reduced size and with real files in place of its capitals."""
+"""Every command that README.md shows is run, at a reduced size and with real files in place of its capitals.
+
+They run in the README's order: what one writes with ``out=`` a later one may read.
+"""
 
 from __future__ import annotations
 

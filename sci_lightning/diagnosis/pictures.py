@@ -182,16 +182,19 @@ def chart_figure(values: torch.Tensor, unit: str) -> Figure:
 
 
 def unnamed_figure(unnamed: Unnamed) -> Figure:
-    """What no name explains, where it was found."""
+    """What no name explains: how much of the signal it is, and where."""
     with style():
         figure = Figure(figsize=(5, 3.6 if unnamed.picture.ndim == 2 else 2.6), layout="constrained")
         axes = figure.subplots()
-        if unnamed.picture.ndim == 2:
-            picture = Picture("map", unnamed.picture, "", axes=PLACE)
-            image: Any = draw_map(axes, picture, *limits([picture]))
-            figure.colorbar(image, ax=axes, shrink=0.85).outline.set_visible(False)
+        values = unnamed.picture.numpy()
+        if values.ndim == 2:
+            image = axes.imshow(values, vmin=min(0, values.min()), interpolation="nearest")
+            axes.set(xlabel=PLACE[0], ylabel=PLACE[1])
+            axes.spines[:].set_visible(False)
+            label = "RMS change of the signal (DN)"
+            figure.colorbar(image, ax=axes, shrink=0.85, label=label).outline.set_visible(False)
         else:
-            axes.plot(unnamed.picture.numpy(), color=AFTER, marker=".")
+            axes.plot(values, color=AFTER, marker=".")
             axes.axhline(0, color=FAINT, linewidth=0.8)
         axes.set_title(f"{unnamed.stage}: {unnamed.where}", loc="left")
         return figure

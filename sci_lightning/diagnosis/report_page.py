@@ -182,7 +182,7 @@ def _tests(found: Diagnosis) -> str:
         "Noise can explain what is said about variance, nothing else.</p>"
     )
     hits = [(first, after) for first, after in pairs if after.significant or (first and first.significant)]
-    hits.sort(key=lambda pair: (not pair[1].significant, pair[1].about == "variance", -_share(pair)))
+    hits.sort(key=lambda pair: (not pair[1].significant, pair[1].about == "variance", -_nats(pair)))
     shown = [
         f"<div><h3>{escape(after.question)}</h3>{_figure(pictures.test_figure(first, after), '')}</div>"
         for first, after in hits[:MOST]
@@ -192,8 +192,8 @@ def _tests(found: Diagnosis) -> str:
     return _section("Questions to the residuals", f'{text}{table}<div class="tests">{"".join(shown)}</div>')
 
 
-def _share(pair: tuple[ResidualTest | None, ResidualTest]) -> float:
-    return max(test.share for test in pair if test)
+def _nats(pair: tuple[ResidualTest | None, ResidualTest]) -> float:
+    return max(test.nats for test in pair if test)
 
 
 def _p_cell(p_value: float) -> str:

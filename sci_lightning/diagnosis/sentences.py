@@ -54,6 +54,10 @@ def headline(report: Mapping[str, Any], left: Sequence[ResidualTest]) -> str:
     if not report["effects"]:
         if rest == CLEAN:
             return f"The captures agree with the ideal camera: held-out chi2 {after}, and {CLEAN}."
+        if report["unnamed"]:
+            verdict = f"The captures disagree with the ideal camera (held-out chi2 {before}) and no name explains it"
+            fallen = report["gap"]["after"]["chi2"] < 0.999 * report["gap"]["before"]["chi2"]
+            return f"{verdict}: {_places(report)}{f'; in free form it leaves {after}' if fallen else ''}."
         return f"The captures disagree with the ideal camera (held-out chi2 {after}) and no name explains it: {rest}."
     told = [say(effect) for effect in report["effects"]]
     found = " and ".join(filter(None, (", ".join(told[:-1]), told[-1])))
@@ -69,12 +73,15 @@ CLEAN = "nothing significant is left"
 
 def _rest(report: Mapping[str, Any], left: Sequence[ResidualTest]) -> str:
     if report["unnamed"]:
-        places = "; ".join(f"{each['stage']}: {each['where']}" for each in report["unnamed"])
-        return f"something without a name is left ({places})"
+        return f"something without a name is left ({_places(report)})"
     if left:
         names = ", ".join(each.name for each in left[:4]) + (", .." if len(left) > 4 else "")
         return f"the residuals are not noise yet ({names})"
     return CLEAN
+
+
+def _places(report: Mapping[str, Any]) -> str:
+    return ", and ".join(f"in the {each['stage']}, {each['where']}" for each in report["unnamed"])
 
 
 def say(effect: Mapping[str, Any]) -> str:
@@ -82,7 +89,7 @@ def say(effect: Mapping[str, Any]) -> str:
     values = {name: quantity(each["value"], each["std"]) for name, each in effect["parameters"].items()}
     if effect["name"] in EFFECTS:
         return EFFECTS[effect["name"]].format(**values)
-    units = {name: each["unit"] for name, each in effect["parameters"].items()}
+    units = {name: each["unit"].removeprefix("1") for name, each in effect["parameters"].items()}
     told = ", ".join(f"{name} {value} {units[name]}".strip() for name, value in values.items())
     return f"{effect['name']} ({told})"
 

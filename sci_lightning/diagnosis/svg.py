@@ -57,7 +57,7 @@ def svg(figure: Figure, label: str) -> str:
         "",
         text,
     )
-    text = re.sub(r"font: ([^;\"]*?)'DejaVu Sans'[^;\"]*", r"font: \1system-ui, sans-serif", text)
+    text = re.sub(r"'DejaVu Sans'[^;\"]*", "system-ui, sans-serif", text)
     width = figure.get_size_inches()[0] * 72
     head = re.compile(r'<svg[^>]*viewBox="([^"]*)"[^>]*>', re.DOTALL)
     return head.sub(

@@ -72,6 +72,6 @@ def ask(residuals: Residuals) -> list[ResidualTest]:
     tests = []
     for name, (about, question, answered) in questions.items():
         answer = answered(residuals)
-        numbers = answer.statistic, answer.p_value, answer.share, answer.p_value
+        numbers = answer.statistic, answer.p_value, answer.nats, answer.p_value
         tests.append(ResidualTest(name, about, question, *numbers, answer.picture))
     return corrected(tests)

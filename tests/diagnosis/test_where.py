@@ -106,6 +106,11 @@ def test_noise_that_is_stated_wrongly_shows_in_the_variance_alone(tmp_path: Path
     assert {test.about for test in tests if test.significant} == {"variance"}
 
 
+def test_codes_that_a_converter_of_fewer_bits_cannot_give_are_not_missed(tmp_path: Path) -> None:
+    subject, fit = ideal(tmp_path / "a.h5", {"bit_depth": {"bits": 6}})
+    assert not significant(residual_tests(subject, subject.fit(fit.hypothesis.having("bit_depth", {"bits": 6}))))
+
+
 def test_what_a_capture_leaves_in_the_next(tmp_path: Path) -> None:
     subject, fit = ideal(tmp_path / "a.h5")
     residuals = Residuals.of(subject, fit, seed=0)

@@ -20,7 +20,7 @@ def kinds(residuals: Residuals) -> Answer:
     count = torch.tensor([residuals.raw[each].numel() for each in members]).double()
     mean = torch.stack([residuals.scaled[each].mean(dtype=torch.float64) for each in members])
     picture = Picture("bars", mean, unit="mean residual (σ)", x=names, axes=("kind",), errors=count.rsqrt())
-    return judge(mean * count.sqrt(), residuals.raw.numel(), picture)
+    return judge(mean * count.sqrt(), picture)
 
 
 def captures(residuals: Residuals) -> Answer:
@@ -29,7 +29,7 @@ def captures(residuals: Residuals) -> Answer:
     scores = torch.zeros_like(values)
     scores[residuals.seen.number.argsort().argsort()] = values / errors
     numbers = tuple(str(n) for n in residuals.seen.number.sort().values.tolist())
-    return judge(scores, residuals.raw.numel(), Picture("bars", scores, x=numbers, axes=("capture, as in the file",)))
+    return judge(scores, Picture("bars", scores, x=numbers, axes=("capture, as in the file",)))
 
 
 def drift(residuals: Residuals) -> Answer:
@@ -60,8 +60,8 @@ def drift(residuals: Residuals) -> Answer:
     rest = float((scores - orthogonal @ along).square().sum())
     trend = float(along[1:].square().sum())
     statistic = trend / POWERS / max(1.0, rest / left)
-    share = max(0.0, trend - POWERS) / residuals.raw.numel()
-    return Answer(statistic, float(fisher.sf(statistic, POWERS, left)), share, picture)
+    nats = max(0.0, trend - POWERS) / 2
+    return Answer(statistic, float(fisher.sf(statistic, POWERS, left)), nats, picture)
 
 
 def _light(residuals: Residuals) -> tuple[torch.Tensor, torch.Tensor]:

@@ -29,4 +29,5 @@ def chart(residuals: Residuals, name: str) -> Answer:
         place = tuple(map(float, range(scores.numel())))
         picture = Picture("curve", scores.flatten(), x=place, axes=(PLACE[known.kind == "row"],))
     p_value = p_value_of(known)
-    return Answer(-math.log10(max(p_value, 1e-300)), p_value, 0.0, picture)
+    nats = -math.log(max(p_value, 1e-300))
+    return Answer(nats, p_value, nats, picture)

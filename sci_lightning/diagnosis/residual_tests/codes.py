@@ -36,16 +36,18 @@ def codes(residuals: Residuals) -> Answer:
     picture = Picture(
         "curve", found[:shown], unit="pixels", x=tuple(float(n) for n in range(shown)), axes=("code (DN)",)
     )
-    return Answer(statistic, min(1.0, (full + 1) * math.exp(-min(statistic, 600.0))), 0.0, picture)
+    return Answer(statistic, min(1.0, (full + 1) * math.exp(-min(statistic, 600.0))), statistic, picture)
 
 
 def _drawn(residuals: Residuals) -> torch.Tensor:
-    """How many pixels of every code the model gives, of all codes that the file's bit depth has."""
+    """How many pixels of every code the model gives, its converter of so many bits."""
     full, prediction = residuals.seen.full_scale, residuals.prediction
     random = torch.Generator().manual_seed(residuals.seed)
+    step = full / (2**prediction.bits - 1)
     count = torch.zeros(full + 1, dtype=torch.float64)
     for _ in range(DRAWS):
         noise = torch.randn(prediction.mean.shape, generator=random)
-        drawn = (prediction.mean + prediction.deviation * noise).round().clamp(0, full).long()
+        signal = (prediction.mean + prediction.deviation * noise).clamp(0, full)
+        drawn = ((signal / step).round() * step).round().long()
         count += torch.bincount(drawn.flatten(), minlength=full + 1)
     return count / DRAWS

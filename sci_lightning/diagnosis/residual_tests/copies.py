@@ -37,4 +37,4 @@ def copies(residuals: Residuals) -> Answer:
     up, aside = top - rows.start, left_edge - columns.start
     extent = (-aside - 0.5, shown.shape[1] - aside - 0.5, shown.shape[0] - up - 0.5, -up - 0.5)
     image = Picture("map", shown, axes=("displaced to the right (pixel)", "displaced down (pixel)"), extent=extent)
-    return judge(scores, residuals.raw.numel(), image, dependent=True)
+    return judge(scores, image, dependent=True)

@@ -34,8 +34,8 @@ def distribution(residuals: Residuals) -> Answer:
         middle=1.0,
     )
     count = residuals.raw.numel()
-    share = max(0.0, statistic - freedom) / count
-    return Answer(statistic, float(ncx2.sf(statistic, freedom, NEGLIGIBLE * count)), share, picture)
+    nats = max(0.0, statistic - freedom) / 2
+    return Answer(statistic, float(ncx2.sf(statistic, freedom, NEGLIGIBLE * count)), nats, picture)
 
 
 def _histogram(raw: torch.Tensor) -> tuple[torch.Tensor, float]:

@@ -12,7 +12,7 @@ from matplotlib.image import AxesImage
 
 from sci_lightning.diagnosis.residual_tests.residual_test import Picture
 
-LABELS = 18
+LABELS = 10
 """Bars at most that are labelled one by one."""
 
 

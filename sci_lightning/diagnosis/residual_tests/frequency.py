@@ -55,5 +55,5 @@ def spectrum(field: torch.Tensor, rings: int = RINGS) -> Answer:
     statistic = -float((size * (total / size / mean).clamp(min=1e-30).log()).sum())
     statistic /= float(1 + ((1 / size).sum() - 1 / size.sum()) / (3 * (len(size) - 1)))
     freedom_left = len(size) - 1
-    share = float((total / size / mean - 1).clamp(min=0) @ size / size.sum())
-    return Answer(statistic, float(chi2.sf(statistic, freedom_left)), share, picture)
+    nats = max(0.0, statistic - freedom_left) / 2
+    return Answer(statistic, float(chi2.sf(statistic, freedom_left)), nats, picture)

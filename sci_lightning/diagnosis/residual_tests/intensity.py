@@ -21,4 +21,4 @@ def intensity(residuals: Residuals) -> Answer:
         axes=("predicted signal (DN)",),
         errors=count.rsqrt(),
     )
-    return judge(mean * count.sqrt(), residuals.raw.numel(), picture)
+    return judge(mean * count.sqrt(), picture)

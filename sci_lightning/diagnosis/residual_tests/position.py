@@ -17,17 +17,19 @@ PLACE = ("column (pixel)", "row (pixel)")
 
 def blocks(residuals: Residuals) -> Answer:
     """Mean residual of square blocks of pixels."""
-    return _block_answer(residuals.scaled.sum(0), len(residuals.raw), residuals.raw.numel())
+    total, size = block_sums(residuals.scaled.sum(0))
+    scores = total / (size * len(residuals.raw)).sqrt()
+    return judge(scores, Picture("map", scores, axes=PLACE, extent=extent(residuals.raw)))
 
 
 def rows(residuals: Residuals) -> Answer:
     """Mean residual of every row."""
-    return _line_answer(residuals.scaled.sum((0, 2)), residuals.raw[:, 0].numel(), residuals, "row (pixel)")
+    return _line_answer(residuals.scaled.sum((0, 2)), residuals.raw[:, 0].numel(), "row (pixel)")
 
 
 def columns(residuals: Residuals) -> Answer:
     """Mean residual of every column."""
-    return _line_answer(residuals.scaled.sum((0, 1)), residuals.raw[:, :, 0].numel(), residuals, "column (pixel)")
+    return _line_answer(residuals.scaled.sum((0, 1)), residuals.raw[:, :, 0].numel(), "column (pixel)")
 
 
 def radius(residuals: Residuals) -> Answer:
@@ -49,40 +51,33 @@ def radius(residuals: Residuals) -> Answer:
         axes=("distance from the image centre (pixel)",),
         errors=pixels.rsqrt(),
     )
-    return judge(total / pixels.sqrt(), residuals.raw.numel(), picture)
+    return judge(total / pixels.sqrt(), picture)
 
 
 def pixels(residuals: Residuals) -> Answer:
     """Mean residual of every single pixel."""
     scores = residuals.scaled.sum(0) / len(residuals.raw) ** 0.5
-    return judge(scores, residuals.raw.numel(), Picture("map", scores, axes=PLACE))
-
-
-def block_index(height: int, width: int) -> tuple[torch.Tensor, int, int]:
-    """``(H, W)`` which block a pixel is in, and how many blocks there are down and across."""
-    side = max(LEAST, -(-max(height, width) // MOST))
-    down, across = -(-height // side), -(-width // side)
-    index = (torch.arange(height) // side)[:, None] * across + (torch.arange(width) // side)[None]
-    return index, down, across
+    return judge(scores, Picture("map", scores, axes=PLACE))
 
 
 def block_sums(field: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     """Sum of a ``(H, W)`` field over each block ``(h, w)`` float64, and how many pixels each has."""
-    index, down, across = block_index(*field.shape)
+    height, width = field.shape
+    side = max(LEAST, -(-max(height, width) // MOST))
+    down, across = -(-height // side), -(-width // side)
+    index = (torch.arange(height) // side)[:, None] * across + (torch.arange(width) // side)[None]
     total = torch.bincount(index.flatten(), field.flatten().double(), minlength=down * across)
     size = torch.bincount(index.flatten(), minlength=down * across).double()
     return total.reshape(down, across), size.reshape(down, across)
 
 
-def _block_answer(field: torch.Tensor, captures: int, pixels: int) -> Answer:
-    total, size = block_sums(field)
-    scores = total / (size * captures).sqrt()
-    height, width = field.shape
-    picture = Picture("map", scores, axes=PLACE, extent=(-0.5, width - 0.5, height - 0.5, -0.5))
-    return judge(scores, pixels, picture)
+def extent(field: torch.Tensor) -> tuple[float, float, float, float]:
+    """Left, right, bottom, top of what was summed over blocks of ``(.., H, W)``."""
+    height, width = field.shape[-2:]
+    return -0.5, width - 0.5, height - 0.5, -0.5
 
 
-def _line_answer(total: torch.Tensor, pixels: int, residuals: Residuals, axis: str) -> Answer:
+def _line_answer(total: torch.Tensor, pixels: int, axis: str) -> Answer:
     picture = Picture(
         "curve",
         total / pixels,
@@ -91,4 +86,4 @@ def _line_answer(total: torch.Tensor, pixels: int, residuals: Residuals, axis: s
         axes=(axis,),
         errors=torch.full((len(total),), pixels**-0.5),
     )
-    return judge(total / pixels**0.5, residuals.raw.numel(), picture)
+    return judge(total / pixels**0.5, picture)

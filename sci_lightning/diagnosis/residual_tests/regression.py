@@ -25,11 +25,9 @@ class Regression:
         self.total = torch.zeros(changes, dtype=torch.float64)
         self.covariance = torch.zeros(changes, changes, dtype=torch.float64)
         self.weight = torch.zeros(changes, changes, dtype=torch.float64)
-        self.pixels = 0
 
     def add(self, changes: torch.Tensor, residual: torch.Tensor) -> None:
         """Take one capture: changes of its residuals ``(k, H, W)``, and the residuals ``(H, W)``."""
-        self.pixels += residual.numel()
         flat = changes.flatten(1)
         pull = flat * residual.flatten()
         self.total += pull.sum(1, dtype=torch.float64)
@@ -41,7 +39,6 @@ class Regression:
         common = self.weight.sum(1)
         project = torch.eye(len(common), dtype=torch.float64) - common[:, None] / common.sum().clamp(min=1e-30)
         found = Regression(len(common))
-        found.pixels = self.pixels
         found.total = project @ self.total
         found.covariance = project @ self.covariance @ project.T
         found.weight = project @ self.weight @ project.T
@@ -54,4 +51,4 @@ class Regression:
         values, vectors = torch.linalg.eigh(self.covariance)
         kept = values > NEGLIGIBLE * values.max().clamp(min=1e-30)
         scores = (vectors.T @ self.total)[kept] / values[kept].sqrt()
-        return judge(scores, self.pixels, Picture("bars", inverse @ self.total, unit, names, (axis,), errors))
+        return judge(scores, Picture("bars", inverse @ self.total, unit, names, (axis,), errors))

@@ -46,13 +46,13 @@ class Answer:
     Attributes:
         statistic: the larger, the less it can be chance.
         p_value: probability of such a statistic, or a larger one, when the model is right.
-        share: part of the residuals' variance that is this structure; 0 where that has no meaning.
+        nats: log-likelihood that a model of this structure would gain, about; what chance gives taken off.
         picture: what there is to be seen.
     """
 
     statistic: float
     p_value: float
-    share: float
+    nats: float
     picture: Picture
 
 
@@ -65,7 +65,7 @@ class ResidualTest:
         about: ``mean`` or ``variance`` of the residuals, the ``converter``'s codes, or an estimated ``map``. Noise can
             explain what is found about the variance, and nothing else.
         question: in plain words.
-        statistic, p_value, share, picture: see :class:`Answer`.
+        statistic, p_value, nats, picture: see :class:`Answer`.
         corrected: p-value for having asked all the questions, by Holm.
     """
 
@@ -74,7 +74,7 @@ class ResidualTest:
     question: str
     statistic: float
     p_value: float
-    share: float
+    nats: float
     corrected: float
     picture: Picture
 
@@ -85,7 +85,7 @@ class ResidualTest:
 
     def describe(self) -> dict[str, Any]:
         """For the report."""
-        named = ("name", "about", "question", "statistic", "p_value", "corrected", "share", "significant")
+        named = ("name", "about", "question", "statistic", "p_value", "corrected", "nats", "significant")
         return {name: getattr(self, name) for name in named}
 
 

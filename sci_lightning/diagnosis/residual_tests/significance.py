@@ -8,7 +8,7 @@ from scipy.stats import chi2, norm
 from sci_lightning.diagnosis.residual_tests.residual_test import Answer, Picture
 
 
-def judge(scores: torch.Tensor, pixels: int, picture: Picture, *, dependent: bool = False) -> Answer:
+def judge(scores: torch.Tensor, picture: Picture, *, dependent: bool = False) -> Answer:
     """An answer from scores, each standard normal when the model is right.
 
     Structure may be spread over all of them, which their sum of squares shows, or sit in one, which the largest
@@ -16,7 +16,6 @@ def judge(scores: torch.Tensor, pixels: int, picture: Picture, *, dependent: boo
 
     Args:
         scores: any shape.
-        pixels: how many residuals they were made of.
         picture: of them.
         dependent: whether they may depend on each other; then only the largest is asked (Bonferroni).
     """
@@ -26,10 +25,10 @@ def judge(scores: torch.Tensor, pixels: int, picture: Picture, *, dependent: boo
     largest = float(scores.abs().max())
     alone = min(1.0, 2 * float(norm.sf(largest)) * len(scores))
     if dependent:
-        return Answer(largest, alone, max(0.0, largest**2 - 1) / pixels, picture)
+        return Answer(largest, alone, max(0.0, largest**2 - 1) / 2, picture)
     total = float(scores.square().sum())
-    share = max(0.0, total - len(scores)) / pixels
-    return Answer(total, min(1.0, 2 * min(alone, float(chi2.sf(total, len(scores))))), share, picture)
+    nats = max(0.0, total - len(scores)) / 2
+    return Answer(total, min(1.0, 2 * min(alone, float(chi2.sf(total, len(scores))))), nats, picture)
 
 
 def chi2_normal(total: torch.Tensor, freedom: torch.Tensor) -> torch.Tensor:

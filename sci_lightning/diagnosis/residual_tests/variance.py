@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sci_lightning.diagnosis.residual_tests.position import PLACE, block_sums
+from sci_lightning.diagnosis.residual_tests.position import PLACE, block_sums, extent
 from sci_lightning.diagnosis.residual_tests.residual_test import Answer, Picture
 from sci_lightning.diagnosis.residual_tests.residuals import FEW, Residuals
 from sci_lightning.diagnosis.residual_tests.significance import chi2_normal, judge
@@ -27,18 +27,16 @@ def variance_by_intensity(residuals: Residuals) -> Answer:
         errors=(2 / freedom).sqrt(),
         middle=1.0,
     )
-    return judge(chi2_normal(total, freedom), residuals.raw.numel(), picture)
+    return judge(chi2_normal(total, freedom), picture)
 
 
 def variance_by_position(residuals: Residuals) -> Answer:
     """Variance of the residuals in square blocks of pixels, about the mean of each pixel over the captures."""
-    count, height, width = residuals.raw.shape
+    count = len(residuals.raw)
     raw = residuals.raw.double()
     spread = (raw - raw.mean(0)).square().sum(0) if count > 1 else raw.square().sum(0)
     total, size = block_sums(spread)
     freedom = size * max(count - 1, 1)
-    extent = (-0.5, width - 0.5, height - 0.5, -0.5)
-    picture = Picture(
-        "map", (total / freedom).log10(), "log10 of variance (0 = as predicted)", axes=PLACE, extent=extent
-    )
-    return judge(chi2_normal(total, freedom), residuals.raw.numel(), picture)
+    unit = "log10 of variance (0 = as predicted)"
+    picture = Picture("map", (total / freedom).log10(), unit, axes=PLACE, extent=extent(raw))
+    return judge(chi2_normal(total, freedom), picture)
