@@ -5,6 +5,7 @@ from sci_lightning.decoder.admm_net import ADMMNet
 from sci_lightning.decoder.birnat import BIRNAT
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.e2e_cnn import E2ECNN
+from sci_lightning.decoder.efficientsci import EfficientSCI
 from sci_lightning.decoder.elp_unfolding import ELPUnfolding
 from sci_lightning.decoder.gap import GAP
 from sci_lightning.decoder.gap_net import GAPNet
@@ -22,6 +23,7 @@ __all__ = [
     "ADMMNet",
     "Decoder",
     "ELPUnfolding",
+    "EfficientSCI",
     "GAPNet",
     "MetaSCI",
     "Res2former",

@@ -87,6 +87,12 @@ class Doubling(nn.ConvTranspose3d):
         return as_video(F.conv_transpose2d(frames, self.weight.squeeze(2), self.bias, 2, 1, 1), len(x))
 
 
+def shuffle_up(x: torch.Tensor) -> torch.Tensor:
+    """Pixel shuffle by 2 in every frame: ``(N, 4C, T, H, W)`` to ``(N, C, T, 2H, 2W)``."""
+    frames = F.pixel_shuffle(as_frames(x), 2)
+    return as_video(frames, len(x)).contiguous(memory_format=torch.channels_last_3d)
+
+
 def one_channel(video: torch.Tensor) -> torch.Tensor:
     """``(N, T, H, W)`` as features ``(N, 1, T, H, W)``, with strides that tell torch of the channels-last layout."""
     return video.contiguous().unsqueeze(-1).permute(0, 4, 1, 2, 3)

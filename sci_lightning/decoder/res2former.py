@@ -9,6 +9,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from sci_lightning.decoder.convolution3d import shuffle_up
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.temporal_attention import TemporalAttention
 from sci_lightning.errors import BadInput
@@ -122,9 +123,3 @@ class Res2former(Decoder):
         features = self.fuse(torch.cat([shuffle_up(self.up(deep)), outer], dim=1))
         features = shuffle_up(self.expand(self.decode_blocks(features) + low))
         return self.last(features)[:, 0, :, :height, :width]
-
-
-def shuffle_up(x: torch.Tensor) -> torch.Tensor:
-    """Pixel shuffle by 2 in every frame: ``(N, 4C, T, H, W)`` to ``(N, C, T, 2H, 2W)``."""
-    frames = F.pixel_shuffle(x.transpose(1, 2), 2)
-    return frames.transpose(1, 2).contiguous(memory_format=torch.channels_last_3d)

@@ -1,0 +1,110 @@
+"""EfficientSCI: dense blocks of convolutions in space beside attention along time."""
+
+from __future__ import annotations
+
+import torch
+from torch import nn
+
+from sci_lightning.decoder.convolution3d import Conv3d, one_channel, shuffle_up
+from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.initial_estimate import mean_frame
+from sci_lightning.decoder.temporal_attention import TemporalAttention
+from sci_lightning.errors import BadInput
+
+
+class CFormer(nn.Module):
+    """Space and time side by side on one group of channels, ``(N, c, T, H, W)`` to the same.
+
+    x + conv1x3x3(LeakyReLU(conv1x3x3(x))) + attention(x), then + conv1x1x1(LeakyReLU(conv3x3x3(.))).
+    """
+
+    def __init__(self, channels: int, heads: int) -> None:
+        super().__init__()
+        self.scb = nn.Sequential(
+            Conv3d(channels, channels, (1, 3, 3)),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(channels, channels, (1, 3, 3)),
+        )
+        self.tsab = TemporalAttention(channels, heads, width=channels // 2)
+        self.ffn = nn.Sequential(
+            Conv3d(channels, channels, 3),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(channels, channels, 1),
+        )
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        x = x + self.scb(x) + self.tsab(x)
+        return x + self.ffn(x)
+
+
+class ResDNet(nn.Module):
+    """Channels in ``groups`` parts; each CFormer sees, by a 1x1x1 convolution, its part and all results before it."""
+
+    def __init__(self, channels: int, groups: int, heads: int) -> None:
+        super().__init__()
+        part = channels // groups
+        self.cformer_list = nn.ModuleList(CFormer(part, heads) for _ in range(groups))
+        self.dense_conv = nn.ModuleList(
+            nn.Sequential(Conv3d(part * parts, part, 1), nn.LeakyReLU(inplace=True)) for parts in range(2, groups + 1)
+        )
+        self.last_conv = Conv3d(channels, channels, 1)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        first, *others = x.chunk(len(self.cformer_list), dim=1)
+        results = [self.cformer_list[0](first)]
+        for cformer, dense, part in zip(self.cformer_list[1:], self.dense_conv, others, strict=True):
+            results.append(cformer(dense(torch.cat([*results, part], dim=1))))
+        return x + self.last_conv(torch.cat(results, dim=1))
+
+
+class EfficientSCI(Decoder):
+    """A chain of ResDNet blocks at half resolution, input m + M * m with m = y / sum of M. Any T, any H x W.
+
+    Odd sides are replicated by one at the right and bottom inside and cropped back.
+
+    Args:
+        channels: C, width at full resolution; 4C in the chain (64, the base model as published).
+        blocks: ResDNet blocks (8).
+        groups: CFormers of a block, on 4C / ``groups`` channels each (4).
+        heads: attention heads of a CFormer, on half of its channels (4).
+
+    Raises:
+        BadInput: a width that does not divide into groups and heads.
+
+    Parameters: 8,824,321 with the defaults.
+    Source: Wang, Cao and Yuan, "EfficientSCI: densely connected network with space-time factorization for large-scale
+    video snapshot compressive imaging", CVPR 2023.
+    """
+
+    multiple = 2
+
+    def __init__(self, channels: int = 64, blocks: int = 8, groups: int = 4, heads: int = 4) -> None:
+        super().__init__()
+        width = 4 * channels
+        if width % (groups * 2 * heads):
+            raise BadInput(
+                f"EfficientSCI: half of width {width} does not divide into {groups} groups of {heads} heads; "
+                f"choose channels, groups and heads so that it does"
+            )
+        self.fem = nn.Sequential(
+            Conv3d(1, channels, (3, 7, 7)),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(channels, 2 * channels, 3),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(2 * channels, width, 3, stride=2),
+            nn.LeakyReLU(inplace=True),
+        )
+        self.up_conv = Conv3d(width, 2 * width, 1)
+        self.vrm = nn.Sequential(
+            Conv3d(2 * channels, 2 * channels, 3),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(2 * channels, channels, 1),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(channels, 1, 3),
+        )
+        self.resdnet_list = nn.Sequential(*(ResDNet(width, groups, heads) for _ in range(blocks)))
+
+    def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        estimate = mean_frame(measurement, mask).unsqueeze(1) * (1 + mask)
+        features = self.resdnet_list(self.fem(one_channel(estimate)))
+        return self.vrm(shuffle_up(self.up_conv(features)))[:, 0]
