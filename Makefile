@@ -15,7 +15,7 @@ train: $(READY)
 # the effect and its parameters are chosen by SEED, and told only at the end
 diagnose: FOUND := outputs/diagnose/seed_$(SEED)
 diagnose: $(READY)
-	$(BIN)/python -m sci_lightning.virtual_camera out=$(FOUND)/captures.h5 effects=random seed=$(SEED)
+	$(BIN)/python -m sci_lightning.virtual_camera out=$(FOUND)/captures.h5 size=[64,64] effects=random seed=$(SEED)
 	$(BIN)/python -m sci_lightning.diagnose captures=$(FOUND)/captures.h5 out=$(FOUND)
 	$(BIN)/python -m sci_lightning.virtual_camera.reveal $(FOUND)/captures.truth.json $(FOUND)/report.json
 
