@@ -15,8 +15,7 @@ class Chain(nn.Sequential):
     Args:
         modules: each a function of one tensor.
         checkpoint: keep what passes between the modules only, and compute the rest again in the backward pass, for
-            about
-            a third more time.
+            about a third more time.
     """
 
     def __init__(self, modules: Iterable[nn.Module], checkpoint: bool = False) -> None:
