@@ -13,6 +13,7 @@ from sci_lightning.decoder.metasci import MetaSCI
 from sci_lightning.decoder.res2former import Res2former
 from sci_lightning.decoder.revsci import RevSCI
 from sci_lightning.decoder.sci3d import SCI3D
+from sci_lightning.decoder.stformer import STFormer
 
 __all__ = [
     "ADMM",
@@ -28,4 +29,5 @@ __all__ = [
     "MetaSCI",
     "Res2former",
     "RevSCI",
+    "STFormer",
 ]

@@ -11,23 +11,42 @@ class TemporalAttention(nn.Module):
     """Multi-head attention over the T features of each pixel, features ``(N, C, T, H, W)`` to the same.
 
     Args:
-        channels: C of the features.
-        heads: number of heads; the scale is ``(C / heads) ** -0.5``, whatever ``width`` is.
+        channels: C.
+        heads: number of heads, which share the width; the scale is ``(C / heads) ** -0.5`` whatever the width.
+        width: channels of queries, keys and values, C if None; a multiple of ``heads``.
         bias: whether the joint query-key-value projection has one.
-        width: of the queries, the keys and the values, a multiple of ``heads``; None: C.
+        frames: T, for a learned bias of each head on every distance in time; 0: no such bias, any T.
     """
 
-    def __init__(self, channels: int, heads: int = 4, bias: bool = False, width: int | None = None) -> None:
+    distances: torch.Tensor
+
+    def __init__(
+        self, channels: int, heads: int = 4, width: int | None = None, bias: bool = False, frames: int = 0
+    ) -> None:
         super().__init__()
-        self.heads = heads
-        self.width = channels if width is None else width
-        self.qkv = nn.Linear(channels, 3 * self.width, bias=bias)
-        self.proj = nn.Linear(self.width, channels)
+        width = channels if width is None else width
+        self.heads, self.scale, self.frames = heads, (channels / heads) ** -0.5, frames
+        self.qkv = nn.Linear(channels, 3 * width, bias=bias)
+        self.proj = nn.Linear(width, channels)
+        if frames:
+            self.relative_position_bias_table = nn.Parameter(torch.zeros(2 * frames - 1, heads))
+            slots = torch.arange(frames)
+            self.register_buffer("distances", slots - slots[:, None] + frames - 1, persistent=False)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         n, c, t, h, w = x.shape
-        tokens = x.permute(0, 3, 4, 2, 1).reshape(n * h * w, t, c)
-        qkv = self.qkv(tokens).view(n * h * w, t, 3, self.heads, self.width // self.heads)
-        q, k, v = qkv.permute(2, 0, 3, 1, 4)
-        mixed = F.scaled_dot_product_attention(q, k, v, scale=(c / self.heads) ** -0.5)
-        return self.proj(mixed.transpose(1, 2).flatten(2)).view(n, h, w, t, c).permute(0, 4, 3, 1, 2)
+        # slots first, as the features lie in memory: every product below reads them where they are
+        tokens = x.permute(2, 0, 3, 4, 1).reshape(t, n * h * w, c)
+        biases = (None, None, None) if self.qkv.bias is None else self.qkv.bias.chunk(3)
+        q, k, v = (
+            F.linear(tokens, weight, bias).view(t, n * h * w * self.heads, -1).transpose(0, 1)
+            for weight, bias in zip(self.qkv.weight.chunk(3), biases, strict=True)
+        )
+        scores = self.scale * (k @ q.transpose(1, 2))  # (pixel and head, slot of k, slot of q)
+        if self.frames:
+            table = self.relative_position_bias_table[self.distances].permute(2, 0, 1)
+            scores = (scores.view(-1, *table.shape) + table).view_as(scores)
+        # over the first dimension: over a last one as short as T, torch's softmax takes longer than all the rest
+        weights = F.softmax(scores.movedim(1, 0), dim=0).movedim(0, 2)
+        mixed = (weights @ v).transpose(0, 1).reshape(t, n * h * w, -1)
+        return self.proj(mixed).view(t, n, h, w, c).permute(1, 4, 0, 2, 3)

@@ -8,12 +8,13 @@ import pytest
 import torch
 from torch import Tensor
 
-from sci_lightning.decoder import BIRNAT, SCI3D, Decoder, EfficientSCI, ELPUnfolding, RevSCI
+from sci_lightning.decoder import BIRNAT, SCI3D, Decoder, EfficientSCI, ELPUnfolding, RevSCI, STFormer
 from tests.decoder.plain.birnat import birnat
 from tests.decoder.plain.efficientsci import efficientsci
 from tests.decoder.plain.elp_unfolding import elp_unfolding
 from tests.decoder.plain.revsci import revsci
 from tests.decoder.plain.sci3d import sci3d
+from tests.decoder.plain.stformer import stformer
 
 Plain = Callable[[dict[str, Tensor], Tensor, Tensor], list[Tensor]]
 
@@ -24,6 +25,8 @@ NETWORKS: dict[str, tuple[Callable[[int], Decoder], Plain]] = {
     "sci3d": (lambda frames: SCI3D(3, (4, 6, 8), 3), sci3d),
     "efficientsci": (lambda frames: EfficientSCI(16, 2), efficientsci),
     "efficientsci, published width": (lambda frames: EfficientSCI(64, 1), efficientsci),
+    "stformer": (lambda frames: STFormer(frames, 8, 2), stformer),
+    "stformer, published width": (lambda frames: STFormer(frames, 64, 1), stformer),
     "elp_unfolding": (
         lambda frames: ELPUnfolding(frames, 16, 3, 5),
         lambda state, y, mask: elp_unfolding(state, y, mask, squared=True),

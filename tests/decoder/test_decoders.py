@@ -29,6 +29,7 @@ SMALL = {
     "res2former_l": ["decoder.dim=16", "decoder.depths=[1,1]", "decoder.groups=[2,4]"],
     "revsci": ["decoder.blocks=2", "decoder.channels=16"],
     "sci3d": ["decoder.phases=3", "decoder.channels=[4,6,8]", "decoder.inner=3"],
+    "stformer": ["decoder.dim=8", "decoder.units=1"],
 }
 PUBLISHED = {  # parameters, exact multiply-accumulates at 256 x 256 x 8
     "admm_net": (4_213_809, 58_284_048_384),
@@ -42,6 +43,7 @@ PUBLISHED = {  # parameters, exact multiply-accumulates at 256 x 256 x 8
     "res2former_l": (17_697_153, 1_368_618_172_416),
     "revsci": (5_655_393, 758_263_054_336),
     "sci3d": (61_951_477, 3_974_106_710_016),
+    "stformer": (19_490_177, 2_972_060_123_136),
 }
 UNTRAINED = {"sci3d": 4, "elp_unfolding": 2}  # parameters that the published networks hold and do not use, of SMALL
 

@@ -19,6 +19,15 @@ def conv3d(state: State, name: str, x: Tensor, stride: int = 1, groups: int = 1)
     return F.conv3d(x, weight, state.get(f"{name}.bias"), (1, stride, stride), padding, groups=groups)
 
 
+def linear(state: State, name: str, x: Tensor) -> Tensor:
+    return F.linear(x, state[f"{name}.weight"], state.get(f"{name}.bias"))
+
+
+def norm(state: State, name: str, x: Tensor) -> Tensor:
+    """Over the last dimension."""
+    return F.layer_norm(x, x.shape[-1:], state[f"{name}.weight"], state[f"{name}.bias"])
+
+
 def leaky(x: Tensor) -> Tensor:
     return F.leaky_relu(x, 0.01)
 

@@ -1,0 +1,121 @@
+"""STFormer: attention in space and in time, side by side."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from sci_lightning.decoder.chain import Chain
+from sci_lightning.decoder.convolution3d import Conv3d, Doubling, one_channel
+from sci_lightning.decoder.data_step import data_step
+from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.initial_estimate import mask_total
+from sci_lightning.decoder.named_block import named_block
+from sci_lightning.decoder.temporal_attention import TemporalAttention
+from sci_lightning.decoder.window_attention import WindowAttention
+
+WINDOW = 7
+
+
+class FusionNetwork(nn.Module):
+    """Halves a, b of the channels: a' = a + f(a), b' = b + a', then b' + g(b'), ``(N, C, T, H, W)`` to the same."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        half = channels // 2
+        self.part1, self.part2 = (
+            nn.Sequential(Conv3d(half, half, 3), nn.LeakyReLU(inplace=True), Conv3d(half, half, 3)) for _ in range(2)
+        )
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        a, b = x.chunk(2, dim=1)
+        a = a + self.part1(a)
+        b = b + a
+        return torch.cat([a, b + self.part2(b)], dim=1)
+
+
+class STFormerBlock(nn.Module):
+    """x + space(z) + time(z) with z the normalised x, then + fusion of the normalised sum, ``(N, T, H, W, C)`` to the
+    same.
+
+    z is padded with zeros at the bottom and right to whole windows, and these take part in the attention.
+    """
+
+    def __init__(self, channels: int, frames: int, shift: int) -> None:
+        super().__init__()
+        self.norm1 = nn.LayerNorm(channels)
+        self.attn = WindowAttention(channels, window=WINDOW, shift=shift)
+        self.norm2 = nn.LayerNorm(channels)
+        self.ff = FusionNetwork(channels)
+        self.time_attn = TemporalAttention(channels, width=channels // 2, bias=True, frames=frames)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        height, width = x.shape[2:4]
+        z = F.pad(self.norm1(x), (0, 0, 0, -width % min(WINDOW, width), 0, -height % min(WINDOW, height)))
+        mixed = self.attn(z) + self.time_attn(z.permute(0, 4, 1, 2, 3)).permute(0, 2, 3, 4, 1)
+        x = x + mixed[:, :, :height, :width]
+        return x + self.ff(self.norm2(x).permute(0, 4, 1, 2, 3)).permute(0, 2, 3, 4, 1)
+
+
+class STFormer(Decoder):
+    """Pairs of attention blocks, the second of each with shifted windows, at half resolution.
+
+    The input is M * y after one data step with the sum of M as weight. T is fixed at construction; any H x W: odd sides
+    are replicated by one at the right and bottom inside and cropped back.
+
+    Args:
+        frames: T.
+        dim: C, width at full resolution after the first layer; 4C, of 4 heads, in the blocks (64; small: 16).
+        units: pairs of blocks (4; large: 8).
+        checkpoint: train on less memory; see :class:`~sci_lightning.decoder.chain.Chain`.
+
+    Parameters: 19,490,177 with the defaults at T = 8.
+    Source: Wang, Cao, Zhong and Yuan, "Spatial-temporal transformer for video snapshot compressive imaging", TPAMI
+        2022.
+    """
+
+    multiple = 2
+    published_unused: ClassVar[tuple[str, ...]] = (
+        r".*\.relative_position_index",  # computed here
+        r"layers\.\d+\.blocks\.\d+\.conv_cat\.(weight|bias)",  # in the cacti toolbox, where nothing uses it
+    )
+
+    def __init__(self, frames: int, dim: int = 64, units: int = 4, checkpoint: bool = False) -> None:
+        super().__init__()
+        self.frames = frames
+        self.token_gen = nn.Sequential(
+            Conv3d(1, dim, 5),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(dim, 2 * dim, 1),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(2 * dim, 2 * dim, 3),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(2 * dim, 4 * dim, 3, stride=2),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(4 * dim, 4 * dim, 1),
+            nn.LeakyReLU(inplace=True),
+        )
+        self.conv2 = nn.Sequential(
+            Doubling(4 * dim, 2 * dim),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(2 * dim, 2 * dim, 3),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(2 * dim, dim, 1),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(dim, 1, 3),
+        )
+        self.layers = Chain(
+            (
+                named_block("blocks", *(STFormerBlock(4 * dim, frames, shift) for shift in (0, WINDOW // 2)))
+                for _ in range(units)
+            ),
+            checkpoint,
+        )
+
+    def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        estimate = data_step(mask * measurement.unsqueeze(1), measurement, mask, mask_total(mask))
+        tokens = self.layers(self.token_gen(one_channel(estimate)).permute(0, 2, 3, 4, 1))
+        return self.conv2(tokens.permute(0, 4, 1, 2, 3))[:, 0]

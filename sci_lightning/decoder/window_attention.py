@@ -1,0 +1,79 @@
+"""Self-attention in windows: the tokens are the pixels of a square of one frame."""
+
+from __future__ import annotations
+
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+OUT_OF_REACH = -100.0
+"""Added to the score of two pixels that a shifted window has brought together from opposite sides, as published."""
+
+
+class WindowAttention(nn.Module):
+    """Multi-head attention among the pixels of each window, ``(N, T, H, W, C)`` to the same.
+
+    H and W are multiples of the window, or less than it: then the window is the whole side, and not shifted.
+
+    Args:
+        channels: C, a multiple of ``heads``; queries, keys and values are all of width C.
+        heads: number of heads; the scale is ``(C / heads) ** -0.5``.
+        window: side of a window in pixels.
+        shift: by how many pixels the windows are shifted down and right; what then sticks out comes in on the other
+            side.
+
+    Source: Liu et al., "Swin transformer: hierarchical vision transformer using shifted windows", ICCV 2021.
+    """
+
+    distances: torch.Tensor
+
+    def __init__(self, channels: int, heads: int = 4, window: int = 7, shift: int = 0) -> None:
+        super().__init__()
+        self.heads, self.window, self.shift = heads, window, shift
+        self.relative_position_bias_table = nn.Parameter(torch.empty((2 * window - 1) ** 2, heads))
+        nn.init.trunc_normal_(self.relative_position_bias_table, std=0.02)
+        self.qkv = nn.Linear(channels, 3 * channels)
+        self.proj = nn.Linear(channels, channels)
+        rows, columns = torch.arange(window**2) // window, torch.arange(window**2) % window
+        down, right = (places[:, None] - places + window - 1 for places in (rows, columns))
+        self.register_buffer("distances", down * (2 * window - 1) + right, persistent=False)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        height, width = x.shape[2:4]
+        sides = min(self.window, height), min(self.window, width)
+        shifts = [self.shift if side > self.window else 0 for side in (height, width)]
+        bias = self.bias(height, width, sides, shifts)
+        # frame by frame: what one needs fits the processor's cache
+        frames = [
+            self.attend(frame.roll([-shift for shift in shifts], (0, 1)), sides, bias) for frame in x.flatten(0, 1)
+        ]
+        return torch.stack([frame.roll(shifts, (0, 1)) for frame in frames]).view_as(x)
+
+    def attend(self, frame: torch.Tensor, sides: tuple[int, int], bias: torch.Tensor) -> torch.Tensor:
+        """One frame ``(H, W, C)``; bias: of the scores, ``(windows or 1, heads, pixels, pixels)``."""
+        tokens = windows(frame, sides)
+        q, k, v = self.qkv(tokens).unflatten(2, (3, self.heads, -1)).permute(2, 0, 3, 1, 4)
+        mixed = self.proj(F.scaled_dot_product_attention(q, k, v, attn_mask=bias).transpose(1, 2).flatten(2))
+        grid = frame.shape[0] // sides[0], frame.shape[1] // sides[1]
+        return mixed.view(*grid, *sides, -1).transpose(1, 2).reshape(frame.shape)
+
+    def bias(self, height: int, width: int, sides: tuple[int, int], shifts: list[int]) -> torch.Tensor:
+        pixels = sides[0] * sides[1]
+        # of a smaller window, the first rows of the whole one's table: as published
+        bias = self.relative_position_bias_table[self.distances[:pixels, :pixels]].permute(2, 0, 1)
+        if not any(shifts):
+            return bias.unsqueeze(0)
+        parts = [self.origin(side, shift) for side, shift in zip((height, width), shifts, strict=True)]
+        part = windows((3 * parts[0][:, None] + parts[1]).unsqueeze(-1), sides).squeeze(-1)
+        return bias + OUT_OF_REACH * (part.unsqueeze(1) != part.unsqueeze(2)).unsqueeze(1)
+
+    def origin(self, side: int, shift: int) -> torch.Tensor:
+        """Along a rolled side: 0 up to the last window, where 1 stays and 2 has come in from the other end."""
+        places = torch.arange(side, device=self.distances.device)
+        return (places >= side - self.window).long() + (places >= side - shift) if shift else torch.zeros_like(places)
+
+
+def windows(frame: torch.Tensor, sides: tuple[int, int]) -> torch.Tensor:
+    """``(H, W, C)`` to ``(windows, pixels of a window, C)``."""
+    rows, columns = sides
+    return frame.unflatten(1, (-1, columns)).unflatten(0, (-1, rows)).transpose(1, 2).flatten(0, 1).flatten(1, 2)
