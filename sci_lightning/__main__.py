@@ -16,6 +16,11 @@ COMMANDS = (
         "ckpt_path=RUN/checkpoints/last.ckpt encoder=rbw_sr data=benchmark data.root=DIR",
     ),
     (
+        "tables",
+        "the paper's tables, with what runs found beside each of its figures",
+        "runs=outputs/sweep",
+    ),
+    (
         "diagnose",
         "find the effect that makes captures and model disagree",
         "captures=CAPTURES.h5",
@@ -31,6 +36,11 @@ COMMANDS = (
         "decoder=all",
     ),
     (
+        "export_mask",
+        "a trained mask as the bit planes and frames that a modulator displays",
+        "ckpt_path=RUN/checkpoints/last.ckpt canvas=[768,1024]",
+    ),
+    (
         "convert",
         "make a checkpoint of weights that a network's authors published, or safetensors of a checkpoint",
         "checkpoint=PUBLISHED.pth decoder=res2former out=published.ckpt",
@@ -39,6 +49,11 @@ COMMANDS = (
         "virtual_camera",
         "simulate the calibration captures of a camera in which effects are hidden",
         "out=captures.h5 effects=random seed=5",
+    ),
+    (
+        "virtual_camera.reveal",
+        "tell what was hidden, beside what a diagnosis found",
+        "captures.truth.json report.json",
     ),
     (
         "diagnosis.proving_ground",
@@ -65,7 +80,8 @@ def main() -> None:
         console.print(f"[bold]{name}[/]: {purpose}")
         console.print(f"  python -m sci_lightning.{name} {example}", markup=False)
     console.print(
-        "\nEach takes --help (its configuration and choices); all but captures also --cfg job (what it would run with)."
+        "\nEach takes --help (its configuration and choices); all but captures and reveal also --cfg job (what it "
+        "would run with)."
     )
 
 

@@ -41,7 +41,7 @@ def benchmark(cfg: DictConfig) -> None:
     settings["size"] = (cfg.size, cfg.size) if isinstance(cfg.size, int) else tuple(cfg.size)
     about = {"format": "sci-benchmark", "format_version": 1, "torch": torch.__version__, "device": device_name(device)}
     found: dict[str, Any] = {**about, **settings, "decoders": {}, "failed": {}}
-    paper = yaml.safe_load((PACKAGE / "paper_figures.yaml").read_text())
+    paper = yaml.safe_load((PACKAGE / "paper_figures.yaml").read_text())["decoders"]
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("", total=len(names))
         for name in names:

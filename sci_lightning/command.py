@@ -89,6 +89,14 @@ def member(command: str, group: str, name: str, *overrides: str) -> DictConfig:
     return hydra.compose(command, [f"{group}={name}", *overrides])[group]
 
 
+def targets(group: str) -> list[str]:
+    """What the members of a configuration group build, ``hydra.searchpath`` included; inside a running command only."""
+    sources = HydraConfig.get().runtime.config_sources
+    folders = [Path(source.path) / group for source in sources if source.schema == "file"]
+    members = [OmegaConf.load(file) for folder in folders for file in sorted(folder.glob("*.yaml"))]
+    return [str(target) for member in members if (target := OmegaConf.select(member, "_target_"))]
+
+
 def plain(cfg: DictConfig) -> dict[str, Any]:
     """The configuration as resolved dictionaries, lists and values, fit for JSON and checkpoints."""
     content = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
@@ -127,6 +135,7 @@ def _quieten() -> None:
     for message in (
         r".*does not have many workers.*",
         r".*LeafSpec.*",
+        r".*module\(s\) in eval mode.*",
         r".*smaller than the logging interval.*",
         r".*Checkpoint directory .* exists and is not empty.*",
     ):

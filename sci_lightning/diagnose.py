@@ -10,7 +10,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 from rich.console import Console
 
-from sci_lightning.command import run
+from sci_lightning.command import run, targets
 
 
 def diagnose(cfg: DictConfig) -> None:
@@ -33,8 +33,9 @@ def diagnose(cfg: DictConfig) -> None:
 
     start, out, console = time.perf_counter(), Path(cfg.out), Console(highlight=False, soft_wrap=True)
     captures = read_captures(cfg.captures)
+    candidates = vocabulary(cfg.candidates, targets("effect"))
     with searching(console, cfg.most) as told:
-        found = diagnose(captures, vocabulary(cfg.candidates), cfg.seed, cfg.most, cfg.empirical, told)
+        found = diagnose(captures, candidates, cfg.seed, cfg.most, cfg.empirical, told)
         told("writing the report")
         drawn = figures(found)
         report = describe(found) | {"runtime_s": time.perf_counter() - start}

@@ -1,8 +1,9 @@
-"""``python -m sci_lightning.evaluate``: test a trained decoder, with the encoder it knows or with another one."""
+"""``python -m sci_lightning.evaluate``: test a trained decoder, or one that needs no training."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from omegaconf import DictConfig
 from rich.console import Console
@@ -13,34 +14,46 @@ from sci_lightning.command import plain, run
 def evaluate(cfg: DictConfig) -> float:
     """Test, write ``metrics.json`` and print a table; returns the mean PSNR in dB.
 
-    ``encoder=`` replaces the encoder of the training, see :func:`~sci_lightning.chosen_encoder.chosen_encoder`.
+    ``encoder=`` replaces the encoder of the training, see :func:`~sci_lightning.chosen_encoder.chosen_encoder`, and
+    ``decoder=`` takes the place of a checkpoint, see :func:`~sci_lightning.chosen_checkpoint.chosen_checkpoint`.
+    ``captures=`` tests on what a camera recorded of known scenes instead of recording the data's scenes; the encoder
+    then says what the decoder takes the camera for.
 
     Args:
         cfg: ``conf/evaluate.yaml``, composed.
     """
     import lightning as L
     from hydra.utils import instantiate
+    from torch.utils.data import DataLoader
 
-    from sci_lightning.checkpoint import read_checkpoint
+    from sci_lightning.captures import read_captures
+    from sci_lightning.chosen_checkpoint import chosen_checkpoint
     from sci_lightning.chosen_encoder import chosen_encoder
     from sci_lightning.chosen_metrics import chosen_metrics
+    from sci_lightning.data.captured import CapturedSnapshots
     from sci_lightning.data.loader import scene_loader
     from sci_lightning.results import print_results, results, write_json
     from sci_lightning.system import System
 
     out = Path(cfg.out)
-    checkpoint = read_checkpoint(cfg.ckpt_path, cfg.trusted)
+    checkpoint = chosen_checkpoint("evaluate", cfg)
     trained = checkpoint.config
     cfg.crop = trained["crop"] if cfg.crop is None else cfg.crop
     decoder = checkpoint.decoder()
     encoder, test_encoder = chosen_encoder(cfg, checkpoint)
+    loader: DataLoader[Any]
+    if cfg.captures is None:
+        loader = scene_loader(instantiate(cfg.data, _convert_="all").scenes())
+    else:
+        captures = read_captures(cfg.captures)
+        loader, test_encoder = DataLoader(CapturedSnapshots(captures, encoder.mask())), captures.name
+        cfg.data = None
     names = {**trained["names"], "test_encoder": test_encoder}
 
     system = System(encoder, decoder, metrics=chosen_metrics(cfg), seed=cfg.seed)
-    scenes = instantiate(cfg.data, _convert_="all").scenes()
     trainer = instantiate(cfg.trainer, logger=False, enable_checkpointing=False)
     assert isinstance(trainer, L.Trainer)
-    trainer.test(system, scene_loader(scenes), verbose=False)
+    trainer.test(system, loader, verbose=False)
     found = results(system, names, {**trained, "evaluate": plain(cfg)})
     write_json(found, out / "metrics.json")
     console = Console()

@@ -23,7 +23,7 @@ def reconstruct(cfg: DictConfig) -> None:
 
     from sci_lightning.animation import write_frames, write_gif
     from sci_lightning.atomic_file import whole_file
-    from sci_lightning.checkpoint import read_checkpoint
+    from sci_lightning.chosen_checkpoint import chosen_checkpoint
     from sci_lightning.chosen_encoder import chosen_encoder
     from sci_lightning.device import chosen_device
     from sci_lightning.encoder.mask import Measured
@@ -31,7 +31,7 @@ def reconstruct(cfg: DictConfig) -> None:
     from sci_lightning.snapshot import read_snapshot
 
     out = Path(cfg.out)
-    checkpoint = read_checkpoint(cfg.ckpt_path, cfg.trusted)
+    checkpoint = chosen_checkpoint("reconstruct", cfg)
     decoder = checkpoint.decoder()
     encoder, _ = chosen_encoder(cfg, checkpoint)
     measurement = read_snapshot(

@@ -45,7 +45,8 @@ def write_json(content: Mapping[str, Any], path: Path) -> None:
 
 def print_results(found: Mapping[str, Any], console: Console) -> None:
     """A table of the scenes, their mean, and the baseline in which every frame is the mean measurement."""
-    title = f"{found['decoder']}, trained on {found['encoder']}, tested on {found['test_encoder']}"
+    trained = f"trained on {found['encoder']}, " if found["parameters"] else ""
+    title = f"{found['decoder']}, {trained}tested on {found['test_encoder']}"
     conventions = "\n".join(f"{UNITS.get(key, key)}: {text}" for key, text in found["conventions"].items())
     table = Table(title=title, title_justify="left", caption=conventions or None, caption_justify="left")
     table.add_column("scene")
@@ -70,7 +71,7 @@ def hparams(found: Mapping[str, Any]) -> dict[str, Any]:
     config = found["config"]
     chosen = {key: found[key] for key in ("encoder", "decoder")}
     chosen["mask_bits"] = config["encoder"]["mask"].get("bits", 1)
-    chosen.update({key: config[key] for key in ("frames", "batch_size", "seed")})
+    chosen.update({key: config[key] for key in ("scale", "frames", "batch_size", "seed")})
     chosen.update({key: config["system"][key] for key in ("loss", "lr", "final_lr")})
     chosen["size"] = "x".join(map(str, config["size"]))
     chosen.update(found["conventions"])

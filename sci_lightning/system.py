@@ -19,7 +19,7 @@ from sci_lightning.errors import BadInput
 from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.scene_scores import SceneScores
 
-Batch = tuple[torch.Tensor, torch.Tensor]
+Batch = tuple[torch.Tensor, ...]
 
 
 def mse(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
@@ -55,9 +55,8 @@ class System(L.LightningModule):
         run_config: the run's plain, resolved configuration; kept in every checkpoint so that it can be rebuilt.
 
     Raises:
-        BadInput: unknown loss, a metric that sees no frames; in training, a loss or gradient that is no longer finite.
-        BadInput: unknown loss or bad weights; in training, more weights than stages, a loss or gradient that is no
-            longer finite.
+        BadInput: unknown loss, bad weights, a metric that sees no frames; in training, more weights than stages, a
+            loss or gradient that is no longer finite.
     """
 
     def __init__(
@@ -102,6 +101,12 @@ class System(L.LightningModule):
         if compile:
             self.decoder.compile()
 
+    def with_encoder(self, encoder: Encoder, metrics: Mapping[str, FrameMetric]) -> System:
+        """The same decoder behind another encoder, to be tested; a mask of the same kind gets this one's values."""
+        if type(encoder.mask) is type(self.encoder.mask):
+            encoder.mask.load_state_dict(self.encoder.mask.state_dict())
+        return System(encoder, self.decoder, metrics=metrics, seed=self.seed)
+
     def forward(
         self, video: torch.Tensor, mask: torch.Tensor | None = None, origin: tuple[int, int] = (0, 0)
     ) -> torch.Tensor:
@@ -124,6 +129,11 @@ class System(L.LightningModule):
         """What the decoder is called with: the linearised and rescaled measurement, and the mask in whole pixels."""
         linear = self.encoder.linearise(measurement, origin)
         return self.encoder.rescale(linear), self.encoder.decoder_mask(mask)
+
+    def received(self, measurement: torch.Tensor, aperture: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """As :meth:`decodable`, of snapshots (N, H, W) that a camera took, each with an aperture (N,) of its own."""
+        linear = self.encoder.linearise(measurement) / aperture[:, None, None]
+        return linear, self.encoder.decoder_mask(self.encoder.transmittance())
 
     # Training
 
@@ -149,10 +159,14 @@ class System(L.LightningModule):
 
     def training_step(self, video: torch.Tensor, batch_idx: int) -> torch.Tensor:
         mask, origin = self._window(self.encoder.transmittance(), *video.shape[-2:])
-        loss = self.stage_loss(self.stages(*self.decodable(*self.shoot(video, mask, origin), origin)), video)
+        stages = self.stages(*self.decodable(*self.shoot(video, mask, origin), origin))
+        return self.checked(self.stage_loss(stages, video), batch_idx)
+
+    def checked(self, loss: torch.Tensor, batch_idx: int) -> torch.Tensor:
+        """The loss of a batch, logged; raises BadInput if it is not finite."""
         if not torch.isfinite(loss):
             raise self._diverged("the loss became", float(loss.detach()), batch_idx)
-        self.log("train/loss", loss, prog_bar=True, batch_size=len(video))
+        self.log("train/loss", loss, prog_bar=True)
         return loss
 
     def stage_loss(self, stages: Sequence[torch.Tensor], video: torch.Tensor) -> torch.Tensor:
@@ -196,7 +210,7 @@ class System(L.LightningModule):
             f"checkpoints hold the last good state; resume from there with a smaller system.lr or check the data"
         )
 
-    # Validation and test: item = (scene number, video)
+    # Validation and test: item = (scene number, video), of a test also (.., measurement, aperture) of a real camera
 
     def on_validation_epoch_start(self) -> None:
         self.scores = self._scores(self.trainer.val_dataloaders, self.val_every_n_frames)
@@ -234,11 +248,11 @@ class System(L.LightningModule):
     def _scores(self, loader: Any, every_n_frames: Mapping[str, int] | None = None) -> SceneScores:
         return SceneScores(loader.dataset.names, self.metrics, every_n_frames).to(self.device)
 
-    def _score(self, batch: Batch, batch_idx: int) -> Batch:
+    def _score(self, batch: Batch, batch_idx: int) -> tuple[torch.Tensor, torch.Tensor]:
         """Add a batch to the scores; returns what its decoder was given."""
         self._seed_step(batch_idx, testing=True)  # sensor noise in a test does not depend on the training before it
-        scenes, video = batch
-        measurement, mask = self.decodable(*self.shoot(video))
+        scenes, video, *taken = batch
+        measurement, mask = self.received(*taken) if taken else self.decodable(*self.shoot(video))
         start = self._now()
         estimate = self.decoder(measurement, mask)
         self.seconds.append((self._now() - start) / len(video))

@@ -25,6 +25,8 @@ def train(cfg: DictConfig) -> float:
     from sci_lightning.checkpoint import SafeCheckpointIO, read_checkpoint
     from sci_lightning.chosen_metrics import chosen_metrics
     from sci_lightning.data.loader import ClipLoader, scene_loader
+    from sci_lightning.decoder.complexity import count_parameters
+    from sci_lightning.earlier_run import finished, interrupted
     from sci_lightning.results import hparams, print_results, results, write_json
 
     out = Path(cfg.out)
@@ -32,9 +34,16 @@ def train(cfg: DictConfig) -> float:
         raise BadInput(f"crop={cfg.crop} is larger than size={cfg.size}: a training clip must fit under the mask")
     config = plain(cfg)
     names = {"encoder": chosen("encoder"), "decoder": chosen("decoder")}
+    if cfg.resume:
+        if (done := finished(out, config)) is not None:
+            Console(highlight=False).print(f"[bold]{out}[/]: finished before, kept")
+            return float(done["mean"]["psnr"])
+        cfg.ckpt_path = cfg.ckpt_path or interrupted(out, config)
     torch.manual_seed(cfg.seed)  # the decoder's first weights
     encoder = instantiate(cfg.encoder, _convert_="all")
     decoder = instantiate(cfg.decoder, _convert_="all")
+    if not count_parameters(decoder):
+        raise BadInput(f"decoder={names['decoder']} has nothing to learn: evaluate and reconstruct take it untrained")
     run_config = {**config, "names": names}
     make_system = instantiate(cfg.system, _partial_=True)
     system = make_system(encoder, decoder, metrics=chosen_metrics(cfg), run_config=run_config)
@@ -63,10 +72,17 @@ def train(cfg: DictConfig) -> float:
             print(f"interrupted; continue with ckpt_path={out}/checkpoints/last.ckpt", file=sys.stderr)
         raise
     trainer.save_checkpoint(out / "checkpoints" / "last.ckpt")
-    trainer.test(system, scene_loader(tested_on, **share), verbose=False)
-
+    test_scenes = scene_loader(tested_on, **share)
+    for name, other in cfg.test_encoders.items():
+        tested = system.with_encoder(instantiate(other, _convert_="all"), chosen_metrics(cfg))
+        trainer.test(tested, test_scenes, verbose=False)
+        if trainer.is_global_zero:
+            found = results(tested, {**names, "test_encoder": name}, config)
+            write_json(found, out / f"test_{name}" / "metrics.json")
+            print_results(found, Console())
+    trainer.test(system, test_scenes, verbose=False)
     found = results(system, {**names, "test_encoder": names["encoder"]}, config)
-    if trainer.is_global_zero:
+    if trainer.is_global_zero:  # metrics.json last: it says that the run is finished
         write_json(found, out / "metrics.json")
         for logger in trainer.loggers:
             if isinstance(logger, TensorBoardLogger):

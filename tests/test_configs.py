@@ -35,6 +35,8 @@ def test_all_groups_are_known() -> None:
         "experiment",
         "logger",
         "metric",
+        "scale",
+        *(f"scale/decoder/{scale}" for scale in ("small", "smoke")),
         "system",
         "trainer",
     }
@@ -44,13 +46,16 @@ def test_all_groups_are_known() -> None:
 def test_member_composes_and_instantiates(
     group: str, name: str, configuration: Callable[..., DictConfig], tmp_path: Path
 ) -> None:
-    cfg = configuration("train", f"{group}={name}", "size=[64,64]", f"out={tmp_path}")
+    choice = [f"{group}={name}"]
+    if group.startswith("scale/decoder/"):  # chosen by these two
+        choice = [f"scale={group.rpartition('/')[2]}", f"decoder={name}"]
+    cfg = configuration("train", *choice, "size=[64,64]", f"out={tmp_path}")
     with open_dict(cfg):
         if OmegaConf.is_missing(cfg.encoder.mask, "file"):
             np.save(tmp_path / "mask.npy", np.ones((8, 64, 64)) / 8)
             cfg.encoder.mask.file = str(tmp_path / "mask.npy")
         if OmegaConf.is_missing(cfg.data, "root"):
-            cfg.data.root = str(clips(tmp_path, name))
+            cfg.data.root = str(clips(tmp_path, cfg.data._target_.rpartition(".")[2].lower()))
     plain(cfg)
     assert isinstance(instantiate(cfg.encoder, _convert_="all"), Encoder)
     built = [instantiate(cfg[part], _convert_="all") for part in ("data", "trainer")]

@@ -1,4 +1,7 @@
-"""Every command that README.md shows is run, at a reduced size and with real files in place of its capitals."""
+"""Every command that README.md shows is run, at a reduced size and with real files in place of its capitals.
+
+They run in the README's order: what one writes with ``out=`` a later one may read.
+"""
 
 from __future__ import annotations
 
@@ -29,6 +32,7 @@ COMMANDS = [line.split(" #")[0].strip() for block in BLOCKS for line in block.re
 SIZE = ["size=[64,64]", "crop=[64,64]", "data.clips_per_epoch=2", "trainer.max_epochs=1", "trainer.accelerator=cpu"]
 DECODER = {
     "e2e_cnn": ["decoder.channels=4", "decoder.blocks=1"],
+    "pnp_ffdnet": ["decoder.denoiser.channels=4", "decoder.denoiser.layers=3", "decoder.iterations=[1,1,1,1]"],
     "res2former": ["decoder.dim=8", "decoder.depths=[1,1]", "decoder.groups=[1,1]"],
 }
 
@@ -87,8 +91,13 @@ def reduced(arguments: list[str]) -> list[str]:
     if arguments[1] == "sci_lightning.benchmark":
         every = ["only=[e2e_cnn]"] if "decoder=all" in arguments else []
         return [*arguments, "size=16", "repeats=1", "product=64", *every]
+    if arguments[1] in ("sci_lightning.evaluate", "sci_lightning.reconstruct") and "decoder=" in " ".join(arguments):
+        return [*arguments, "size=[64,64]", "decoder.iterations=[2]"]
     if arguments[1] != "sci_lightning.train":
         return arguments
+    if any(each.startswith("experiment=table") for each in arguments):
+        kept = [each for each in arguments if not each.startswith(("scale=", "seed="))]
+        return [*kept, "scale=smoke", "decoder=e2e_cnn", "trainer.accelerator=cpu", "data.scenes_count=1"]
     arguments = [re.sub(r"=([^\[,]+),[^\]]*$", r"=\1", each) for each in arguments]
     decoder = next((each.split("=")[1] for each in arguments if each.startswith("decoder=")), "res2former")
     extra = [*SIZE, *DECODER[decoder], "batch_size=1", "workers=0"]

@@ -1,13 +1,29 @@
 """Numbers to video: one network or algorithm a file, all called as ``decoder(measurement, mask)``."""
 
+from sci_lightning.decoder.admm import ADMM
 from sci_lightning.decoder.admm_net import ADMMNet
 from sci_lightning.decoder.birnat import BIRNAT
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.e2e_cnn import E2ECNN
 from sci_lightning.decoder.elp_unfolding import ELPUnfolding
+from sci_lightning.decoder.gap import GAP
 from sci_lightning.decoder.gap_net import GAPNet
 from sci_lightning.decoder.metasci import MetaSCI
 from sci_lightning.decoder.res2former import Res2former
+from sci_lightning.decoder.revsci import RevSCI
 from sci_lightning.decoder.sci3d import SCI3D
 
-__all__ = ["BIRNAT", "E2ECNN", "SCI3D", "ADMMNet", "Decoder", "ELPUnfolding", "GAPNet", "MetaSCI", "Res2former"]
+__all__ = [
+    "ADMM",
+    "BIRNAT",
+    "E2ECNN",
+    "GAP",
+    "SCI3D",
+    "ADMMNet",
+    "Decoder",
+    "ELPUnfolding",
+    "GAPNet",
+    "MetaSCI",
+    "Res2former",
+    "RevSCI",
+]

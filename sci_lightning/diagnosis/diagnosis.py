@@ -23,6 +23,8 @@ from sci_lightning.encoder.effects import Effect
 
 GOOD = 1.05
 """Reduced chi2 on held-out pixels up to which nothing is left to explain."""
+CERTAIN = 1e-4
+"""P-value of a residual test, corrected, below which something is left whatever chi2 says."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,10 @@ class Diagnosis:
     def verdict(self) -> str:
         """consistent, explained, partly_explained or unexplained; the first two only if the residuals are noise."""
         chi2, before = self.gaps["after"]["chi2"], self.gaps["before"]["chi2"]
-        if chi2 <= GOOD and not self.unnamed and not self.left:
+        # noise explains variance only: as long as the residuals have a structure, it stands in for something else
+        noise = any(self.fitter.model.known[name].noise for name in self.names)
+        structure = [test for test in self.left if noise or test.corrected < CERTAIN]
+        if chi2 <= GOOD and not self.unnamed and not structure:
             return "explained" if self.names else "consistent"
         return "partly_explained" if self.names and chi2 < before else "unexplained"
 

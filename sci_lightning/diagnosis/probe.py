@@ -107,7 +107,7 @@ def _free_form(
     model.known[effect.name] = about
     if effect.name == "ghost":
         return _ghost(fitter, base, linear, about)
-    if count * fitter.use.numel() > LARGEST:
+    if not 0 < count * fitter.use.numel() <= LARGEST:
         return None
     hypothesis = base.hypothesis.having(effect.name, dict.fromkeys(about.about, 0.0))
     changes, _ = fitter.jacobian(hypothesis, [(effect.name, name) for name in about.about], base.prediction)

@@ -34,7 +34,12 @@ class Split:
 
     def describe(self) -> dict[str, Any]:
         """For the report."""
-        return {
+        one = (
+            {} if self.captures else {"note": "one capture of its kind each: none is held out as a whole, only blocks"}
+        )
+        if len(self.held_capture) == 1:
+            one = {"note": "one capture only: none is held out as a whole, only blocks of it"}
+        return one | {
             "held_out_captures": list(self.captures),
             "fitted_captures": int((~self.held_capture).sum()),
             "held_out_blocks": f"{BLOCK} x {BLOCK} pixels, one in {ONE_IN**2} of every fitted capture",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from hydra.utils import get_class
 
@@ -11,25 +11,34 @@ from sci_lightning.encoder.effects import Effect
 from sci_lightning.errors import BadInput
 
 
-def vocabulary(more: Mapping[str, str] | None = None) -> dict[str, type[Effect]]:
+def vocabulary(more: Mapping[str, str] | None = None, members: Iterable[str] = ()) -> dict[str, type[Effect]]:
     """Every effect of the package by name, and more.
 
     Args:
         more: the user's own by name: dotted paths of subclasses of :class:`Effect`, ``my_module.Mine``.
+        members: dotted paths likewise, of the configuration group ``effect``, whose members may be called anything.
 
     Raises:
         BadInput: a path that leads nowhere or to something that is no effect, or a name other than the effect's own.
     """
-    members = [getattr(effects, each) for each in effects.__all__]
-    found = {each.name: each for each in members if hasattr(each, "name")}
+    classes = [getattr(effects, each) for each in effects.__all__]
+    found = {each.name: each for each in classes if hasattr(each, "name")}
+    for path in members:
+        effect = _effect("effect", path)
+        found[effect.name] = effect
     for name, path in (more or {}).items():
-        try:
-            effect = get_class(path)
-        except Exception as error:
-            raise BadInput(f"candidates.{name}: no class {path!r} ({error})") from error
-        if not (isinstance(effect, type) and issubclass(effect, Effect)):
-            raise BadInput(f"candidates.{name}: {path} is no sci_lightning.encoder.effects.Effect")
-        if effect.name != name:
-            raise BadInput(f"candidates.{name}: {path} calls itself {effect.name!r}; write candidates.{effect.name}")
-        found[name] = effect
+        found[name] = _effect(f"candidates.{name}", path)
+        if found[name].name != name:
+            own = found[name].name
+            raise BadInput(f"candidates.{name}: {path} calls itself {own!r}; write candidates.{own}")
     return found
+
+
+def _effect(where: str, path: str) -> type[Effect]:
+    try:
+        effect = get_class(path)
+    except Exception as error:
+        raise BadInput(f"{where}: no class {path!r} ({error})") from error
+    if not (isinstance(effect, type) and issubclass(effect, Effect)):
+        raise BadInput(f"{where}: {path} is no sci_lightning.encoder.effects.Effect")
+    return effect

@@ -16,7 +16,7 @@ from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera.camera import VirtualCamera
 from sci_lightning.virtual_camera.choice import choose
 from sci_lightning.virtual_camera.effect import Effect
-from sci_lightning.virtual_camera.evidence import log_likelihood_gain, marginal_gain
+from sci_lightning.virtual_camera.evidence import log_likelihood_gains
 from sci_lightning.virtual_camera.session import Session
 from sci_lightning.virtual_camera.shots import Shots
 from sci_lightning.virtual_camera.vocabulary import VOCABULARY
@@ -50,7 +50,7 @@ class Captures:
 
     def truth(self) -> dict[str, Any]:
         """All that is hidden, fit for JSON: effects in the order of light, true noise, and how strongly it shows."""
-        gain = log_likelihood_gain(self.session, self.effects, self.seed, self.shots, self.measurement)
+        gain, gains = log_likelihood_gains(self.session, self.effects, self.seed, self.shots, self.measurement)
         noise = {"full_well_e": self.session.full_well_e, "read_noise_dn": self.session.read_noise_dn}
         for name, effect, parameter in (
             ("full_well_e", "shot_noise", "full_well"),
@@ -61,7 +61,9 @@ class Captures:
         return {
             "format": "sci-captures-truth",
             "format_version": 1,
-            "effects": [self._describe(effect) for effect in self.effects.values()],
+            "effects": [
+                {**self._describe(effect), "log_likelihood_gain": gains[name]} for name, effect in self.effects.items()
+            ],
             "noise": noise,
             "log_likelihood_gain": gain,
             "seed": self.seed,
@@ -75,9 +77,6 @@ class Captures:
             "in_vocabulary": effect.name in VOCABULARY,
             "parameters": effect.values,
             "units": {name: each.unit for name, each in effect.parameters().items()},
-            "log_likelihood_gain": marginal_gain(
-                self.session, self.effects, effect.name, self.seed, self.shots, self.measurement
-            ),
         }
         if effect.name in self.charts:
             chart = self.charts[effect.name]

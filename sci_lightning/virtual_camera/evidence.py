@@ -36,25 +36,31 @@ def log_likelihood(camera: VirtualCamera, light: np.ndarray, shots: Shots, dn: n
     return float((larger + np.log1p(-np.exp(np.minimum(smaller - larger, -1e-12)))).sum())
 
 
-def log_likelihood_gain(session: Session, effects: dict[str, Effect], seed: int, shots: Shots, dn: np.ndarray) -> float:
-    """How much likelier the captures are with what is hidden in the camera, its maps included, than without: nats."""
-    hidden, ideal = VirtualCamera(session, effects, seed), VirtualCamera(session, {}, seed)
-    return log_likelihood(hidden, hidden.light(shots), shots, dn) - log_likelihood(ideal, ideal.light(shots), shots, dn)
+def log_likelihood_gains(
+    session: Session, effects: dict[str, Effect], seed: int, shots: Shots, dn: np.ndarray
+) -> tuple[float, dict[str, float]]:
+    """How much likelier the captures are with what is hidden in the camera than without: nats.
 
+    Noise other than the pixels' own shot and read noise (a fluttering row) counts for nothing.
 
-def marginal_gain(
-    session: Session, effects: dict[str, Effect], name: str, seed: int, shots: Shots, dn: np.ndarray
-) -> float:
-    """What knowing one of the hidden effects gains when the others are known: nats.
-
-    Of a Gaussian map only the standard deviation counts as known. Near 0: nobody could see it beside the others.
+    Returns:
+        of everything hidden, maps included, and of each effect by name when the others are known. There, of a Gaussian
+        map only the standard deviation counts as known. Near 0: nobody could see the effect beside the others.
     """
-    hidden = VirtualCamera(session, effects, seed)
-    others = VirtualCamera(session, {each: effect for each, effect in effects.items() if each != name}, seed)
-    gain = log_likelihood(hidden, hidden.light(shots), shots, dn) - log_likelihood(
-        others, others.light(shots), shots, dn
-    )
-    return _without_map(gain, hidden.charts[name].size) if effects[name].gaussian else gain
+
+    def of(present: dict[str, Effect]) -> float:
+        camera = VirtualCamera(session, present, seed)
+        return log_likelihood(camera, camera.light(shots), shots, dn)
+
+    hidden, ideal = of(effects), of({})
+    gains = {}
+    for name, effect in effects.items():
+        others = {each: other for each, other in effects.items() if each != name}
+        gains[name] = hidden - (of(others) if others else ideal)
+        if effect.gaussian:
+            chart = VirtualCamera(session, {name: effect}, seed).charts[name]
+            gains[name] = _without_map(gains[name], chart.size)
+    return hidden - ideal, gains
 
 
 def weak(effect: Effect, session: Session, seed: int) -> Effect:

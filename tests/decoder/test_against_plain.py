@@ -8,15 +8,18 @@ import pytest
 import torch
 from torch import Tensor
 
-from sci_lightning.decoder import BIRNAT, SCI3D, Decoder, ELPUnfolding
+from sci_lightning.decoder import BIRNAT, SCI3D, Decoder, ELPUnfolding, RevSCI
 from tests.decoder.plain.birnat import birnat
 from tests.decoder.plain.elp_unfolding import elp_unfolding
+from tests.decoder.plain.revsci import revsci
 from tests.decoder.plain.sci3d import sci3d
 
 Plain = Callable[[dict[str, Tensor], Tensor, Tensor], list[Tensor]]
 
 NETWORKS: dict[str, tuple[Callable[[int], Decoder], Plain]] = {
     "birnat": (lambda frames: BIRNAT(frames, 16, 6), birnat),
+    "revsci": (lambda frames: RevSCI(3, 16), revsci),
+    "revsci, published width": (lambda frames: RevSCI(1), revsci),
     "sci3d": (lambda frames: SCI3D(3, (4, 6, 8), 3), sci3d),
     "elp_unfolding": (
         lambda frames: ELPUnfolding(frames, 16, 3, 5),

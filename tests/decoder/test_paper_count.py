@@ -21,7 +21,7 @@ from sci_lightning.decoder.paper_count import count_as_paper
 from sci_lightning.errors import BadInput
 from tests.conftest import members
 
-PAPER = yaml.safe_load((PACKAGE / "paper_figures.yaml").read_text())
+PAPER = yaml.safe_load((PACKAGE / "paper_figures.yaml").read_text())["decoders"]
 FILES = {"admm_net": "admmnet", "gap_net": "gapnet"}
 """Decoders whose reference file bears another name."""
 

@@ -45,3 +45,12 @@ def test_nothing_known(tmp_path: Path, refused: Callable[..., str]) -> None:
     with h5py.File(tmp_path / "a.h5", "a") as file:
         file["scene"][...] = np.nan
     assert "known scene" in refused("diagnose", f"captures={tmp_path}/a.h5", f"out={tmp_path}/out")
+
+
+@pytest.mark.parametrize(("value", "word"), [(0, "black"), (255, "saturated")])
+def test_nothing_to_see(value: int, word: str, tmp_path: Path, refused: Callable[..., str]) -> None:
+    write_captures(tmp_path / "a.h5", capture_session(Session(size=(32, 32)), {}, seed=3))
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        file["measurement"][...] = value
+    assert word in refused("diagnose", f"captures={tmp_path}/a.h5", f"out={tmp_path}/out")
+    assert not (tmp_path / "out" / "report.json").exists()

@@ -85,6 +85,17 @@ def test_every_effect_can_be_told_as_truth(tmp_path):
     assert len(json.loads(json.dumps(captures.truth()))["effects"]) == len(EFFECTS)
 
 
+def test_the_truth_says_what_each_effect_adds_to_the_others():
+    session = Session(size=(24, 24), frames=4)
+    dim = {"gain": {"factor": 0.5}, "saturation": {"level": 0.9}, "prnu": {"std": 0.03}}
+    truth = capture_session(session, dim, 2).truth()
+    gains = {each["name"]: each["log_likelihood_gain"] for each in truth["effects"]}
+    assert gains["saturation"] == pytest.approx(0, abs=1)  # nothing is bright enough
+    assert gains["gain"] > 1000 and 100 < gains["prnu"] < truth["log_likelihood_gain"]
+    alone = capture_session(session, {"gain": {"factor": 0.5}}, 2).truth()
+    assert alone["effects"][0]["log_likelihood_gain"] == pytest.approx(alone["log_likelihood_gain"])
+
+
 @pytest.mark.parametrize("name", ["captures.txt", "captures", "folder.h5"])
 def test_wrong_names(tmp_path, name):
     (tmp_path / "folder.h5").mkdir()

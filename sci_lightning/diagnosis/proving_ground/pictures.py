@@ -141,7 +141,8 @@ def gap_figure(outcomes: Sequence[Outcome]) -> Figure:
         chosen = np.array([each.suite == suite for each in outcomes])
         if chosen.any():
             axes.plot(before[chosen], after[chosen], "o", color=colour, alpha=0.75, markersize=5, label=suite)
-    axes.plot((0.5, high), (0.5, high), color="#999999", linewidth=1, linestyle=":", label="no change")
+    same = np.geomspace(0.5, high, 500)
+    axes.plot(same, same, color="#999999", linewidth=1, linestyle=":", label="no change")
     axes.axhline(GOOD, color="#222222", linewidth=1, linestyle="--", label=f"target {GOOD}")
     axes.set(xscale="log", xlim=(0.8, high))
     axes.set(xlabel="held-out reduced chi2 before: ideal camera", ylabel="after: with what was found")

@@ -14,7 +14,9 @@ def conv2d(state: State, name: str, x: Tensor, stride: int = 1) -> Tensor:
 
 
 def conv3d(state: State, name: str, x: Tensor, stride: int = 1, groups: int = 1) -> Tensor:
-    return F.conv3d(x, state[f"{name}.weight"], state.get(f"{name}.bias"), (1, stride, stride), 1, groups=groups)
+    weight = state[f"{name}.weight"]
+    padding = tuple(side // 2 for side in weight.shape[2:])
+    return F.conv3d(x, weight, state.get(f"{name}.bias"), (1, stride, stride), padding, groups=groups)
 
 
 def leaky(x: Tensor) -> Tensor:
@@ -24,3 +26,9 @@ def leaky(x: Tensor) -> Tensor:
 def up2d(state: State, name: str, x: Tensor) -> Tensor:
     """A transposed 3x3 convolution of stride 2 that doubles H and W."""
     return F.conv_transpose2d(x, state[f"{name}.weight"], state[f"{name}.bias"], 2, 1, 1)
+
+
+def up3d(state: State, name: str, x: Tensor) -> Tensor:
+    """The same for every frame of a video."""
+    weight, bias = state[f"{name}.weight"], state[f"{name}.bias"]
+    return F.conv_transpose3d(x, weight, bias, (1, 2, 2), (0, 1, 1), (0, 1, 1))

@@ -1,0 +1,55 @@
+"""ADMM: the alternating direction method of multipliers with any denoiser as the prior."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+
+from sci_lightning.decoder.data_step import data_step, snapshot
+from sci_lightning.decoder.denoiser import Denoiser
+from sci_lightning.decoder.initial_estimate import mask_total, mean_video
+from sci_lightning.decoder.iterative import Iterative
+from sci_lightning.errors import BadInput
+
+
+class ADMM(Iterative):
+    """Every iteration: x = data step of theta + b, theta = denoised x - b, b = b - (x - theta); theta is the estimate.
+
+    Args:
+        denoiser, strengths, iterations, tolerance: see :class:`Iterative`.
+        gamma: how much x is held to theta + b where that does not explain the measurement (0.01 is usual); more copes
+            with more noise.
+
+    Raises:
+        BadInput: as :class:`Iterative`; or a gamma that is not positive.
+
+    Source: Boyd et al., "Distributed optimization and statistical learning via the alternating direction method of
+    multipliers", 2011; for video SCI as in Liu, Yuan, Suo, Brady and Dai, "Rank minimization for snapshot compressive
+    imaging", TPAMI 2019.
+    """
+
+    def __init__(
+        self,
+        denoiser: Denoiser,
+        strengths: Sequence[float],
+        iterations: Sequence[int],
+        tolerance: float | None = None,
+        gamma: float = 0.01,
+    ) -> None:
+        super().__init__(denoiser, strengths, iterations, tolerance)
+        if not gamma > 0:
+            raise BadInput(f"decoder.gamma={gamma}: must be positive")
+        self.gamma = gamma
+
+    def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        weight = mask_total(mask, squared=True) + self.gamma
+        theta = mean_video(measurement, mask)
+        b = torch.zeros_like(theta)
+        for iteration, strength in enumerate(self.strengths):
+            x = data_step(theta + b, measurement, mask, weight)
+            theta = self.denoiser(x - b, strength)
+            if self.reached(measurement - snapshot(theta, mask), iteration):
+                break
+            b = b - (x - theta)
+        return theta

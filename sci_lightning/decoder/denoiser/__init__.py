@@ -1,0 +1,8 @@
+"""Priors of the iterative decoders, one a file, all called as ``denoiser(video, strength)``."""
+
+from sci_lightning.decoder.denoiser.denoiser import Denoiser
+from sci_lightning.decoder.denoiser.fastdvdnet import FastDVDnet
+from sci_lightning.decoder.denoiser.ffdnet import FFDNet
+from sci_lightning.decoder.denoiser.total_variation import TotalVariation
+
+__all__ = ["Denoiser", "FFDNet", "FastDVDnet", "TotalVariation"]

@@ -1,0 +1,83 @@
+"""FastDVDnet: a network that denoises each frame with the help of its neighbours in time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from sci_lightning.decoder.denoiser.denoiser import Denoiser
+from sci_lightning.decoder.denoiser.fixed_norm import FixedNorm
+
+WINDOW = 3
+"""Frames that each of the two passes looks at; five in all."""
+
+
+class FastDVDnet(Denoiser):
+    """Two passes of a U-net over three neighbouring frames each, and a map of the strength beside every frame.
+
+    The neighbours of the first and the last frame are taken from the other end. Sides are replicated to a multiple of
+    4 inside.
+
+    Args:
+        channels: widths at full, half and quarter resolution (32, 64, 128 as published).
+        inner: channels of each frame by itself in front of them (30 as published).
+
+    Parameters: 2,474,704 with the defaults.
+    Source: Tassano, Delon and Veit, "FastDVDnet: towards real-time deep video denoising without flow estimation", CVPR
+    2020, in grayscale and with the circular window that PnP-SCI uses.
+    """
+
+    published_names = (
+        (r"(temp\d\.\w+)\.convblock\.(\d)\.convblock\.(.*)", r"\1.\2.\3"),
+        (r"(temp\d\.\w+)\.convblock\.(.*)", r"\1.\2"),
+    )
+
+    def __init__(self, channels: Sequence[int] = (32, 64, 128), inner: int = 30) -> None:
+        super().__init__()
+        self.temp1 = ThreeFrames(channels, inner)
+        self.temp2 = ThreeFrames(channels, inner)
+
+    def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:
+        height, width = video.shape[-2:]
+        video = F.pad(video, (0, -width % 4, 0, -height % 4), mode="replicate")
+        return self.temp2(self.temp1(video, strength), strength)[..., :height, :width]
+
+
+class ThreeFrames(nn.Module):
+    """One pass: from every frame of ``(N, T, H, W)`` subtract the noise that it and its two neighbours tell."""
+
+    def __init__(self, channels: Sequence[int], inner: int) -> None:
+        super().__init__()
+        full, half, quarter = channels
+        self.inc = nn.Sequential(
+            *_convolution(2 * WINDOW, inner * WINDOW, groups=WINDOW), *_convolution(inner * WINDOW, full)
+        )
+        self.downc0 = nn.Sequential(*_convolution(full, half, stride=2), _pair(half))
+        self.downc1 = nn.Sequential(*_convolution(half, quarter, stride=2), _pair(quarter))
+        self.upc2 = nn.Sequential(_pair(quarter), _conv(quarter, 4 * half), nn.PixelShuffle(2))
+        self.upc1 = nn.Sequential(_pair(half), _conv(half, 4 * full), nn.PixelShuffle(2))
+        self.outc = nn.Sequential(*_convolution(full, full), _conv(full, 1))
+
+    def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:
+        told = torch.full_like(video, strength)
+        window = torch.stack([video.roll(1, 1), told, video, told, video.roll(-1, 1), told], 2)
+        full = self.inc(window.flatten(0, 1))
+        half = self.downc0(full)
+        half = half + self.upc2(self.downc1(half))
+        noise = self.outc(full + self.upc1(half))
+        return video - noise.view_as(video)
+
+
+def _conv(inputs: int, outputs: int, stride: int = 1, groups: int = 1) -> nn.Conv2d:
+    return nn.Conv2d(inputs, outputs, 3, stride, padding=1, groups=groups, bias=False)
+
+
+def _convolution(inputs: int, outputs: int, stride: int = 1, groups: int = 1) -> tuple[nn.Module, ...]:
+    return _conv(inputs, outputs, stride, groups), FixedNorm(outputs), nn.ReLU()
+
+
+def _pair(channels: int) -> nn.Sequential:
+    return nn.Sequential(*_convolution(channels, channels), *_convolution(channels, channels))

@@ -1,0 +1,42 @@
+"""FFDNet: a network for noise of any strength, which it is told."""
+
+from __future__ import annotations
+
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from sci_lightning.decoder.denoiser.denoiser import Denoiser
+from sci_lightning.decoder.denoiser.fixed_norm import FixedNorm
+
+
+class FFDNet(Denoiser):
+    """Frame by frame: 2 x 2 pixels become channels beside a map of the strength; convolutions tell the noise.
+
+    Sides are replicated to a multiple of 2 inside.
+
+    Args:
+        channels: width (64 as published).
+        layers: number of 3 x 3 convolutions (15 as published).
+
+    Parameters: 486,080 with the defaults.
+    Source: Zhang, Zuo and Zhang, "FFDNet: toward a fast and flexible solution for CNN-based image denoising", IEEE
+    Trans. Image Processing 2018, in the form of the public code cszn/FFDNet's port that PnP-SCI uses (grayscale).
+    """
+
+    published_names = ((r"intermediate_dncnn\.itermediate_dncnn\.(.*)", r"net.\1"),)
+
+    def __init__(self, channels: int = 64, layers: int = 15) -> None:
+        super().__init__()
+        net: list[nn.Module] = [nn.Conv2d(5, channels, 3, padding=1, bias=False), nn.ReLU()]
+        for _ in range(layers - 2):
+            net += [nn.Conv2d(channels, channels, 3, padding=1, bias=False), FixedNorm(channels), nn.ReLU()]
+        self.net = nn.Sequential(*net, nn.Conv2d(channels, 4, 3, padding=1, bias=False))
+
+    def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:
+        n, t, height, width = video.shape
+        frames = video.reshape(n * t, 1, height, width)
+        parts = F.pixel_unshuffle(F.pad(frames, (0, width % 2, 0, height % 2), mode="replicate"), 2)
+        told = torch.full_like(parts[:, :1], strength)
+        noise = F.pixel_shuffle(self.net(torch.cat([told, parts], 1)), 2)[..., :height, :width]
+        return (frames - noise).view(n, t, height, width)

@@ -1,0 +1,72 @@
+"""What decoders that iterate without training have in common: the schedule, and when to stop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+
+from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.denoiser import Denoiser
+from sci_lightning.errors import BadInput
+
+
+class Iterative(Decoder):
+    """Data step and denoiser in turns, from the mean frame in every slot on. Any T, H and W.
+
+    The data step divides by the sum of M squared, which is right for gray masks as well; where no slot opens, the
+    denoiser alone decides.
+
+    Args:
+        denoiser: the prior.
+        strengths: the denoiser's, one after another ..
+        iterations: .. each for so many iterations.
+        tolerance: stop as soon as the root mean square of y - sum of M x is below it in every snapshot, in units of the
+            measurement: the noise's standard deviation is a good choice. None: iterate to the end.
+
+    Raises:
+        BadInput: a setting that is not positive, or not one number of iterations for each strength; in a call, a
+            residual that is no longer finite.
+    """
+
+    def __init__(
+        self,
+        denoiser: Denoiser,
+        strengths: Sequence[float],
+        iterations: Sequence[int],
+        tolerance: float | None = None,
+    ) -> None:
+        super().__init__()
+        if len(strengths) != len(iterations) or not len(strengths):
+            raise BadInput(
+                f"decoder.strengths={list(strengths)} and decoder.iterations={list(iterations)}: give as many numbers "
+                "of iterations as strengths"
+            )
+        if not all(strength > 0 for strength in strengths):
+            raise BadInput(f"decoder.strengths={list(strengths)}: must be positive")
+        if not all(number > 0 for number in iterations):
+            raise BadInput(f"decoder.iterations={list(iterations)}: must be at least 1 each")
+        if tolerance is not None and not tolerance > 0:
+            raise BadInput(f"decoder.tolerance={tolerance}: must be positive, or null to iterate to the end")
+        self.denoiser = denoiser
+        names = tuple((pattern, rf"denoiser.{place}") for pattern, place in denoiser.published_names)
+        self.published_names = names  # type: ignore[misc]  # those of a class elsewhere; here of what it holds
+        self.strengths = [each for each, number in zip(strengths, iterations, strict=True) for _ in range(number)]
+        """Of every iteration."""
+        self.tolerance = tolerance
+
+    def reached(self, residual: torch.Tensor, iteration: int) -> bool:
+        """Whether to stop after ``iteration`` (from 0), whose y - sum of M x is ``residual``, ``(N, H, W)``.
+
+        Raises:
+            BadInput: it is not finite.
+        """
+        if residual.is_meta:  # no values: the operations are being counted
+            return False
+        rms = float(residual.detach().square().mean((-2, -1)).sqrt().max())
+        if not rms < float("inf"):  # also false for NaN
+            raise BadInput(
+                f"{type(self).__name__} iteration {iteration + 1} of {len(self.strengths)}: the residual became {rms}: "
+                "stopped; look for values in measurement and mask that are not finite, or change decoder.strengths"
+            )
+        return self.tolerance is not None and rms < self.tolerance

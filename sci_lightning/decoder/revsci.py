@@ -1,0 +1,138 @@
+"""RevSCI: three-dimensional convolutions in reversible blocks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from torch import nn
+
+from sci_lightning.decoder.convolution3d import Conv3d, Doubling, one_channel
+from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.initial_estimate import mean_frame
+
+
+class ReversibleBlock(nn.Module):
+    """y1 = x1 + f(x2), y2 = x2 + g(y1), halves ``(N, C, T, H, W)`` to the same; so x2 = y2 - g(y1), x1 = y1 - f(x2).
+
+    The sums have the precision of the halves, f and g that of their weights.
+    """
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.f1, self.g1 = (
+            nn.Sequential(Conv3d(channels, channels, 3), nn.LeakyReLU(inplace=True), Conv3d(channels, channels, 3))
+            for _ in range(2)
+        )
+
+    def forward(self, x1: torch.Tensor, x2: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        y1 = x1 + self.f1(x2.to(precision(self.f1)))
+        return y1, x2 + self.g1(y1.to(precision(self.g1)))
+
+
+def precision(module: nn.Module) -> torch.dtype:
+    """Of its weights."""
+    return next(module.parameters()).dtype
+
+
+class Reversed(torch.autograd.Function):
+    """A chain of reversible blocks that keeps its result only, and in the backward pass computes the rest from it.
+
+    Source: Gomez, Ren, Urtasun and Grosse, "The reversible residual network", NeurIPS 2017.
+    """
+
+    @staticmethod
+    def forward(
+        ctx: Any, blocks: nn.ModuleList, x1: torch.Tensor, x2: torch.Tensor, *parameters: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """``parameters``: those of the blocks, in their order, for torch to know of them."""
+        device = x1.device.type
+        ctx.blocks = blocks
+        ctx.precision = device, torch.get_autocast_dtype(device), torch.is_autocast_enabled(device)
+        for block in blocks:
+            x1, x2 = block(x1, x2)
+        ctx.save_for_backward(x1, x2)
+        return x1, x2
+
+    @staticmethod
+    def backward(ctx: Any, d1: torch.Tensor, d2: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
+        y1, y2 = ctx.saved_tensors
+        gradients: list[torch.Tensor] = []
+        with torch.autocast(*ctx.precision):
+            for block in reversed(ctx.blocks):
+                # each half: the input of the other is recomputed, d is the gradient of what it was added to
+                x2, into_y1, of_g = _undo(block.g1, y1, y2, d2)
+                d1 = d1 + into_y1
+                x1, into_x2, of_f = _undo(block.f1, x2, y1, d1)
+                d2 = d2 + into_x2
+                y1, y2 = x1, x2
+                gradients = [*of_f, *of_g, *gradients]
+        return None, d1, d2, *gradients
+
+
+@torch.enable_grad()
+def _undo(
+    function: nn.Module, x: torch.Tensor, total: torch.Tensor, gradient: torch.Tensor
+) -> tuple[torch.Tensor, torch.Tensor, tuple[torch.Tensor, ...]]:
+    """Of total = z + function(x): z, and the gradients of x and of the function's parameters."""
+    x = x.to(precision(function)).detach().requires_grad_()
+    value = function(x)
+    into_x, *of_parameters = torch.autograd.grad(value, [x, *function.parameters()], gradient.to(value.dtype))
+    return total - value.detach(), into_x, tuple(of_parameters)
+
+
+class RevSCI(Decoder):
+    """A chain of reversible blocks at half resolution, input m + M * m with m = y / sum of M. Any T, any H x W.
+
+    Odd sides are replicated by one at the right and bottom inside and cropped back.
+
+    Args:
+        blocks: reversible blocks (50 as published).
+        channels: width C of the chain, a multiple of 4 (64 as published).
+        reversible: train without storing the activations of the blocks: they are computed again, backwards, for about
+            a third more time. The gradients are the same to rounding.
+
+    Parameters: 5,655,393 with the defaults.
+    Source: Cheng, Chen, Liu, Zhang, Liu, Huang, Chen and Yuan, "Memory-efficient network for large-scale video
+    compressive sensing", CVPR 2021.
+    """
+
+    multiple = 2
+
+    def __init__(self, blocks: int = 50, channels: int = 64, reversible: bool = False) -> None:
+        super().__init__()
+        self.reversible = reversible
+        half, quarter = channels // 2, channels // 4
+        self.conv1 = nn.Sequential(
+            Conv3d(1, quarter, 5),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(quarter, half, 3),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(half, half, 1),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(half, channels, 3, stride=2),
+            nn.LeakyReLU(inplace=True),
+        )
+        self.conv2 = nn.Sequential(
+            Doubling(channels, half),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(half, half, 3),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(half, quarter, 1),
+            nn.LeakyReLU(inplace=True),
+            Conv3d(quarter, 1, 3),
+        )
+        self.layers = nn.ModuleList(ReversibleBlock(half) for _ in range(blocks))
+
+    def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        estimate = mean_frame(measurement, mask).unsqueeze(1) * (1 + mask)
+        features = self.conv1(one_channel(estimate))
+        # in double precision the way back meets the inputs of f and g, and so the gradients, to the last bit
+        precise = torch.is_grad_enabled() and features.device.type != "mps"  # which has no double precision
+        x1, x2 = features.to(torch.float64 if precise else features.dtype).chunk(2, dim=1)
+        if self.reversible and torch.is_grad_enabled():
+            x1, x2 = Reversed.apply(self.layers, x1, x2, *self.layers.parameters())
+        else:
+            for block in self.layers:
+                x1, x2 = block(x1, x2)
+        return self.conv2(torch.cat([x1, x2], dim=1).to(features.dtype))[:, 0]

@@ -1,0 +1,45 @@
+"""``python -m sci_lightning.export_mask``: a trained mask as the files that a modulator displays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from omegaconf import DictConfig
+from rich.console import Console
+
+from sci_lightning.command import run
+
+
+def export_mask(cfg: DictConfig) -> None:
+    """Write bit planes, 8-bit frames and ``planes.json``, read the planes back, and say whether the timing fits.
+
+    Args:
+        cfg: ``conf/export_mask.yaml``, composed.
+    """
+    import torch
+
+    from sci_lightning.checkpoint import read_checkpoint
+    from sci_lightning.errors import BadInput
+    from sci_lightning.modulator_files import Layout, read_planes, timing_of, write_planes
+
+    out, console = Path(cfg.out), Console(highlight=False)
+    module = read_checkpoint(cfg.ckpt_path, cfg.trusted).encoder().mask
+    with torch.no_grad():
+        mask = module()
+    bits = getattr(module, "bits", 1)
+    height, width = module.size
+    canvas = (cfg.repeat * height, cfg.repeat * width) if cfg.canvas is None else tuple(cfg.canvas)
+    layout = Layout((height, width), cfg.repeat, canvas)
+    timing = timing_of(module.frames, bits, cfg.frame_rate, cfg.binary_rate, cfg.gray_rate)
+    write_planes(mask, bits, out, layout, timing)
+    if not torch.equal(read_planes(out), mask):
+        raise BadInput(f"{out}: the planes do not read back as the mask; is the disk full?")
+    console.print(f"{module.frames} slots of {bits} bit, {height} x {width}, on {canvas[0]} x {canvas[1]} mirrors")
+    for way, what in (("planes", "by_planes"), ("gray_frames", "by_gray_frames")):
+        fits = "fits" if timing[f"{way}_fit"] else "[red]too fast[/]"
+        console.print(f"{cfg.frame_rate:g} snapshots/s by {way}: {fits}, at most {timing[f'fastest_{what}_Hz']:.1f}")
+    console.print(f"[bold]{out}[/]: planes/, frames/, planes.json (exposure of each plane; timing)")
+
+
+if __name__ == "__main__":
+    run("export_mask", export_mask)

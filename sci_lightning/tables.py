@@ -1,0 +1,46 @@
+"""``python -m sci_lightning.tables``: the paper's tables, with what our runs found beside each of its figures."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import yaml
+from omegaconf import DictConfig
+from rich.console import Console
+
+from sci_lightning.command import PACKAGE, plain, run
+
+
+def tables(cfg: DictConfig) -> None:
+    """Collect the ``metrics.json`` below ``runs``; print each table and write it as Markdown, LaTeX and PNG.
+
+    Files that are of no use are named, one line each, and the others go on.
+
+    Args:
+        cfg: ``conf/tables.yaml``, composed.
+    """
+    from sci_lightning.paper_tables.claim_table import claim_table
+    from sci_lightning.paper_tables.cost import costs
+    from sci_lightning.paper_tables.encoder_table import encoder_table
+    from sci_lightning.paper_tables.run import find_runs
+    from sci_lightning.paper_tables.score_table import score_table
+
+    out, console = Path(cfg.out), Console(highlight=False)
+    folders = plain(cfg)["runs"]
+    runs, lines = find_runs([Path(str(folder)) for folder in (folders if isinstance(folders, list) else [folders])])
+    for line in lines:
+        print(f"left out: {line}", file=sys.stderr)
+    paper = yaml.safe_load((PACKAGE / "paper_figures.yaml").read_text())
+    cost = costs(paper["decoders"])
+    grids = [encoder_table(paper["encoders"])]
+    grids += [score_table(name, table, runs, cost) for name, table in paper["tables"].items()]
+    grids.append(claim_table(paper["claims"], paper["tables"], runs))
+    for grid in grids:
+        grid.write(out)
+        console.print(grid.as_table())
+    console.print(f"[bold]{out}[/]: {', '.join(grid.name for grid in grids)} as .md, .tex and .png; {len(runs)} runs")
+
+
+if __name__ == "__main__":
+    run("tables", tables)

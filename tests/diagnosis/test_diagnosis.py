@@ -1,0 +1,70 @@
+"""What has no name gets none; what cannot be told apart is said to be so; little is taken for little."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sci_lightning.captures import Captures, read_captures
+from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
+from sci_lightning.diagnosis.report import describe, write_encoder
+from sci_lightning.diagnosis.vocabulary import vocabulary
+from sci_lightning.virtual_camera import Session, capture_session, write_captures
+
+
+def captured(folder: Path, hidden: dict[str, Any], **session: Any) -> Captures:
+    write_captures(folder / "a.h5", capture_session(Session(size=(32, 32), **session), hidden, seed=3))
+    return read_captures(folder / "a.h5")
+
+
+def diagnosed(folder: Path, hidden: dict[str, Any], empirical: bool = False, **session: Any) -> Diagnosis:
+    return diagnose(captured(folder, hidden, **session), vocabulary(), empirical=empirical)
+
+
+@pytest.mark.parametrize(
+    ("hidden", "stage"),
+    [
+        ({"short_slot": {"loss": 0.3, "slot": 2}}, "exposure"),
+        ({"sensor_dust": {"depth": 0.5, "radius": 2.5, "count": 4}}, "sensor"),
+        ({"light_leak": {"strength": 0.08, "reach": 0.25, "edge": "left"}}, "optics"),
+    ],
+)
+def test_what_has_no_name(hidden: dict[str, Any], stage: str, tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, hidden)
+    assert found.verdict == "unexplained" and found.names == ()
+    assert found.unnamed[0].stage == stage and found.unnamed[0].p_value < 1e-6
+
+
+def test_free_form_when_asked(tmp_path: Path) -> None:
+    found = diagnosed(tmp_path, {"short_slot": {"loss": 0.3, "slot": 2}}, empirical=True)
+    assert found.verdict == "unexplained" and found.gaps["after"]["chi2"] < 1.05 < found.gaps["before"]["chi2"]
+    write_encoder(found.fitter, found.after, tmp_path)
+    assert "SlotWeights" in (tmp_path / "encoder.yaml").read_text()
+
+
+def test_alternatives(tmp_path: Path) -> None:
+    """Behind masks that sum to 1 an even scene cannot tell light that leaks through the mask from a larger gain."""
+    only_flat = {"dark": 0, "all_on": 0, "all_off": 0, "pattern": 0, "static": 0, "dynamic": 0, "flat": 8}
+    (effect,) = describe(diagnosed(tmp_path, {"gain": {"factor": 1.06}}, **only_flat))["effects"]
+    assert {effect["name"], *effect["alternatives"]} >= {"gain", "mask_contrast"}
+    assert "from" in effect["tell_apart"] and "nats" in effect["tell_apart"]
+
+
+def test_one_capture(tmp_path: Path) -> None:
+    captures = captured(tmp_path, {"gain": {"factor": 0.8}})
+    (first,) = np.flatnonzero([kind == "static" for kind in captures.inferred_kind])[:1]
+    found = diagnose(captures.take([int(first)]), vocabulary())
+    split = describe(found)["split"]
+    assert split["held_out_captures"] == [] and "one capture" in split["note"]
+
+
+def test_order_does_not_matter(tmp_path: Path) -> None:
+    captures = captured(tmp_path, {"mask_contrast": {"leak": 0.05}})
+    backwards = captures.take(list(range(len(captures.measurement)))[::-1])
+    one, other = (diagnose(each, vocabulary()) for each in (captures, backwards))
+    assert one.names == other.names == ("mask_contrast",)
+    leaks = [float(each.after.hypothesis.effects["mask_contrast"]["leak"]) for each in (one, other)]
+    assert leaks[0] == pytest.approx(leaks[1], abs=1e-5)

@@ -1,0 +1,78 @@
+"""``evaluate captures=FILE``: a decoder is tested on what a camera recorded, with the encoder it takes it for."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from hydra.utils import instantiate
+from omegaconf import DictConfig
+
+from sci_lightning.captures import Captures, read_captures
+from sci_lightning.checkpoint import write_weights
+from sci_lightning.command import plain
+from sci_lightning.decoder import GAPNet
+from sci_lightning.metrics.psnr import psnr
+from sci_lightning.virtual_camera import Session, capture_session, write_captures
+
+Run = Callable[..., str]
+HIDDEN = {"black_level": {"offset": 0.1}, "mask_shift": {"dx": 0.61, "dy": -0.35}}
+TEST = ["ckpt_path=trained.ckpt", "captures=lab.h5", "metric=[psnr]", "trainer.accelerator=cpu"]
+
+
+@pytest.fixture
+def captures(tmp_path: Path) -> Captures:
+    """``lab.h5``: 4 x 32 x 32, dimmed to a half, with something hidden; ``patterns.npy``: what was told."""
+    session = Session((32, 32), frames=4, dark=1, flat=1, static=1, dynamic=2, aperture=0.5)
+    write_captures(tmp_path / "lab.h5", capture_session(session, HIDDEN, seed=3))
+    captures = read_captures(tmp_path / "lab.h5")
+    np.save(tmp_path / "patterns.npy", captures.patterns[:4])
+    return captures
+
+
+@pytest.fixture
+def trained(captures: Captures, configuration: Callable[..., DictConfig], tmp_path: Path) -> GAPNet:
+    """The decoder of ``trained.ckpt``, whose encoder has the patterns and no effects."""
+    mask = ["encoder/mask=measured", f"encoder.mask.file={tmp_path}/patterns.npy"]
+    cfg = configuration("train", *mask, "decoder=gap_net", "frames=4", "size=[32,32]", "decoder.stages=2")
+    encoder, decoder = (instantiate(cfg[part], _convert_="all") for part in ("encoder", "decoder"))
+    state = {
+        f"{name}.{key}": value
+        for name, part in (("encoder", encoder), ("decoder", decoder))
+        for key, value in part.state_dict().items()
+    }
+    write_weights(tmp_path / "trained.ckpt", {**plain(cfg), "names": {"encoder": "ideal", "decoder": "gap_net"}}, state)
+    return decoder
+
+
+@torch.no_grad()
+@pytest.mark.parametrize("corrected", [False, True])
+def test_scores(corrected: bool, captures: Captures, trained: Any, ran: Run, tmp_path: Path) -> None:
+    told = torch.from_numpy(captures.patterns[:4])
+    taken = torch.from_numpy(captures.measurement[-2:] / np.float32(255))
+    encoder, mask = [], told
+    if corrected:
+        encoder = ["encoder=lsw_sr", "encoder/mask=measured", "encoder.mask.file=patterns.npy", "encoder.aperture=3"]
+        encoder += ["effect=[black_level,pattern_order]", "encoder.effects.black_level.offset=0.1"]
+        taken, mask = taken - 0.1, told.roll(1, 0)
+    truth = torch.from_numpy(captures.scene[-2:])
+    expected = psnr(trained(taken / 0.5, mask), truth).mean(1)  # the captures' aperture, not the encoder's
+
+    assert "trained on ideal" in ran("evaluate", *TEST, *encoder, "out=run")
+    found = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert (found["encoder"], found["test_encoder"]) == ("ideal", "virtual camera")
+    names = [f"capture_{len(captures) - 2}", f"capture_{len(captures) - 1}"]
+    assert [found["scenes"][name]["psnr"] for name in names] == pytest.approx(expected.tolist(), abs=1e-3)
+    assert found["config"]["evaluate"]["captures"] == "lab.h5"
+
+
+def test_refusals(captures: Captures, trained: Any, ran: Run, refused: Run) -> None:
+    assert "nowhere.h5: no such file" in refused("evaluate", TEST[0], "captures=nowhere.h5")
+    assert "shows the encoder's mask" in refused("evaluate", *TEST, "encoder=rsw_sr")
+    line = refused("evaluate", *TEST, "encoder=rsw_sr", "size=[16,16]")
+    assert "captures of 4 x 32 x 32, the mask is 4 x 16 x 16" in line

@@ -1,0 +1,81 @@
+"""Iterative decoders: used without a checkpoint, or with a denoiser that was trained by itself."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+Run = Callable[..., str]
+SHORT = ["decoder.iterations=[3]", "frames=4", "size=[32,32]"]
+SCENE = ["data=synthetic", "data.scenes_count=1", "trainer.accelerator=cpu", "metric=[psnr]", "out=run"]
+
+
+@pytest.mark.parametrize("decoder", ["gap_tv", "admm_tv"])
+def test_evaluate(ran: Run, tmp_path: Path, decoder: str) -> None:
+    told = ran("evaluate", f"decoder={decoder}", *SHORT, *SCENE)
+    assert f"{decoder}, tested on rbw_osr" in told and "trained on" not in told
+    found = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert (found["encoder"], found["decoder"], found["test_encoder"]) == ("rbw_osr", decoder, "rbw_osr")
+    assert found["mean"]["psnr"] > found["baseline"]["psnr"] and found["parameters"] == 0
+    assert found["config"]["decoder"]["iterations"] == [3] and found["config"]["size"] == [32, 32]
+
+
+def test_with_an_encoder(ran: Run, tmp_path: Path) -> None:
+    ran("evaluate", "decoder=gap_tv", "encoder=rsw_sr", "effect=[gain]", *SHORT, *SCENE)
+    found = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert found["encoder"] == found["test_encoder"] == "rsw_sr" and found["mean"]["psnr"] > 15
+    np.save(tmp_path / "mask.npy", (np.random.default_rng(0).random((4, 32, 32)) < 0.5).astype("float32"))
+    ran(
+        "evaluate",
+        "decoder=gap_tv",
+        "encoder=rbw_osr",
+        "encoder/mask=measured",
+        "encoder.mask.file=mask.npy",
+        *SHORT,
+        *SCENE,
+    )
+
+
+def test_reconstruct(ran: Run, tmp_path: Path) -> None:
+    np.save(tmp_path / "snapshot.npy", np.full((32, 32), 0.5, np.float32))
+    ran("reconstruct", "decoder=gap_tv", *SHORT, "measurement=snapshot.npy", "device=cpu", "out=run")
+    video = np.load(tmp_path / "run" / "reconstruction.npy")
+    assert video.shape == (1, 4, 32, 32) and np.isfinite(video).all()
+
+
+def test_refused(refused: Run) -> None:
+    line = refused("evaluate", *SCENE)
+    assert "ckpt_path=" in line and "decoder=gap_tv" in line
+    line = refused("evaluate", "decoder=e2e_cnn", *SCENE)
+    assert "decoder=e2e_cnn has 817,608 parameters to learn: train it first" in line
+    assert "no such checkpoint" in refused("evaluate", "decoder=gap_tv", "ckpt_path=no.ckpt", *SCENE)
+    line = refused("evaluate", "decoder=gap_tv", "decoder.strengths=[0]", *SCENE)
+    assert "decoder.strengths=[0]: must be positive" in line
+    assert "decoder=gap_tv has nothing to learn" in refused("train", "decoder=gap_tv")
+
+
+def test_a_denoiser_is_trained_by_itself(ran: Run, refused: Run, tmp_path: Path) -> None:
+    small = ["decoder.denoiser.channels=8", "decoder.denoiser.layers=4", "decoder.iterations=[1,1,1,1]", *SHORT[1:]]
+    quick = ["data=synthetic", "data.clips_per_epoch=4", "workers=0", "trainer.max_epochs=1", "trainer.accelerator=cpu"]
+    ran("train", "system=denoiser", "decoder=pnp_ffdnet", *small, *quick, "metric=[psnr]", "out=trained")
+    trained = "ckpt_path=trained/checkpoints/last.ckpt"
+    ran("evaluate", trained, *SCENE)
+    as_trained = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert as_trained["decoder"] == "pnp_ffdnet" and as_trained["mean"]["psnr"] > 10
+    ran(
+        "evaluate",
+        trained,
+        "decoder=pnp_ffdnet",
+        *small[:2],
+        "decoder.strengths=[0.1]",
+        "decoder.iterations=[1]",
+        *SCENE,
+    )
+    otherwise = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert otherwise["mean"]["psnr"] != as_trained["mean"]["psnr"]
+    assert "does not fit decoder=pnp_ffdnet as configured" in refused("evaluate", trained, "decoder=pnp_ffdnet", *SCENE)
+    assert "E2ECNN has no denoiser" in refused("train", "system=denoiser", "decoder=e2e_cnn", *SHORT[1:])

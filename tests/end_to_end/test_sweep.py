@@ -1,0 +1,114 @@
+"""Sweeps of the paper's tables: killed and started again, with rows that fail, and what comes out of them."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import lightning as L
+import pytest
+import torch
+import yaml
+
+from sci_lightning.command import CONF, PACKAGE
+from tests.conftest import ROOT, members
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+ROWS = ["experiment=table2", "scale=smoke", "decoder=e2e_cnn,metasci", "data.scenes_count=1"]
+QUICK = ["trainer.accelerator=cpu", "metrics.qscore=null", "logger=none", "out=sweep"]
+STEPS = ["data.clips_per_epoch=20", "callbacks.last.train_time_interval=null", "callbacks.last.every_n_train_steps=1"]
+SLOW = "+callbacks.steps={_target_: tests.end_to_end.test_sweep.Steps}"
+
+
+class Steps(L.Callback):
+    """Notes every step in a file, and takes its time, so that a test can kill the run in time."""
+
+    def on_train_batch_start(self, trainer: L.Trainer, *_: Any) -> None:
+        with Path("steps.txt").open("a") as file:
+            file.write(f"{type(trainer.lightning_module.decoder).__name__} {trainer.global_step}\n")
+        time.sleep(0.1)
+
+
+def steps(folder: Path, decoder: str) -> list[int]:
+    lines = [line.split() for line in (folder / "steps.txt").read_text().splitlines()]
+    return [int(step) for name, step in lines if name == decoder]
+
+
+def test_killed_and_started_again(command: Command, tmp_path: Path) -> None:
+    sweep = [sys.executable, "-m", "sci_lightning.train", "-m", *ROWS, *QUICK, *STEPS, SLOW]
+    process = subprocess.Popen(
+        sweep,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    first, second = (tmp_path / "sweep" / "rbw_osr_1bit" / name / "seed0" for name in ("e2e_cnn", "metasci"))
+    last = second / "checkpoints" / "last.ckpt"
+    deadline = time.monotonic() + 200
+    while not last.is_file() or torch.load(last, weights_only=True)["global_step"] < 4:
+        assert time.monotonic() < deadline and process.poll() is None, "the sweep ended before it could be killed"
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    kept = (first / "metrics.json").stat().st_mtime_ns
+    assert not (second / "metrics.json").is_file()
+    reached = torch.load(last, weights_only=True)["global_step"]
+    before = len(steps(tmp_path, "MetaSCI"))
+
+    done = command("train", "-m", *ROWS, *QUICK, *STEPS, SLOW)
+    assert done.returncode == 0, done.stderr
+    assert "finished before, kept" in done.stdout
+    assert (first / "metrics.json").stat().st_mtime_ns == kept
+    assert steps(tmp_path, "E2ECNN") == list(range(10))
+    assert steps(tmp_path, "MetaSCI")[before:] == list(range(reached, 10))  # goes on where the checkpoint is
+    assert torch.load(last, weights_only=True)["global_step"] == 10
+
+    for folder in (first, second):
+        found = {name: json.loads((folder / name / "metrics.json").read_text()) for name in (".", "test_rbw_sr")}
+        assert [each["test_encoder"] for each in found.values()] == ["rbw_osr", "rbw_sr"]
+        assert found["."]["mean"] != found["test_rbw_sr"]["mean"]
+    printed = command("tables", "runs=sweep", "out=tables")
+    assert printed.returncode == 0 and "4 runs" in printed.stdout, printed.stderr
+    rows = [line for line in (tmp_path / "tables" / "table2.md").read_text().splitlines() if "smoke: 32 x 32" in line]
+    assert len(rows) == 4
+
+
+def test_rows_that_fail_are_told_at_the_end(command: Command, tmp_path: Path) -> None:
+    row = ["experiment=table5", "scale=smoke", "encoder=lsw_sr", "decoder=e2e_cnn", "data.scenes_count=1", *QUICK]
+    done = command("train", "-m", *row, "encoder.mask.bits=1,9,2,0")
+    assert done.returncode == 2
+    last = done.stderr.splitlines()[-2:]
+    assert "encoder.mask.bits=9" in last[0] and "encoder.mask.bits=0" in last[1]
+    assert all(line.startswith("error: [") and "1 to 8" in line for line in last)
+    for bits, made in ((1, True), (9, False), (2, True), (0, False)):
+        assert (tmp_path / "sweep" / f"lsw_sr_{bits}bit" / "e2e_cnn" / "seed0" / "metrics.json").is_file() == made
+
+
+@pytest.mark.parametrize("name", ["table2", "table3", "table4", "table5"])
+def test_a_sweep_runs_every_row_that_it_can(name: str) -> None:
+    """Every decoder of the table that is in ``conf/decoder``, in the paper's order: a new one is to be added."""
+    table = yaml.safe_load((PACKAGE / "paper_figures.yaml").read_text())["tables"][name]
+    experiment = yaml.safe_load((CONF / "experiment" / f"{name}.yaml").read_text())
+    swept = experiment["hydra"]["sweeper"]["params"]
+    for key, choice in (("decoder", "decoder"), ("bits", "encoder.mask.bits")):
+        wanted = [str(row["match"][key]) for row in table["rows"].values() if key in row["match"]]
+        there = [each for each in wanted if key == "bits" or each in members("decoder")]
+        assert there == (str(swept[choice]).split(",") if choice in swept else [])
+
+
+@pytest.mark.parametrize("scale", ["small", "smoke"])
+def test_reduced_networks(scale: str, configuration: Callable[..., Any]) -> None:
+    for name in members("decoder"):
+        full, reduced = (configuration("train", f"decoder={name}", f"scale={each}").decoder for each in ("own", scale))
+        assert full.keys() == reduced.keys(), name
+        assert full != reduced or not (CONF / "scale" / "decoder" / scale / f"{name}.yaml").is_file()

@@ -1,0 +1,59 @@
+"""Hand-made ``metrics.json`` files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+MASKS = {"rbw": "RandomBinary", "rsw": "RandomStructural", "lsw": "LearnedStructural"}
+
+Made = Callable[..., Path]
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> Made:
+    """``made("runs/a", "lsw_sr", "e2e_cnn", 30.0, bits=4)``: the file of a run with that PSNR."""
+
+    def make(
+        place: str,
+        encoder: str,
+        decoder: str,
+        psnr: float,
+        *,
+        test: str | None = None,
+        bits: int | None = None,
+        seed: int = 0,
+        scale: str = "small",
+        size: tuple[int, int] = (64, 64),
+        metrics: tuple[str, ...] = ("psnr", "ssim", "qscore"),
+        effects: dict[str, Any] | None = None,
+    ) -> Path:
+        mask = {"_target_": f"sci_lightning.encoder.mask.{MASKS[encoder[:3]]}", **({"bits": bits} if bits else {})}
+        config = {"encoder": {"mask": mask, "effects": effects or {}}, "seed": seed, "size": size, "scale": scale}
+        every = {"psnr": psnr, "ssim": psnr / 40, "qscore": psnr + 15}
+        mean = {key: every[key] for key in metrics}
+        content = {
+            "format": "sci-metrics",
+            "format_version": 1,
+            "encoder": encoder,
+            "decoder": decoder,
+            "test_encoder": test or encoder,
+            "scenes": {"kobe": mean, "drop": mean},
+            "mean": mean,
+            "conventions": {"qscore": "Q of HDR-VDP-2.2.2"},
+            "parameters": 1000,
+            "macs": 1000,
+            "seconds_per_measurement": 0.25,
+            "device": "cpu (x86-64)",
+            "config": config,
+        }
+        path = tmp_path / place / "metrics.json"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(content))
+        return path
+
+    return make

@@ -1,0 +1,48 @@
+"""What a run finds in its folder: its own work is kept, anything else is refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import torch
+from omegaconf import DictConfig
+
+from sci_lightning.command import plain
+from sci_lightning.earlier_run import finished, interrupted
+from sci_lightning.errors import BadInput
+
+Configuration = Callable[..., DictConfig]
+
+
+def test_nothing_there(configuration: Configuration, tmp_path: Path) -> None:
+    config = plain(configuration("train"))
+    assert finished(tmp_path, config) is None and interrupted(tmp_path, config) is None
+
+
+def test_finished(configuration: Configuration, tmp_path: Path) -> None:
+    earlier = plain(configuration("train", "decoder=e2e_cnn", "out=/somewhere/else"))
+    (tmp_path / "metrics.json").write_text(json.dumps({"config": earlier, "mean": {"psnr": 30.0}}))
+    found = finished(tmp_path, plain(configuration("train", "decoder=e2e_cnn", f"out={tmp_path}", "workers=3")))
+    assert found is not None and found["mean"]["psnr"] == 30.0
+    with pytest.raises(BadInput, match=r"decoder.blocks is 5, now 4\); give another out="):
+        finished(tmp_path, plain(configuration("train", "decoder=e2e_cnn", "decoder.blocks=4")))
+    (tmp_path / "metrics.json").write_text("[]")
+    with pytest.raises(BadInput, match="not the metrics of a run"):
+        finished(tmp_path, earlier)
+
+
+def test_interrupted(configuration: Configuration, tmp_path: Path) -> None:
+    path = tmp_path / "checkpoints" / "last.ckpt"
+    path.parent.mkdir()
+    config = plain(configuration("train", "decoder=e2e_cnn", f"out={tmp_path}"))
+    names = {"encoder": "lsw_sr", "decoder": "e2e_cnn"}
+    torch.save({"config": {**config, "names": names}, "state_dict": {}}, path)
+    assert interrupted(tmp_path, config) == str(path)
+    with pytest.raises(BadInput, match="seed is 0, now 1"):
+        interrupted(tmp_path, {**config, "seed": 1})
+    path.write_bytes(b"damaged")
+    with pytest.raises(BadInput, match="damaged"):
+        interrupted(tmp_path, config)
