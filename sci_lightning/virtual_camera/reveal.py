@@ -27,7 +27,7 @@ def reveal(truth: str, report: str) -> None:
     hidden, found = _read(truth, "sci-captures-truth"), _read(report, "sci-diagnosis")
     table = Table(title="what was hidden, and what was found", title_justify="left")
     for name in ("effect", "parameter", "hidden", "found", ""):
-        table.add_column(name, justify="right" if name in ("hidden", "found") else "left")
+        table.add_column(name, justify="right" if name in ("hidden", "found") else "left", no_wrap=True)
     colours = {"within 95 %": "green", "right": "green"}
     for row in compare(hidden, found):
         colour = colours.get(row.answer, "red")
@@ -70,7 +70,7 @@ def _number(value: Value | None) -> str:
 
 
 def _found(row: Compared) -> str:
-    return _number(row.found) + (f" +- {row.std:.2g}" if row.std else "")
+    return _number(row.found) + (f" ± {row.std:.2g}" if row.std else "")
 
 
 if __name__ == "__main__":

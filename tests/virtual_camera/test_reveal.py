@@ -111,7 +111,7 @@ def test_command(tmp_path):
     (tmp_path / "report.json").write_text(json.dumps(report(gain={"factor": (1.12, 0.02)})))
     done = reveal(path, tmp_path / "report.json")
     assert done.returncode == 0, done.stderr
-    assert "1.12 +- 0.02" in done.stdout and "within 95 %" in done.stdout
+    assert "1.12 ± 0.02" in done.stdout and "within 95 %" in done.stdout
     assert "every name is right; held-out chi2 33 before, 1.01 after" in done.stdout
 
     for wrong, message in (

@@ -8,7 +8,7 @@ import traceback
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from multiprocessing import connection, get_context
+from multiprocessing import connection, get_context, resource_tracker
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -75,18 +75,19 @@ def work(sender: Connection, case: Case, threads: int) -> None:
 
 @contextmanager
 def _inherited(threads: int) -> Iterator[None]:
-    """What a process is started with: so many threads for NumPy's matrices, and no ear for Ctrl-C.
+    """What a process is started with: so many threads for NumPy's matrices, and Ctrl-C blocked for good.
 
-    The terminal sends Ctrl-C to all; only the parent shall act on it, and its children say nothing.
+    The terminal sends Ctrl-C to all; only the parent shall act on it, which hears of one in the meantime afterwards.
     """
     number = os.environ.get("OMP_NUM_THREADS")
-    ear = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    resource_tracker.ensure_running()  # else the first start would, and lift the block
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     os.environ["OMP_NUM_THREADS"] = str(threads)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, ear)
         if number is None:
             del os.environ["OMP_NUM_THREADS"]
         else:
             os.environ["OMP_NUM_THREADS"] = number
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
