@@ -97,7 +97,7 @@ class Fitter:
         for name in hypothesis.effects:
             effect = self.model.known[name]
             if effect.chart is None:
-                found += [(name, each) for each, about in effect.about.items() if not about.choices]
+                found += [(name, each) for each in hypothesis.effects[name] if not effect.about[each].choices]
         return found
 
     def fit(
