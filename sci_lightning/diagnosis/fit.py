@@ -149,12 +149,12 @@ class Fitter:
         held = float((self.values(self.uncertain(prediction, found)) * (1 - self.use)).sum(dtype=torch.float64))
         return Fit(hypothesis, prediction, value, held, tuple(free), information, found)
 
-    def jacobian(
-        self, hypothesis: Hypothesis, free: list[Name], prediction: Prediction
-    ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Derivatives of mean and of the logarithm of the deviation, ``(p, N, H, W)`` each."""
-        mean, spread, _ = self._derivatives(hypothesis, free, prediction, [], self.use)
-        return mean, spread
+    def jacobian(self, hypothesis: Hypothesis, free: list[Name], prediction: Prediction) -> torch.Tensor:
+        """Derivatives of the mean, ``(p, N, H, W)``."""
+        found = torch.empty(len(free), *prediction.mean.shape)
+        for i, (step, _, shifted) in enumerate(self._beside(hypothesis, free)):
+            found[i] = (shifted.mean - prediction.mean) / step
+        return found
 
     def _derivatives(
         self,
@@ -168,16 +168,16 @@ class Fitter:
 
         The last is why a gain is not estimated too large beside a map that scales with it.
         """
-        means, spreads, toll = [], [], torch.zeros(len(free), dtype=torch.float64)
+        mean, spread = torch.empty(2, len(free), *prediction.mean.shape)
+        toll = torch.zeros(len(free), dtype=torch.float64)
         for i, (step, beside, shifted) in enumerate(self._beside(hypothesis, free)):
-            means.append((shifted.mean - prediction.mean) / step)
-            spreads.append((shifted.deviation / prediction.deviation).log() / step)
+            mean[i] = (shifted.mean - prediction.mean) / step
+            spread[i] = (shifted.deviation / prediction.deviation).log() / step
             for chart in charts:
                 if chart.kind != "hot":
                     change = (derivative(self.model, beside, chart.name, shifted) - chart.jacobian) / step
                     toll[i] += float((chart.cross(change[None] * weight)[0] * chart.variance).sum())
-        empty = torch.zeros(0, *prediction.mean.shape)
-        return (torch.stack(means), torch.stack(spreads), toll) if free else (empty, empty, toll)
+        return mean, spread, toll
 
     def _beside(self, hypothesis: Hypothesis, free: list[Name]) -> Iterator[tuple[float, Hypothesis, Prediction]]:
         """For each parameter a small step, the hypothesis a step on, and what it predicts."""

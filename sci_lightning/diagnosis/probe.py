@@ -109,7 +109,7 @@ def _free_form(
     if not 0 < count * fitter.use.numel() <= LARGEST:
         return None
     hypothesis = base.hypothesis.having(effect.name, dict.fromkeys(about.about, 0.0))
-    changes, _ = fitter.jacobian(hypothesis, [(effect.name, name) for name in about.about], base.prediction)
+    changes = fitter.jacobian(hypothesis, [(effect.name, name) for name in about.about], base.prediction)
     gain = linear.gain(changes)
     clear = (gain.factors.abs() / gain.deviations).nan_to_num()
     known = int((gain.deviations.isfinite()).sum())
