@@ -77,9 +77,10 @@ def convolved(x: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
     blocks = y.permute(0, 2, 3, 4, 1).unflatten(3, (-1, TILE)).unflatten(2, (-1, TILE))
     for snapshot, rows, tiles in strips(x):
         values = (b @ tiles).view(len(b), t, -1, c)
-        products = values.new_zeros(len(b), t, values.shape[2], outputs)
+        products = values.new_empty(len(b), t, values.shape[2], outputs)
         for tap, here, there in shifts(taps, t):
-            products[:, here].flatten(1, 2).baddbmm_(values[:, there].flatten(1, 2), kernel[:, tap])
+            old = tap != taps // 2  # the first reaches every frame, and overwrites what lay there
+            products[:, here].flatten(1, 2).baddbmm_(values[:, there].flatten(1, 2), kernel[:, tap], beta=old)
         strip = (a @ products.view(len(b), -1)).view(TILE, TILE, t, -1, blocks.shape[4], outputs)
         blocks[snapshot, :, rows] = strip.permute(2, 3, 0, 4, 1, 5)
     whole = shape[3:] == (h, w)
@@ -114,8 +115,8 @@ def strips(x: torch.Tensor) -> Iterator[tuple[int, slice, torch.Tensor]]:
 
 
 def shifts(taps: int, frames: int) -> Iterator[tuple[int, slice, slice]]:
-    """Each tap along time, the output frames that it reaches, and the input frames that it reads for them."""
-    for tap in range(taps):
+    """Each tap along time, from the middle, the output frames that it reaches, and the input frames it reads for them."""
+    for tap in sorted(range(taps), key=lambda tap: abs(tap - taps // 2)):
         shift = tap - taps // 2
         yield (
             tap,
