@@ -115,7 +115,7 @@ def strips(x: torch.Tensor) -> Iterator[tuple[int, slice, torch.Tensor]]:
 
 
 def shifts(taps: int, frames: int) -> Iterator[tuple[int, slice, slice]]:
-    """Each tap along time, from the middle, the output frames that it reaches, and the input frames it reads for them."""
+    """Each tap along time, the middle one first, the output frames that it reaches, and the input frames for them."""
     for tap in sorted(range(taps), key=lambda tap: abs(tap - taps // 2)):
         shift = tap - taps // 2
         yield (
