@@ -40,7 +40,8 @@ class TemporalAttention(nn.Module):
         # slots first, as the features lie in memory: every product below reads them where they are
         tokens = x.permute(2, 0, 3, 4, 1).reshape(t, n * h * w, c)
         pixels = max(1, TOKENS_AT_ONCE // t) if x.device.type == "cpu" else n * h * w
-        mixed = torch.cat([self.attend(part) for part in tokens.split(pixels, dim=1)], dim=1)
+        # contiguous: else each of the three projections copies, and keeps for its gradient, a part of its own
+        mixed = torch.cat([self.attend(part.contiguous()) for part in tokens.split(pixels, dim=1)], dim=1)
         return mixed.view(t, n, h, w, c).permute(1, 4, 0, 2, 3)
 
     def attend(self, tokens: torch.Tensor) -> torch.Tensor:
