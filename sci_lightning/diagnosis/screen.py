@@ -72,7 +72,7 @@ def nearer(start: Setting, about: dict[str, Parameter], factor: float) -> Settin
     """So many times as far from the neutral setting."""
 
     def moved(value: Value, of: Parameter) -> Value:
-        if not isinstance(of.neutral, (int, float)):
+        if of.choices or not isinstance(of.neutral, (int, float)):
             return value
         return min(max(of.neutral + min(factor, 2.0) * (float(value) - of.neutral), of.low), of.high)
 
