@@ -107,8 +107,10 @@ def at_points(b: torch.Tensor, tiles: torch.Tensor, t: int, c: int, taps: int) -
     With these every tap is one product of the same size into contiguous memory, which is the only kind that torch
     computes as one, and not as 36 that each wait for all threads.
     """
-    values = tiles.new_zeros(len(b), t + taps - 1, tiles.shape[1] // t)
-    torch.mm(b, tiles, out=values[:, taps // 2 : taps // 2 + t].flatten(1))
+    before = taps // 2
+    values = tiles.new_empty(len(b), t + taps - 1, tiles.shape[1] // t)
+    values[:, :before] = values[:, before + t :] = 0
+    torch.mm(b, tiles, out=values[:, before : before + t].flatten(1))
     return values.unflatten(2, (-1, c))
 
 
