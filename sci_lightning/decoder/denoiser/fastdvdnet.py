@@ -9,7 +9,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from sci_lightning.decoder.denoiser.denoiser import Denoiser
-from sci_lightning.decoder.denoiser.fixed_norm import FixedNorm
+from sci_lightning.decoder.denoiser.fixed_norm import FixedNorm, keep_scale
 
 WINDOW = 3
 """Frames that each of the two passes looks at; five in all."""
@@ -39,6 +39,7 @@ class FastDVDnet(Denoiser):
         super().__init__()
         self.temp1 = ThreeFrames(channels, inner)
         self.temp2 = ThreeFrames(channels, inner)
+        keep_scale(self)
 
     def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:
         height, width = video.shape[-2:]
