@@ -46,7 +46,7 @@ class ADMM(Iterative):
         weight = mask_total(mask, squared=True) + self.gamma
         theta = mean_video(measurement, mask)
         b = torch.zeros_like(theta)
-        for iteration, strength in enumerate(self.strengths):
+        for iteration, strength in self.schedule():
             x = data_step(theta + b, measurement, mask, weight)
             theta = self.denoiser(x - b, strength)
             if self.reached(measurement - snapshot(theta, mask), iteration):

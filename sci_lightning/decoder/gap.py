@@ -23,7 +23,7 @@ class GAP(Iterative):
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         weight = mask_total(mask, squared=True)
         video, asked = mean_video(measurement, mask), measurement
-        for iteration, strength in enumerate(self.strengths):
+        for iteration, strength in self.schedule():
             video = self.denoiser(data_step(video, asked, mask, weight), strength)
             residual = measurement - snapshot(video, mask)
             if self.reached(residual, iteration):

@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
 import torch
 
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
 from sci_lightning.errors import BadInput
+
+
+class Iteration(NamedTuple):
+    """Where a decoder is."""
+
+    number: int
+    """From 1 .."""
+    of: int
+    """.. to this."""
+    residual: float
+    """Root mean square of y - sum of M x, of the worst snapshot."""
+
+    def __str__(self) -> str:
+        return f"iteration {self.number} of {self.of}, residual {self.residual:.4f}"
 
 
 class Iterative(Decoder):
@@ -28,6 +43,9 @@ class Iterative(Decoder):
         BadInput: a setting that is not positive, or not one number of iterations for each strength; in a call, a
             residual that is no longer finite.
     """
+
+    watch: Callable[[Iteration], object] | None = None
+    """Told after every iteration, by one who wants to show it."""
 
     def __init__(
         self,
@@ -55,6 +73,11 @@ class Iterative(Decoder):
         """Of every iteration."""
         self.tolerance = tolerance
 
+    def schedule(self) -> Iterator[tuple[int, float]]:
+        """Number from 0, and strength, of every iteration; the denoiser starts afresh."""
+        self.denoiser.reset()
+        return enumerate(self.strengths)
+
     def reached(self, residual: torch.Tensor, iteration: int) -> bool:
         """Whether to stop after ``iteration`` (from 0), whose y - sum of M x is ``residual``, ``(N, H, W)``.
 
@@ -69,4 +92,6 @@ class Iterative(Decoder):
                 f"{type(self).__name__} iteration {iteration + 1} of {len(self.strengths)}: the residual became {rms}: "
                 "stopped; look for values in measurement and mask that are not finite, or change decoder.strengths"
             )
+        if self.watch:
+            self.watch(Iteration(iteration + 1, len(self.strengths), rms))
         return self.tolerance is not None and rms < self.tolerance
