@@ -9,6 +9,7 @@ import torch
 
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
+from sci_lightning.decoder.initial_estimate import mean_video
 from sci_lightning.errors import BadInput
 
 
@@ -27,7 +28,7 @@ class Iteration(NamedTuple):
 
 
 class Iterative(Decoder):
-    """Data step and denoiser in turns, from the mean frame in every slot on. Any T, H and W.
+    """Data step and denoiser in turns. Any T, H and W.
 
     The data step divides by the sum of M squared, which is right for gray masks as well; where no slot opens, the
     denoiser alone decides.
@@ -38,6 +39,7 @@ class Iterative(Decoder):
         iterations: .. each for so many iterations.
         tolerance: stop as soon as the root mean square of y - sum of M x is below it in every snapshot, in units of the
             measurement: the noise's standard deviation is a good choice. None: iterate to the end.
+        start: another decoder, whose estimate to start from. None: from the mean frame in every slot.
 
     Raises:
         BadInput: a setting that is not positive, or not one number of iterations for each strength; in a call, a
@@ -53,6 +55,7 @@ class Iterative(Decoder):
         strengths: Sequence[float],
         iterations: Sequence[int],
         tolerance: float | None = None,
+        start: Decoder | None = None,
     ) -> None:
         super().__init__()
         if len(strengths) != len(iterations) or not len(strengths):
@@ -72,6 +75,11 @@ class Iterative(Decoder):
         self.strengths = [each for each, number in zip(strengths, iterations, strict=True) for _ in range(number)]
         """Of every iteration."""
         self.tolerance = tolerance
+        self.start = start
+
+    def first_estimate(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        """``(N, T, H, W)``, to start from."""
+        return mean_video(measurement, mask) if self.start is None else self.start(measurement, mask)
 
     def schedule(self) -> Iterator[tuple[int, float]]:
         """Number from 0, and strength, of every iteration; the denoiser starts afresh."""

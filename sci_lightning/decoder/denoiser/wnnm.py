@@ -15,10 +15,9 @@ FAR = 1e3
 class WNNM(Denoiser):
     """Groups of similar patches from all frames, each drawn to low rank, and averaged where they overlap.
 
-    Of a group's m patches the mean is set aside. A singular value s of the rest becomes the fixed point of
-    w = C / (s' + eps) shrinking it, s' = (s + sqrt(s^2 - 4 C)) / 2 with C = 2 weight sqrt(m) strength^2, and 0 where
-    the root has no real value: the larger, the less it is shrunk. Sides are replicated to the grid of patches inside.
-    No gradients flow through it.
+    Of a group's m patches the mean is set aside. A singular value s of the rest becomes the s' = s - C / s' that is
+    nearest to it, (s + sqrt(s^2 - 4 C)) / 2 with C = 2 weight sqrt(m) strength^2, and 0 where that is not real: the
+    larger, the less it is shrunk. Sides are replicated to the grid of patches inside. No gradients flow through it.
 
     Args:
         patch: side in pixels; of a smaller frame, its side.
@@ -26,7 +25,7 @@ class WNNM(Denoiser):
         reach: how far in rows and columns similar patches are looked for; in time in all frames.
         neighbours: patches of a group, itself among them.
         every: calls for which a search serves; :meth:`reset` ends it early.
-        weight: of the nuclear norm.
+        weight: of the nuclear norm; around 2.8 the strength is the standard deviation of the noise.
 
     Raises:
         BadInput: a number below 1 (reach: below 0), a step beyond the patch, a weight that is not positive.
@@ -37,7 +36,7 @@ class WNNM(Denoiser):
     """
 
     def __init__(
-        self, patch: int = 6, step: int = 4, reach: int = 7, neighbours: int = 20, every: int = 10, weight: float = 1.4
+        self, patch: int = 8, step: int = 5, reach: int = 7, neighbours: int = 20, every: int = 8, weight: float = 2.8
     ) -> None:
         super().__init__()
         for name, value, least in (
