@@ -93,20 +93,28 @@ class Chart:
         return _cost(values.double(), weight, self.std)
 
 
+def derivative(model: CameraModel, hypothesis: Hypothesis, name: str, prediction: Prediction) -> torch.Tensor:
+    """``(N, H, W)`` of the mean by the value there of an effect's map, which the hypothesis need not have yet."""
+    values = _values(model, hypothesis, name)
+    setting: Setting = {parameter: 1.0 if parameter == "std" else 0.5 for parameter in model.known[name].about}
+    shifted = model.predict(hypothesis.having(name, setting, values + STEP))
+    if name not in hypothesis.effects or name not in hypothesis.charts:
+        prediction = model.predict(hypothesis.having(name, setting, values))
+    return (shifted.mean - prediction.mean) / STEP
+
+
+def _values(model: CameraModel, hypothesis: Hypothesis, name: str) -> torch.Tensor:
+    shape = model.known[name].shape(model.observation.size)  # type: ignore[attr-defined]
+    return hypothesis.charts.get(name, torch.zeros(shape))
+
+
 def chart_of(
     model: CameraModel, hypothesis: Hypothesis, name: str, prediction: Prediction, now: Score, use: torch.Tensor
 ) -> Chart:
     """The map of an effect at a hypothesis, with the prior's width that makes the captures likeliest."""
     kind = model.known[name].chart or ""
-    shape = model.known[name].shape(model.observation.size)  # type: ignore[attr-defined]
-    values = hypothesis.charts.get(name, torch.zeros(shape))
-    setting: Setting = {parameter: 1.0 if parameter == "std" else 0.5 for parameter in model.known[name].about}
-    shifted = model.predict(hypothesis.having(name, setting, values + STEP))
-    if name in hypothesis.effects and name in hypothesis.charts:
-        base = prediction
-    else:
-        base = model.predict(hypothesis.having(name, setting, values))
-    jacobian = (shifted.mean - base.mean) / STEP
+    values = _values(model, hypothesis, name)
+    jacobian = derivative(model, hypothesis, name, prediction)
     slope = _reduce(kind, (jacobian * now.slope * use).sum(0)).double()
     weight = _reduce(kind, (jacobian.square() * now.weight * use).sum(0)).double()
     known = values.double()

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import torch
 
 from sci_lightning.diagnosis.camera_model import CameraModel, Hypothesis, Prediction
-from sci_lightning.diagnosis.chart import Chart, chart_of
+from sci_lightning.diagnosis.chart import Chart, chart_of, derivative
 from sci_lightning.diagnosis.chart_system import ChartSystem
 from sci_lightning.diagnosis.likelihood import Intervals, Score, log_likelihood, score
 from sci_lightning.diagnosis.split import Split
@@ -96,7 +97,7 @@ class Fitter:
         for name in hypothesis.effects:
             effect = self.model.known[name]
             if effect.chart is None:
-                found += [(name, each) for each, about in effect.about.items() if not about.choices]
+                found += [(name, each) for each in hypothesis.effects[name] if not effect.about[each].choices]
         return found
 
     def fit(
@@ -136,7 +137,7 @@ class Fitter:
                 if found:
                     weight = now.weight * self.use * _variance(prediction) / _variance(trial)
                     for name, chart in found.items():
-                        weights = chart.gather(chart.jacobian.square() * weight).double()
+                        weights = chart.gather(derivative(self.model, moved, name, trial).square() * weight).double()
                         reached -= chart.cost_of(moved.charts[name], weights)
                 if reached >= value:
                     hypothesis, prediction, value = moved, trial, reached
@@ -148,12 +149,38 @@ class Fitter:
         held = float((self.values(self.uncertain(prediction, found)) * (1 - self.use)).sum(dtype=torch.float64))
         return Fit(hypothesis, prediction, value, held, tuple(free), information, found)
 
-    def jacobian(
-        self, hypothesis: Hypothesis, free: list[Name], prediction: Prediction
-    ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Derivatives of mean and of the logarithm of the deviation, ``(p, N, H, W)`` each."""
-        means, spreads = [], []
-        spread = prediction.deviation.log()
+    def jacobian(self, hypothesis: Hypothesis, free: list[Name], prediction: Prediction) -> torch.Tensor:
+        """Derivatives of the mean, ``(p, N, H, W)``."""
+        found = torch.empty(len(free), *prediction.mean.shape)
+        for i, (step, _, shifted) in enumerate(self._beside(hypothesis, free)):
+            found[i] = (shifted.mean - prediction.mean) / step
+        return found
+
+    def _derivatives(
+        self,
+        hypothesis: Hypothesis,
+        free: list[Name],
+        prediction: Prediction,
+        charts: list[Chart],
+        weight: torch.Tensor,
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Of the mean, of the logarithm of the deviation, and ``(p,)`` of what the maps' uncertainty costs in nats.
+
+        The last is why a gain is not estimated too large beside a map that scales with it.
+        """
+        mean, spread = torch.empty(2, len(free), *prediction.mean.shape)
+        toll = torch.zeros(len(free), dtype=torch.float64)
+        for i, (step, beside, shifted) in enumerate(self._beside(hypothesis, free)):
+            mean[i] = (shifted.mean - prediction.mean) / step
+            spread[i] = (shifted.deviation / prediction.deviation).log() / step
+            for chart in charts:
+                if chart.kind != "hot":
+                    change = (derivative(self.model, beside, chart.name, shifted) - chart.jacobian) / step
+                    toll[i] += float((chart.cross(change[None] * weight)[0] * chart.variance).sum())
+        return mean, spread, toll
+
+    def _beside(self, hypothesis: Hypothesis, free: list[Name]) -> Iterator[tuple[float, Hypothesis, Prediction]]:
+        """For each parameter a small step, the hypothesis a step on, and what it predicts."""
         for name, parameter in free:
             about = self.model.known[name].about[parameter]
             value = float(hypothesis.effects[name][parameter])
@@ -163,19 +190,17 @@ class Fitter:
             if moved > about.high:
                 step = -step
                 moved = math.exp(at + step) if about.log else at + step
-            shifted = self.model.predict(hypothesis.having(name, {**hypothesis.effects[name], parameter: moved}))
-            means.append((shifted.mean - prediction.mean) / step)
-            spreads.append((shifted.deviation.log() - spread) / step)
-        empty = torch.zeros(0, *prediction.mean.shape)
-        return (torch.stack(means), torch.stack(spreads)) if free else (empty, empty)
+            beside = hypothesis.having(name, {**hypothesis.effects[name], parameter: moved})
+            yield step, beside, self.model.predict(beside)
 
     def _newton(
         self, hypothesis: Hypothesis, free: list[Name], prediction: Prediction, now: Score, system: ChartSystem
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Slope and information of the free parameters, the maps eliminated; ``(p, S)`` how the maps follow them."""
-        mean, spread = self.jacobian(hypothesis, free, prediction)
-        weighted, spread_weighted = mean * (now.weight * self.use), spread * (now.spread_weight * self.use)
-        slope = (mean * (now.slope * self.use)).flatten(1).sum(1, dtype=torch.float64)
+        weight = now.weight * self.use
+        mean, spread, toll = self._derivatives(hypothesis, free, prediction, system.charts, weight)
+        weighted, spread_weighted = mean * weight, spread * (now.spread_weight * self.use)
+        slope = (mean * (now.slope * self.use)).flatten(1).sum(1, dtype=torch.float64) - toll
         # a map follows the noise and leaves less of it: what it took must not be missed in the deviation
         lever = sum(chart.jacobian.square() * chart.variance.float() for chart in system.charts)
         slope += (spread * ((now.spread + now.weight * lever) * self.use)).flatten(1).sum(1, dtype=torch.float64)

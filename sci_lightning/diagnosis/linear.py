@@ -46,7 +46,7 @@ class Linear:
         self.slope = now.slope * fitter.use
         self.value = now.value
         self._system = ChartSystem(fitter.charts(fit.hypothesis, fit.prediction, now), self.weight)
-        mean, _ = fitter.jacobian(fit.hypothesis, list(fit.free), fit.prediction)
+        mean = fitter.jacobian(fit.hypothesis, list(fit.free), fit.prediction)
         self._weighted = (mean * self.weight).flatten(1)
         self._follow = self._system.solve(self._system.cross(mean * self.weight))
         self._pull = self._system.solve(self._system.pull[None])[0]

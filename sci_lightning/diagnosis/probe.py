@@ -35,7 +35,7 @@ class Probe:
         numbers: that it takes.
         p_value: of so large a gain by chance, corrected for the probes asked.
         start: where a fit should begin.
-        effect: its class, with the numbers that matter.
+        effect: its class.
     """
 
     name: str
@@ -101,16 +101,15 @@ def _free_form(
     count = effect.numbers(captures, frames)
     model = fitter.model
     about = effect.of(count)
-    turns = model.observation.number * (2 / max(captures - 1, 1)) - 1
     if issubclass(about, SourcePower):
-        about.turns = turns
+        about.turns = model.observation.number * (2 / max(captures - 1, 1)) - 1
     model.known[effect.name] = about
     if effect.name == "ghost":
         return _ghost(fitter, base, linear, about)
     if not 0 < count * fitter.use.numel() <= LARGEST:
         return None
     hypothesis = base.hypothesis.having(effect.name, dict.fromkeys(about.about, 0.0))
-    changes, _ = fitter.jacobian(hypothesis, [(effect.name, name) for name in about.about], base.prediction)
+    changes = fitter.jacobian(hypothesis, [(effect.name, name) for name in about.about], base.prediction)
     gain = linear.gain(changes)
     clear = (gain.factors.abs() / gain.deviations).nan_to_num()
     known = int((gain.deviations.isfinite()).sum())
@@ -120,13 +119,9 @@ def _free_form(
     kept = clear.argsort(descending=True)[: min(len(kept), MOST)].sort().values
     p_value = float(chi2.sf(2 * max(gain.nats, 0.0), max(known, 1)))
     few = gain.of(kept)
-    chosen = effect.of(count, kept.tolist())
-    if issubclass(chosen, SourcePower):
-        chosen.turns = turns
-    number = effect.number
-    bounded = few.factors.clamp(number.low, number.high).tolist()
-    start: Setting = dict(zip(chosen.about, bounded, strict=True))
-    return Probe(effect.name, few.nats, len(kept), p_value, start, chosen)
+    bounded = few.factors.clamp(effect.number.low, effect.number.high).tolist()
+    start: Setting = {f"c{index}": value for index, value in zip(kept.tolist(), bounded, strict=True)}
+    return Probe(effect.name, few.nats, len(kept), p_value, start, about)
 
 
 def _ghost(fitter: Fitter, base: Fit, linear: Linear, effect: type[Empirical]) -> Probe | None:

@@ -6,6 +6,7 @@ import torch
 
 from sci_lightning.diagnosis.fit import Fit, Fitter
 from sci_lightning.diagnosis.linear import Linear
+from sci_lightning.diagnosis.screen import nearer
 
 CLOSE = 24.0
 """Nats of evidence that another effect may leave unexplained to be fitted in the place of the one found."""
@@ -47,7 +48,8 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
         if left < max(CURVED, CLOSE / max(evidence, 1.0)):
             size = information.diagonal()[1:].clamp(min=1e-9)
             best = int((information[0, 1:].square() / size).argmax())
-            close.append((left, other, starts[best]))
+            share = min(max(float(information[0, 1 + best] / size[best]), 1e-3), 1.0)
+            close.append((left, other, nearer(starts[best], effect.about, share)))
     return [
         (other, fitter.fit(without.hypothesis.having(other, start), iterations=20))
         for _, other, start in sorted(close, key=lambda each: each[0])[:FITTED]

@@ -68,6 +68,17 @@ def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
     return sorted(found, key=lambda each: -each.gain)
 
 
+def nearer(start: Setting, about: dict[str, Parameter], factor: float) -> Setting:
+    """So many times as far from the neutral setting."""
+
+    def moved(value: Value, of: Parameter) -> Value:
+        if of.choices or not isinstance(of.neutral, (int, float)):
+            return value
+        return min(max(of.neutral + min(factor, 2.0) * (float(value) - of.neutral), of.low), of.high)
+
+    return {name: moved(value, about[name]) for name, value in start.items()}
+
+
 def _candidates(
     fitter: Fitter, base: Fit, name: str, starts: list[Setting], linear: Linear, chi2: torch.Tensor
 ) -> list[Candidate]:
@@ -84,19 +95,8 @@ def _candidates(
         near, factors = linear.each(torch.stack([trial.mean - base.prediction.mean for trial in trials]))
         for i, (gain, factor) in enumerate(zip(near.tolist(), factors.tolist(), strict=True)):
             if gain > found[i].gain:
-                found[i] = Candidate(name, gain, _nearer(starts[i], about, factor))
+                found[i] = Candidate(name, gain, nearer(starts[i], about, factor))
     return found
-
-
-def _nearer(start: Setting, about: dict[str, Parameter], factor: float) -> Setting:
-    """So many times as far from the neutral setting."""
-
-    def moved(value: Value, of: Parameter) -> Value:
-        if not isinstance(of.neutral, (int, float)):
-            return value
-        return min(max(of.neutral + min(factor, 2.0) * (float(value) - of.neutral), of.low), of.high)
-
-    return {name: moved(value, about[name]) for name, value in start.items()}
 
 
 def _chi2(fitter: Fitter, mean: torch.Tensor, deviation: torch.Tensor) -> torch.Tensor:

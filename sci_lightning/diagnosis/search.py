@@ -96,9 +96,9 @@ def worth(fitter: Fitter, less: Fit, more: Fit) -> float:
 
 def score(fitter: Fitter, fit: Fit) -> float:
     """Nats less the cost of the parameters (BIC)."""
-    return fit.total - 0.5 * parameters(fitter, fit) * math.log(fitter.use.numel())
+    return fit.total - 0.5 * parameters(fit) * math.log(fitter.use.numel())
 
 
-def parameters(fitter: Fitter, fit: Fit) -> int:
+def parameters(fit: Fit) -> int:
     """How many parameters a hypothesis has; a map counts as the one that describes it."""
-    return sum(len(fitter.model.known[name].about) for name in fit.hypothesis.effects)
+    return sum(len(values) for values in fit.hypothesis.effects.values())

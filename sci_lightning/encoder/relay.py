@@ -48,7 +48,7 @@ class Pose:
         scale = torch.ones((), **of) if self.scale is None else self.scale
         y = (_centres(height, cells, of) - (zero if self.dy is None else self.dy)) / scale
         x = (_centres(width, cells, of) - (zero if self.dx is None else self.dx)) / scale
-        sigma = None if self.sigma is None or float(self.sigma.detach()) < 1e-4 else self.sigma / scale
+        sigma = None if self.sigma is None or float(self.sigma.detach()) < 1e-6 else self.sigma / scale
         pixel = 1 / (cells * scale)
         if self.angle is None:
             down = _shares(y + (height - 1) / 2, sigma, pixel, height)

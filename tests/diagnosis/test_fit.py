@@ -58,6 +58,15 @@ def test_map(tmp_path: Path) -> None:
     assert found.held > subject.fit(NOISE).held + 100
 
 
+def test_a_gain_beside_a_map_that_scales_with_it(tmp_path: Path) -> None:
+    """Were the maps' uncertainty not to count as it changes with the gain, this one would be 1 + 0.06**2 too large."""
+    subject = fitter(tmp_path, {"prnu": {"std": 0.06}, "gain": {"factor": 0.9}})
+    start = NOISE.having("gain", {"factor": 0.9}).having("prnu", {"std": 0.06}, torch.zeros(64, 64))
+    found = subject.fit(start, iterations=20)
+    error = float(found.hypothesis.effects["gain"]["factor"]) - 0.9
+    assert abs(error) < 2 * errors(found)["gain", "factor"] < 0.9 * 0.06**2
+
+
 def test_the_order_of_the_captures_does_not_matter(tmp_path: Path) -> None:
     write_captures(tmp_path / "a.h5", capture_session(Session(size=(32, 32)), {}, seed=1))
     captures = read_captures(tmp_path / "a.h5")

@@ -52,9 +52,9 @@ def test_contract(name: str) -> None:
 
 
 def test_some_numbers_only() -> None:
-    few = PatternMixing.of(T * T, [1, 6])
-    assert list(few.about) == ["c1", "c6"]
-    torch.testing.assert_close(few(c1=0.5, c6=0.25).coefficients.nonzero()[:, 0], torch.tensor([1, 6]))
+    few = PatternMixing.of(T * T)(c1=0.5, c6=0.25)
+    assert list(few.values) == ["c1", "c6"]
+    torch.testing.assert_close(few.coefficients.nonzero()[:, 0], torch.tensor([1, 6]))
 
 
 def test_by_name_as_an_encoder_file_has_it() -> None:

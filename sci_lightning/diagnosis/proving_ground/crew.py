@@ -77,10 +77,13 @@ def work(sender: Connection, case: Case, threads: int) -> None:
 def _inherited(threads: int) -> Iterator[None]:
     """What a process is started with: so many threads for NumPy's matrices, and Ctrl-C blocked for good.
 
-    The terminal sends Ctrl-C to all; only the parent shall act on it, which hears of one in the meantime afterwards.
+    The terminal sends Ctrl-C to all; only the parent shall act on it, and only once the process is whole. Blocking
+    does not keep it away from the parent, whose other threads hear it too: it is noted, and acted on afterwards.
     """
     number = os.environ.get("OMP_NUM_THREADS")
     resource_tracker.ensure_running()  # else the first start would, and lift the block
+    heard: list[tuple[int, Any]] = []
+    ear = signal.signal(signal.SIGINT, lambda *interrupt: heard.append(interrupt))
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     os.environ["OMP_NUM_THREADS"] = str(threads)
     try:
@@ -91,3 +94,6 @@ def _inherited(threads: int) -> Iterator[None]:
         else:
             os.environ["OMP_NUM_THREADS"] = number
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        signal.signal(signal.SIGINT, ear)
+        if heard and callable(ear):
+            ear(*heard[0])

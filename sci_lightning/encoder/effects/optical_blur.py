@@ -27,7 +27,7 @@ class OpticalBlur(Effect):
     sigma: torch.Tensor
 
     def form(self, signal: Signal) -> Signal:
-        if float(self.sigma.detach()) < 1e-4:
+        if float(self.sigma.detach()) < 1e-6:
             return signal.pooled()
         height, width = (self._kernel(length, signal) for length in signal.mean.shape[-2:])
         return replace(signal, mean=height @ signal.mean @ width.T, cells=1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any, ClassVar
 
 import torch
@@ -39,14 +38,13 @@ class Empirical(Effect):
         for name in values:
             if name not in names:
                 raise BadInput(f"effect {self.name} has numbers c0 to c{self.count - 1}, not '{name}'")
-        if not self.about:
-            self.about = dict.fromkeys(values, self.number)  # type: ignore[misc]
+        self.about = dict.fromkeys(values, self.number)  # type: ignore[misc]
         super().__init__(**values)
 
     @classmethod
-    def of(cls, count: int, kept: Iterable[int] | None = None) -> type[Empirical]:
-        """The class with some of ``count`` numbers (all, unless told) as its parameters; the others stay at 0."""
-        about = {f"c{index}": cls.number for index in (range(count) if kept is None else kept)}
+    def of(cls, count: int) -> type[Empirical]:
+        """The class with ``count`` numbers as its parameters; an object has those that it is given."""
+        about = {f"c{index}": cls.number for index in range(count)}
         body = {"about": about, "count": count, "__module__": cls.__module__, "__qualname__": cls.__qualname__}
         return type(cls.__name__, (cls,), body)
 
