@@ -35,7 +35,8 @@ def run(name: str, task: Task) -> None:
     ``debug=true`` or ``HYDRA_FULL_ERROR=1`` show the traceback instead. In a multirun the remaining jobs go on and the
     failures are listed at the end.
 
-    ``encoder=`` and ``decoder.camera=`` take the path of a YAML file as well, which may name modules of this project and of ``trusted`` ones.
+    ``encoder=`` and ``decoder.camera=`` take the path of a YAML file as well, which may name modules of this project
+    and of ``trusted`` ones.
     """
     debug = os.environ.get("HYDRA_FULL_ERROR") == "1" or "debug=true" in sys.argv
     failures: list[tuple[str, Exception]] = []

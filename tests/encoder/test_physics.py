@@ -39,7 +39,7 @@ def test_solvers() -> None:
     """Conjugate gradients find the closed form; a plug-and-play loop of deepinv's beats it."""
     pytest.importorskip("deepinv", reason="deepinv is not installed: pip install 'sci-lightning[deepinv]'")
     from deepinv.models import TVDenoiser
-    from deepinv.optim import PGD, L2, PnP
+    from deepinv.optim import L2, PGD, PnP
     from deepinv.physics import LinearPhysics
 
     physics = encoder().as_deepinv()

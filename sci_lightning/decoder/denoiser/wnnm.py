@@ -89,7 +89,9 @@ class WNNM(Denoiser):
             far = torch.stack([F.avg_pool2d((each - frame).square_(), patch, step) for each in windows])
             nearest = far.flatten(0, 1).flatten(1).topk(min(self.neighbours, len(moves)), 0, largest=False)
             # where a small frame has too few patches, the group's own takes the place of those beyond the border
-            places = torch.where(nearest.values < FAR, start + moves[nearest.indices], start + moves[nearest.indices[0]])
+            places = torch.where(
+                nearest.values < FAR, start + moves[nearest.indices], start + moves[nearest.indices[0]]
+            )
             groups.append(places.T)
         return torch.stack(groups)
 
