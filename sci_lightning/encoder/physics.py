@@ -26,7 +26,7 @@ def deepinv_physics(transmittance: torch.Tensor, aperture: float) -> Any:
     except ImportError as error:
         raise BadInput("encoder.as_deepinv() needs deepinv: pip install 'sci-lightning[deepinv]'") from error
 
-    class Snapshot(LinearPhysics):  # type: ignore[misc]  # here, as its base may not be installed
+    class Snapshot(LinearPhysics):  # here, as its base may not be installed
         def __init__(self) -> None:
             super().__init__(img_size=tuple(transmittance.shape))
             self.register_buffer("mask", aperture * transmittance)

@@ -95,7 +95,8 @@ def test_a_camera_that_is_known(captures: Captures, ran: Run, refused: Run, tmp_
     (tmp_path / "found" / "encoder.yaml").write_text(CAMERA)
     (tmp_path / "patterns.npy").rename(tmp_path / "found" / "patterns.npy")
     told = ["encoder=rbw_osr", "encoder/mask=measured", "encoder.mask.file=found/patterns.npy"]
-    known, decoder = "decoder.camera=found/encoder.yaml", ["decoder=gap_tv", "decoder.iterations=[20]"]
+    known = "decoder.camera=found/encoder.yaml"
+    decoder = ["decoder=gap_tv", "decoder.iterations=[20]", "frames=4", "size=[32,32]"]
 
     def score(*overrides: str) -> float:
         ran("evaluate", *decoder, *TEST[2:], *overrides, "out=run")
@@ -104,7 +105,7 @@ def test_a_camera_that_is_known(captures: Captures, ran: Run, refused: Run, tmp_
     taken = score("captures=lab.h5", known)
     assert taken > score("captures=lab.h5", *told) + 3
     assert taken == score("captures=lab.h5", "encoder=found/encoder.yaml")
-    scene = ["data=synthetic", "data.scenes_count=1", "frames=4", "size=[32,32]"]
+    scene = ["data=synthetic", "data.scenes_count=1"]
     taken_for_ideal = score(*scene, "encoder=found/encoder.yaml", "decoder.camera=rbw_osr")
     assert score(*scene, "encoder=found/encoder.yaml", known) > taken_for_ideal + 3
 
@@ -112,10 +113,10 @@ def test_a_camera_that_is_known(captures: Captures, ran: Run, refused: Run, tmp_
     truth = captures.scene[-1]
 
     def error(*overrides: str) -> float:
-        ran("reconstruct", *decoder, "measurement=snapshot.npy", "device=cpu", "size=[32,32]", *overrides, "out=run")
+        ran("reconstruct", *decoder, "measurement=snapshot.npy", "device=cpu", *overrides, "out=run")
         return float(np.square(np.load(tmp_path / "run" / "reconstruction.npy")[0] - truth).mean())
 
-    assert error("frames=4", known) < 0.5 * error("frames=4", *told, "aperture=0.5")
+    assert error(known) < 0.5 * error(*told, "aperture=0.5")
     assert "nowhere.yaml: no such encoder file" in refused("evaluate", *decoder, "decoder.camera=nowhere.yaml")
     (tmp_path / "found" / "encoder.yaml").write_text("_target_: os.system")
     assert "os.system" in refused("evaluate", *decoder, "captures=lab.h5", known)

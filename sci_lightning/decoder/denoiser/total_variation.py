@@ -46,17 +46,15 @@ class TotalVariation(Denoiser):
         slope = [torch.zeros_like(scaled) for _ in self.axes]  # 0 across the last row, column, frame for good
         norm, found = torch.empty_like(scaled), scaled.clone()
         for _ in range(self.steps):
-            norm.zero_()
-            for (axis, weight), g in zip(self.axes, slope, strict=True):
+            for number, ((axis, weight), g) in enumerate(zip(self.axes, slope, strict=True)):
                 ahead = torch.sub(_but_first(found, axis), _but_last(found, axis), out=_but_last(g, axis))
                 if weight != 1:
                     ahead.mul_(weight)
-                norm.addcmul_(g, g)
+                norm = norm.addcmul_(g, g) if number else torch.mul(g, g, out=norm)
             norm.sqrt_().add_(1)
-            found.copy_(scaled)
-            for (axis, weight), p, g in zip(self.axes, dual, slope, strict=True):
+            for number, ((axis, weight), p, g) in enumerate(zip(self.axes, dual, slope, strict=True)):
                 p.sub_(g).div_(norm)
-                found.sub_(p, alpha=tau * weight)
+                torch.sub(found if number else scaled, p, alpha=tau * weight, out=found)
                 _but_first(found, axis).add_(_but_last(p, axis), alpha=tau * weight)
         return found.mul_(strength / tau)
 
