@@ -84,9 +84,10 @@ class WNNM(Denoiser):
         moves = (moves[:, None] + rows * columns * torch.arange(t, device=frames.device)).flatten()
         start = torch.arange(rows * columns, device=frames.device).view(rows, columns)[::step, ::step].flatten()
         groups = []
-        for frame in frames:
+        for number, frame in enumerate(frames):
             windows = (around[:, reach + dy :, reach + dx :][:, :height, :width] for dy, dx in offsets)
             far = torch.stack([F.avg_pool2d((each - frame).square_(), patch, step) for each in windows])
+            far[len(offsets) // 2, number] = -1  # itself, whatever else is as near
             nearest = far.flatten(0, 1).flatten(1).topk(min(self.neighbours, len(moves)), 0, largest=False)
             # where a small frame has too few patches, the group's own takes the place of those beyond the border
             places = torch.where(

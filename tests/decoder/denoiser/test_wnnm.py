@@ -49,7 +49,7 @@ def test_noise_goes() -> None:
     noisy = clean + 0.1 * torch.randn(clean.shape)
     found = WNNM()(noisy, 0.1)
     assert found.shape == clean.shape
-    assert (found - clean).square().mean() < 0.25 * (noisy - clean).square().mean()
+    assert (found - clean).square().mean() < 0.3 * (noisy - clean).square().mean()
     still = torch.full((1, 2, 12, 12), 0.5)
     torch.testing.assert_close(WNNM()(still, 0.1), still)
 
