@@ -85,7 +85,7 @@ class Diagnosis:
 
         Of mean and variance so much is let pass as comes from formulas of strong effects being a little inexact.
         """
-        inexact = IMPRECISE * max(0.0, self.after.total - self.before.total)
+        inexact = IMPRECISE * self.fitter.explained(self.after, self.before, self.after)
         found = (test for test in self.where["after"] if test.significant)
         return [test for test in found if test.about in ("map", "converter") or test.nats > inexact]
 

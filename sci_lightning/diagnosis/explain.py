@@ -35,7 +35,7 @@ def explain(
     settled, differing = settle(fitter, fit)
     if unnamed or differing or len(fit.hypothesis.effects) - len(noise.effects) >= MANY:
         ideal = fitter.fit(noise, iterations=30)
-        probe, start = likeliest(fitter, ideal, CERTAIN + IMPRECISE * (fit.total - ideal.total))
+        probe, start = likeliest(fitter, ideal, CERTAIN + IMPRECISE * fitter.explained(fit, ideal, ideal))
         if probe is not None and score(fitter, start) > score(fitter, ideal) + 0.5 * (fit.total - ideal.total):
             told(f"beside it: {probe.where}")
             other, more = search(fitter, start.hypothesis, most, told)

@@ -83,6 +83,12 @@ class Fitter:
         """Log-likelihood of every pixel ``(N, H, W)``."""
         return log_likelihood(self.intervals(prediction.bits), prediction.mean, prediction.deviation)
 
+    def explained(self, fit: Fit, before: Fit, noise: Fit) -> float:
+        """Nats that the mean of one fit gains on another's where the noise is a third's: noise explains nothing."""
+        deviation, bits = noise.prediction.deviation, fit.prediction.bits
+        after, ideal = (Prediction(each.prediction.mean, deviation, bits) for each in (fit, before))
+        return max(0.0, float((self.values(after) - self.values(ideal)).sum(dtype=torch.float64)))
+
     def charts(self, hypothesis: Hypothesis, prediction: Prediction, now: Score) -> list[Chart]:
         """The state of every map of a hypothesis."""
         return [

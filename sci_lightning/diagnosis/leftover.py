@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import torch
 
-from sci_lightning.diagnosis.camera_model import Hypothesis, Setting
+from sci_lightning.diagnosis.camera_model import Hypothesis
 from sci_lightning.diagnosis.chart_check import p_value_of
 from sci_lightning.diagnosis.fit import Fit, Fitter
 from sci_lightning.diagnosis.probe import Probe, probe
@@ -74,15 +74,14 @@ def leftover(
         fit = fitter.fit(fit.hypothesis.without(name), iterations=20)
     found, gained = [*found], 0.0
     for _ in range(ROUNDS - len(found)):
-        least = CERTAIN + IMPRECISE * (fit.total - before.total) + SURROGATE * gained
+        least = CERTAIN + IMPRECISE * fitter.explained(fit, before, fit) + SURROGATE * gained
         best, more = likeliest(fitter, fit, least, maps)
         if best is None:
             break
         told(f"unnamed: {best.where}")
         gained = max(gained, more.total - fit.total)
-        found.append(best)
-        free: dict[str, Setting] = {each.name: {} for each in found}
-        fit = prune(fitter, more, Hypothesis({**noise.effects, **free}), margin=SURROGATE * gained)
+        fit = prune(fitter, more, Hypothesis({**noise.effects, best.name: {}}), margin=SURROGATE * gained)
+        found = [each for each in (*found, best) if each.name in fit.hypothesis.effects]
     # in the order of the light: what is wrong with mirrors also shows as a gain of the pixels behind them
     return fit, [_unnamed(fitter, fit, each, unlike) for each in sorted(found, key=lambda each: each.effect.rank)]
 
@@ -92,13 +91,15 @@ def likeliest(
 ) -> tuple[Probe | None, Fit]:
     """The probe that is worth most in a joint fit, if any is worth more than ``least`` nats, and that fit."""
     promising = [each for each in probe(fitter, fit, maps) if each.worth(float(fitter.use.numel())) > least]
-    best, most = None, fit
+    best, most, largest = None, fit, least
     for each in promising[:FITTED]:
         fitter.model.known[each.name] = each.effect
         trial = fitter.fit(each.added(fitter, fit.hypothesis), iterations=15)
-        value = worth(fitter, fit, trial)
-        if value > max(least, worth(fitter, fit, most) if best else least):
-            best, most = each, trial
+        value = worth(fitter, fit, trial) - each.choice
+        if each.effect.chart and each.name in (maps or {}):  # a map with structure can stand in for much
+            value *= 1 - SURROGATE
+        if value > largest:
+            best, most, largest = each, trial, value
     return best, most
 
 

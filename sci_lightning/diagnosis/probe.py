@@ -15,7 +15,7 @@ from sci_lightning.diagnosis.fit import Fit, Fitter
 from sci_lightning.diagnosis.linear import Linear
 from sci_lightning.encoder import empirical
 from sci_lightning.encoder.effects import Effect
-from sci_lightning.encoder.empirical import Empirical, SourcePower
+from sci_lightning.encoder.empirical import Empirical
 
 CLEAR = 3.5
 """Standard deviations from 0 of a number that a probe keeps."""
@@ -50,9 +50,15 @@ class Probe:
         """What it means, in words."""
         return getattr(self.effect, "where", f"the map of {self.name} has a structure that the name does not promise")
 
+    @property
+    def choice(self) -> float:
+        """Nats that it costs to say which of its numbers they are."""
+        count = getattr(self.effect, "count", self.numbers)
+        return math.lgamma(count + 1) - math.lgamma(self.numbers + 1) - math.lgamma(count - self.numbers + 1)
+
     def worth(self, pixels: float) -> float:
-        """Nats beyond the cost of the numbers (BIC)."""
-        return self.gain - 0.5 * self.numbers * math.log(pixels)
+        """Nats beyond the cost of the numbers (BIC) and of their choice."""
+        return self.gain - 0.5 * self.numbers * math.log(pixels) - self.choice
 
     def added(self, fitter: Fitter, hypothesis: Hypothesis) -> Hypothesis:
         """The hypothesis with the probe at its start."""
@@ -101,8 +107,7 @@ def _free_form(
     count = effect.numbers(captures, frames)
     model = fitter.model
     about = effect.of(count)
-    if issubclass(about, SourcePower):
-        about.turns = model.observation.number * (2 / max(captures - 1, 1)) - 1
+    about.place = model.observation.number
     model.known[effect.name] = about
     if effect.name == "ghost":
         return _ghost(fitter, base, linear, about)

@@ -17,7 +17,7 @@ from sci_lightning.diagnosis.alternatives import Alternatives, alternatives
 from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.fit import Fit, Fitter
 from sci_lightning.diagnosis.report_page import report_page
-from sci_lightning.encoder.empirical import Empirical, SourcePower
+from sci_lightning.encoder.empirical import Empirical
 
 
 def describe(found: Diagnosis) -> dict[str, Any]:
@@ -104,7 +104,7 @@ def write_encoder(fitter: Fitter, fit: Fit, out: Path) -> None:
     effects: dict[str, Any] = {}
     for name, values in fit.hypothesis.effects.items():
         effect = fitter.model.known[name]
-        if issubclass(effect, SourcePower):  # it belongs to the captures, not to the camera
+        if issubclass(effect, Empirical) and effect.of_captures:
             continue
         effects[name] = {"_target_": f"{effect.__module__}.{effect.__qualname__}", **values}
         if issubclass(effect, Empirical):

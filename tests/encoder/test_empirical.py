@@ -23,8 +23,7 @@ def build(name: str, value: float) -> Effect:
     if issubclass(member, ChartEffect):
         return member(size=SIZE, std=value)
     chosen = member.of(member.numbers(N, T))
-    if name == "SourcePower":
-        chosen.turns = torch.linspace(-1, 1, N)
+    chosen.place = torch.arange(N)
     return chosen(**dict.fromkeys(chosen.about, value))
 
 

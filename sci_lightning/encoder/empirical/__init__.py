@@ -1,5 +1,6 @@
 """Free-form deviations: they show in which stage something is missing that no effect of the vocabulary explains."""
 
+from sci_lightning.encoder.empirical.carry_over import CarryOver
 from sci_lightning.encoder.empirical.column_gain import ColumnGain
 from sci_lightning.encoder.empirical.empirical import Empirical
 from sci_lightning.encoder.empirical.ghost import Ghost
@@ -18,6 +19,7 @@ from sci_lightning.encoder.empirical.source_power import SourcePower
 from sci_lightning.encoder.empirical.stray_light import StrayLight
 
 __all__ = [
+    "CarryOver",
     "ColumnGain",
     "Empirical",
     "Ghost",

@@ -28,6 +28,10 @@ class Empirical(Effect):
     """What it means if the captures ask for it, in words."""
     number: ClassVar[Parameter]
     """Unit, bounds and step of each number."""
+    of_captures: ClassVar[bool] = False
+    """Whether it is a matter of the captures, not of the camera."""
+    place: ClassVar[torch.Tensor | None] = None
+    """``(N,)``: where in their file the captures stand, for what depends on it; None: nothing is known of captures."""
     count: int
     about: ClassVar[dict[str, Parameter]] = {}
 

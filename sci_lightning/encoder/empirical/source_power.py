@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import torch
 
 from sci_lightning.encoder.effects.parameter import Parameter
@@ -24,15 +22,15 @@ class SourcePower(Empirical):
     rank = 34
     where = "the light drifts from capture to capture"
     number = Parameter("1", 0.0, -1, 4, step=0.005)
-    turns: ClassVar[torch.Tensor | None] = None
-    """``(N,)`` of the captures, -1 for the first and 1 for the last; None: nothing is known of captures."""
+    of_captures = True
 
     @classmethod
     def numbers(cls, captures: int, frames: int) -> int:
         return min(3, captures - 1)
 
     def form(self, signal: Signal) -> Signal:
-        if self.turns is None or len(self.turns) != len(signal.mean):
+        if self.place is None or len(self.place) != len(signal.mean):
             return signal
-        basis = torch.stack(legendre(self.turns.to(signal.mean), 3)[1 : self.count + 1])
+        turn = 2 * self.place.to(signal.mean) / max(int(self.place.max()), 1) - 1  # from -1 to 1
+        basis = torch.stack(legendre(turn, 3)[1 : self.count + 1])
         return signal.with_mean(signal.mean * (1 + self.coefficients.to(signal.mean) @ basis)[:, None, None])
