@@ -39,7 +39,6 @@ class FastDVDnet(Denoiser):
         super().__init__()
         self.temp1 = ThreeFrames(channels, inner)
         self.temp2 = ThreeFrames(channels, inner)
-        keep_scale(self)
 
     def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:
         height, width = video.shape[-2:]
@@ -60,7 +59,9 @@ class ThreeFrames(nn.Module):
         self.downc1 = nn.Sequential(*_convolution(half, quarter, stride=2), _pair(quarter))
         self.upc2 = nn.Sequential(_pair(quarter), _conv(quarter, 4 * half), nn.PixelShuffle(2))
         self.upc1 = nn.Sequential(_pair(half), _conv(half, 4 * full), nn.PixelShuffle(2))
-        self.outc = nn.Sequential(*_convolution(full, full), _conv(full, 1))
+        last = _conv(full, 1)
+        self.outc = nn.Sequential(*_convolution(full, full), last)
+        keep_scale(self, last)
 
     def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:
         told = torch.full_like(video, strength)

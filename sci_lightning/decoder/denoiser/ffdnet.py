@@ -31,8 +31,9 @@ class FFDNet(Denoiser):
         net: list[nn.Module] = [nn.Conv2d(5, channels, 3, padding=1, bias=False), nn.ReLU()]
         for _ in range(layers - 2):
             net += [nn.Conv2d(channels, channels, 3, padding=1, bias=False), FixedNorm(channels), nn.ReLU()]
-        self.net = nn.Sequential(*net, nn.Conv2d(channels, 4, 3, padding=1, bias=False))
-        keep_scale(self)
+        last = nn.Conv2d(channels, 4, 3, padding=1, bias=False)
+        self.net = nn.Sequential(*net, last)
+        keep_scale(self, last)
 
     def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:
         n, t, height, width = video.shape

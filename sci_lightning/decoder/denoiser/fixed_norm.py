@@ -20,8 +20,12 @@ class FixedNorm(nn.BatchNorm2d):
         return super().train(False)
 
 
-def keep_scale(network: nn.Module) -> None:
-    """First weights with which every convolution in front of a ReLU passes its input's scale on (He et al., 2015)."""
+def keep_scale(network: nn.Module, last: nn.Conv2d) -> None:
+    """First weights with which every convolution in front of a ReLU passes its input's scale on (He et al., 2015).
+
+    The last one, which tells the noise, starts from almost none.
+    """
     for layer in network.modules():
         if isinstance(layer, nn.Conv2d):
             nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
+    nn.init.normal_(last.weight, std=1e-3)
