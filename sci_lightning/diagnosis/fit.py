@@ -199,7 +199,7 @@ class Fitter:
             step = about.step * part
             at = math.log(value) if about.log else value
             moved = math.exp(at + step) if about.log else at + step
-            if moved > about.high:
+            if not about.low <= moved <= about.high:
                 step = -step
                 moved = math.exp(at + step) if about.log else at + step
             beside = hypothesis.having(name, {**hypothesis.effects[name], parameter: moved})
@@ -231,8 +231,10 @@ class Fitter:
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Slope of the log-likelihood by the parameters, and what the spike says about them where it is mixed."""
         slopes, moved = [], []
-        for step, _, beside in self._beside(hypothesis, free, FINE):
-            slopes.append(((self.values(beside) - now.value) * self.use).sum(dtype=torch.float64) / step)
+        sides = (self._beside(hypothesis, free, part) for part in (FINE, -FINE))  # one alone is curved by the spike
+        for (step, _, beside), (back, _, before) in zip(*sides, strict=True):
+            gained = (self.values(beside) - (now.value if step == back else self.values(before))) * self.use
+            slopes.append(gained.sum(dtype=torch.float64) / (step if step == back else step - back))
             level = ceiling.level if beside.ceiling is None else beside.ceiling.level
             moved.append(((level - ceiling.level) / step).expand_as(ceiling.mean).flatten())
         weight = ceiling.mixed * (1 - ceiling.kept) / (ceiling.read.square() + 1 / 12) * self.use
