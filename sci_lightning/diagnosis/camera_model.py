@@ -86,19 +86,33 @@ class CameraModel:
             ]
         return found
 
+    def adding(
+        self, hypothesis: Hypothesis, name: str, setting: Setting, chart: torch.Tensor | None = None
+    ) -> Hypothesis:
+        """The hypothesis with one more effect. If signal ends, then where it is recorded to end now: that is plain."""
+        found = hypothesis.having(name, setting, chart)
+        if Saturation.name in hypothesis.effects and self.known[name].rank > Saturation.rank:
+            level = torch.full((1, *self.observation.size), float(hypothesis.effects[Saturation.name]["level"]))
+            recorded = self._recorded(self._behind(self.path(hypothesis), Saturation), level)
+            level_before = self._before(self._behind(self.path(found), Saturation), recorded)
+            found = found.having(Saturation.name, {"level": level_before})
+        return found
+
     def _behind(self, path: LightPath, effect: type[Effect]) -> LightPath:
         return LightPath(each for each in path.of("sensor") if each.rank > effect.rank)
 
     def _before(self, behind: LightPath, recorded: float) -> float:
         """The signal that is recorded as so much behind some effects of the sensor, by bisection."""
-        low, high = 0.0, 1.0
-        one = torch.ones(1, 1, 1)
-        field = Signal(torch.ones(1, *self.observation.size), torch.zeros(()), one, 0.0, (0, 0), self.observation.size)
-        for _ in range(16):
+        low, high, one = 0.0, 1.0, torch.ones(1, *self.observation.size)
+        for _ in range(24):
             middle = (low + high) / 2
-            above = float(behind.respond(field.with_mean(middle * field.mean)).mean.median()) > recorded
-            low, high = (low, middle) if above else (middle, high)
+            low, high = (low, middle) if self._recorded(behind, middle * one) > recorded else (middle, high)
         return (low + high) / 2
+
+    def _recorded(self, behind: LightPath, even: torch.Tensor) -> float:
+        exposure = torch.ones(1, 1, 1)
+        signal = Signal(even, torch.zeros(()), exposure, 1 / self.observation.full_scale, (0, 0), self.observation.size)
+        return float(behind.respond(signal).mean.median())
 
     def path(self, hypothesis: Hypothesis) -> LightPath:
         """The hypothesis as modules."""

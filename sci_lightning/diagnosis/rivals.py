@@ -39,7 +39,7 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
         if other in fit.hypothesis.effects or effect.noise or effect.chart:
             continue
         starts = model.starts(other, without.hypothesis)[:STARTS]
-        trials = [model.predict(without.hypothesis.having(other, start)) for start in starts]
+        trials = [model.predict(model.adding(without.hypothesis, other, start)) for start in starts]
         if any(trial.bits != without.prediction.bits for trial in trials):
             continue
         changes = torch.stack([found, *(trial.mean - without.prediction.mean for trial in trials)])
@@ -51,7 +51,7 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
             share = min(max(float(information[0, 1 + best] / size[best]), 1e-3), 1.0)
             close.append((left, other, nearer(starts[best], effect.about, share)))
     return [
-        (other, fitter.fit(without.hypothesis.having(other, start), iterations=20))
+        (other, fitter.fit(model.adding(without.hypothesis, other, start), iterations=20))
         for _, other, start in sorted(close, key=lambda each: each[0])[:FITTED]
     ]
 

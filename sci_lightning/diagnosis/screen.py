@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import torch
 
-from sci_lightning.diagnosis.camera_model import Hypothesis, Setting
+from sci_lightning.diagnosis.camera_model import CameraModel, Hypothesis, Setting
 from sci_lightning.diagnosis.chart import chart_of
 from sci_lightning.diagnosis.fit import Fit, Fitter
 from sci_lightning.diagnosis.linear import Linear
@@ -30,9 +30,11 @@ class Candidate:
     gain: float
     start: Setting
 
-    def added(self, hypothesis: Hypothesis, shape: tuple[int, int] | None) -> Hypothesis:
-        """The hypothesis with the candidate at its start; ``shape`` is that of its map, if it has one."""
-        return hypothesis.having(self.name, self.start, None if shape is None else torch.zeros(shape))
+    def added(self, model: CameraModel, hypothesis: Hypothesis) -> Hypothesis:
+        """The hypothesis with the candidate at its start, its map, if it has one, all 0."""
+        effect = model.known[self.name]
+        chart = torch.zeros(effect.shape(model.observation.size)) if effect.chart else None  # type: ignore[attr-defined]
+        return model.adding(hypothesis, self.name, self.start, chart)
 
 
 def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
@@ -83,7 +85,8 @@ def _candidates(
 ) -> list[Candidate]:
     """Each start with the nats of a large change, by chi2, or those of a small one, to second order: then nearer."""
     about = fitter.model.known[name].about
-    trials = [fitter.model.predict(base.hypothesis.having(name, start)) for start in starts]
+    model = fitter.model
+    trials = [model.predict(model.adding(base.hypothesis, name, start)) for start in starts]
     if any(trial.bits != base.prediction.bits for trial in trials):
         gains = [float(((fitter.values(trial) - linear.value) * fitter.use).sum()) for trial in trials]
         return [Candidate(name, gain, start) for gain, start in zip(gains, starts, strict=True)]

@@ -47,7 +47,6 @@ def search(
         most: effects to be found at most.
         told: is called with a line of text for every effect that is added.
     """
-    model = fitter.model
     best = ideal = fitter.fit(noise, iterations=30)
     rounds = []
     for _ in range(most):
@@ -55,9 +54,8 @@ def search(
         screened = screen(fitter, best)
         for candidate in screened[:TRIED]:
             if candidate.gain > MARGIN:
-                effect = model.known[candidate.name]
-                shape = effect.shape(model.observation.size) if effect.chart else None  # type: ignore[attr-defined]
-                trials.append((candidate.name, fitter.fit(candidate.added(best.hypothesis, shape), iterations=20)))
+                start = candidate.added(fitter.model, best.hypothesis)
+                trials.append((candidate.name, fitter.fit(start, iterations=20)))
         gains = {name: (fit.total - best.total, fit.held - best.held) for name, fit in trials}
         least = INEXACT * fitter.explained(best, ideal, best)
         trials = [(name, fit) for name, fit in trials if worth(fitter, best, fit) > least]
