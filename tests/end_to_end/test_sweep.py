@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -17,7 +18,7 @@ import pytest
 import torch
 import yaml
 
-from sci_lightning.command import CONF, PACKAGE
+from sci_lightning.command import CONF, PACKAGE, plain
 from tests.conftest import ROOT, members
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
@@ -163,3 +164,35 @@ def test_reduced_networks(scale: str, configuration: Callable[..., Any]) -> None
         full, reduced = (configuration("train", f"decoder={name}", f"scale={each}").decoder for each in ("own", scale))
         assert full.keys() == reduced.keys(), name
         assert full != reduced or not (CONF / "scale" / "decoder" / scale / f"{name}.yaml").is_file()
+
+
+def gpu_rows() -> list[str]:
+    """What ``make gpu-tables`` runs, a row each: ``experiment=table4 decoder=e2e_cnn``, .."""
+    rules = (ROOT / "Makefile").read_text().replace("\\\n", "")
+    (sweeps,) = re.findall(r"^gpu-tables: ROWS := (.*)$", rules, re.MULTILINE)
+    rows = []
+    for sweep in re.findall(r"'(.*?)'", sweeps):
+        *told, choice = f"experiment={sweep}".split()
+        key, _, values = choice.partition("=")
+        rows += [" ".join([*told, f"{key}={value}"]) for value in values.split(",")]
+    return rows
+
+
+@pytest.mark.parametrize("row", gpu_rows())
+def test_rows_of_one_gpu(row: str, configuration: Callable[..., Any]) -> None:
+    """Full networks at the paper's size, in bf16, within half an hour."""
+    cfg = plain(configuration("train", *row.split(), "scale=gpu30", "data.root=DAVIS", "out=RUN"))
+    decoder = re.findall(r"decoder=(\w+)", row) or ["res2former"]
+    assert cfg["decoder"] == plain(configuration("train", f"decoder={decoder[0]}"))["decoder"]
+    assert cfg["encoder"]["mask"].get("bits", 4) == 4 and cfg["size"] == cfg["crop"] == [256, 256]
+    assert cfg["trainer"]["precision"] == "bf16-mixed" and cfg["trainer"]["max_time"]["minutes"] == 25
+
+
+def test_the_rows_that_matter_most_are_those_of_one_gpu() -> None:
+    assert gpu_rows() == [
+        "experiment=table2 decoder=e2e_cnn",
+        "experiment=table3 decoder=e2e_cnn",
+        "experiment=table4 decoder=e2e_cnn",
+        "experiment=table4 decoder=res2former",
+        "experiment=table5 encoder=rsw_sr encoder.mask.bits=4",
+    ]

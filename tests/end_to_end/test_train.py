@@ -83,6 +83,7 @@ def test_dashboard(run: Path) -> None:
     assert "mask" in tags["images"] and any(tag.startswith("scene/") for tag in tags["images"])
     assert len(board.Images("mask")) == 2  # one after each epoch: the mask's evolution
     assert any("hparams" in tag for tag in board.summary_metadata)
+    assert board.Scalars("psnr/lsw_sr_4bit") and "custom_scalars__config__" in board.Tags()["tensors"]
 
 
 def test_the_mask_was_learned_and_stayed_in_range(run: Path) -> None:
