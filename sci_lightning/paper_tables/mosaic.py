@@ -27,7 +27,7 @@ def mosaics(runs: Sequence[Run], side: int) -> Iterator[tuple[str, Figure]]:
         side: of the scene that is shown, in pixels; a held-out one of the embedded photographs, the same for all.
     """
     groups: dict[tuple[str, str, int], dict[str, Path]] = {}
-    for run in sorted(runs, key=lambda run: run.seed):
+    for run in sorted(runs, key=lambda run: (run.fields["encoder"], run.fields["bits"], run.seed)):
         path = run.path.parent / "checkpoints" / "last.ckpt"
         ours = all((CONF / part / f"{run.fields[part]}.yaml").is_file() for part in ("encoder", "decoder"))
         if ours and path.is_file() and run.fields["test_encoder"] == run.fields["encoder"]:
