@@ -25,13 +25,12 @@ class ScalarLayout(L.Callback):
         if not isinstance(pl_module, System) or not trainer.is_global_zero:
             return
         encoder, bits = _group(pl_module)
-        charts = {"encoders": {encoder: f"^{self.metric}/{encoder}_"}, "bit depths": {bits: f"_{bits}$"}}
-        layout = {
-            category: {f"{self.metric}, {name}": ["Multiline", [tags]] for name, tags in chart.items()}
-            for category, chart in charts.items()
+        charts = {  # of tags that match an expression from the first letter on
+            "encoders": {f"{self.metric}, {encoder}": ["Multiline", [f"{self.metric}/{encoder}_.*"]]},
+            "bit depths": {f"{self.metric}, {bits}": ["Multiline", [f"{self.metric}/.*_{bits}$"]]},
         }
         for board in _boards(trainer):
-            board.experiment.add_custom_scalars(layout)
+            board.experiment.add_custom_scalars(charts)
 
     def on_validation_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
         value = trainer.callback_metrics.get(f"val/{self.metric}")

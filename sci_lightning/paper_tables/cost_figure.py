@@ -67,8 +67,8 @@ def _draw(axes: Axes, points: Sequence[Point], columns: Sequence[str]) -> None:
         axes.scatter([point.macs], [point.psnr], s=area, color=colour, alpha=0.6)
         if best[point.row] is point:
             label = f"{point.row}, {point.parameters:.3g} M"
-            above = {"xytext": (0, area**0.5 / 2 + 2), "textcoords": "offset points", "ha": "center"}
-            axes.annotate(label, (point.macs, point.psnr), fontsize=7, **above)
+            above = (0, area**0.5 / 2 + 2)
+            axes.annotate(label, (point.macs, point.psnr), above, textcoords="offset points", ha="center", fontsize=7)
     axes.set(xscale="log", xlabel="multiply-accumulates (G)", ylabel="PSNR (dB)")
     axes.margins(0.25)
     axes.grid(alpha=0.3)

@@ -56,7 +56,7 @@ def _pictures(path: Path, side: int) -> dict[str, torch.Tensor]:
     checkpoint = read_checkpoint(path)
     encoder, decoder = checkpoint.encoder().eval(), checkpoint.decoder().eval()
     height, width = (min(side, full) for full in encoder.mask.size)
-    truth = Synthetic(encoder.mask.frames, (height, width), (height, width), scenes_count=1).scenes()[0].video[:1]
+    truth = Synthetic(encoder.mask.frames, (height, width), (height, width), scenes_count=1).scenes()[0].video[0][None]
     system = System(encoder, decoder)
     measurement, mask = system.shoot(truth, encoder.transmittance()[:, :height, :width])
     estimate = decoder(*system.decodable(measurement, mask))[0]
