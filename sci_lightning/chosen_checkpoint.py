@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hydra.utils import instantiate
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 from torch import nn
 
 from sci_lightning.checkpoint import Checkpoint, read_checkpoint
@@ -47,7 +47,7 @@ def chosen_checkpoint(command: str, cfg: DictConfig) -> Checkpoint:
     if parameters := count_parameters(decoder):
         raise BadInput(f"decoder={name} has {parameters:,} parameters to learn: train it first, and give ckpt_path=")
     named = "_target_" in (cfg.get("encoder") or {})
-    numbers = {key: plain(cfg)[key] for key in UNTRAINED}
+    numbers = plain(OmegaConf.masked_copy(cfg, list(UNTRAINED)))  # of all of it data.root may be missing: captures=
     given = cfg.encoder if named else member(command, "encoder", "rbw_osr", *(f"{k}={v}" for k, v in numbers.items()))
     config = {
         "encoder": plain(given),

@@ -1,4 +1,4 @@
-"""The encoder that a trained decoder is tested or used with."""
+"""The encoder that a trained decoder is tested or used with, and the camera that it takes it for."""
 
 from __future__ import annotations
 
@@ -33,10 +33,32 @@ def chosen_encoder(cfg: DictConfig, checkpoint: Checkpoint) -> tuple[Encoder, st
         raise BadInput(
             f"effects and encoder.* settings need an encoder that is named: encoder={trained['names']['encoder']}"
         )
-    encoder = instantiate(cfg.encoder, _convert_="all")
+    return _built(cfg.encoder, f"encoder={chosen('encoder')}", checkpoint), chosen("encoder")
+
+
+def chosen_camera(cfg: DictConfig, checkpoint: Checkpoint) -> Encoder | None:
+    """The encoder that ``decoder.camera=`` names, whose effective mask the decoder gets and whose effects are undone.
+
+    Args:
+        cfg: as :func:`chosen_encoder` left it.
+        checkpoint: of the training.
+
+    Returns:
+        None where it names none: the encoder itself.
+
+    Raises:
+        BadInput: what is named is not an encoder, or does not fit.
+    """
+    if cfg.get("camera") is None:
+        return None
+    return _built(cfg.camera, f"decoder.camera={chosen('encoder@camera')}", checkpoint)
+
+
+def _built(settings: DictConfig, named: str, checkpoint: Checkpoint) -> Encoder:
+    encoder = instantiate(settings, _convert_="all")
     if not isinstance(encoder, Encoder):
-        raise BadInput(f"encoder={chosen('encoder')}: its _target_ is a {type(encoder).__name__}, not an Encoder")
-    mask = cfg.encoder.mask
-    if mask._target_ == trained["encoder"]["mask"]["_target_"] and mask.get("file") is None:
+        raise BadInput(f"{named}: its _target_ is a {type(encoder).__name__}, not an Encoder")
+    mask = settings.mask
+    if mask._target_ == checkpoint.config["encoder"]["mask"]["_target_"] and mask.get("file") is None:
         checkpoint.fill("encoder.mask", encoder.mask)
-    return encoder, chosen("encoder")
+    return encoder

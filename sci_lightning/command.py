@@ -16,7 +16,7 @@ from hydra.errors import HydraException, InstantiationException, MissingConfigEx
 from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
-from sci_lightning.encoder_file import adopt_encoder_files
+from sci_lightning.encoder_file import PLACES, adopt_encoder_files
 from sci_lightning.errors import BadInput
 from sci_lightning.failures import Failures
 from sci_lightning.trust import check_targets
@@ -36,7 +36,8 @@ def run(name: str, task: Task) -> None:
     ``debug=true`` or ``HYDRA_FULL_ERROR=1`` show the traceback instead. In a multirun the remaining jobs go on and the
     failures are listed at the end, whichever launcher runs them.
 
-    ``encoder=`` takes the path of a YAML file as well, which may name modules of this project and of ``trusted`` ones.
+    ``encoder=`` and ``decoder.camera=`` take the path of a YAML file as well, which may name modules of this project
+    and of ``trusted`` ones.
     """
     debug = os.environ.get("HYDRA_FULL_ERROR") == "1" or "debug=true" in sys.argv
     failures = Failures()
@@ -50,8 +51,10 @@ def run(name: str, task: Task) -> None:
         _quieten()
         sys.argv = told  # processes that this one starts adopt the files themselves
         try:
-            if file := files.get(chosen("encoder")):
-                check_targets(file, OmegaConf.to_container(cfg.encoder, resolve=True), cfg.get("trusted", []))
+            for place in PLACES.values():
+                if file := files.get(chosen(place)):
+                    settings = OmegaConf.to_container(cfg[place.rpartition("@")[2]], resolve=True)
+                    check_targets(file, settings, cfg.get("trusted", []))
             return task(cfg)
         except Exception as error:
             if debug:

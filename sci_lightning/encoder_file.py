@@ -1,4 +1,4 @@
-"""``encoder=PATH/encoder.yaml`` on the command line: an encoder's configuration that lies outside ``conf/``."""
+"""``encoder=PATH/encoder.yaml``, ``decoder.camera=PATH/encoder.yaml``: an encoder that lies outside ``conf/``."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ from omegaconf import DictConfig, ListConfig, OmegaConf
 
 from sci_lightning.errors import BadInput
 
+PLACES = {"encoder": "encoder", "decoder.camera": "encoder@camera"}
+"""What the command line says, and what Hydra calls it."""
+
 
 def adopt_encoder_files(arguments: list[str], taken: Iterable[str] = ()) -> tuple[list[str], dict[str, Path]]:
-    """Make every encoder file that the arguments name a member of the group ``encoder``.
+    """Make every encoder file that the arguments name a member of the group ``encoder``, at either of its places.
 
     The member lives in Hydra's store in memory, where multiruns and launchers find it, and is called after its file, or
     after the folder of a file called ``encoder.yaml``. Relative ``file:`` entries are taken from the file's own folder.
@@ -24,7 +27,7 @@ def adopt_encoder_files(arguments: list[str], taken: Iterable[str] = ()) -> tupl
         taken: names that members have already.
 
     Returns:
-        the arguments with names in the place of paths, and the path of each name.
+        the arguments with names in the place of paths, as Hydra takes them, and the path of each name.
 
     Raises:
         BadInput: a file that is missing, is no YAML or does not describe one object.
@@ -45,8 +48,10 @@ def adopt_encoder_files(arguments: list[str], taken: Iterable[str] = ()) -> tupl
     adopted = []
     for argument in arguments:
         key, equals, value = argument.partition("=")
-        if equals and key.lstrip("+") == "encoder" and ".yaml" in value:
-            argument = f"{key}={','.join(member(each) for each in value.split(','))}"
+        bare = key.lstrip("+")
+        if equals and bare in PLACES:
+            place = key.replace(bare, PLACES[bare])
+            argument = f"{place}={','.join(member(each) for each in value.split(','))}"
         adopted.append(argument)
     return adopted, names
 

@@ -16,8 +16,8 @@ def evaluate(cfg: DictConfig) -> float:
 
     ``encoder=`` replaces the encoder of the training, see :func:`~sci_lightning.chosen_encoder.chosen_encoder`, and
     ``decoder=`` takes the place of a checkpoint, see :func:`~sci_lightning.chosen_checkpoint.chosen_checkpoint`.
-    ``captures=`` tests on what a camera recorded of known scenes instead of recording the data's scenes; the encoder
-    then says what the decoder takes the camera for.
+    ``captures=`` tests on what a camera recorded of known scenes instead of recording the data's scenes.
+    ``decoder.camera=`` is the encoder that the decoder takes the camera for, without it the encoder itself.
 
     Args:
         cfg: ``conf/evaluate.yaml``, composed.
@@ -26,9 +26,10 @@ def evaluate(cfg: DictConfig) -> float:
     from hydra.utils import instantiate
     from torch.utils.data import DataLoader
 
+    from sci_lightning.callbacks import Progress
     from sci_lightning.captures import read_captures
     from sci_lightning.chosen_checkpoint import chosen_checkpoint
-    from sci_lightning.chosen_encoder import chosen_encoder
+    from sci_lightning.chosen_encoder import chosen_camera, chosen_encoder
     from sci_lightning.chosen_metrics import chosen_metrics
     from sci_lightning.data.captured import CapturedSnapshots
     from sci_lightning.data.loader import scene_loader
@@ -41,17 +42,18 @@ def evaluate(cfg: DictConfig) -> float:
     cfg.crop = trained["crop"] if cfg.crop is None else cfg.crop
     decoder = checkpoint.decoder()
     encoder, test_encoder = chosen_encoder(cfg, checkpoint)
+    camera = chosen_camera(cfg, checkpoint) or encoder
     loader: DataLoader[Any]
     if cfg.captures is None:
         loader = scene_loader(instantiate(cfg.data, _convert_="all").scenes())
     else:
         captures = read_captures(cfg.captures)
-        loader, test_encoder = DataLoader(CapturedSnapshots(captures, encoder.mask())), captures.name
+        loader, test_encoder = DataLoader(CapturedSnapshots(captures, camera.mask())), captures.name
         cfg.data = None
     names = {**trained["names"], "test_encoder": test_encoder}
 
-    system = System(encoder, decoder, metrics=chosen_metrics(cfg), seed=cfg.seed)
-    trainer = instantiate(cfg.trainer, logger=False, enable_checkpointing=False)
+    system = System(encoder, decoder, camera=camera, metrics=chosen_metrics(cfg), seed=cfg.seed)
+    trainer = instantiate(cfg.trainer, logger=False, enable_checkpointing=False, callbacks=[Progress()])
     assert isinstance(trainer, L.Trainer)
     trainer.test(system, loader, verbose=False)
     found = results(system, names, {**trained, "evaluate": plain(cfg)})

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 from rich.console import Console
+from rich.progress import Progress
 
 from sci_lightning.command import run
 
@@ -24,7 +25,8 @@ def reconstruct(cfg: DictConfig) -> None:
     from sci_lightning.animation import write_frames, write_gif
     from sci_lightning.atomic_file import whole_file
     from sci_lightning.chosen_checkpoint import chosen_checkpoint
-    from sci_lightning.chosen_encoder import chosen_encoder
+    from sci_lightning.chosen_encoder import chosen_camera, chosen_encoder
+    from sci_lightning.decoder.iterative import Iterative
     from sci_lightning.device import chosen_device
     from sci_lightning.encoder.mask import Measured
     from sci_lightning.errors import BadInput
@@ -34,6 +36,7 @@ def reconstruct(cfg: DictConfig) -> None:
     checkpoint = chosen_checkpoint("reconstruct", cfg)
     decoder = checkpoint.decoder()
     encoder, _ = chosen_encoder(cfg, checkpoint)
+    encoder = chosen_camera(cfg, checkpoint) or encoder
     measurement = read_snapshot(
         cfg.measurement, key=cfg.key, full_scale=cfg.full_scale, bit_depth=getattr(encoder.sensor, "bit_depth", 8)
     )
@@ -53,8 +56,15 @@ def reconstruct(cfg: DictConfig) -> None:
     device = chosen_device(cfg.device)
     decoder.eval().to(device)
     mask = mask.to(device)
-    with torch.no_grad():
-        video = torch.cat([decoder(one[None].to(device), mask).cpu() for one in linear])
+    with torch.no_grad(), Progress(transient=True) as progress:
+        bar = progress.add_task("Decoding", total=len(linear))
+        if isinstance(decoder, Iterative):
+            decoder.watch = lambda iteration: progress.update(bar, description=f"Decoding: {iteration}")
+        videos = []
+        for one in linear:
+            videos.append(decoder(one[None].to(device), mask).cpu())
+            progress.advance(bar)
+    video = torch.cat(videos)
 
     write_frames(video, out / "frames")
     write_gif(video, out / "video.gif", cfg.fps)

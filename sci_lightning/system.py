@@ -43,6 +43,7 @@ class System(L.LightningModule):
 
     Args:
         encoder, decoder: plain modules; the system adds nothing to what they compute.
+        camera: the encoder that a test's decoder takes the encoder for; None for the encoder itself.
         metrics: what validation and test score, by name.
         val_every_n_frames: of metrics that look at one frame in so many in validation, by name; a test looks at all.
         loss: ``mse`` or ``rmse``.
@@ -64,6 +65,7 @@ class System(L.LightningModule):
         encoder: Encoder,
         decoder: Decoder,
         *,
+        camera: Encoder | None = None,
         metrics: Mapping[str, FrameMetric] | None = None,
         val_every_n_frames: Mapping[str, int] | None = None,
         loss: str = "mse",
@@ -86,6 +88,7 @@ class System(L.LightningModule):
             raise BadInput(f"system.stage_weights={list(stage_weights)}: give one or more positive numbers, as [0.5,1]")
         self.encoder = encoder
         self.decoder = decoder
+        self._camera = camera
         self.loss = LOSSES[loss]
         self.stage_weights = tuple(stage_weights)
         self.stages = torch.compile(decoder.stages) if compile else decoder.stages
@@ -100,6 +103,11 @@ class System(L.LightningModule):
         """What the last test found: scores by scene, their mean and conventions, the baseline's, seconds and device."""
         if compile:
             self.decoder.compile()
+
+    @property
+    def camera(self) -> Encoder:
+        """What the decoder takes the encoder for."""
+        return self.encoder if self._camera is None else self._camera
 
     def with_encoder(self, encoder: Encoder, metrics: Mapping[str, FrameMetric]) -> System:
         """The same decoder behind another encoder, to be tested; a mask of the same kind gets this one's values."""
@@ -132,8 +140,8 @@ class System(L.LightningModule):
 
     def received(self, measurement: torch.Tensor, aperture: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """As :meth:`decodable`, of snapshots (N, H, W) that a camera took, each with an aperture (N,) of its own."""
-        linear = self.encoder.linearise(measurement) / aperture[:, None, None]
-        return linear, self.encoder.decoder_mask(self.encoder.transmittance())
+        linear = self.camera.linearise(measurement) / aperture[:, None, None]
+        return linear, self.camera.decoder_mask(self.camera.transmittance())
 
     # Training
 
@@ -252,7 +260,10 @@ class System(L.LightningModule):
         """Add a batch to the scores; returns what its decoder was given."""
         self._seed_step(batch_idx, testing=True)  # sensor noise in a test does not depend on the training before it
         scenes, video, *taken = batch
-        measurement, mask = self.received(*taken) if taken else self.decodable(*self.shoot(video))
+        if not taken:
+            recorded = self.encoder(video)
+            taken = [recorded, recorded.new_full((len(recorded),), self.camera.aperture)]
+        measurement, mask = self.received(*taken)
         start = self._now()
         estimate = self.decoder(measurement, mask)
         self.seconds.append((self._now() - start) / len(video))

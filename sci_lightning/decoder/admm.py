@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import torch
 
 from sci_lightning.decoder.data_step import data_step, snapshot
+from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
-from sci_lightning.decoder.initial_estimate import mask_total, mean_video
+from sci_lightning.decoder.initial_estimate import mask_total
 from sci_lightning.decoder.iterative import Iterative
 from sci_lightning.errors import BadInput
 
@@ -17,7 +18,7 @@ class ADMM(Iterative):
     """Every iteration: x = data step of theta + b, theta = denoised x - b, b = b - (x - theta); theta is the estimate.
 
     Args:
-        denoiser, strengths, iterations, tolerance: see :class:`Iterative`.
+        denoiser, strengths, iterations, tolerance, start: see :class:`Iterative`.
         gamma: how much x is held to theta + b where that does not explain the measurement (0.01 is usual); more copes
             with more noise.
 
@@ -35,18 +36,19 @@ class ADMM(Iterative):
         strengths: Sequence[float],
         iterations: Sequence[int],
         tolerance: float | None = None,
+        start: Decoder | None = None,
         gamma: float = 0.01,
     ) -> None:
-        super().__init__(denoiser, strengths, iterations, tolerance)
+        super().__init__(denoiser, strengths, iterations, tolerance, start)
         if not gamma > 0:
             raise BadInput(f"decoder.gamma={gamma}: must be positive")
         self.gamma = gamma
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         weight = mask_total(mask, squared=True) + self.gamma
-        theta = mean_video(measurement, mask)
+        theta = self.first_estimate(measurement, mask)
         b = torch.zeros_like(theta)
-        for iteration, strength in enumerate(self.strengths):
+        for iteration, strength in self.schedule():
             x = data_step(theta + b, measurement, mask, weight)
             theta = self.denoiser(x - b, strength)
             if self.reached(measurement - snapshot(theta, mask), iteration):

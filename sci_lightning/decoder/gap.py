@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 
 from sci_lightning.decoder.data_step import data_step, snapshot
-from sci_lightning.decoder.initial_estimate import mask_total, mean_video
+from sci_lightning.decoder.initial_estimate import mask_total
 from sci_lightning.decoder.iterative import Iterative
 
 
@@ -22,8 +22,8 @@ class GAP(Iterative):
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         weight = mask_total(mask, squared=True)
-        video, asked = mean_video(measurement, mask), measurement
-        for iteration, strength in enumerate(self.strengths):
+        video, asked = self.first_estimate(measurement, mask), measurement
+        for iteration, strength in self.schedule():
             video = self.denoiser(data_step(video, asked, mask, weight), strength)
             residual = measurement - snapshot(video, mask)
             if self.reached(residual, iteration):

@@ -2,17 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
 import torch
 
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
+from sci_lightning.decoder.initial_estimate import mean_video
 from sci_lightning.errors import BadInput
 
 
+class Iteration(NamedTuple):
+    """Where a decoder is."""
+
+    number: int
+    """From 1 .."""
+    of: int
+    """.. to this."""
+    residual: float
+    """Root mean square of y - sum of M x, of the worst snapshot."""
+
+    def __str__(self) -> str:
+        return f"iteration {self.number} of {self.of}, residual {self.residual:.4f}"
+
+
 class Iterative(Decoder):
-    """Data step and denoiser in turns, from the mean frame in every slot on. Any T, H and W.
+    """Data step and denoiser in turns. Any T, H and W.
 
     The data step divides by the sum of M squared, which is right for gray masks as well; where no slot opens, the
     denoiser alone decides.
@@ -23,11 +39,15 @@ class Iterative(Decoder):
         iterations: .. each for so many iterations.
         tolerance: stop as soon as the root mean square of y - sum of M x is below it in every snapshot, in units of the
             measurement: the noise's standard deviation is a good choice. None: iterate to the end.
+        start: another decoder, whose estimate to start from. None: from the mean frame in every slot.
 
     Raises:
         BadInput: a setting that is not positive, or not one number of iterations for each strength; in a call, a
             residual that is no longer finite.
     """
+
+    watch: Callable[[Iteration], object] | None = None
+    """Told after every iteration, by one who wants to show it."""
 
     def __init__(
         self,
@@ -35,6 +55,7 @@ class Iterative(Decoder):
         strengths: Sequence[float],
         iterations: Sequence[int],
         tolerance: float | None = None,
+        start: Decoder | None = None,
     ) -> None:
         super().__init__()
         if len(strengths) != len(iterations) or not len(strengths):
@@ -54,6 +75,16 @@ class Iterative(Decoder):
         self.strengths = [each for each, number in zip(strengths, iterations, strict=True) for _ in range(number)]
         """Of every iteration."""
         self.tolerance = tolerance
+        self.start = start
+
+    def first_estimate(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        """``(N, T, H, W)``, to start from."""
+        return mean_video(measurement, mask) if self.start is None else self.start(measurement, mask)
+
+    def schedule(self) -> Iterator[tuple[int, float]]:
+        """Number from 0, and strength, of every iteration; the denoiser starts afresh."""
+        self.denoiser.reset()
+        return enumerate(self.strengths)
 
     def reached(self, residual: torch.Tensor, iteration: int) -> bool:
         """Whether to stop after ``iteration`` (from 0), whose y - sum of M x is ``residual``, ``(N, H, W)``.
@@ -69,4 +100,6 @@ class Iterative(Decoder):
                 f"{type(self).__name__} iteration {iteration + 1} of {len(self.strengths)}: the residual became {rms}: "
                 "stopped; look for values in measurement and mask that are not finite, or change decoder.strengths"
             )
+        if self.watch:
+            self.watch(Iteration(iteration + 1, len(self.strengths), rms))
         return self.tolerance is not None and rms < self.tolerance

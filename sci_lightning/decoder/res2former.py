@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import torch
 from torch import nn
-from torch.nn import functional as F
 
-from sci_lightning.decoder.convolution3d import shuffle_up
+from sci_lightning.decoder.chain import Chain
+from sci_lightning.decoder.convolution3d import Conv3d, one_channel, shuffle_up
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.temporal_attention import TemporalAttention
 from sci_lightning.errors import BadInput
@@ -26,12 +26,12 @@ class TSABranch(nn.Module):
 
     def __init__(self, channels: int, heads: int) -> None:
         super().__init__()
-        self.conv = nn.Conv3d(channels, channels, (1, 3, 3), padding=(0, 1, 1))
+        self.conv = Conv3d(channels, channels, (1, 3, 3))
         self.attention = TemporalAttention(channels, heads)
         self.feed_forward = nn.Sequential(
-            nn.Conv3d(channels, channels, 3, padding=1),
+            Conv3d(channels, channels, 3),
             nn.LeakyReLU(inplace=True),
-            nn.Conv3d(channels, channels, 1),
+            Conv3d(channels, channels, 1),
         )
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
@@ -45,7 +45,7 @@ class ResTSA(nn.Module):
     def __init__(self, channels: int, groups: int, heads: int) -> None:
         super().__init__()
         self.branches = nn.ModuleList(TSABranch(channels // groups, heads) for _ in range(groups))
-        self.last = nn.Conv3d(channels, channels, 1)
+        self.last = Conv3d(channels, channels, 1)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         results: list[torch.Tensor] = []
@@ -64,6 +64,7 @@ class Res2former(Decoder):
         depths: (N1, N2), ResTSA modules at the outer level (each way) and at the bottleneck (3, 3; L: 5, 5).
         groups: branches of a ResTSA module at the outer level and at the bottleneck (2, 4; L: 4, 8).
         heads: attention heads in each branch (4).
+        checkpoint: train on less memory; see :class:`~sci_lightning.decoder.chain.Chain`.
 
     Raises:
         BadInput: widths that do not divide into groups and heads.
@@ -72,6 +73,7 @@ class Res2former(Decoder):
     Source: "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Section 4.3.
     """
 
+    multiple = 4
     published_names: ClassVar[tuple[tuple[str, str], ...]] = (
         (r"conv_first\.(.*)", r"extract.\1"),
         *(
@@ -88,7 +90,12 @@ class Res2former(Decoder):
     )
 
     def __init__(
-        self, dim: int = 96, depths: Sequence[int] = (3, 3), groups: Sequence[int] = (2, 4), heads: int = 4
+        self,
+        dim: int = 96,
+        depths: Sequence[int] = (3, 3),
+        groups: Sequence[int] = (2, 4),
+        heads: int = 4,
+        checkpoint: bool = False,
     ) -> None:
         super().__init__()
         for width, parts in ((2 * dim, groups[0]), (4 * dim, groups[1])):
@@ -99,27 +106,25 @@ class Res2former(Decoder):
                 )
         half, quarter = 2 * dim, 4 * dim
         self.extract = nn.Sequential(
-            nn.Conv3d(1, dim, 3, padding=1),
+            Conv3d(1, dim, 3),
             nn.LeakyReLU(inplace=True),
-            nn.Conv3d(dim, half, (1, 3, 3), stride=(1, 2, 2), padding=(0, 1, 1)),
+            Conv3d(dim, half, (1, 3, 3), stride=2),
             nn.LeakyReLU(inplace=True),
         )
-        self.encode = nn.Sequential(*(ResTSA(half, groups[0], heads) for _ in range(depths[0])))
-        self.down = nn.Conv3d(half, quarter, (1, 3, 3), stride=(1, 2, 2), padding=(0, 1, 1))
-        self.bottleneck = nn.Sequential(*(ResTSA(quarter, groups[1], heads) for _ in range(depths[1])))
-        self.up = nn.Conv3d(quarter, 2 * quarter, 1)
-        self.fuse = nn.Conv3d(2 * half, half, 1)
-        self.decode_blocks = nn.Sequential(*(ResTSA(half, groups[0], heads) for _ in range(depths[0])))
-        self.expand = nn.Conv3d(half, 2 * half, 1)
-        self.last = nn.Conv3d(dim, 1, 3, padding=1)
+        self.encode = Chain((ResTSA(half, groups[0], heads) for _ in range(depths[0])), checkpoint)
+        self.down = Conv3d(half, quarter, (1, 3, 3), stride=2)
+        self.bottleneck = Chain((ResTSA(quarter, groups[1], heads) for _ in range(depths[1])), checkpoint)
+        self.up = Conv3d(quarter, 2 * quarter, 1)
+        self.fuse = Conv3d(2 * half, half, 1)
+        self.decode_blocks = Chain((ResTSA(half, groups[0], heads) for _ in range(depths[0])), checkpoint)
+        self.expand = Conv3d(half, 2 * half, 1)
+        self.last = Conv3d(dim, 1, 3)
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        height, width = measurement.shape[-2:]
         estimate = measurement.unsqueeze(1) * (1 + mask)
-        estimate = F.pad(estimate, (0, -width % 4, 0, -height % 4), mode="replicate").unsqueeze(1)
-        low = self.extract(estimate.contiguous(memory_format=torch.channels_last_3d))
+        low = self.extract(one_channel(estimate))
         outer = self.encode(low)
         deep = self.bottleneck(self.down(outer))
         features = self.fuse(torch.cat([shuffle_up(self.up(deep)), outer], dim=1))
         features = shuffle_up(self.expand(self.decode_blocks(features) + low))
-        return self.last(features)[:, 0, :, :height, :width]
+        return self.last(features)[:, 0]

@@ -6,6 +6,8 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+TOKENS_AT_ONCE = 4096  # as many as keep what one part of the pixels needs in the processor's cache
+
 
 class TemporalAttention(nn.Module):
     """Multi-head attention over the T features of each pixel, features ``(N, C, T, H, W)`` to the same.
@@ -37,9 +39,17 @@ class TemporalAttention(nn.Module):
         n, c, t, h, w = x.shape
         # slots first, as the features lie in memory: every product below reads them where they are
         tokens = x.permute(2, 0, 3, 4, 1).reshape(t, n * h * w, c)
+        pixels = max(1, TOKENS_AT_ONCE // t) if x.device.type == "cpu" else n * h * w
+        # contiguous: else each of the three projections copies, and keeps for its gradient, a part of its own
+        mixed = torch.cat([self.attend(part.contiguous()) for part in tokens.split(pixels, dim=1)], dim=1)
+        return mixed.view(t, n, h, w, c).permute(1, 4, 0, 2, 3)
+
+    def attend(self, tokens: torch.Tensor) -> torch.Tensor:
+        """Some of the pixels, ``(T, pixels, C)``."""
+        t, pixels, _ = tokens.shape
         biases = (None, None, None) if self.qkv.bias is None else self.qkv.bias.chunk(3)
         q, k, v = (
-            F.linear(tokens, weight, bias).view(t, n * h * w * self.heads, -1).transpose(0, 1)
+            F.linear(tokens, weight, bias).view(t, pixels * self.heads, -1).transpose(0, 1)
             for weight, bias in zip(self.qkv.weight.chunk(3), biases, strict=True)
         )
         scores = self.scale * (k @ q.transpose(1, 2))  # (pixel and head, slot of k, slot of q)
@@ -48,5 +58,4 @@ class TemporalAttention(nn.Module):
             scores = (scores.view(-1, *table.shape) + table).view_as(scores)
         # over the first dimension: over a last one as short as T, torch's softmax takes longer than all the rest
         weights = F.softmax(scores.movedim(1, 0), dim=0).movedim(0, 2)
-        mixed = (weights @ v).transpose(0, 1).reshape(t, n * h * w, -1)
-        return self.proj(mixed).view(t, n, h, w, c).permute(1, 4, 0, 2, 3)
+        return self.proj((weights @ v).transpose(0, 1).reshape(t, pixels, -1))

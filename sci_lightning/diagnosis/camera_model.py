@@ -9,9 +9,10 @@ from typing import Any
 
 import torch
 
+from sci_lightning.diagnosis.ceiling import Ceiling
 from sci_lightning.diagnosis.likelihood import LEAST_DEVIATION
 from sci_lightning.diagnosis.observation import Observation
-from sci_lightning.encoder.effects import ChartEffect, Effect
+from sci_lightning.encoder.effects import ChartEffect, Effect, Saturation
 from sci_lightning.encoder.effects.parameter import Value
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.signal import Signal
@@ -44,11 +45,15 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Mean and standard deviation of every pixel before the converter, ``(N, H, W)`` in DN, and its effective bits."""
+    """Mean and standard deviation of every pixel before the converter, ``(N, H, W)`` in DN, and its effective bits.
+
+    Where signal ends before the converter does, ``ceiling`` says how it is distributed there.
+    """
 
     mean: torch.Tensor
     deviation: torch.Tensor
     bits: int
+    ceiling: Ceiling | None = None
 
 
 class CameraModel:
@@ -70,6 +75,31 @@ class CameraModel:
         self._modulated: OrderedDict[Any, Any] = OrderedDict()
         self._formed: OrderedDict[Any, Any] = OrderedDict()
 
+    def starts(self, name: str, hypothesis: Hypothesis) -> list[Setting]:
+        """Where a search for an effect sets out; a saturation also from where pixels have piled up."""
+        seen, effect = self.observation, self.known[name]
+        found = effect.starts(seen.frames, seen.size, seen.bit_depth)
+        if effect is Saturation:
+            behind = self._behind(self.path(hypothesis), effect)
+            found += [
+                {"level": level} for level in (self._before(behind, each) for each in seen.pile_ups) if 0 < level < 1
+            ]
+        return found
+
+    def _behind(self, path: LightPath, effect: type[Effect]) -> LightPath:
+        return LightPath(each for each in path.of("sensor") if each.rank > effect.rank)
+
+    def _before(self, behind: LightPath, recorded: float) -> float:
+        """The signal that is recorded as so much behind some effects of the sensor, by bisection."""
+        low, high = 0.0, 1.0
+        one = torch.ones(1, 1, 1)
+        field = Signal(torch.ones(1, *self.observation.size), torch.zeros(()), one, 0.0, (0, 0), self.observation.size)
+        for _ in range(16):
+            middle = (low + high) / 2
+            above = float(behind.respond(field.with_mean(middle * field.mean)).mean.median()) > recorded
+            low, high = (low, middle) if above else (middle, high)
+        return (low + high) / 2
+
     def path(self, hypothesis: Hypothesis) -> LightPath:
         """The hypothesis as modules."""
         effects = []
@@ -87,10 +117,23 @@ class CameraModel:
         early = tuple(_key(effect) for stage in ("modulator", "relay", "exposure") for effect in path.of(stage))
         lens = tuple(_key(effect) for effect in path.of("optics"))
         formed = self._recall(self._formed, (early, path.cells, lens), lambda: self._form(path, early))
-        signal = path.respond(replace(formed, variance=torch.zeros(())))
-        deviation = signal.variance.sqrt() * seen.full_scale
+        light = replace(formed, variance=torch.zeros(()))
+        mean, deviation = self._in_dn(path.respond(light))
+        return Prediction(mean, deviation, path.effective_bits(seen.bit_depth), self._ceiling(path, light))
+
+    def _ceiling(self, path: LightPath, light: Signal) -> Ceiling | None:
+        ends = [effect for effect in path.of("sensor") if isinstance(effect, Saturation) and float(effect.level) < 1]
+        if not ends:
+            return None
+        open_ = self._in_dn(LightPath(each for each in path.of("sensor") if each not in ends).respond(light))
+        behind = self._behind(path, Saturation)
+        full = light.with_mean(ends[0].level * torch.ones_like(light.mean))
+        return Ceiling(*open_, *self._in_dn(behind.respond(full)))
+
+    def _in_dn(self, signal: Signal) -> tuple[torch.Tensor, torch.Tensor]:
+        deviation = signal.variance.sqrt() * self.observation.full_scale
         deviation = deviation.expand_as(signal.mean).clamp(min=LEAST_DEVIATION)
-        return Prediction(signal.mean * seen.full_scale, deviation, path.effective_bits(seen.bit_depth))
+        return signal.mean * self.observation.full_scale, deviation
 
     def _form(self, path: LightPath, early: tuple[Any, ...]) -> Signal:
         modulated = self._recall(self._modulated, (early, path.cells), lambda: self._modulate(path))

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import torch
 
 from sci_lightning.diagnosis.camera_model import CameraModel, Hypothesis, Prediction
+from sci_lightning.diagnosis.ceiling import Ceiling
 from sci_lightning.diagnosis.chart import Chart, chart_of, derivative
 from sci_lightning.diagnosis.chart_system import ChartSystem
 from sci_lightning.diagnosis.likelihood import Intervals, Score, log_likelihood, score
 from sci_lightning.diagnosis.split import Split
 
 DIFFERENCE = 0.1
-"""Derivatives are differences over so much of a parameter's step."""
+"""Derivatives are differences over so much of a parameter's step .."""
+FINE = 1e-3
+""".. and those of the log-likelihood itself, which is curved, over so much of it."""
 ENOUGH = 0.05
 """Nats; a fit that gains less in an iteration has arrived."""
 SHORTER = 0.4
@@ -77,11 +80,12 @@ class Fitter:
 
     def score(self, prediction: Prediction) -> Score:
         """Log-likelihood and derivatives of every pixel."""
-        return score(self.intervals(prediction.bits), prediction.mean, prediction.deviation)
+        return score(self.intervals(prediction.bits), prediction.mean, prediction.deviation, prediction.ceiling)
 
     def values(self, prediction: Prediction) -> torch.Tensor:
         """Log-likelihood of every pixel ``(N, H, W)``."""
-        return log_likelihood(self.intervals(prediction.bits), prediction.mean, prediction.deviation)
+        intervals = self.intervals(prediction.bits)
+        return log_likelihood(intervals, prediction.mean, prediction.deviation, prediction.ceiling)
 
     def explained(self, fit: Fit, before: Fit, noise: Fit) -> float:
         """Nats that the mean of one fit gains on another's where the noise is a third's: noise explains nothing."""
@@ -185,12 +189,14 @@ class Fitter:
                     toll[i] += float((chart.cross(change[None] * weight)[0] * chart.variance).sum())
         return mean, spread, toll
 
-    def _beside(self, hypothesis: Hypothesis, free: list[Name]) -> Iterator[tuple[float, Hypothesis, Prediction]]:
-        """For each parameter a small step, the hypothesis a step on, and what it predicts."""
+    def _beside(
+        self, hypothesis: Hypothesis, free: list[Name], part: float = DIFFERENCE
+    ) -> Iterator[tuple[float, Hypothesis, Prediction]]:
+        """For each parameter a small ``part`` of its step, the hypothesis so much on, and what it predicts."""
         for name, parameter in free:
             about = self.model.known[name].about[parameter]
             value = float(hypothesis.effects[name][parameter])
-            step = about.step * DIFFERENCE
+            step = about.step * part
             at = math.log(value) if about.log else value
             moved = math.exp(at + step) if about.log else at + step
             if moved > about.high:
@@ -206,15 +212,32 @@ class Fitter:
         weight = now.weight * self.use
         mean, spread, toll = self._derivatives(hypothesis, free, prediction, system.charts, weight)
         weighted, spread_weighted = mean * weight, spread * (now.spread_weight * self.use)
-        slope = (mean * (now.slope * self.use)).flatten(1).sum(1, dtype=torch.float64) - toll
+        slope = ((mean * now.slope + spread * now.spread) * self.use).flatten(1).sum(1, dtype=torch.float64)
+        information = (
+            weighted.flatten(1) @ mean.flatten(1).T + spread_weighted.flatten(1) @ spread.flatten(1).T
+        ).double()
+        if prediction.ceiling is not None and free:  # mean and deviation do not tell all
+            slope, spike = self._at_ceiling(hypothesis, free, prediction.ceiling, now)
+            information += spike
         # a map follows the noise and leaves less of it: what it took must not be missed in the deviation
         lever = sum(chart.jacobian.square() * chart.variance.float() for chart in system.charts)
-        slope += (spread * ((now.spread + now.weight * lever) * self.use)).flatten(1).sum(1, dtype=torch.float64)
-        information = (weighted.flatten(1) @ mean.flatten(1).T).double()
-        information += (spread_weighted.flatten(1) @ spread.flatten(1).T).double()
+        slope += (spread * (weight * lever)).flatten(1).sum(1, dtype=torch.float64) - toll
         cross = system.cross(weighted)
         follow = system.solve(cross)
         return slope - follow @ system.pull, information - follow @ cross.T, follow
+
+    def _at_ceiling(
+        self, hypothesis: Hypothesis, free: list[Name], ceiling: Ceiling, now: Score
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Slope of the log-likelihood by the parameters, and what the spike says about them where it is mixed."""
+        slopes, moved = [], []
+        for step, _, beside in self._beside(hypothesis, free, FINE):
+            slopes.append(((self.values(beside) - now.value) * self.use).sum(dtype=torch.float64) / step)
+            level = ceiling.level if beside.ceiling is None else beside.ceiling.level
+            moved.append(((level - ceiling.level) / step).expand_as(ceiling.mean).flatten())
+        weight = ceiling.mixed * (1 - ceiling.kept) / (ceiling.read.square() + 1 / 12) * self.use
+        rises = torch.stack(moved)
+        return torch.stack(slopes), ((rises * weight.flatten()) @ rises.T).double()
 
     def _move(
         self, hypothesis: Hypothesis, free: list[Name], slope: torch.Tensor, information: torch.Tensor, damping: float
@@ -272,7 +295,7 @@ class Fitter:
         variance = prediction.deviation.square()
         for chart in charts.values():
             variance = variance + chart.jacobian.square() * chart.variance.float()
-        return Prediction(prediction.mean, variance.sqrt(), prediction.bits) if charts else prediction
+        return replace(prediction, deviation=variance.sqrt()) if charts else prediction
 
 
 def _variance(prediction: Prediction) -> torch.Tensor:

@@ -21,7 +21,8 @@ def gap(fitter: Fitter, fit: Fit, seed: int) -> dict[str, Any]:
     seen = fitter.model.observation
     prediction = fitter.uncertain(fit.prediction, fit.charts)
     random = torch.Generator().manual_seed(seed)
-    residual = quantile_residuals(fitter.intervals(prediction.bits), prediction.mean, prediction.deviation, random)
+    intervals = fitter.intervals(prediction.bits)
+    residual = quantile_residuals(intervals, prediction.mean, prediction.deviation, random, prediction.ceiling)
     values = fitter.values(prediction)
     error = (seen.dn - prediction.mean.clamp(0, seen.full_scale)).square()
     held = fitter.split.held if fitter.split.held.any() else fitter.split.fitted

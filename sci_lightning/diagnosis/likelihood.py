@@ -7,10 +7,16 @@ from dataclasses import dataclass
 
 import torch
 
+from sci_lightning.diagnosis.ceiling import Ceiling
+
 IMPOSSIBLE = -60.0
 """Log-probability of a code that a converter of so many bits does not have."""
 LEAST_DEVIATION = 0.05
 """DN; noise below it cannot be told from none behind a converter."""
+BRIGHTER = 0.01
+"""Standard deviations over which the derivative by the light is taken near a ceiling."""
+LEAST_KEPT = 1e-3
+"""Share of the signal below a ceiling under which a change of light is no longer followed."""
 
 FAR = -11.0
 """Standard deviations below which the error function leaves single precision."""
@@ -61,42 +67,54 @@ class Score:
     spread_weight: torch.Tensor
 
 
-def log_likelihood(intervals: Intervals, mean: torch.Tensor, deviation: torch.Tensor) -> torch.Tensor:
-    """``(N, H, W)`` nats, of Gaussian signal with this mean and standard deviation (DN)."""
-    low, high = _ordered(intervals, mean, deviation)[:2]
+def log_likelihood(
+    intervals: Intervals, mean: torch.Tensor, deviation: torch.Tensor, ceiling: Ceiling | None = None
+) -> torch.Tensor:
+    """``(N, H, W)`` nats, of Gaussian signal of this mean and deviation (DN), unless it ends at a ceiling."""
+    low, high = _ordered(intervals, mean, deviation, ceiling)[:2]
     value = _log_difference(low, high)
     return value if intervals.possible is None else torch.where(intervals.possible, value, IMPOSSIBLE)
 
 
-def score(intervals: Intervals, mean: torch.Tensor, deviation: torch.Tensor) -> Score:
-    """Log-likelihood and derivatives at a prediction; see :class:`Score`."""
-    low, high, sign = _ordered(intervals, mean, deviation)
+def score(intervals: Intervals, mean: torch.Tensor, deviation: torch.Tensor, ceiling: Ceiling | None = None) -> Score:
+    """Log-likelihood and derivatives at a prediction; see :class:`Score`; near a ceiling, by the light."""
+    low, high, sign = _ordered(intervals, mean, deviation, ceiling)
     value = _log_difference(low, high)
     at_low, at_high = (_density_over(edge, value) for edge in (low, high))  # density over the interval's probability
     first = at_low - at_high
     second = _times(low, at_low) - _times(high, at_high)
-    weight = (first.square() - second).clamp(min=0)
+    weight = (first.square() - second).clamp(0, 1) / deviation.square()
+    slope = sign * first / deviation
+    if ceiling is not None and ceiling.mixed.any():
+        brighter = log_likelihood(intervals, mean, deviation, ceiling.brighter(BRIGHTER))
+        kept, spread = ceiling.kept.clamp(min=LEAST_KEPT), ceiling.deviation
+        slope = torch.where(ceiling.mixed, (brighter - value) / (BRIGHTER * spread * kept), slope)
+        weight = torch.where(ceiling.mixed, 1 / (spread.square() * kept), weight)
     quantised = deviation.square() / (deviation.square() + 1 / 12)
     if intervals.possible is not None:
         value = torch.where(intervals.possible, value, IMPOSSIBLE)
     return Score(
         value,
-        sign * first / deviation,
-        weight / deviation.square(),
+        slope,
+        weight,
         second.clamp(-1, 1e4),
         2 * quantised.square(),
     )
 
 
 def quantile_residuals(
-    intervals: Intervals, mean: torch.Tensor, deviation: torch.Tensor, random: torch.Generator
+    intervals: Intervals,
+    mean: torch.Tensor,
+    deviation: torch.Tensor,
+    random: torch.Generator,
+    ceiling: Ceiling | None = None,
 ) -> torch.Tensor:
     """Randomised quantile residuals ``(N, H, W)``: standard normal, independent, when the model is right.
 
     A point is drawn from the DN's interval in proportion to the predicted density; far out, where probabilities
     vanish, the interval's nearer end stands for it. Dunn and Smyth, "Randomized Quantile Residuals" (1996).
     """
-    low, high, sign = _ordered(intervals, mean, deviation)
+    low, high, sign = _ordered(intervals, mean, deviation, ceiling)
     low, high = low.double(), high.double()
     below, above = torch.special.ndtr(low), torch.special.ndtr(high)
     share = torch.rand(mean.shape, generator=random, dtype=torch.float64)
@@ -106,10 +124,12 @@ def quantile_residuals(
 
 
 def _ordered(
-    intervals: Intervals, mean: torch.Tensor, deviation: torch.Tensor
+    intervals: Intervals, mean: torch.Tensor, deviation: torch.Tensor, ceiling: Ceiling | None
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """The standardised interval, mirrored where it lies above the mean, and the sign of the mirroring."""
     low, high = (intervals.low - mean) / deviation, (intervals.high - mean) / deviation
+    if ceiling is not None:
+        low, high = ceiling.standardise(intervals.low, low), ceiling.standardise(intervals.high, high)
     above = low > 0
     sign = 1 - 2 * above.to(mean.dtype)
     return torch.where(above, -high, low), torch.where(above, -low, high), sign

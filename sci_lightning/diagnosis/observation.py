@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
 
 from sci_lightning.captures import Captures
 from sci_lightning.errors import BadInput
+
+BRIGHTEST = (1e-4, 1e-3, 0.01, 0.05)
+"""Shares of the pixels that may be in a pile-up, hot pixels aside."""
+WIDTH = 4.0
+"""DN around a pile-up that the readout's noise fills."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +62,17 @@ class Observation:
     def frames(self) -> int:
         """T."""
         return int(self.sequences.shape[1])
+
+    @cached_property
+    def pile_ups(self) -> list[float]:
+        """Signals, as fractions of full scale, at which the brightest pixels may have piled up: medians of DN there."""
+        bright = self.dn.flatten().sort(descending=True).values
+        found = set()
+        for share in BRIGHTEST:
+            place = float(bright[int(share * len(bright))])
+            near = bright[(bright > place - WIDTH) & (bright < place + WIDTH)]
+            found.add(float(near.median()) / self.full_scale)
+        return sorted(each for each in found if 0 < each < 1)
 
     def __len__(self) -> int:
         return len(self.dn)

@@ -28,7 +28,7 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
         without: the best fit without it.
         name: of the effect.
     """
-    model, seen = fitter.model, fitter.model.observation
+    model = fitter.model
     if model.known[name].noise or any(about.choices for about in model.known[name].about.values()):
         return []
     linear = Linear(fitter, without)
@@ -38,7 +38,7 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
     for other, effect in model.vocabulary.items():
         if other in fit.hypothesis.effects or effect.noise or effect.chart:
             continue
-        starts = effect.starts(seen.frames, seen.size, seen.bit_depth)[:STARTS]
+        starts = model.starts(other, without.hypothesis)[:STARTS]
         trials = [model.predict(without.hypothesis.having(other, start)) for start in starts]
         if any(trial.bits != without.prediction.bits for trial in trials):
             continue

@@ -40,8 +40,7 @@ def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
 
     Noise terms are left out: they explain variance, and must not be asked about the mean.
     """
-    model, seen = fitter.model, fitter.model.observation
-    prediction = base.prediction
+    model, prediction = fitter.model, base.prediction
     now, linear = fitter.score(prediction), Linear(fitter, base)
     deviation = prediction.deviation
     chi2 = _chi2(fitter, prediction.mean, deviation)
@@ -54,7 +53,7 @@ def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
             start: Setting = dict.fromkeys(effect.about, chart.std)
             found.append(Candidate(name, chart.evidence, start))
             continue
-        starts = effect.starts(seen.frames, seen.size, seen.bit_depth)
+        starts = model.starts(name, base.hypothesis)
         found.append(
             max(
                 (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 import torch
 from torch import nn
@@ -10,6 +11,7 @@ from torch import nn
 from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.mask import Mask
+from sci_lightning.encoder.physics import deepinv_physics
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput
 
@@ -139,6 +141,17 @@ class Encoder(nn.Module):
     def rescale(self, measurement: torch.Tensor) -> torch.Tensor:
         """Measurement ``(N, H, W)`` as the decoder wants it: divided by the aperture, so near sum_t M_t x_t."""
         return measurement / self.aperture
+
+    @torch.no_grad()
+    def as_deepinv(self) -> Any:
+        """What is linear of it as deepinv's physics, see :func:`~sci_lightning.encoder.physics.deepinv_physics`.
+
+        That is mask, effects up to the exposure, and aperture; solvers get ``linearise(measurement)[:, None]``.
+
+        Raises:
+            BadInput: deepinv is not installed.
+        """
+        return deepinv_physics(self.decoder_mask(self.transmittance()), self.aperture)
 
     def _signal(self, light: torch.Tensor, origin: tuple[int, int], cells: int = 1) -> Signal:
         field, part = self.mask.size, (light.shape[-2] // cells, light.shape[-1] // cells)

@@ -3,22 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import pytest
 import torch
 from torch import Tensor
 
-from sci_lightning.decoder import BIRNAT, SCI3D, Decoder, EfficientSCI, ELPUnfolding, RevSCI, STFormer
+from sci_lightning.decoder import (
+    BIRNAT,
+    E2ECNN,
+    SCI3D,
+    ADMMNet,
+    Decoder,
+    EfficientSCI,
+    ELPUnfolding,
+    GAPNet,
+    MetaSCI,
+    Res2former,
+    RevSCI,
+    STFormer,
+)
 from tests.decoder.plain.birnat import birnat
+from tests.decoder.plain.e2e_cnn import e2e_cnn
 from tests.decoder.plain.efficientsci import efficientsci
 from tests.decoder.plain.elp_unfolding import elp_unfolding
+from tests.decoder.plain.metasci import metasci
+from tests.decoder.plain.res2former import res2former
 from tests.decoder.plain.revsci import revsci
 from tests.decoder.plain.sci3d import sci3d
 from tests.decoder.plain.stformer import stformer
+from tests.decoder.plain.unet_stages import admm_net, gap_net
+from tests.decoder.test_published import as_published
 
 Plain = Callable[[dict[str, Tensor], Tensor, Tensor], list[Tensor]]
 
 NETWORKS: dict[str, tuple[Callable[[int], Decoder], Plain]] = {
+    "e2e_cnn": (lambda frames: E2ECNN(frames, 6), e2e_cnn),
+    "metasci": (lambda frames: MetaSCI(frames, 16, 2), metasci),
+    "res2former": (lambda frames: Res2former(8, (1, 2)), res2former),
+    "res2former, published width": (lambda frames: Res2former(96, (1, 1)), res2former),
     "birnat": (lambda frames: BIRNAT(frames, 16, 6), birnat),
     "revsci": (lambda frames: RevSCI(3, 16), revsci),
     "revsci, published width": (lambda frames: RevSCI(1), revsci),
@@ -35,6 +58,14 @@ NETWORKS: dict[str, tuple[Callable[[int], Decoder], Plain]] = {
         lambda frames: ELPUnfolding(frames, 16, 3, 5, squared=False),
         lambda state, y, mask: elp_unfolding(state, y, mask, squared=False),
     ),
+    **{
+        f"{name}, sum of M{' squared' if squared else ''}": (
+            lambda frames, kind=kind, squared=squared: kind(frames, 3, (4, 6, 8), squared),
+            partial(plain, squared=squared),
+        )
+        for name, kind, plain in (("gap_net", GAPNet, gap_net), ("admm_net", ADMMNet, admm_net))
+        for squared in (False, True)
+    },
 }
 
 
@@ -53,14 +84,15 @@ def test_every_stage_is_the_same(name: str, kind: str, monkeypatch: pytest.Monke
     build, plain = NETWORKS[name]
     decoder = build(frames)
     for parameter in decoder.parameters():
-        # penalties stay positive, gains leave their 0
-        parameter += 0.3 * torch.rand_like(parameter) if parameter.numel() == 1 else 0.05 * torch.randn_like(parameter)
+        # penalties stay positive, gains leave their 0, and sums over many inputs do not grow with their number
+        one = parameter.numel() == 1
+        parameter += 0.3 * torch.rand(1) if one else 0.5 * torch.randn_like(parameter) / parameter[0].numel() ** 0.5
     if kind == "binary":
         mask = (torch.rand(frames, height, width) < 0.5).float()
         mask[:, 2, 3] = 0  # a pixel that never opens
     else:
         mask = structural(frames, height, width)
     measurement = (mask * torch.rand(2, frames, height, width)).sum(1)
-    expected = plain(decoder.state_dict(), measurement, mask)
+    expected = plain(as_published(decoder), measurement, mask)
     for found, stage in zip(decoder.stages(measurement, mask), expected, strict=True):
         torch.testing.assert_close(found, stage, rtol=0, atol=1e-5 * float(stage.abs().max()))

@@ -10,7 +10,7 @@ from torch.nn.functional import interpolate
 
 from sci_lightning.decoder import ADMM, GAP
 from sci_lightning.decoder.data_step import snapshot
-from sci_lightning.decoder.denoiser import Denoiser, TotalVariation
+from sci_lightning.decoder.denoiser import WNNM, Denoiser, TotalVariation
 from sci_lightning.decoder.initial_estimate import mean_video
 from sci_lightning.decoder.iterative import Iterative
 from sci_lightning.errors import BadInput
@@ -79,6 +79,43 @@ def test_stops_by_residual(algorithm: type[Iterative]) -> None:
 
     (early, rough), (all_of_them, _) = reached(0.02), reached(None)
     assert 0 < early < all_of_them == 30 and rough < 0.02
+
+
+@BOTH
+def test_watched(algorithm: type[Iterative]) -> None:
+    video, mask = smooth_scene(), (torch.rand(4, 24, 24) < 0.5).float()
+    measurement, told = snapshot(video, mask), []
+    decoder = algorithm(TotalVariation(), [0.05], [3])
+    decoder.watch = told.append
+    estimate = decoder(measurement, mask)
+    assert [(each.number, each.of) for each in told] == [(1, 3), (2, 3), (3, 3)]
+    worst = (measurement - snapshot(estimate, mask)).square().mean((1, 2)).sqrt().max()
+    assert told[-1].residual == pytest.approx(float(worst))
+    assert str(told[-1]) == f"iteration 3 of 3, residual {worst:.4f}"
+
+
+@BOTH
+def test_starts_from_another(algorithm: type[Iterative]) -> None:
+    mask, measurement = (torch.rand(4, 24, 24) < 0.5).float(), torch.rand(2, 24, 24)
+    first = GAP(TotalVariation(), [0.05], [5])
+    given: list[torch.Tensor] = []
+    started = algorithm(Count(), [0.1], [1], start=first)
+    started.denoiser.register_forward_pre_hook(lambda _, inputs: given.append(inputs[0]))
+    started(measurement, mask)
+    algorithm(started.denoiser, [0.1], [1])(measurement, mask)
+    from_first, from_mean = given
+    assert not torch.equal(from_first, from_mean)
+    close = (from_first - first(measurement, mask)).square().mean()
+    assert close < (from_mean - first(measurement, mask)).square().mean()
+
+
+@BOTH
+def test_every_call_starts_afresh(algorithm: type[Iterative]) -> None:
+    mask, (one, other) = (torch.rand(4, 16, 16) < 0.5).float(), torch.rand(2, 1, 16, 16)
+    decoder = algorithm(WNNM(patch=4, step=2, neighbours=6, every=5), [0.1], [3])
+    expected = decoder(one, mask)
+    decoder(other, mask)
+    assert torch.equal(decoder(one, mask), expected)
 
 
 @BOTH

@@ -10,10 +10,10 @@ from torch.multiprocessing.reductions import StorageWeakRef
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves
 
-from sci_lightning.decoder import RevSCI
+from sci_lightning.decoder import Decoder, RevSCI
 
 
-def gradients(decoder: RevSCI, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
+def gradients(decoder: Decoder, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
     """Of the measurement, the mask and every parameter."""
     inputs = [measurement.clone().requires_grad_(), mask.clone().requires_grad_()]
     loss = (decoder(*inputs) - 0.5).square().mean()

@@ -76,3 +76,47 @@ def test_refusals(captures: Captures, trained: Any, ran: Run, refused: Run) -> N
     assert "shows the encoder's mask" in refused("evaluate", *TEST, "encoder=rsw_sr")
     line = refused("evaluate", *TEST, "encoder=rsw_sr", "size=[16,16]")
     assert "captures of 4 x 32 x 32, the mask is 4 x 16 x 16" in line
+
+
+CAMERA = """
+_target_: sci_lightning.encoder.Encoder
+mask: {_target_: sci_lightning.encoder.mask.Measured, file: patterns.npy}
+sensor: {_target_: sci_lightning.encoder.sensor.ClipQuantise, bit_depth: 8}
+aperture: 0.5
+effects:
+  shift: {_target_: sci_lightning.encoder.effects.MaskShift, dx: 0.61, dy: -0.35}
+  black: {_target_: sci_lightning.encoder.effects.BlackLevel, offset: 0.1}
+"""
+
+
+def test_a_camera_that_is_known(captures: Captures, ran: Run, refused: Run, tmp_path: Path) -> None:
+    """A decoder without training, told what is wrong with the camera: of captures, of simulated scenes, of a file."""
+    (tmp_path / "found").mkdir()
+    (tmp_path / "found" / "encoder.yaml").write_text(CAMERA)
+    (tmp_path / "patterns.npy").rename(tmp_path / "found" / "patterns.npy")
+    told = ["encoder=rbw_osr", "encoder/mask=measured", "encoder.mask.file=found/patterns.npy"]
+    known = "decoder.camera=found/encoder.yaml"
+    decoder = ["decoder=gap_tv", "decoder.iterations=[20]", "frames=4", "size=[32,32]"]
+
+    def score(*overrides: str) -> float:
+        ran("evaluate", *decoder, *TEST[2:], *overrides, "out=run")
+        return float(json.loads((tmp_path / "run" / "metrics.json").read_text())["mean"]["psnr"])
+
+    taken = score("captures=lab.h5", known)
+    assert taken > score("captures=lab.h5", *told) + 3
+    assert taken == score("captures=lab.h5", "encoder=found/encoder.yaml")
+    scene = ["data=synthetic", "data.scenes_count=1"]
+    taken_for_ideal = score(*scene, "encoder=found/encoder.yaml", "decoder.camera=rbw_osr")
+    assert score(*scene, "encoder=found/encoder.yaml", known) > taken_for_ideal + 3
+
+    np.save(tmp_path / "snapshot.npy", captures.measurement[-1] / np.float32(255))
+    truth = captures.scene[-1]
+
+    def error(*overrides: str) -> float:
+        ran("reconstruct", *decoder, "measurement=snapshot.npy", "device=cpu", *overrides, "out=run")
+        return float(np.square(np.load(tmp_path / "run" / "reconstruction.npy")[0] - truth).mean())
+
+    assert error(known) < 0.5 * error(*told, "aperture=0.5")
+    assert "nowhere.yaml: no such encoder file" in refused("evaluate", *decoder, "decoder.camera=nowhere.yaml")
+    (tmp_path / "found" / "encoder.yaml").write_text("_target_: os.system")
+    assert "os.system" in refused("evaluate", *decoder, "captures=lab.h5", known)

@@ -8,6 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
+
+from sci_lightning.decoder.denoiser import FFDNet
 
 Run = Callable[..., str]
 SHORT = ["decoder.iterations=[3]", "frames=4", "size=[32,32]"]
@@ -79,3 +82,30 @@ def test_a_denoiser_is_trained_by_itself(ran: Run, refused: Run, tmp_path: Path)
     assert otherwise["mean"]["psnr"] != as_trained["mean"]["psnr"]
     assert "does not fit decoder=pnp_ffdnet as configured" in refused("evaluate", trained, "decoder=pnp_ffdnet", *SCENE)
     assert "E2ECNN has no denoiser" in refused("train", "system=denoiser", "decoder=e2e_cnn", *SHORT[1:])
+
+
+def test_weights_that_are_none_of_the_denoiser(refused: Run, tmp_path: Path) -> None:
+    small = ["decoder=pnp_ffdnet", "decoder.denoiser.channels=8", "decoder.denoiser.layers=4"]
+    state = FFDNet(8, 4).state_dict()
+    theirs = {key.replace("net.", "intermediate_dncnn.itermediate_dncnn.", 1): value for key, value in state.items()}
+
+    def line(name: str, weights: dict[str, torch.Tensor]) -> str:
+        torch.save(weights, tmp_path / name)
+        told = refused("convert", f"checkpoint={name}", *small, "out=out.ckpt")
+        assert name in told and not (tmp_path / "out.ckpt").exists()
+        return told
+
+    last = "intermediate_dncnn.itermediate_dncnn.8.weight"
+    less = {key: value for key, value in theirs.items() if key != last}
+    assert f"'{last}' ('denoiser.net.8.weight' here) is missing" in line("less.pth", less)
+    assert "has no place" in line("more.pth", {**theirs, "head.weight": torch.ones(2)})
+    assert "set frames= and decoder.*" in line("wide.pth", {**theirs, last: torch.ones(4, 9, 3, 3)})
+    torch.save(theirs, tmp_path / "good.pth")
+    assert "has no place in GAP" in refused("convert", "checkpoint=good.pth", "decoder=gap_tv", "out=out.ckpt")
+
+
+def test_settings_that_do_not_converge(refused: Run, tmp_path: Path) -> None:
+    np.save(tmp_path / "snapshot.npy", np.full((32, 32), 0.5, np.float32))
+    steep = ["decoder=gap_tv", *SHORT, "decoder.strengths=[1e-40]"]
+    line = refused("reconstruct", *steep, "measurement=snapshot.npy", "device=cpu")
+    assert "GAP iteration 1 of 3: the residual became nan: stopped" in line and "decoder.strengths" in line

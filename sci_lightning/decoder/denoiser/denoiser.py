@@ -17,6 +17,9 @@ class Denoiser(nn.Module):
     published_names: ClassVar[tuple[tuple[str, str], ...]] = ()
     """As of :class:`~sci_lightning.decoder.decoder.Decoder`, of the denoiser's own keys."""
 
+    def reset(self) -> None:
+        """Forget what earlier calls left behind to go on from: other videos follow."""
+
     def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:
         """Take away noise.
 

@@ -9,7 +9,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from sci_lightning.decoder.denoiser.denoiser import Denoiser
-from sci_lightning.decoder.denoiser.fixed_norm import FixedNorm
+from sci_lightning.decoder.denoiser.fixed_norm import FixedNorm, keep_scale
 
 WINDOW = 3
 """Frames that each of the two passes looks at; five in all."""
@@ -59,7 +59,9 @@ class ThreeFrames(nn.Module):
         self.downc1 = nn.Sequential(*_convolution(half, quarter, stride=2), _pair(quarter))
         self.upc2 = nn.Sequential(_pair(quarter), _conv(quarter, 4 * half), nn.PixelShuffle(2))
         self.upc1 = nn.Sequential(_pair(half), _conv(half, 4 * full), nn.PixelShuffle(2))
-        self.outc = nn.Sequential(*_convolution(full, full), _conv(full, 1))
+        last = _conv(full, 1)
+        self.outc = nn.Sequential(*_convolution(full, full), last)
+        keep_scale(self, last)
 
     def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:
         told = torch.full_like(video, strength)

@@ -7,7 +7,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from sci_lightning.decoder.denoiser.denoiser import Denoiser
-from sci_lightning.decoder.denoiser.fixed_norm import FixedNorm
+from sci_lightning.decoder.denoiser.fixed_norm import FixedNorm, keep_scale
 
 
 class FFDNet(Denoiser):
@@ -31,7 +31,9 @@ class FFDNet(Denoiser):
         net: list[nn.Module] = [nn.Conv2d(5, channels, 3, padding=1, bias=False), nn.ReLU()]
         for _ in range(layers - 2):
             net += [nn.Conv2d(channels, channels, 3, padding=1, bias=False), FixedNorm(channels), nn.ReLU()]
-        self.net = nn.Sequential(*net, nn.Conv2d(channels, 4, 3, padding=1, bias=False))
+        last = nn.Conv2d(channels, 4, 3, padding=1, bias=False)
+        self.net = nn.Sequential(*net, last)
+        keep_scale(self, last)
 
     def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:
         n, t, height, width = video.shape

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 
 from sci_lightning.diagnosis.camera_model import Prediction
@@ -38,4 +40,4 @@ def predict_ahead(fitter: Fitter, fit: Fit) -> Prediction:
         weighted = jacobian[n] * score.weight[n][..., None]
         information = information + weighted[..., None] * jacobian[n][..., None, :]
         pull = pull + jacobian[n] * score.slope[n][..., None] + weighted * (jacobian[n] * values).sum(-1, keepdim=True)
-    return Prediction(mean, variance.sqrt(), prediction.bits)
+    return replace(prediction, mean=mean, deviation=variance.sqrt())

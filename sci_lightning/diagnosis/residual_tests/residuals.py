@@ -51,7 +51,7 @@ class Residuals:
         prediction = predict_ahead(fitter, fit)
         random = torch.Generator().manual_seed(seed)
         intervals = fitter.intervals(prediction.bits)
-        raw = quantile_residuals(intervals, prediction.mean, prediction.deviation, random)
+        raw = quantile_residuals(intervals, prediction.mean, prediction.deviation, random, prediction.ceiling)
         return Residuals(fitter, fit, raw, prediction, seed)
 
     @property

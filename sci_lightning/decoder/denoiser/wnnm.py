@@ -1,0 +1,120 @@
+"""Weighted nuclear norm minimisation: patches that look alike, stacked, have low rank."""
+
+from __future__ import annotations
+
+import torch
+from torch.nn import functional as F
+
+from sci_lightning.decoder.denoiser.denoiser import Denoiser
+from sci_lightning.errors import BadInput
+
+FAR = 1e3
+"""Stands beyond the border: no patch that holds it is near any other."""
+
+
+class WNNM(Denoiser):
+    """Groups of similar patches from all frames, each drawn to low rank, and averaged where they overlap.
+
+    Of a group's m patches the mean is set aside. A singular value s of the rest becomes the s' = s - C / s' that is
+    nearest to it, (s + sqrt(s^2 - 4 C)) / 2 with C = 2 weight sqrt(m) strength^2, and 0 where that is not real: the
+    larger, the less it is shrunk. Sides are replicated to the grid of patches inside. No gradients flow through it.
+
+    Args:
+        patch: side in pixels; of a smaller frame, its side.
+        step: pixels from one group's patch to the next one's.
+        reach: how far in rows and columns similar patches are looked for; in time in all frames.
+        neighbours: patches of a group, itself among them.
+        every: calls for which a search serves; :meth:`reset` ends it early.
+        weight: of the nuclear norm; around 2.8 the strength is the standard deviation of the noise.
+
+    Raises:
+        BadInput: a number below 1 (reach: below 0), a step beyond the patch, a weight that is not positive.
+
+    Source: Gu, Xie, Meng, Zuo, Feng and Zhang, "Weighted nuclear norm minimization and its applications to low level
+    vision", IJCV 2017; for video SCI: Liu, Yuan, Suo, Brady and Dai, "Rank minimization for snapshot compressive
+    imaging", TPAMI 2019.
+    """
+
+    def __init__(
+        self, patch: int = 8, step: int = 5, reach: int = 7, neighbours: int = 20, every: int = 8, weight: float = 2.8
+    ) -> None:
+        super().__init__()
+        for name, value, least in (
+            ("patch", patch, 1),
+            ("step", step, 1),
+            ("reach", reach, 0),
+            ("neighbours", neighbours, 1),
+            ("every", every, 1),
+        ):
+            if value < least:
+                raise BadInput(f"decoder.denoiser.{name}={value}: must be at least {least}")
+        if step > patch:
+            raise BadInput(f"decoder.denoiser.step={step}: must be at most patch={patch}, or pixels are left out")
+        if not weight > 0:
+            raise BadInput(f"decoder.denoiser.weight={weight}: must be positive")
+        self.patch, self.step, self.reach, self.neighbours = patch, step, reach, neighbours
+        self.every, self.weight = every, weight
+        self.reset()
+
+    def reset(self) -> None:
+        self._groups: list[torch.Tensor] = []
+        self._calls = 0
+
+    @torch.no_grad()
+    def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:
+        """Denoise; ``strength`` is the standard deviation of the noise, in units of the video."""
+        height, width = video.shape[-2:]
+        patch = min(self.patch, height, width)
+        step = min(self.step, patch)
+        full = F.pad(video, (0, (patch - width) % step, 0, (patch - height) % step), mode="replicate")
+        if self._calls % self.every == 0:
+            self._groups = [self._similar(frames, patch, step) for frames in full]
+        self._calls += 1
+        found = [self._low_rank(*each, patch, strength) for each in zip(full, self._groups, strict=True)]
+        return torch.stack(found)[..., :height, :width]
+
+    def _similar(self, frames: torch.Tensor, patch: int, step: int) -> torch.Tensor:
+        """Where the nearest patches start, ``(T, groups, m)``: number of the place among all of ``frames``' patches."""
+        t, height, width = frames.shape
+        rows, columns = height - patch + 1, width - patch + 1
+        reach = self.reach
+        around = F.pad(frames, (reach,) * 4, value=FAR)
+        offsets = [(dy, dx) for dy in range(-reach, reach + 1) for dx in range(-reach, reach + 1)]
+        moves = torch.tensor([dy * columns + dx for dy, dx in offsets], device=frames.device)
+        moves = (moves[:, None] + rows * columns * torch.arange(t, device=frames.device)).flatten()
+        start = torch.arange(rows * columns, device=frames.device).view(rows, columns)[::step, ::step].flatten()
+        groups = []
+        for number, frame in enumerate(frames):
+            windows = (around[:, reach + dy :, reach + dx :][:, :height, :width] for dy, dx in offsets)
+            far = torch.stack([F.avg_pool2d((each - frame).square_(), patch, step) for each in windows])
+            far[len(offsets) // 2, number] = -1  # itself, whatever else is as near
+            nearest = far.flatten(0, 1).flatten(1).topk(min(self.neighbours, len(moves)), 0, largest=False)
+            # where a small frame has too few patches, the group's own takes the place of those beyond the border
+            places = torch.where(
+                nearest.values < FAR, start + moves[nearest.indices], start + moves[nearest.indices[0]]
+            )
+            groups.append(places.T)
+        return torch.stack(groups)
+
+    def _low_rank(self, frames: torch.Tensor, groups: torch.Tensor, patch: int, strength: float) -> torch.Tensor:
+        height, width = frames.shape[1:]
+        patches = F.unfold(frames[:, None], patch).transpose(1, 2).flatten(0, 1)  # (places, pixels)
+        total, count = torch.zeros_like(patches), patches.new_zeros(len(patches), 1)
+        for group in groups:
+            stack = patches[group]  # (groups, m, pixels)
+            total.index_add_(0, group.flatten(), self._shrink(stack, strength).flatten(0, 1))
+            count.index_add_(0, group.flatten(), count.new_ones(group.numel(), 1))
+        t = len(frames)
+        layers = torch.stack([total, count.expand_as(total)]).view(2 * t, -1, patches.shape[1]).transpose(1, 2)
+        summed, counted = F.fold(layers, (height, width), patch).view(2, t, height, width)
+        return summed / counted
+
+    def _shrink(self, stack: torch.Tensor, strength: float) -> torch.Tensor:
+        mean = stack.mean(1, keepdim=True)
+        rest = stack - mean
+        square, basis = torch.linalg.eigh(rest @ rest.mT)  # of m x m: less than the singular vectors of m x pixels
+        c = 2 * self.weight * stack.shape[1] ** 0.5 * strength**2
+        value = square.clamp(min=0).sqrt()
+        kept = torch.where(square > 4 * c, (value + (square - 4 * c).clamp(min=0).sqrt()) / 2, 0)
+        share = kept / value.clamp(min=1e-12)
+        return mean + (basis * share[:, None]) @ (basis.mT @ rest)

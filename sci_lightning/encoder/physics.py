@@ -1,0 +1,46 @@
+"""The encoder as a physics object of deepinv, whose solvers then reconstruct its snapshots."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+
+from sci_lightning.errors import BadInput
+
+
+def deepinv_physics(transmittance: torch.Tensor, aperture: float) -> Any:
+    """deepinv's ``LinearPhysics`` of y = a * sum over t of M_t x_t: A, A_adjoint and A_dagger in closed form.
+
+    To deepinv the T frames are channels, and so is the one snapshot: x ``(N, T, H, W)``, y ``(N, 1, H, W)``.
+
+    Args:
+        transmittance: M, ``(T, H, W)``, in whole pixels.
+        aperture: a.
+
+    Raises:
+        BadInput: deepinv is not installed.
+    """
+    try:
+        from deepinv.physics import LinearPhysics
+    except ImportError as error:
+        raise BadInput("encoder.as_deepinv() needs deepinv: pip install 'sci-lightning[deepinv]'") from error
+
+    class Snapshot(LinearPhysics):  # here, as its base may not be installed
+        def __init__(self) -> None:
+            super().__init__(img_size=tuple(transmittance.shape))
+            self.register_buffer("mask", aperture * transmittance)
+            power = self.mask.square().sum(0)
+            self.register_buffer("inverse", torch.where(power > 0, self.mask / power, 0))
+
+        def A(self, x: torch.Tensor, **_: Any) -> torch.Tensor:
+            return (self.mask * x).sum(1, keepdim=True)
+
+        def A_adjoint(self, y: torch.Tensor, **_: Any) -> torch.Tensor:
+            return self.mask * y
+
+        def A_dagger(self, y: torch.Tensor, **_: Any) -> torch.Tensor:
+            """The video of least norm that explains y; 0 where no slot opens."""
+            return self.inverse * y
+
+    return Snapshot()

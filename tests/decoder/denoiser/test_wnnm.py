@@ -1,0 +1,90 @@
+"""Weighted nuclear norm minimisation: the shrinkage against its definition, the search against a plain one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import torch
+from torch.nn.functional import interpolate
+
+from sci_lightning.decoder.denoiser import WNNM
+from sci_lightning.errors import BadInput
+
+
+def test_the_shrinkage_solves_its_equation() -> None:
+    """Every singular value kept is s' = s - C / s', the least s of those is 2 sqrt(C), the singular vectors stay."""
+    denoiser, strength = WNNM(weight=0.5), 0.1
+    stack = torch.rand(3, 12, 30, dtype=torch.float64)
+    mean = stack.mean(1, keepdim=True)
+    before, after = stack - mean, denoiser._shrink(stack, strength) - mean
+    c = 2 * 0.5 * 12**0.5 * strength**2
+    for one, other in zip(before, after, strict=True):
+        left, s, right = torch.linalg.svd(one, full_matrices=False)
+        shrunk = torch.diagonal(left.T @ other @ right.T)
+        torch.testing.assert_close(left @ shrunk.diag() @ right, other)
+        kept = s > 2 * c**0.5
+        assert 0 < kept.sum() < len(s)
+        torch.testing.assert_close(shrunk[kept], s[kept] - c / shrunk[kept])
+        assert shrunk[~kept].abs().max() < 1e-9
+
+
+def test_the_nearest_patches_are_found() -> None:
+    denoiser = WNNM(patch=3, step=2, reach=2, neighbours=5)
+    frames = torch.rand(3, 9, 11)
+    places = [(t, y, x) for t in range(3) for y in range(7) for x in range(9)]
+    patches = torch.stack([frames[t, y : y + 3, x : x + 3].flatten() for t, y, x in places])
+    groups = denoiser._similar(frames, 3, 2)
+    assert groups.shape == (3, 4 * 5, 5)
+    starts = [(y, x) for y in range(0, 7, 2) for x in range(0, 9, 2)]
+    for t, frame in enumerate(groups):
+        for (top, left), group in zip(starts, frame.tolist(), strict=True):
+            near = [n for n, (_, y, x) in enumerate(places) if abs(y - top) <= 2 and abs(x - left) <= 2]
+            distance = (patches[near] - patches[places.index((t, top, left))]).square().sum(1)
+            assert set(group) == {near[n] for n in distance.argsort()[:5].tolist()}
+
+
+def test_noise_goes() -> None:
+    clean = interpolate(torch.rand(1, 4, 4, 4), (30, 33), mode="bilinear")
+    noisy = clean + 0.1 * torch.randn(clean.shape)
+    found = WNNM()(noisy, 0.1)
+    assert found.shape == clean.shape
+    assert (found - clean).square().mean() < 0.3 * (noisy - clean).square().mean()
+    still = torch.full((1, 2, 12, 12), 0.5)
+    torch.testing.assert_close(WNNM()(still, 0.1), still)
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 3, 5), (2, 2, 8, 8), (1, 3, 9, 20)])
+def test_small_frames(shape: tuple[int, ...]) -> None:
+    """Frames below the patch's side, and with fewer patches than a group has."""
+    video = torch.rand(shape)
+    found = WNNM(reach=1, neighbours=40)(video, 0.05)
+    assert found.shape == video.shape and torch.isfinite(found).all()
+    assert found.min() > -0.5 and found.max() < 1.5
+
+
+def test_a_search_serves_for_several_calls() -> None:
+    video, other = torch.rand(2, 1, 3, 12, 12)
+    denoiser = WNNM(patch=4, step=2, every=2, neighbours=4)
+    denoiser(video, 0.1)
+    second = denoiser(other, 0.1)
+    third = denoiser(other, 0.1)
+    assert not torch.equal(second, third)  # of groups of the first video's patches, and of its own
+    denoiser.reset()
+    assert torch.equal(denoiser(other, 0.1), third)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"patch": 0}, "decoder.denoiser.patch=0: must be at least 1"),
+        ({"neighbours": 0}, "decoder.denoiser.neighbours=0: must be at least 1"),
+        ({"every": 0}, "decoder.denoiser.every=0: must be at least 1"),
+        ({"reach": -1}, "decoder.denoiser.reach=-1: must be at least 0"),
+        ({"patch": 4, "step": 5}, "decoder.denoiser.step=5: must be at most patch=4"),
+        ({"weight": 0}, "decoder.denoiser.weight=0: must be positive"),
+    ],
+)
+def test_settings_that_are_refused(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(BadInput, match=message):
+        WNNM(**settings)

@@ -1,0 +1,54 @@
+"""The encoder as deepinv's physics."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+import torch
+
+from sci_lightning.encoder import Encoder
+from sci_lightning.encoder.effects import MaskShift
+from sci_lightning.encoder.mask import RandomBinary
+from sci_lightning.encoder.sensor import Ideal
+from sci_lightning.errors import BadInput
+
+
+def encoder() -> Encoder:
+    return Encoder(RandomBinary(5, (16, 18), seed=1), Ideal(), aperture=0.5, effects=[MaskShift(dx=0.4, dy=-0.3)])
+
+
+def test_without_deepinv(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "deepinv.physics", None)
+    with pytest.raises(BadInput, match=r"needs deepinv: pip install 'sci-lightning\[deepinv\]'"):
+        encoder().as_deepinv()
+
+
+def test_is_the_encoder() -> None:
+    pytest.importorskip("deepinv", reason="deepinv is not installed: pip install 'sci-lightning[deepinv]'")
+    camera, video = encoder(), torch.rand(2, 5, 16, 18)
+    physics = camera.as_deepinv()
+    measurement = camera(video)[:, None]
+    torch.testing.assert_close(physics.A(video), measurement)
+    assert physics.adjointness_test(video, num_samples=8) < 1e-5
+    least = physics.A_dagger(measurement)
+    torch.testing.assert_close(physics.A(least), measurement)
+
+
+def test_solvers() -> None:
+    """Conjugate gradients find the closed form; a plug-and-play loop of deepinv's beats it."""
+    pytest.importorskip("deepinv", reason="deepinv is not installed: pip install 'sci-lightning[deepinv]'")
+    from deepinv.models import TVDenoiser
+    from deepinv.optim import L2, PGD, PnP
+    from deepinv.physics import LinearPhysics
+
+    physics = encoder().as_deepinv()
+    video = torch.nn.functional.interpolate(torch.rand(1, 5, 3, 3), (16, 18), mode="bilinear")
+    measurement = physics.A(video)
+    least = physics.A_dagger(measurement)
+    found = LinearPhysics.A_dagger(physics, measurement, solver="CG", max_iter=50, tol=1e-6)
+    torch.testing.assert_close(found, least, rtol=0, atol=1e-3)
+    step = float(1 / physics.mask.square().sum(0).max())
+    settings = {"stepsize": step, "sigma_denoiser": 0.05, "max_iter": 40}
+    estimate = PGD(data_fidelity=L2(), prior=PnP(TVDenoiser(n_it_max=10)), **settings)(measurement, physics)
+    assert (estimate - video).square().mean() < 0.5 * (least - video).square().mean()
