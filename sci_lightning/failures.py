@@ -12,7 +12,7 @@ from uuid import uuid4
 from hydra.core.hydra_config import HydraConfig
 from hydra.experimental.callback import Callback
 from hydra.types import RunMode
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
 from sci_lightning.atomic_file import whole_file
 
@@ -49,7 +49,7 @@ class Failures:
     def add(self, line: str, status: int) -> None:
         """Note that the present run failed, or the command itself if no run is going on."""
         hydra = HydraConfig.get() if HydraConfig.initialized() else None
-        if hydra is None or hydra.mode is not RunMode.MULTIRUN or "num" not in hydra.job:
+        if hydra is None or hydra.mode is not RunMode.MULTIRUN or OmegaConf.is_missing(hydra.job, "num"):
             self.here.append(Failure(line, status))
             return
         failure = Failure(line, status, " ".join(hydra.overrides.task))
