@@ -1,5 +1,6 @@
 # make train: set up and run the quickstart; make diagnose: hide an effect, find it; make test: set up and run the tests;
-# make tables: train every row of the paper's tables, reduced for two cores (hours); make smoke-tables: minutes, no figures
+# make tables: train every row of the paper's tables, reduced for two cores (hours); make smoke-tables: minutes, no figures;
+# make gpu-tables: the rows that matter most, full networks, half an hour each on one GPU
 PYTHON ?= python3
 SEED   ?= 5
 WITH   ?=
@@ -7,7 +8,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/ready
 
-.PHONY: train diagnose tables smoke-tables test lint clean
+.PHONY: train diagnose tables smoke-tables gpu-tables test lint clean
 
 train: $(READY)
 	$(BIN)/python -m sci_lightning.train experiment=quickstart
@@ -22,9 +23,13 @@ diagnose: $(READY)
 # a row that fails stops neither the others nor the tables; WITH='data=folder data.root=CLIPS' adds overrides
 tables: SCALE := small
 smoke-tables: SCALE := smoke
-tables smoke-tables: $(READY)
-	failed=0; for table in table2 table3 table4 table5; do \
-	  $(BIN)/python -m sci_lightning.train -m experiment=$$table scale=$(SCALE) $(WITH) || failed=1; done; \
+gpu-tables: SCALE := gpu30
+tables smoke-tables: ROWS := table2 table3 table4 table5
+gpu-tables: ROWS := 'table2 decoder=e2e_cnn' 'table3 decoder=e2e_cnn' 'table4 decoder=e2e_cnn,res2former' \
+  'table5 encoder=rsw_sr encoder.mask.bits=4'
+tables smoke-tables gpu-tables: $(READY)
+	failed=0; for rows in $(ROWS); do \
+	  $(BIN)/python -m sci_lightning.train -m experiment=$$rows scale=$(SCALE) $(WITH) || failed=1; done; \
 	$(BIN)/python -m sci_lightning.tables runs=outputs/sweep/$(SCALE) out=outputs/tables/$(SCALE) && exit $$failed
 
 test: $(READY) lint

@@ -18,6 +18,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from sci_lightning.encoder_file import PLACES, adopt_encoder_files
 from sci_lightning.errors import BadInput
+from sci_lightning.failures import Failures
 from sci_lightning.trust import check_targets
 
 PACKAGE = Path(__file__).parent
@@ -33,13 +34,13 @@ def run(name: str, task: Task) -> None:
     The task finds its output folder in ``cfg.out``; a command that writes one file (``hydra/output: file``) finds that
     file there. Bad input ends the process with one line and status 2, anything unforeseen with one line and status 1;
     ``debug=true`` or ``HYDRA_FULL_ERROR=1`` show the traceback instead. In a multirun the remaining jobs go on and the
-    failures are listed at the end.
+    failures are listed at the end, whichever launcher runs them.
 
     ``encoder=`` and ``decoder.camera=`` take the path of a YAML file as well, which may name modules of this project
     and of ``trusted`` ones.
     """
     debug = os.environ.get("HYDRA_FULL_ERROR") == "1" or "debug=true" in sys.argv
-    failures: list[tuple[str, Exception]] = []
+    failures = Failures()
     told = sys.argv
     files: dict[str, Path] = {}
 
@@ -58,7 +59,7 @@ def run(name: str, task: Task) -> None:
         except Exception as error:
             if debug:
                 raise
-            failures.append((" ".join(HydraConfig.get().overrides.task), error))
+            failures.add(one_line(error), _status(error))
             return None
 
     try:
@@ -71,15 +72,15 @@ def run(name: str, task: Task) -> None:
     except Exception as error:
         if debug:
             raise
-        failures.append(("", error))
+        failures.add(one_line(error), _status(error))
     finally:
         sys.argv = told
         os.environ["HYDRA_FULL_ERROR"] = "1" if debug else "0"
-    for overrides, failure in failures:
-        print(f"error: {f'[{overrides}] ' if len(failures) > 1 else ''}{one_line(failure)}", file=sys.stderr)
-    if failures:
-        expected = (BadInput, HydraException, OmegaConfBaseException, OSError)
-        sys.exit(2 if all(isinstance(root_cause(failure), expected) for _, failure in failures) else 1)
+    found = failures.all()
+    for failure in found:
+        print(f"error: {failure}", file=sys.stderr)
+    if found:
+        sys.exit(min(failure.status for failure in found))
 
 
 def chosen(group: str) -> str:
@@ -129,6 +130,12 @@ def one_line(error: BaseException) -> str:
     if isinstance(cause, OSError) and cause.strerror:
         return f"{cause.filename}: {cause.strerror.lower()}" if cause.filename else cause.strerror
     return f"{type(cause).__name__}: {text} (unforeseen; debug=true shows where)"
+
+
+def _status(error: BaseException) -> int:
+    """The exit status: 2 for bad input, 1 for what is unforeseen."""
+    expected = (BadInput, HydraException, OmegaConfBaseException, OSError)
+    return 2 if isinstance(root_cause(error), expected) else 1
 
 
 def _quieten() -> None:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import torch
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from sci_lightning.atomic_file import whole_file
 
 MOST_FRAMES = 8
 """Longer videos show this many frames, evenly chosen."""
@@ -25,9 +29,9 @@ def mask_figure(mask: torch.Tensor, bits: int | None = None) -> Figure:
     top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=[1, 1.5])[:, 0]
     brightest = max(values.max(), 1e-6)
     for axes, slot in zip(top.subplots(1, len(slots), squeeze=False)[0], slots, strict=True):
-        _show(axes, values[slot], f"slot {slot + 1}", high=brightest)
+        show_picture(axes, values[slot], f"slot {slot + 1}", high=brightest)
     close, sums, histogram = bottom.subplots(1, 3, width_ratios=[1, 1, 1.6])
-    _show(close, values[0, :24, :24], "slot 1, 24 x 24 corner", high=brightest)
+    show_picture(close, values[0, :24, :24], "slot 1, 24 x 24 corner", high=brightest)
     total = values.sum(0)
     image = sums.imshow(total, cmap="viridis", vmin=min(total.min(), 0.999), vmax=max(total.max(), 1.001))
     sums.set_title("sum over time", fontsize=9)
@@ -55,16 +59,16 @@ def reconstruction_figure(
     figure = Figure(figsize=(1.55 * (len(shown) + 1), 5.2), layout="constrained")
     figure.suptitle(title)
     grid = figure.subplots(3, len(shown) + 1, squeeze=False)
-    _show(grid[0, 0], m, "measurement", high=max(1.0, m.max()))
+    show_picture(grid[0, 0], m, "measurement", high=max(1.0, m.max()))
     for axes in grid[1:, 0]:
         axes.set_axis_off()
     for label, axes in zip(("frame", "reconstruction", "error x 5"), grid[:, 1], strict=True):
         axes.text(-0.06, 0.5, label, transform=axes.transAxes, rotation=90, va="center", ha="right", fontsize=9)
     for column, frame in enumerate(shown, start=1):
         score = -10 * np.log10(max(float(np.mean((x[frame] - y[frame]) ** 2)), 1e-10))
-        _show(grid[0, column], y[frame], f"{frame + 1}")
-        _show(grid[1, column], x[frame], f"{score:.1f} dB")
-        _show(grid[2, column], 5 * error[frame], "", colours="magma")
+        show_picture(grid[0, column], y[frame], f"{frame + 1}")
+        show_picture(grid[1, column], x[frame], f"{score:.1f} dB")
+        show_picture(grid[2, column], 5 * error[frame], "", colours="magma")
     return figure
 
 
@@ -73,7 +77,14 @@ def _chosen(video: torch.Tensor) -> list[int]:
     return [int(index) for index in np.linspace(0, len(video) - 1, count).round()]
 
 
-def _show(axes: Axes, image: np.ndarray, title: str, high: float = 1.0, colours: str = "gray") -> None:
+def show_picture(axes: Axes, image: np.ndarray, title: str, high: float = 1.0, colours: str = "gray") -> None:
+    """An image ``(H, W)`` from 0 to ``high`` under its title, pixel by pixel."""
     axes.imshow(image, cmap=colours, vmin=0, vmax=high, interpolation="nearest")
     axes.set_title(title, fontsize=8)
     axes.set_axis_off()
+
+
+def write_figure(figure: Figure, path: Path) -> None:
+    """Write a PNG, whole or not at all, without margins."""
+    with whole_file(path) as temporary:
+        figure.savefig(temporary, dpi=150, bbox_inches="tight")

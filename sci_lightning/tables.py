@@ -15,14 +15,19 @@ from sci_lightning.command import PACKAGE, plain, run
 def tables(cfg: DictConfig) -> None:
     """Collect the ``metrics.json`` below ``runs``; print each table and write it as Markdown, LaTeX and PNG.
 
+    Beside them the paper's figures as PNG: quality against cost, dynamic range, mosaics of runs that left a checkpoint.
     Files that are of no use are named, one line each, and the others go on.
 
     Args:
         cfg: ``conf/tables.yaml``, composed.
     """
+    from sci_lightning.figures import write_figure
     from sci_lightning.paper_tables.claim_table import claim_table
     from sci_lightning.paper_tables.cost import costs
+    from sci_lightning.paper_tables.cost_figure import cost_figure
+    from sci_lightning.paper_tables.dynamic_range import dynamic_range_figure, dynamic_range_table, wedges
     from sci_lightning.paper_tables.encoder_table import encoder_table
+    from sci_lightning.paper_tables.mosaic import mosaics
     from sci_lightning.paper_tables.run import find_runs
     from sci_lightning.paper_tables.score_table import score_table
 
@@ -36,10 +41,20 @@ def tables(cfg: DictConfig) -> None:
     grids = [encoder_table(paper["encoders"])]
     grids += [score_table(name, table, runs, cost) for name, table in paper["tables"].items()]
     grids.append(claim_table(paper["claims"], paper["tables"], runs))
+    recorded = wedges(list(paper["encoders"]), cfg.sensor)
+    grids.append(dynamic_range_table(recorded, cfg.sensor))
     for grid in grids:
         grid.write(out)
         console.print(grid.as_table())
+    figures = {
+        "cost": cost_figure(paper["tables"]["table4"], runs, paper["decoders"]),
+        "dynamic_range_map": dynamic_range_figure(recorded),
+        **dict(mosaics(runs, cfg.mosaic) if cfg.mosaic else []),
+    }
+    for name, figure in figures.items():
+        write_figure(figure, out / f"{name}.png")
     console.print(f"[bold]{out}[/]: {', '.join(grid.name for grid in grids)} as .md, .tex and .png; {len(runs)} runs")
+    console.print(f"figures: {', '.join(figures)} as .png")
 
 
 if __name__ == "__main__":

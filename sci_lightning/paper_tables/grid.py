@@ -11,6 +11,7 @@ from rich import box
 from rich.table import Table
 
 from sci_lightning.atomic_file import whole_file
+from sci_lightning.figures import write_figure
 
 LATEX = {"\\": r"\textbackslash{}", "±": r"$\pm$", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
 
@@ -39,8 +40,7 @@ class Grid:
         for ending, text in texts.items():
             with whole_file(folder / f"{self.name}.{ending}") as temporary:
                 temporary.write_text(text, encoding="utf-8")
-        with whole_file(folder / f"{self.name}.png") as temporary:
-            self.as_figure().savefig(temporary, dpi=150, bbox_inches="tight")
+        write_figure(self.as_figure(), folder / f"{self.name}.png")
         return [folder / f"{self.name}.{ending}" for ending in (*texts, "png")]
 
     def as_table(self) -> Table:

@@ -45,6 +45,7 @@ class Run:
             name carries them.
         setting: see :class:`Setting`.
         parameters: of the decoder, which runs of one row must share as well.
+        macs: its multiply-accumulates for one measurement of the mask's size.
         seed: of the training.
         scores: mean over the scenes, by metric.
         seconds: to decode one measurement.
@@ -55,6 +56,7 @@ class Run:
     fields: Mapping[str, str | int]
     setting: Setting
     parameters: int
+    macs: int
     seed: int
     scores: Mapping[str, float]
     seconds: float
@@ -139,6 +141,7 @@ def _run(path: Path, content: Mapping[str, Any]) -> Run:
         fields=fields,
         setting=setting,
         parameters=int(content["parameters"]),
+        macs=int(content["macs"]),
         seed=int(config["seed"]),
         scores=scores,
         seconds=float(content["seconds_per_measurement"]),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -17,7 +18,7 @@ import pytest
 import torch
 import yaml
 
-from sci_lightning.command import CONF, PACKAGE
+from sci_lightning.command import CONF, PACKAGE, plain
 from tests.conftest import ROOT, members
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
@@ -42,27 +43,43 @@ def steps(folder: Path, decoder: str) -> list[int]:
     return [int(step) for name, step in lines if name == decoder]
 
 
-def test_killed_and_started_again(command: Command, tmp_path: Path) -> None:
-    sweep = [sys.executable, "-m", "sci_lightning.train", "-m", *ROWS, *QUICK, *STEPS, SLOW]
-    process = subprocess.Popen(
-        sweep,
-        cwd=tmp_path,
+def reached(folder: Path) -> int:
+    """The step of a run's last checkpoint."""
+    last = folder / "checkpoints" / "last.ckpt"
+    return int(torch.load(last, weights_only=True)["global_step"]) if last.is_file() else 0
+
+
+def started(folder: Path, *overrides: str) -> subprocess.Popen[bytes]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "sci_lightning.train", "-m", *overrides],
+        cwd=folder,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
-    first, second = (tmp_path / "sweep" / "rbw_osr_1bit" / name / "seed0" for name in ("e2e_cnn", "metasci"))
-    last = second / "checkpoints" / "last.ckpt"
+
+
+def wait_for(process: subprocess.Popen[bytes], done: Callable[[], bool]) -> None:
     deadline = time.monotonic() + 200
-    while not last.is_file() or torch.load(last, weights_only=True)["global_step"] < 4:
+    while not done():
         assert time.monotonic() < deadline and process.poll() is None, "the sweep ended before it could be killed"
         time.sleep(0.01)
+
+
+def killed(process: subprocess.Popen[bytes]) -> None:
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
+
+
+def test_killed_and_started_again(command: Command, tmp_path: Path) -> None:
+    process = started(tmp_path, *ROWS, *QUICK, *STEPS, SLOW)
+    first, second = (tmp_path / "sweep" / "rbw_osr_1bit" / name / "seed0" for name in ("e2e_cnn", "metasci"))
+    wait_for(process, lambda: reached(second) >= 4)
+    killed(process)
     kept = (first / "metrics.json").stat().st_mtime_ns
     assert not (second / "metrics.json").is_file()
-    reached = torch.load(last, weights_only=True)["global_step"]
+    step = reached(second)
     before = len(steps(tmp_path, "MetaSCI"))
 
     done = command("train", "-m", *ROWS, *QUICK, *STEPS, SLOW)
@@ -70,8 +87,8 @@ def test_killed_and_started_again(command: Command, tmp_path: Path) -> None:
     assert "finished before, kept" in done.stdout
     assert (first / "metrics.json").stat().st_mtime_ns == kept
     assert steps(tmp_path, "E2ECNN") == list(range(10))
-    assert steps(tmp_path, "MetaSCI")[before:] == list(range(reached, 10))  # goes on where the checkpoint is
-    assert torch.load(last, weights_only=True)["global_step"] == 10
+    assert steps(tmp_path, "MetaSCI")[before:] == list(range(step, 10))  # goes on where the checkpoint is
+    assert reached(second) == 10
 
     for folder in (first, second):
         found = {name: json.loads((folder / name / "metrics.json").read_text()) for name in (".", "test_rbw_sr")}
@@ -83,15 +100,50 @@ def test_killed_and_started_again(command: Command, tmp_path: Path) -> None:
     assert len(rows) == 4
 
 
-def test_rows_that_fail_are_told_at_the_end(command: Command, tmp_path: Path) -> None:
+def test_killed_and_started_again_in_processes_of_joblib(command: Command, tmp_path: Path) -> None:
+    pytest.importorskip("hydra_plugins.hydra_joblib_launcher", reason="pip install sci-lightning[launchers]")
+    both = ["hydra/launcher=joblib", "hydra.launcher.n_jobs=2", *ROWS, *QUICK, *STEPS, SLOW]
+    process = started(tmp_path, *both)
+    names = {"E2ECNN": "e2e_cnn", "MetaSCI": "metasci"}
+    folders = {kind: tmp_path / "sweep" / "rbw_osr_1bit" / name / "seed0" for kind, name in names.items()}
+    wait_for(process, lambda: all(reached(folder) >= 2 for folder in folders.values()))
+    killed(process)
+    left = {kind: (reached(folder), len(steps(tmp_path, kind))) for kind, folder in folders.items()}
+    kept = [kind for kind, folder in folders.items() if (folder / "metrics.json").is_file()]
+
+    assert command("train", "-m", *both).returncode == 0
+    for kind, (step, before) in left.items():
+        again = [] if kind in kept else list(range(step, 10))  # goes on where the checkpoint is
+        assert steps(tmp_path, kind)[before:] == again
+        assert (folders[kind] / "metrics.json").is_file()
+
+
+LAUNCHERS = {"basic": None, "joblib": "hydra_joblib_launcher", "submitit_local": "hydra_submitit_launcher"}
+
+
+@pytest.mark.parametrize("launcher", LAUNCHERS)
+def test_rows_that_fail_are_told_at_the_end(launcher: str, command: Command, tmp_path: Path) -> None:
+    if module := LAUNCHERS[launcher]:
+        pytest.importorskip(f"hydra_plugins.{module}", reason="pip install sci-lightning[launchers]")
     row = ["experiment=table5", "scale=smoke", "encoder=lsw_sr", "decoder=e2e_cnn", "data.scenes_count=1", *QUICK]
-    done = command("train", "-m", *row, "encoder.mask.bits=1,9,2,0")
+    done = command("train", "-m", *row, "encoder.mask.bits=9,1,0", f"hydra/launcher={launcher}")
     assert done.returncode == 2
     last = done.stderr.splitlines()[-2:]
     assert "encoder.mask.bits=9" in last[0] and "encoder.mask.bits=0" in last[1]
     assert all(line.startswith("error: [") and "1 to 8" in line for line in last)
-    for bits, made in ((1, True), (9, False), (2, True), (0, False)):
-        assert (tmp_path / "sweep" / f"lsw_sr_{bits}bit" / "e2e_cnn" / "seed0" / "metrics.json").is_file() == made
+    for bits, made in ((9, False), (1, True), (0, False)):
+        folder = tmp_path / "sweep" / f"lsw_sr_{bits}bit" / "e2e_cnn" / "seed0"
+        assert (folder / "metrics.json").is_file() == made
+        assert (folder / ".hydra").is_dir()
+    assert not list((tmp_path / "sweep").glob(".failures*"))
+
+
+def test_one_row_that_fails_is_named(command: Command) -> None:
+    done = command("export_mask", "-m", "ckpt_path=no.ckpt,none.ckpt", "out=masks")
+    assert [line.split("]")[0] for line in done.stderr.splitlines() if line.startswith("error")] == [
+        "error: [ckpt_path=no.ckpt out=masks",
+        "error: [ckpt_path=none.ckpt out=masks",
+    ]
 
 
 @pytest.mark.parametrize("name", ["table2", "table3", "table4", "table5"])
@@ -112,3 +164,35 @@ def test_reduced_networks(scale: str, configuration: Callable[..., Any]) -> None
         full, reduced = (configuration("train", f"decoder={name}", f"scale={each}").decoder for each in ("own", scale))
         assert full.keys() == reduced.keys(), name
         assert full != reduced or not (CONF / "scale" / "decoder" / scale / f"{name}.yaml").is_file()
+
+
+def gpu_rows() -> list[str]:
+    """What ``make gpu-tables`` runs, a row each: ``experiment=table4 decoder=e2e_cnn``, .."""
+    rules = (ROOT / "Makefile").read_text().replace("\\\n", "")
+    (sweeps,) = re.findall(r"^gpu-tables: ROWS := (.*)$", rules, re.MULTILINE)
+    rows = []
+    for sweep in re.findall(r"'(.*?)'", sweeps):
+        *told, choice = f"experiment={sweep}".split()
+        key, _, values = choice.partition("=")
+        rows += [" ".join([*told, f"{key}={value}"]) for value in values.split(",")]
+    return rows
+
+
+@pytest.mark.parametrize("row", gpu_rows())
+def test_rows_of_one_gpu(row: str, configuration: Callable[..., Any]) -> None:
+    """Full networks at the paper's size, in bf16, within half an hour."""
+    cfg = plain(configuration("train", *row.split(), "scale=gpu30", "data.root=DAVIS", "out=RUN"))
+    decoder = re.findall(r"decoder=(\w+)", row) or ["res2former"]
+    assert cfg["decoder"] == plain(configuration("train", f"decoder={decoder[0]}"))["decoder"]
+    assert cfg["encoder"]["mask"].get("bits", 4) == 4 and cfg["size"] == cfg["crop"] == [256, 256]
+    assert cfg["trainer"]["precision"] == "bf16-mixed" and cfg["trainer"]["max_time"]["minutes"] == 25
+
+
+def test_the_rows_that_matter_most_are_those_of_one_gpu() -> None:
+    assert gpu_rows() == [
+        "experiment=table2 decoder=e2e_cnn",
+        "experiment=table3 decoder=e2e_cnn",
+        "experiment=table4 decoder=e2e_cnn",
+        "experiment=table4 decoder=res2former",
+        "experiment=table5 encoder=rsw_sr encoder.mask.bits=4",
+    ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from tensorboard.plugins.custom_scalar.layout_pb2 import Layout
 
 from sci_lightning.checkpoint import read_checkpoint
 from tests.test_configs import clips
@@ -83,6 +85,19 @@ def test_dashboard(run: Path) -> None:
     assert "mask" in tags["images"] and any(tag.startswith("scene/") for tag in tags["images"])
     assert len(board.Images("mask")) == 2  # one after each epoch: the mask's evolution
     assert any("hparams" in tag for tag in board.summary_metadata)
+
+
+def test_rows_of_a_sweep_side_by_side(run: Path) -> None:
+    """What TensorBoard would draw: a chart's tag is an expression that has to match from the first letter on."""
+    board = EventAccumulator(str(run / "tensorboard")).Reload()
+    (event,) = board.Tensors("custom_scalars__config__")
+    layout = Layout.FromString(event.tensor_proto.string_val[0])
+    charts = {(group.title, chart.title): chart.multiline.tag for group in layout.category for chart in group.chart}
+    assert set(charts) == {("encoders", "psnr, lsw_sr"), ("bit depths", "psnr, 4bit")}
+    for (tag,) in charts.values():
+        assert [name for name in board.Tags()["scalars"] if re.match(tag, name)] == ["psnr/lsw_sr_4bit"]
+    ours, val = ([each.value for each in board.Scalars(tag)] for tag in ("psnr/lsw_sr_4bit", "val/psnr"))
+    assert ours == val
 
 
 def test_the_mask_was_learned_and_stayed_in_range(run: Path) -> None:

@@ -131,6 +131,10 @@ def test_the_command(made: Made, tmp_path: Path, ran: Callable[..., str], capsys
     fourth = (tmp_path / "out" / "table4.md").read_text()
     assert "11.02 (11.02) | 861.76 (861.76) | 0.25 (0.19)" in fourth and "0.82 (0.82) | 53.49 (53.49)" in fourth
     assert "17.70 (17.70) | 1362.51 (1362.51)" in fourth
+    for name in ("cost", "dynamic_range", "dynamic_range_map"):
+        with Image.open(tmp_path / "out" / f"{name}.png") as picture:
+            assert picture.width > 300
+    assert not list((tmp_path / "out").glob("mosaic*"))  # these runs left no checkpoint
     first = (tmp_path / "out" / "table1.md").read_text()
     assert "| lsw_sr | learned structural, 4 bits | clip quantise, 8 bits | auto | LSw/SR |" in first
 
