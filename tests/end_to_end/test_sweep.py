@@ -61,7 +61,7 @@ def started(folder: Path, *overrides: str) -> subprocess.Popen[bytes]:
 
 
 def wait_for(process: subprocess.Popen[bytes], done: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 200
+    deadline = time.monotonic() + 600
     while not done():
         assert time.monotonic() < deadline and process.poll() is None, "the sweep ended before it could be killed"
         time.sleep(0.01)

@@ -60,11 +60,11 @@ def test_an_interrupted_run_goes_on(command: Callable[..., Any], tmp_path: Path)
     pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     process = subprocess.Popen(arguments, cwd=tmp_path, env=environment, start_new_session=True, **pipes)
     cases = tmp_path / "a" / "cases"
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + 400
     while not list(cases.glob("[!.]*.json")) and time.monotonic() < deadline:
         time.sleep(0.05)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the command and to its workers
-    _, said = process.communicate(timeout=60)
+    _, said = process.communicate(timeout=120)
     assert process.returncode == 1 and said.strip() == "interrupted"
     kept = {path.name: path.stat().st_mtime_ns for path in cases.iterdir()}
     assert 1 <= len(kept) < 3 and not any(name.startswith(".") for name in kept)
