@@ -114,6 +114,11 @@ class CameraModel:
         signal = Signal(even, torch.zeros(()), exposure, 1 / self.observation.full_scale, (0, 0), self.observation.size)
         return float(behind.respond(signal).mean.median())
 
+    def blank_chart(self, name: str) -> torch.Tensor | None:
+        """The map of an effect, all 0; None for an effect without one."""
+        effect = self.known[name]
+        return torch.zeros(effect.shape(self.observation.size)) if issubclass(effect, ChartEffect) else None
+
     def path(self, hypothesis: Hypothesis) -> LightPath:
         """The hypothesis as modules."""
         effects = []

@@ -104,8 +104,9 @@ def derivative(model: CameraModel, hypothesis: Hypothesis, name: str, prediction
 
 
 def _values(model: CameraModel, hypothesis: Hypothesis, name: str) -> torch.Tensor:
-    shape = model.known[name].shape(model.observation.size)  # type: ignore[attr-defined]
-    return hypothesis.charts.get(name, torch.zeros(shape))
+    values = hypothesis.charts.get(name, model.blank_chart(name))
+    assert values is not None  # only effects with a map come here
+    return values
 
 
 def chart_of(

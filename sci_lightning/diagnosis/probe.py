@@ -62,8 +62,7 @@ class Probe:
 
     def added(self, fitter: Fitter, hypothesis: Hypothesis) -> Hypothesis:
         """The hypothesis with the probe at its start."""
-        shape = self.effect.shape(fitter.model.observation.size) if self.effect.chart else None  # type: ignore[attr-defined]
-        return hypothesis.having(self.name, self.start, None if shape is None else torch.zeros(shape))
+        return hypothesis.having(self.name, self.start, fitter.model.blank_chart(self.name))
 
 
 def probes() -> Mapping[str, type[Effect]]:

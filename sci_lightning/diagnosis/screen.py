@@ -32,9 +32,7 @@ class Candidate:
 
     def added(self, model: CameraModel, hypothesis: Hypothesis) -> Hypothesis:
         """The hypothesis with the candidate at its start, its map, if it has one, all 0."""
-        effect = model.known[self.name]
-        chart = torch.zeros(effect.shape(model.observation.size)) if effect.chart else None  # type: ignore[attr-defined]
-        return model.adding(hypothesis, self.name, self.start, chart)
+        return model.adding(hypothesis, self.name, self.start, model.blank_chart(self.name))
 
 
 def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
