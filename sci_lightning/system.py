@@ -10,6 +10,7 @@ from typing import Any
 
 import lightning as L
 import torch
+from lightning.pytorch.callbacks import Timer
 
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.initial_estimate import mean_video
@@ -49,7 +50,8 @@ class System(L.LightningModule):
         loss: ``mse`` or ``rmse``.
         stage_weights: of the losses of the decoder's last stages, in their order; the loss is their weighted sum.
             ``(1,)``: of its estimate alone. Unfolding networks have many stages, most decoders one.
-        lr: Adam's learning rate at the start; it falls to ``final_lr`` along a cosine over the whole run.
+        lr: Adam's learning rate at the start; it falls to ``final_lr`` along a cosine over the whole run: its steps, or
+            the trainer's ``max_time`` where that runs out before them.
         mask_lr: learning rate of the mask at the start (same cosine), None for ``lr``.
         compile: compile the decoder with ``torch.compile``.
         seed: of everything random in a step.
@@ -156,7 +158,11 @@ class System(L.LightningModule):
         def cosine(step: int) -> float:
             if step == 0:  # asking for the number of steps now would set up the loader before its place is restored
                 return 1.0
-            done = min(1.0, step / self.trainer.estimated_stepping_batches)  # 0 in a run without end
+            timer = next((each for each in self.trainer.callbacks if isinstance(each, Timer)), None)  # type: ignore[attr-defined]
+            left = None if timer is None else timer.time_remaining()
+            timed = 0.0 if timer is None or left is None else 1 - left / (left + timer.time_elapsed())
+            # 0 of the steps are done in a run without end
+            done = min(1.0, max(timed, step / self.trainer.estimated_stepping_batches))
             return floor + (1 - floor) * (1 + math.cos(math.pi * done)) / 2
 
         scheduler = torch.optim.lr_scheduler.LambdaLR(optimizer, cosine)

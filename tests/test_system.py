@@ -1,9 +1,14 @@
-"""The system's loss over the stages of a decoder."""
+"""The system's loss over the stages of a decoder, and its learning rate."""
 
 from __future__ import annotations
 
+import math
+from datetime import timedelta
+from types import SimpleNamespace
+
 import pytest
 import torch
+from lightning.pytorch.callbacks import Timer
 
 from sci_lightning.decoder import E2ECNN, GAPNet
 from sci_lightning.encoder import Encoder
@@ -38,6 +43,25 @@ def test_every_weighted_stage_is_trained(encoder: Encoder) -> None:
         decoder.unet2.requires_grad_(False)  # what is left is the first stage's own loss and its way through the second
         System(encoder, decoder, stage_weights=weights).training_step(video, 0).backward()
         assert decoder.unet1.conv_last.bias.grad.abs().sum() > 0  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "fraction"), [(None, 0.5), (10.0, 0.5), (75.0, (1 - math.sqrt(0.5)) / 2), (100.0, 0.0), (130.0, 0.0)]
+)
+def test_learning_rate_falls_with_the_steps_or_the_time(
+    encoder: Encoder, seconds: float | None, fraction: float
+) -> None:
+    system = System(encoder, GAPNet(4, 1, (2, 2, 2)), lr=1e-3, final_lr=1e-5)
+    timer = Timer(duration=timedelta(seconds=100))
+    timer.load_state_dict({"time_elapsed": {"train": seconds}})
+    trainer = SimpleNamespace(callbacks=[] if seconds is None else [timer], estimated_stepping_batches=4)
+    system.trainer = trainer  # type: ignore[assignment]
+    optimisers = system.configure_optimizers()
+    schedule = optimisers["lr_scheduler"]["scheduler"]
+    for _ in range(2):
+        optimisers["optimizer"].step()
+        schedule.step()
+    assert schedule.get_last_lr()[0] == pytest.approx(1e-5 + fraction * (1e-3 - 1e-5))
 
 
 def test_weights_that_do_not_fit(encoder: Encoder) -> None:

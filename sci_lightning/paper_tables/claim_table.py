@@ -11,7 +11,10 @@ from sci_lightning.paper_tables.run import Run
 from sci_lightning.paper_tables.score_table import less, partner, seeds, together
 
 HEADING = ["claim", "row", "ours (dB)", "the paper's (dB)", "verdict", "scale", "seeds"]
-NOTE = "Differences of PSNR. A verdict within the spread of the seeds, or of one seed alone, is none to rely on."
+NOTE = (
+    "Differences of PSNR. A verdict within the spread of the seeds, or of one seed alone, is none to rely on. "
+    "Not trained enough: one of the two is no better than the mean measurement in every frame."
+)
 
 
 def claim_table(claims: Sequence[Mapping[str, Any]], tables: Mapping[str, Any], runs: Sequence[Run]) -> Grid:
@@ -54,12 +57,15 @@ def _rows(ahead: Sequence[Line], behind: Sequence[Line]) -> list[list[str]]:
     paper = f"{one.paper['psnr'] - other.paper['psnr']:+.2f}"
     rows = []
     for line in ahead:
-        if line.runs and (match := partner(line, behind)):
+        match = partner(line, behind) if line.runs else None
+        if match is not None and {"psnr"} <= line.mean().keys() & match.mean().keys():
             gap = less(line.mean(), match.mean())["psnr"]
             spread = together(line.spread(), match.spread()).get("psnr")
             ours = f"{gap:+.2f}" + ("" if spread is None else f" ± {spread:.2f}")
             verdict = "reproduced" if gap > 0 else "not reproduced"
-            if spread is not None and abs(gap) < spread:
+            if not (line.learned() and match.learned()):
+                verdict = "not trained enough"
+            elif spread is not None and abs(gap) < spread:
                 verdict += ", within the spread"
             rows.append([row, ours, paper, verdict, str(line.runs[0].setting), seeds(line.runs, match.runs)])
     return rows or [[row, "", paper, "not yet run", "", ""]]

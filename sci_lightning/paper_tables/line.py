@@ -48,6 +48,15 @@ class Line:
         """The scores' standard deviations over the seeds, of at least two seeds."""
         return {key: statistics.stdev(scores) for key, scores in self.ours().items() if len(scores) > 1}
 
+    def learned(self) -> bool:
+        """Whether, by mean PSNR, the runs are better than the mean measurement in every frame is.
+
+        Behind an encoder that they were not trained with nothing is expected of them.
+        """
+        if any(run.fields["encoder"] != run.fields["test_encoder"] for run in self.runs):
+            return True
+        return self.mean()["psnr"] > statistics.fmean(run.baseline["psnr"] for run in self.runs)
+
     def _all_have(self, metric: str) -> bool:
         return bool(self.runs) and all(metric in run.scores for run in self.runs)
 

@@ -48,6 +48,7 @@ class Run:
         macs: its multiply-accumulates for one measurement of the mask's size.
         seed: of the training.
         scores: mean over the scenes, by metric.
+        baseline: the same of the mean measurement in every frame, which a trained decoder is better than.
         seconds: to decode one measurement.
         device: on which it was decoded.
     """
@@ -59,6 +60,7 @@ class Run:
     macs: int
     seed: int
     scores: Mapping[str, float]
+    baseline: Mapping[str, float]
     seconds: float
     device: str
 
@@ -135,7 +137,7 @@ def _run(path: Path, content: Mapping[str, Any]) -> Run:
         scenes=tuple(sorted(content["scenes"])),
         conventions=tuple(sorted(content.get("conventions", {}).items())),
     )
-    scores = {str(key): float(value) for key, value in content["mean"].items()}
+    scores, baseline = ({str(key): float(value) for key, value in content[of].items()} for of in ("mean", "baseline"))
     return Run(
         path=path,
         fields=fields,
@@ -144,6 +146,7 @@ def _run(path: Path, content: Mapping[str, Any]) -> Run:
         macs=int(content["macs"]),
         seed=int(config["seed"]),
         scores=scores,
+        baseline=baseline,
         seconds=float(content["seconds_per_measurement"]),
         device=str(content["device"]),
     )

@@ -31,6 +31,7 @@ def made(tmp_path: Path) -> Made:
         size: tuple[int, int] = (64, 64),
         metrics: tuple[str, ...] = ("psnr", "ssim", "qscore"),
         effects: dict[str, Any] | None = None,
+        baseline: float = 15.0,
     ) -> Path:
         mask = {"_target_": f"sci_lightning.encoder.mask.{MASKS[encoder[:3]]}", **({"bits": bits} if bits else {})}
         config = {"encoder": {"mask": mask, "effects": effects or {}}, "seed": seed, "size": size, "scale": scale}
@@ -44,6 +45,7 @@ def made(tmp_path: Path) -> Made:
             "test_encoder": test or encoder,
             "scenes": {"kobe": mean, "drop": mean},
             "mean": mean,
+            "baseline": {**mean, "psnr": baseline},
             "conventions": {"qscore": "Q of HDR-VDP-2.2.2"},
             "parameters": 1000,
             "macs": 1000,

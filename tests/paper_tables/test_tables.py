@@ -106,13 +106,30 @@ def test_claims(made: Made, tmp_path: Path) -> None:
         made(f"l1{seed}", "lsw_sr", "res2former", 20.1 + seed, bits=1, seed=seed)
     made("r2", "rsw_sr", "res2former", 22.0, bits=2)
     made("l2", "lsw_sr", "res2former", 21.0, bits=2)
+    made("r4", "rsw_sr", "res2former", 20.0, bits=4)
+    made("l4", "lsw_sr", "res2former", 23.0, bits=4, baseline=24.0)
     grid = claim_table(PAPER["claims"], TABLES, find_runs([tmp_path])[0])
     verdicts = {cells[1]: cells[2:5] for cells in grid.rows if cells[0].startswith("Learned masks are ahead of random")}
     assert verdicts["1-bit"] == ["+0.10 ± 1.00", "+0.37", "reproduced, within the spread"]
     assert verdicts["2-bit"] == ["-1.00", "+0.84", "not reproduced"]
     assert verdicts["3-bit"] == ["", "+0.99", "not yet run"]
+    assert verdicts["4-bit"] == ["+3.00", "+1.03", "not trained enough"]
     assert {cells[0] for cells in grid.rows} == {claim["claim"] for claim in PAPER["claims"]}
     assert all(float(cells[3]) > 0 for cells in grid.rows)  # the paper's own figures bear out its claims
+
+
+def test_what_a_sensor_spoils_was_trained_enough(made: Made, tmp_path: Path) -> None:
+    made("a", "rbw_osr", "e2e_cnn", 28.0, baseline=20.0)
+    made("b", "rbw_osr", "e2e_cnn", 18.0, test="rbw_sr", baseline=20.0)
+    grid = claim_table(PAPER["claims"], TABLES, find_runs([tmp_path])[0])
+    assert row(grid, "Testing with sensor response degrades what was trained without", "E2E-CNN")[4] == "reproduced"
+
+
+def test_claims_without_psnr(made: Made, tmp_path: Path) -> None:
+    made("a", "rsw_sr", "res2former", 22.0, bits=2, metrics=("ssim",))
+    made("b", "lsw_sr", "res2former", 24.0, bits=2, metrics=("ssim",))
+    grid = claim_table(PAPER["claims"], TABLES, find_runs([tmp_path])[0])
+    assert {cells[4] for cells in grid.rows} == {"not yet run"}
 
 
 def test_the_command(made: Made, tmp_path: Path, ran: Callable[..., str], capsys: pytest.CaptureFixture[str]) -> None:
