@@ -158,15 +158,20 @@ class System(L.LightningModule):
         def cosine(step: int) -> float:
             if step == 0:  # asking for the number of steps now would set up the loader before its place is restored
                 return 1.0
-            timer = next((each for each in self.trainer.callbacks if isinstance(each, Timer)), None)  # type: ignore[attr-defined]
-            left = None if timer is None else timer.time_remaining()
-            timed = 0.0 if timer is None or left is None else 1 - left / (left + timer.time_elapsed())
             # 0 of the steps are done in a run without end
-            done = min(1.0, max(timed, step / self.trainer.estimated_stepping_batches))
+            done = min(1.0, max(self._time_spent(), step / self.trainer.estimated_stepping_batches))
             return floor + (1 - floor) * (1 + math.cos(math.pi * done)) / 2
 
         scheduler = torch.optim.lr_scheduler.LambdaLR(optimizer, cosine)
         return {"optimizer": optimizer, "lr_scheduler": {"scheduler": scheduler, "interval": "step"}}
+
+    def _time_spent(self) -> float:
+        """How much of the trainer's ``max_time`` is over, 0 to 1; 0 in a run without it."""
+        for timer in self.trainer.callbacks:  # type: ignore[attr-defined]
+            if isinstance(timer, Timer) and (left := timer.time_remaining()) is not None:
+                spent = timer.time_elapsed() / max(timer.time_elapsed() + left, 1e-6)
+                return float(self.trainer.strategy.broadcast(spent))  # clocks differ, learning rates may not
+        return 0.0
 
     def on_train_batch_start(self, batch: torch.Tensor, batch_idx: int) -> None:
         self._seed_step(self.trainer.fit_loop.total_batch_idx)

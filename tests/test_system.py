@@ -54,7 +54,11 @@ def test_learning_rate_falls_with_the_steps_or_the_time(
     system = System(encoder, GAPNet(4, 1, (2, 2, 2)), lr=1e-3, final_lr=1e-5)
     timer = Timer(duration=timedelta(seconds=100))
     timer.load_state_dict({"time_elapsed": {"train": seconds}})
-    trainer = SimpleNamespace(callbacks=[] if seconds is None else [timer], estimated_stepping_batches=4)
+    trainer = SimpleNamespace(
+        callbacks=[] if seconds is None else [timer],
+        estimated_stepping_batches=4,
+        strategy=SimpleNamespace(broadcast=lambda value: value),
+    )
     system.trainer = trainer  # type: ignore[assignment]
     optimisers = system.configure_optimizers()
     schedule = optimisers["lr_scheduler"]["scheduler"]
