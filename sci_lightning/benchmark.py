@@ -20,6 +20,8 @@ SETTINGS = ("frames", "precision", "compile", "warm_up", "repeats", "budget", "p
 def benchmark(cfg: DictConfig) -> None:
     """Write ``benchmark.json`` and ``benchmark.md`` and print the table; a decoder that fails does not stop the others.
 
+    The files are there from the first decoder on, so that an interrupted benchmark keeps what it has measured.
+
     Args:
         cfg: ``conf/benchmark.yaml``, composed.
     """
@@ -55,10 +57,10 @@ def benchmark(cfg: DictConfig) -> None:
                 if len(names) == 1:
                     raise
                 found["failed"][name] = one_line(error)
+            write_json(found, out / "benchmark.json")
+            with whole_file(out / "benchmark.md") as temporary:
+                temporary.write_text(as_markdown(found))
             progress.advance(task)
-    write_json(found, out / "benchmark.json")
-    with whole_file(out / "benchmark.md") as temporary:
-        temporary.write_text(as_markdown(found))
     console.print(as_table(found))
     console.print(f"[bold]{out}[/]: benchmark.json, benchmark.md")
     if failed := found["failed"]:
