@@ -38,11 +38,15 @@ class SceneScores(nn.Module):
             metric.update(*(video[..., step // 2 :: step, :, :] for video in (estimate, truth)))
 
     def compute(self) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
-        """Scores per scene, ``{scene: {metric: value}}``, and their mean over scenes, ``{metric: value}``."""
-        scenes = {
-            name: {key: float(metric.compute()) for key, metric in self._of(scene).items()}
-            for scene, name in enumerate(self.names)
-        }
+        """Scores per scene, ``{scene: {metric: value}}``, and their mean over scenes, ``{metric: value}``.
+
+        Scenes of which no process has seen a frame are left out, as where the trainer's ``limit_val_batches`` ends early.
+        """
+        scenes = {}
+        for scene, name in enumerate(self.names):
+            found = {key: _frames_and_mean(metric) for key, metric in self._of(scene).items()}
+            if any(frames for frames, _ in found.values()):
+                scenes[name] = {key: mean for key, (_, mean) in found.items()}
         keys = next(iter(scenes.values()), {})
         return scenes, {key: sum(scene[key] for scene in scenes.values()) / len(scenes) for key in keys}
 
@@ -50,3 +54,9 @@ class SceneScores(nn.Module):
         metrics = self.scores[scene]
         assert isinstance(metrics, nn.ModuleDict)
         return {key: metric for key, metric in metrics.items() if isinstance(metric, FrameMetric)}
+
+
+def _frames_and_mean(metric: FrameMetric) -> tuple[int, float]:
+    """How many frames all processes have seen, and the mean of their scores."""
+    with metric.sync_context():
+        return int(metric.frames), float(type(metric).compute(metric))

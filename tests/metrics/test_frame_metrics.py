@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 from collections.abc import Sequence
 from copy import deepcopy
@@ -81,6 +82,16 @@ def test_scenes_count_alike_whatever_their_length() -> None:
     scenes, mean = scores.compute()
     assert scenes["short"] == {"psnr": 100.0, "ssim": pytest.approx(1.0), "qscore": 100.0}
     assert mean["psnr"] == pytest.approx((scenes["long"]["psnr"] + 100) / 2)
+
+
+def test_scenes_that_were_not_seen_are_left_out() -> None:
+    scores = SceneScores(["seen", "broken", "unseen"], {"psnr": PSNR()})
+    estimate, truth = videos()
+    scores.update(0, estimate, truth)
+    assert scores.compute() == ({"seen": {"psnr": (mean := float(psnr(estimate, truth).mean()))}}, {"psnr": mean})
+    scores.update(1, estimate * torch.nan, truth)  # is not the same as unseen
+    scenes, nothing = scores.compute()
+    assert list(scenes) == ["seen", "broken"] and math.isnan(nothing["psnr"])
 
 
 def test_metrics_that_agree_at_first_stay_apart() -> None:
