@@ -32,7 +32,7 @@ COMMANDS = [line.split(" #")[0].strip() for block in BLOCKS for line in block.re
 SIZE = ["size=[64,64]", "crop=[64,64]", "data.clips_per_epoch=2", "trainer.max_epochs=1", "trainer.accelerator=cpu"]
 DECODER = {
     "e2e_cnn": ["decoder.channels=4", "decoder.blocks=1"],
-    "pnp_ffdnet": ["decoder.denoiser.channels=4", "decoder.denoiser.layers=3", "decoder.iterations=[1,1,1,1]"],
+    "pnp_ffdnet": ["decoder.denoiser.channels=4", "decoder.denoiser.layers=3", "decoder.iterations=[1,1]"],
     "res2former": ["decoder.dim=8", "decoder.depths=[1,1]", "decoder.groups=[1,1]"],
 }
 
@@ -98,7 +98,7 @@ def reduced(arguments: list[str]) -> list[str]:
     if arguments[1] in ("sci_lightning.evaluate", "sci_lightning.reconstruct") and "decoder=" in " ".join(arguments):
         return [*arguments, "size=[64,64]", "decoder.iterations=[2]"]
     if arguments[1] != "sci_lightning.train":
-        return arguments
+        return [re.sub(r"^size=.*", "size=[64,64]", each) for each in arguments]
     if any(each.startswith("experiment=table") for each in arguments):
         kept = [each for each in arguments if not each.startswith(("scale=", "seed="))]
         kept += ["encoder=lsw_sr", "encoder.mask.bits=1,2"] if "experiment=table5" in arguments else []
