@@ -40,7 +40,7 @@ class SceneScores(nn.Module):
     def compute(self) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
         """Scores per scene, ``{scene: {metric: value}}``, and their mean over scenes, ``{metric: value}``.
 
-        Scenes of which no process has seen a frame are left out, as where the trainer's ``limit_val_batches`` ends early.
+        Scenes of which no process has seen a frame are left out, as the trainer's ``limit_val_batches`` can have it.
         """
         scenes = {}
         for scene, name in enumerate(self.names):
