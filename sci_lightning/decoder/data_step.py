@@ -7,7 +7,11 @@ import torch
 
 def snapshot(video: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
     """What the mask makes of a video: sum over t of M_t x_t, ``(N, T, H, W)`` to ``(N, H, W)``."""
-    return (mask * video).sum(1)
+    first, *others = zip(mask, video.unbind(1), strict=True)
+    total = torch.mul(*first)
+    for slot, frame in others:  # no product of the video's size in between: fresh memory costs more than the sum
+        total = torch.addcmul(total, slot, frame)
+    return total
 
 
 def data_step(video: torch.Tensor, measurement: torch.Tensor, mask: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
@@ -26,4 +30,4 @@ def data_step(video: torch.Tensor, measurement: torch.Tensor, mask: torch.Tensor
     Source: Liao, Li and Carin, "Generalized alternating projection for weighted-l2,1 minimization with applications to
     model-based compressive sensing", SIAM J. Imaging Sciences 2014.
     """
-    return video + mask * ((measurement - snapshot(video, mask)) / weight).unsqueeze(1)
+    return torch.addcmul(video, mask, ((measurement - snapshot(video, mask)) / weight).unsqueeze(1))

@@ -9,6 +9,9 @@ from sci_lightning.errors import BadInput
 
 ROWS, COLUMNS, TIME = -2, -1, -3
 
+CACHED = 2**17
+"""Pixels that a core works on at a time: its seven arrays of them fit the cache, which is half as fast again."""
+
 
 class TotalVariation(Denoiser):
     """The minimum over z of |z - x|^2 / 2 + strength * sum over all pixels of |gradient of z|.
@@ -39,7 +42,19 @@ class TotalVariation(Denoiser):
 
     @torch.no_grad()
     def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:
-        """Denoise all frames of all videos at once; ``strength`` is in units of the video, more is smoother."""
+        """Denoise all frames of all videos; ``strength`` is in units of the video, more is smoother."""
+        denoised = torch.empty_like(video, memory_format=torch.contiguous_format)  # so that parts of it are views
+        if len(self.axes) > 2 or video.device.type != "cpu":
+            self._nearest(video, strength, denoised)
+        else:
+            frames = [each.reshape(-1, *video.shape[-2:]) for each in (video, denoised)]
+            number = max(1, CACHED // frames[0][0].numel())
+            for part, out in zip(*(each.split(number) for each in frames), strict=True):
+                self._nearest(part, strength, out)
+        return denoised
+
+    def _nearest(self, video: torch.Tensor, strength: float, out: torch.Tensor) -> None:
+        """Denoise ``video`` into ``out``."""
         tau = 0.5 / len(self.axes)  # Chambolle observed the projection to converge up to it
         scaled = video * (tau / strength)  # so that the dual variable's rule has no factor left
         dual = [torch.zeros_like(scaled) for _ in self.axes]
@@ -56,7 +71,7 @@ class TotalVariation(Denoiser):
                 p.sub_(g).div_(norm)
                 torch.sub(found if number else scaled, p, alpha=tau * weight, out=found)
                 _but_first(found, axis).add_(_but_last(p, axis), alpha=tau * weight)
-        return found.mul_(strength / tau)
+        torch.mul(found, strength / tau, out=out)
 
 
 def _but_first(video: torch.Tensor, axis: int) -> torch.Tensor:
