@@ -58,8 +58,9 @@ def _point(line: Line) -> Point:
 
 
 def _draw(axes: Axes, points: Sequence[Point], columns: Sequence[str]) -> None:
-    """Circles coloured by column; each network's name once, above its best, with its parameters."""
+    """Circles coloured by column; each network's name once, with its parameters: above its best, in a crowd below."""
     largest = max(point.parameters for point in points)
+    span = max(point.psnr for point in points) - min(point.psnr for point in points)
     best = {point.row: point for point in sorted(points, key=lambda point: point.psnr)}
     for point in points:
         area = AREA * point.parameters / largest
@@ -67,8 +68,11 @@ def _draw(axes: Axes, points: Sequence[Point], columns: Sequence[str]) -> None:
         axes.scatter([point.macs], [point.psnr], s=area, color=colour, alpha=0.6)
         if best[point.row] is point:
             label = f"{point.row}, {point.parameters:.3g} M"
-            above = (0, area**0.5 / 2 + 2)
-            axes.annotate(label, (point.macs, point.psnr), above, textcoords="offset points", ha="center", fontsize=7)
+            over = (other for other in best.values() if 0 < other.psnr - point.psnr < 0.06 * span)
+            below = any(0.3 < other.macs / point.macs < 3 for other in over)
+            away = (0, (-1 if below else 1) * (area**0.5 / 2 + 2))
+            side: dict[str, Any] = {"ha": "center", "va": "top" if below else "bottom"}
+            axes.annotate(label, (point.macs, point.psnr), away, textcoords="offset points", fontsize=7, **side)
     axes.set(xscale="log", xlabel="multiply-accumulates (G)", ylabel="PSNR (dB)")
     axes.margins(0.25)
     axes.grid(alpha=0.3)
