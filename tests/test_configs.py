@@ -37,7 +37,7 @@ def test_all_groups_are_known() -> None:
         "logger",
         "metric",
         "scale",
-        *(f"scale/decoder/{scale}" for scale in ("small", "smoke")),
+        *(f"scale/decoder/{scale}" for scale in ("slim", "small", "smoke")),
         "system",
         "trainer",
     }
@@ -49,7 +49,8 @@ def test_member_composes_and_instantiates(
 ) -> None:
     choice = [f"{group}={name}"]
     if group.startswith("scale/decoder/"):  # chosen by these two
-        choice = [f"scale={group.rpartition('/')[2]}", f"decoder={name}"]
+        scale = group.rpartition("/")[2]
+        choice = ["experiment=denoiser_cpu" if scale == "slim" else f"scale={scale}", f"decoder={name}"]
     cfg = configuration("train", *choice, "size=[64,64]", f"out={tmp_path}")
     with open_dict(cfg):
         if OmegaConf.is_missing(cfg.encoder.mask, "file"):
