@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -51,11 +52,11 @@ class Line:
     def learned(self) -> bool:
         """Whether, by mean PSNR, the runs are better than the mean measurement in every frame is.
 
-        Behind an encoder that they were not trained with nothing is expected of them.
+        Behind an encoder that they were not trained with nothing is expected of them; nor where the files do not tell.
         """
         if any(run.fields["encoder"] != run.fields["test_encoder"] for run in self.runs):
             return True
-        return self.mean()["psnr"] > statistics.fmean(run.baseline["psnr"] for run in self.runs)
+        return self.mean()["psnr"] > statistics.fmean(run.baseline.get("psnr", -math.inf) for run in self.runs)
 
     def _all_have(self, metric: str) -> bool:
         return bool(self.runs) and all(metric in run.scores for run in self.runs)

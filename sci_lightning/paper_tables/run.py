@@ -48,7 +48,7 @@ class Run:
         macs: its multiply-accumulates for one measurement of the mask's size.
         seed: of the training.
         scores: mean over the scenes, by metric.
-        baseline: the same of the mean measurement in every frame, which a trained decoder is better than.
+        baseline: the same of the mean measurement in every frame, which a trained decoder is better than; empty if not told.
         seconds: to decode one measurement.
         device: on which it was decoded.
     """
@@ -137,7 +137,8 @@ def _run(path: Path, content: Mapping[str, Any]) -> Run:
         scenes=tuple(sorted(content["scenes"])),
         conventions=tuple(sorted(content.get("conventions", {}).items())),
     )
-    scores, baseline = ({str(key): float(value) for key, value in content[of].items()} for of in ("mean", "baseline"))
+    told = (content["mean"], content.get("baseline", {}))
+    scores, baseline = ({str(key): float(value) for key, value in found.items()} for found in told)
     return Run(
         path=path,
         fields=fields,
