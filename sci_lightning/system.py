@@ -167,7 +167,7 @@ class System(L.LightningModule):
 
     def _time_spent(self) -> float:
         """How much of the trainer's ``max_time`` is over, 0 to 1; 0 in a run without it."""
-        for timer in self.trainer.callbacks:  # type: ignore[attr-defined]
+        for timer in self.trainer.callbacks:  # type: ignore[attr-defined]  # set by Lightning, not declared
             if isinstance(timer, Timer) and (left := timer.time_remaining()) is not None:
                 spent = timer.time_elapsed() / max(timer.time_elapsed() + left, 1e-6)
                 return float(self.trainer.strategy.broadcast(spent))  # clocks differ, learning rates may not

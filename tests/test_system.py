@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from datetime import timedelta
-from types import SimpleNamespace
 
+import lightning as L
 import pytest
 import torch
 from lightning.pytorch.callbacks import Timer
@@ -54,12 +54,10 @@ def test_learning_rate_falls_with_the_steps_or_the_time(
     system = System(encoder, GAPNet(4, 1, (2, 2, 2)), lr=1e-3, final_lr=1e-5)
     timer = Timer(duration=timedelta(seconds=100))
     timer.load_state_dict({"time_elapsed": {"train": seconds}})
-    trainer = SimpleNamespace(
-        callbacks=[] if seconds is None else [timer],
-        estimated_stepping_batches=4,
-        strategy=SimpleNamespace(broadcast=lambda value: value),
+    callbacks = [] if seconds is None else [timer]
+    system.trainer = L.Trainer(
+        max_steps=4, max_epochs=-1, callbacks=callbacks, accelerator="cpu", logger=False, enable_checkpointing=False
     )
-    system.trainer = trainer  # type: ignore[assignment]
     optimisers = system.configure_optimizers()
     schedule = optimisers["lr_scheduler"]["scheduler"]
     for _ in range(2):
