@@ -10,6 +10,7 @@ from sci_lightning.decoder.elp_unfolding import ELPUnfolding
 from sci_lightning.decoder.gap import GAP
 from sci_lightning.decoder.gap_net import GAPNet
 from sci_lightning.decoder.metasci import MetaSCI
+from sci_lightning.decoder.motion_filter import MotionFilter
 from sci_lightning.decoder.res2former import Res2former
 from sci_lightning.decoder.revsci import RevSCI
 from sci_lightning.decoder.sci3d import SCI3D
@@ -27,6 +28,7 @@ __all__ = [
     "EfficientSCI",
     "GAPNet",
     "MetaSCI",
+    "MotionFilter",
     "Res2former",
     "RevSCI",
     "STFormer",

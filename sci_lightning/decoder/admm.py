@@ -11,6 +11,7 @@ from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
 from sci_lightning.decoder.initial_estimate import mask_total
 from sci_lightning.decoder.iterative import Iterative
+from sci_lightning.decoder.motion_filter import MotionFilter
 from sci_lightning.errors import BadInput
 
 
@@ -18,7 +19,7 @@ class ADMM(Iterative):
     """Every iteration: x = data step of theta + b, theta = denoised x - b, b = b - (x - theta); theta is the estimate.
 
     Args:
-        denoiser, strengths, iterations, tolerance, start: see :class:`Iterative`.
+        denoiser, strengths, iterations, tolerance, start, motion: see :class:`Iterative`.
         gamma: how much x is held to theta + b where that does not explain the measurement (0.01 is usual); more copes
             with more noise.
 
@@ -37,9 +38,10 @@ class ADMM(Iterative):
         iterations: Sequence[int],
         tolerance: float | None = None,
         start: Decoder | None = None,
+        motion: MotionFilter | None = None,
         gamma: float = 0.01,
     ) -> None:
-        super().__init__(denoiser, strengths, iterations, tolerance, start)
+        super().__init__(denoiser, strengths, iterations, tolerance, start, motion)
         if not gamma > 0:
             raise BadInput(f"decoder.gamma={gamma}: must be positive")
         self.gamma = gamma
@@ -50,7 +52,7 @@ class ADMM(Iterative):
         b = torch.zeros_like(theta)
         for iteration, strength in self.schedule():
             x = data_step(theta + b, measurement, mask, weight)
-            theta = self.denoiser(x - b, strength)
+            theta = self.denoised(x - b, strength)
             if self.reached(measurement - snapshot(theta, mask), iteration):
                 break
             b = b - (x - theta)

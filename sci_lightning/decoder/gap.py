@@ -24,7 +24,7 @@ class GAP(Iterative):
         weight = mask_total(mask, squared=True)
         video, asked = self.first_estimate(measurement, mask), measurement
         for iteration, strength in self.schedule():
-            video = self.denoiser(data_step(video, asked, mask, weight), strength)
+            video = self.denoised(data_step(video, asked, mask, weight), strength)
             residual = measurement - snapshot(video, mask)
             if self.reached(residual, iteration):
                 break

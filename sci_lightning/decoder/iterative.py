@@ -10,6 +10,7 @@ import torch
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
 from sci_lightning.decoder.initial_estimate import mean_video
+from sci_lightning.decoder.motion_filter import MotionFilter
 from sci_lightning.errors import BadInput
 
 
@@ -40,6 +41,8 @@ class Iterative(Decoder):
         tolerance: stop as soon as the root mean square of y - sum of M x is below it in every snapshot, in units of the
             measurement: the noise's standard deviation is a good choice. None: iterate to the end.
         start: another decoder, whose estimate to start from. None: from the mean frame in every slot.
+        motion: what follows the denoiser in every iteration; for those that look at every frame by itself. None: no
+            more than the denoiser.
 
     Raises:
         BadInput: a setting that is not positive, or not one number of iterations for each strength; in a call, a
@@ -56,6 +59,7 @@ class Iterative(Decoder):
         iterations: Sequence[int],
         tolerance: float | None = None,
         start: Decoder | None = None,
+        motion: MotionFilter | None = None,
     ) -> None:
         super().__init__()
         if len(strengths) != len(iterations) or not len(strengths):
@@ -76,15 +80,23 @@ class Iterative(Decoder):
         """Of every iteration."""
         self.tolerance = tolerance
         self.start = start
+        self.motion = motion
 
     def first_estimate(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """``(N, T, H, W)``, to start from."""
         return mean_video(measurement, mask) if self.start is None else self.start(measurement, mask)
 
     def schedule(self) -> Iterator[tuple[int, float]]:
-        """Number from 0, and strength, of every iteration; the denoiser starts afresh."""
+        """Number from 0, and strength, of every iteration; denoiser and motion start afresh."""
         self.denoiser.reset()
+        if self.motion is not None:
+            self.motion.reset()
         return enumerate(self.strengths)
+
+    def denoised(self, video: torch.Tensor, strength: float) -> torch.Tensor:
+        """``(N, T, H, W)``, with less noise."""
+        video = self.denoiser(video, strength)
+        return video if self.motion is None else self.motion(video)
 
     def reached(self, residual: torch.Tensor, iteration: int) -> bool:
         """Whether to stop after ``iteration`` (from 0), whose y - sum of M x is ``residual``, ``(N, H, W)``.

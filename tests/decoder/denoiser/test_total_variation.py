@@ -22,31 +22,17 @@ def test_against_scikit_image(shape: tuple[int, ...], steps: int, strength: floa
             torch.testing.assert_close(ours.double(), torch.from_numpy(theirs), rtol=0, atol=1e-5)
 
 
-@pytest.mark.parametrize("steps", [1, 5, 40])
-@pytest.mark.parametrize("strength", [0.02, 0.1, 2.0])
-def test_over_time_against_scikit_image(steps: int, strength: float) -> None:
-    video = torch.rand(2, 5, 17, 24)
-    found = TotalVariation(steps, temporal=1)(video, strength)
-    for clip, denoised in zip(video, found, strict=True):
-        theirs = denoise_tv_chambolle(clip.double().numpy(), strength, eps=0, max_num_iter=steps + 1)
-        torch.testing.assert_close(denoised.double(), torch.from_numpy(theirs), rtol=0, atol=1e-5)
+def test_at_the_minimum() -> None:
+    """Slopes to the next row and column count together; beyond the last one there is none."""
+    video = torch.rand(1, 2, 12, 12)
 
+    def objective(z: torch.Tensor) -> float:
+        rows, columns = z.diff(dim=-2, append=z[..., -1:, :]), z.diff(dim=-1, append=z[..., -1:])
+        return float((z - video).square().sum() / 2 + 0.1 * (rows.square() + columns.square()).sqrt().sum())
 
-def test_the_weight_of_time() -> None:
-    """Between frame by frame and a dimension like the others; at its minimum whatever it is."""
-    video = torch.rand(1, 4, 12, 12)
-
-    def objective(z: torch.Tensor, weight: float) -> float:
-        squares = torch.zeros_like(z)
-        for axis, each in ((-1, 1.0), (-2, 1.0), (-3, weight)):
-            last = z.narrow(axis, z.shape[axis] - 1, 1)
-            squares += (each * z.diff(dim=axis, append=last)).square()
-        return float((z - video).square().sum() / 2 + 0.1 * squares.sqrt().sum())
-
-    found = {weight: TotalVariation(300, weight)(video, 0.1) for weight in (0.0, 0.3, 1.0)}
-    for weight, best in found.items():
-        assert all(objective(best, weight) <= objective(other, weight) for other in found.values())
-        assert objective(best, weight) <= objective(best + 0.01 * torch.randn(best.shape), weight)
+    best = TotalVariation(300)(video, 0.1)
+    assert objective(best) < objective(TotalVariation(3)(video, 0.1)) < objective(video)
+    assert all(objective(best) <= objective(best + 0.01 * torch.randn(best.shape)) for _ in range(10))
 
 
 def test_what_it_keeps() -> None:
@@ -62,6 +48,3 @@ def test_what_it_keeps() -> None:
 def test_no_steps() -> None:
     with pytest.raises(BadInput, match=r"decoder.denoiser.steps=0: must be at least 1"):
         TotalVariation(0)
-    for weight in (-0.1, 1.1, torch.nan):
-        with pytest.raises(BadInput, match=r"decoder.denoiser.temporal=.*: must lie between 0"):
-            TotalVariation(5, weight)

@@ -1,0 +1,123 @@
+"""Motion-compensated temporal filtering: every frame borrows from its neighbours, along the motion."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import nn
+from torch.nn import functional as F
+
+from sci_lightning.errors import BadInput
+
+SMOOTH = 3
+"""Side of the box that takes the edge off noise before patches are compared .."""
+
+SAMPLED = 2
+""".. and of how many rows and columns one is enough to compare them then."""
+
+
+class Path(NamedTuple):
+    """To a neighbouring frame."""
+
+    here: slice
+    """Frames from which it leads .."""
+    there: slice
+    """.. to these."""
+    pixel: torch.Tensor
+    """``(N, frames, H * W)``: number of the pixel there."""
+    weight: torch.Tensor
+    """``(N, frames, H, W)``: 1 where it is like the pixel here, towards 0 where not."""
+
+
+class MotionFilter(nn.Module):
+    """Every pixel becomes the mean of itself and of where its block is found in neighbouring frames, by likeness.
+
+    For every block of a frame the displacement with the smallest mean square difference is looked for in each of the
+    ``frames`` frames before and after it; the difference d^2 gives that frame the weight exp(-d^2 / 2 deviation^2),
+    so that what has no match stays as it is. Blocks overlap by half on every side when compared. Videos of one batch
+    do not mix; no gradients flow through it.
+
+    Args:
+        frames: neighbours before and after.
+        reach: how far a block is looked for in rows and columns, in pixels.
+        block: side of the blocks that move together, in pixels; a multiple of 4.
+        deviation: how unlike blocks may be, in units of the video.
+        after: calls before the first search, while the video is too rough to be searched ..
+        every: .. and how many calls a search serves; :meth:`reset` ends it early.
+
+    Raises:
+        BadInput: a number out of these ranges.
+
+    Source: Dubois and Sabri, "Noise reduction in image sequences using motion-compensated temporal filtering", IEEE
+    Trans. Communications 1984; the weights are those of non-local means (Buades, Coll and Morel, CVPR 2005).
+    """
+
+    def __init__(
+        self,
+        frames: int = 2,
+        reach: int = 6,
+        block: int = 8,
+        deviation: float = 0.03,
+        after: int = 10,
+        every: int = 10,
+    ) -> None:
+        super().__init__()
+        for name, value, least in (("frames", frames, 1), ("reach", reach, 0), ("after", after, 0), ("every", every, 1)):
+            if value < least:
+                raise BadInput(f"decoder.motion.{name}={value}: must be at least {least}")
+        if block < 4 or block % 4:
+            raise BadInput(f"decoder.motion.block={block}: must be a multiple of 4")
+        if not deviation > 0:
+            raise BadInput(f"decoder.motion.deviation={deviation}: must be positive")
+        self.frames, self.reach, self.block, self.deviation = frames, reach, block, deviation
+        self.after, self.every = after, every
+        self.reset()
+
+    def reset(self) -> None:
+        """Other videos follow: no motion is known of them."""
+        self._paths: list[Path] = []
+        self._calls = 0
+
+    @torch.no_grad()
+    def forward(self, video: torch.Tensor) -> torch.Tensor:
+        """Filter ``(N, T, H, W)``, or give it back while no motion is known."""
+        if self._calls >= self.after and (self._calls - self.after) % self.every == 0:
+            self._paths = self._search(video)
+        self._calls += 1
+        total, weights = video.clone(), torch.ones_like(video)
+        for here, there, pixel, weight in self._paths:
+            found = video[:, there].flatten(2).gather(2, pixel).view_as(weight)
+            total[:, here].addcmul_(found, weight)
+            weights[:, here].add_(weight)
+        return total.div_(weights)
+
+    def _search(self, video: torch.Tensor) -> list[Path]:
+        t = video.shape[1]
+        smooth = F.avg_pool2d(video, SMOOTH, 1, SMOOTH // 2, count_include_pad=False)
+        around = F.pad(smooth, (self.reach,) * 4, mode="replicate")
+        near = min(self.frames, t - 1)
+        offsets = [offset for offset in range(-near, near + 1) if offset]
+        slices = [(slice(max(0, -each), t - max(0, each)), slice(max(0, each), t + min(0, each))) for each in offsets]
+        return [Path(*each, *self._follow(smooth[:, each[0]], around[:, each[1]])) for each in slices]
+
+    def _follow(self, frames: torch.Tensor, others: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Pixel and weight of a :class:`Path` from ``frames`` to ``others``, which are wider by ``reach``."""
+        (height, width), side = frames.shape[-2:], 2 * self.reach + 1
+        block = self.block // SAMPLED
+        sampled = frames[..., ::SAMPLED, ::SAMPLED].contiguous()
+        unlike = []
+        for move in range(side**2):
+            dy, dx = divmod(move, side)
+            other = others[..., dy : dy + height : SAMPLED, dx : dx + width : SAMPLED]
+            square = (other - sampled).square_()
+            unlike.append(F.avg_pool2d(square, 2 * block, block, block // 2, ceil_mode=True, count_include_pad=False))
+        least, move = torch.stack(unlike).min(0)
+        square, move = (
+            each.repeat_interleave(self.block, -2).repeat_interleave(self.block, -1)[..., :height, :width]
+            for each in (least, move)
+        )
+        rows, columns = (torch.arange(length, device=frames.device) for length in (height, width))
+        row = (rows[:, None] + move // side - self.reach).clamp_(0, height - 1)
+        column = (columns + move % side - self.reach).clamp_(0, width - 1)
+        return (row * width + column).flatten(2), torch.exp(square / (-2 * self.deviation**2))
