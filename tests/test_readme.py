@@ -32,7 +32,7 @@ COMMANDS = [line.split(" #")[0].strip() for block in BLOCKS for line in block.re
 SIZE = ["size=[64,64]", "crop=[64,64]", "data.clips_per_epoch=2", "trainer.max_epochs=1", "trainer.accelerator=cpu"]
 DECODER = {
     "e2e_cnn": ["decoder.channels=4", "decoder.blocks=1"],
-    "pnp_ffdnet": ["decoder.denoiser.channels=4", "decoder.denoiser.layers=3", "decoder.iterations=[1,1]"],
+    "pnp_ffdnet": ["decoder.denoiser.channels=4", "decoder.denoiser.layers=3", "decoder.iterations=[1]"],
     "res2former": ["decoder.dim=8", "decoder.depths=[1,1]", "decoder.groups=[1,1]"],
 }
 

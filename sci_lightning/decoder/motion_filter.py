@@ -36,7 +36,7 @@ class MotionFilter(nn.Module):
     For every block of a frame the displacement with the smallest mean square difference is looked for in each of the
     ``frames`` frames before and after it; the difference d^2 gives that frame the weight exp(-d^2 / 2 deviation^2),
     so that what has no match stays as it is. Blocks overlap by half on every side when compared. Videos of one batch
-    do not mix; no gradients flow through it.
+    do not mix; gradients flow through the mean, not through the search.
 
     Args:
         frames: neighbours before and after.
@@ -79,7 +79,6 @@ class MotionFilter(nn.Module):
         self._paths: list[Path] = []
         self._calls = 0
 
-    @torch.no_grad()
     def forward(self, video: torch.Tensor) -> torch.Tensor:
         """Filter ``(N, T, H, W)``, or give it back while no motion is known."""
         if self._calls >= self.after and (self._calls - self.after) % self.every == 0:
@@ -92,6 +91,7 @@ class MotionFilter(nn.Module):
             weights[:, here].add_(weight)
         return total.div_(weights)
 
+    @torch.no_grad()
     def _search(self, video: torch.Tensor) -> list[Path]:
         t = video.shape[1]
         smooth = F.avg_pool2d(video, SMOOTH, 1, SMOOTH // 2, count_include_pad=False)

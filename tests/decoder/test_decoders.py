@@ -18,7 +18,7 @@ from tests.conftest import members
 SMALL = {
     "admm_net": ["decoder.stages=3", "decoder.channels=[4,6,8]"],
     "birnat": ["decoder.channels=16", "decoder.hidden=4"],
-    "desci": ["decoder.iterations=[1,1,1]", "decoder.denoiser.reach=2"],
+    "desci": ["decoder.iterations=[1,1]", "decoder.denoiser.reach=2"],
     "e2e_cnn": ["decoder.channels=8", "decoder.blocks=2"],
     "efficientsci": ["decoder.channels=8", "decoder.blocks=2"],
     "elp_unfolding": ["decoder.channels=16", "decoder.iterations=2", "decoder.priors=3"],

@@ -62,7 +62,7 @@ def test_refused(refused: Run) -> None:
 
 
 def test_a_denoiser_is_trained_by_itself(ran: Run, refused: Run, tmp_path: Path) -> None:
-    small = ["decoder.denoiser.channels=8", "decoder.denoiser.layers=4", "decoder.iterations=[1,1]", *SHORT[1:]]
+    small = ["decoder.denoiser.channels=8", "decoder.denoiser.layers=4", "decoder.iterations=[1]", *SHORT[1:]]
     quick = ["data=synthetic", "data.clips_per_epoch=4", "workers=0", "trainer.max_epochs=1", "trainer.accelerator=cpu"]
     ran("train", "system=denoiser", "decoder=pnp_ffdnet", *small, *quick, "metric=[psnr]", "out=trained")
     trained = "ckpt_path=trained/checkpoints/last.ckpt"
