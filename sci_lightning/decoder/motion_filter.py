@@ -63,7 +63,12 @@ class MotionFilter(nn.Module):
         every: int = 10,
     ) -> None:
         super().__init__()
-        for name, value, least in (("frames", frames, 1), ("reach", reach, 0), ("after", after, 0), ("every", every, 1)):
+        for name, value, least in (
+            ("frames", frames, 1),
+            ("reach", reach, 0),
+            ("after", after, 0),
+            ("every", every, 1),
+        ):
             if value < least:
                 raise BadInput(f"decoder.motion.{name}={value}: must be at least {least}")
         if block < 4 or block % 4:
