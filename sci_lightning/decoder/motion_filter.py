@@ -117,12 +117,11 @@ class MotionFilter(nn.Module):
             other = others[..., dy : dy + height : SAMPLED, dx : dx + width : SAMPLED]
             square = (other - sampled).square_()
             unlike.append(F.avg_pool2d(square, 2 * block, block, block // 2, ceil_mode=True, count_include_pad=False))
-        least, move = torch.stack(unlike).min(0)
-        square, move = (
+        least, best = (
             each.repeat_interleave(self.block, -2).repeat_interleave(self.block, -1)[..., :height, :width]
-            for each in (least, move)
+            for each in torch.stack(unlike).min(0)
         )
         rows, columns = (torch.arange(length, device=frames.device) for length in (height, width))
-        row = (rows[:, None] + move // side - self.reach).clamp_(0, height - 1)
-        column = (columns + move % side - self.reach).clamp_(0, width - 1)
-        return (row * width + column).flatten(2), torch.exp(square / (-2 * self.deviation**2))
+        row = (rows[:, None] + best // side - self.reach).clamp_(0, height - 1)
+        column = (columns + best % side - self.reach).clamp_(0, width - 1)
+        return (row * width + column).flatten(2), torch.exp(least / (-2 * self.deviation**2))
