@@ -89,6 +89,8 @@ class MotionFilter(nn.Module):
         if self._calls >= self.after and (self._calls - self.after) % self.every == 0:
             self._paths = self._search(video)
         self._calls += 1
+        if not self._paths:
+            return video
         total, weights = video.clone(), torch.ones_like(video)
         for here, there, pixel, weight in self._paths:
             found = video[:, there].flatten(2).gather(2, pixel).view_as(weight)
@@ -98,30 +100,38 @@ class MotionFilter(nn.Module):
 
     @torch.no_grad()
     def _search(self, video: torch.Tensor) -> list[Path]:
-        t = video.shape[1]
-        smooth = F.avg_pool2d(video, SMOOTH, 1, SMOOTH // 2, count_include_pad=False)
+        t, height, width = video.shape[1:]
+        whole = F.pad(video, (0, -width % self.block, 0, -height % self.block), mode="replicate")
+        smooth = F.avg_pool2d(whole, SMOOTH, 1, SMOOTH // 2, count_include_pad=False)
         around = F.pad(smooth, (self.reach,) * 4, mode="replicate")
         near = min(self.frames, t - 1)
         offsets = [offset for offset in range(-near, near + 1) if offset]
         slices = [(slice(max(0, -each), t - max(0, each)), slice(max(0, each), t + min(0, each))) for each in offsets]
-        return [Path(*each, *self._follow(smooth[:, each[0]], around[:, each[1]])) for each in slices]
+        paths = []
+        for here, there in slices:
+            pixel, weight = self._follow(smooth[:, here], around[:, there], height, width)
+            paths.append(Path(here, there, pixel, weight))
+        return paths
 
-    def _follow(self, frames: torch.Tensor, others: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Pixel and weight of a :class:`Path` from ``frames`` to ``others``, which are wider by ``reach``."""
-        (height, width), side = frames.shape[-2:], 2 * self.reach + 1
-        block = self.block // SAMPLED
+    def _follow(
+        self, frames: torch.Tensor, others: torch.Tensor, height: int, width: int
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Pixel and weight of a :class:`Path` from ``frames``, of whole blocks, to ``others``, wider by ``reach``."""
+        side, cell = 2 * self.reach + 1, self.block // SAMPLED
         sampled = frames[..., ::SAMPLED, ::SAMPLED].contiguous()
+        rows, columns = sampled.shape[-2:]
+        apart = [[others[..., y::SAMPLED, x::SAMPLED].contiguous() for x in range(SAMPLED)] for y in range(SAMPLED)]
         unlike = []
         for move in range(side**2):
-            dy, dx = divmod(move, side)
-            other = others[..., dy : dy + height : SAMPLED, dx : dx + width : SAMPLED]
-            square = (other - sampled).square_()
-            unlike.append(F.avg_pool2d(square, 2 * block, block, block // 2, ceil_mode=True, count_include_pad=False))
+            (dy, y), (dx, x) = (divmod(each, SAMPLED) for each in divmod(move, side))
+            square = (apart[y][x][..., dy : dy + rows, dx : dx + columns] - sampled).square_()
+            unlike.append(F.avg_pool2d(square, cell, padding=cell // 2, count_include_pad=False))
+        overlapping = F.avg_pool2d(torch.stack(unlike).flatten(0, 1), 2, stride=1).unflatten(0, (side**2, -1))
         least, best = (
             each.repeat_interleave(self.block, -2).repeat_interleave(self.block, -1)[..., :height, :width]
-            for each in torch.stack(unlike).min(0)
+            for each in overlapping.min(0)
         )
-        rows, columns = (torch.arange(length, device=frames.device) for length in (height, width))
-        row = (rows[:, None] + best // side - self.reach).clamp_(0, height - 1)
-        column = (columns + best % side - self.reach).clamp_(0, width - 1)
+        here, across = (torch.arange(length, device=frames.device) for length in (height, width))
+        row = (here[:, None] + best // side - self.reach).clamp_(0, height - 1)
+        column = (across + best % side - self.reach).clamp_(0, width - 1)
         return (row * width + column).flatten(2), torch.exp(least / (-2 * self.deviation**2))
