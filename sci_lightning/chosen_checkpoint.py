@@ -36,6 +36,11 @@ def chosen_checkpoint(command: str, cfg: DictConfig) -> Checkpoint:
         checkpoint = read_checkpoint(cfg.ckpt_path, cfg.trusted)
         if settings is None:
             return checkpoint
+        if "_target_" not in settings:
+            trained = checkpoint.config["names"]["decoder"]
+            raise BadInput(
+                f"decoder.* beside ckpt_path= needs a decoder as well, built as it was trained: decoder={trained}"
+            )
         checkpoint.fill("decoder", instantiate(settings, _convert_="all"), name)  # refused while both names are known
         names = {**checkpoint.config["names"], "decoder": name}
         return replace(checkpoint, config={**checkpoint.config, "decoder": plain(settings), "names": names})

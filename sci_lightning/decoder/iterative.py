@@ -73,6 +73,8 @@ class Iterative(Decoder):
             raise BadInput(f"decoder.iterations={list(iterations)}: must be at least 1 each")
         if tolerance is not None and not tolerance > 0:
             raise BadInput(f"decoder.tolerance={tolerance}: must be positive, or null to iterate to the end")
+        if not isinstance(motion, MotionFilter | None):
+            raise BadInput(f"decoder.motion={motion}: give null, or override its settings: decoder.motion.reach=4")
         self.denoiser = denoiser
         names = tuple((pattern, rf"denoiser.{place}") for pattern, place in denoiser.published_names)
         self.published_names = names  # type: ignore[misc]  # those of a class elsewhere; here of what it holds

@@ -58,7 +58,19 @@ def test_refused(refused: Run) -> None:
     assert "no such checkpoint" in refused("evaluate", "decoder=gap_tv", "ckpt_path=no.ckpt", *SCENE)
     line = refused("evaluate", "decoder=gap_tv", "decoder.strengths=[0]", *SCENE)
     assert "decoder.strengths=[0]: must be positive" in line
+    line = refused("evaluate", "decoder=gap_tv", "decoder.motion=5", *SCENE)
+    assert "decoder.motion=5: give null, or override its settings" in line
     assert "decoder=gap_tv has nothing to learn" in refused("train", "decoder=gap_tv")
+
+
+def test_interrupted(ran: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("sci_lightning.decoder.GAP.decode", stop)
+    with pytest.raises(SystemExit) as caught:
+        ran("evaluate", "decoder=gap_tv", *SHORT, *SCENE)
+    assert caught.value.code == "interrupted" and not (tmp_path / "run" / "metrics.json").exists()
 
 
 def test_a_denoiser_is_trained_by_itself(ran: Run, refused: Run, tmp_path: Path) -> None:
@@ -81,6 +93,8 @@ def test_a_denoiser_is_trained_by_itself(ran: Run, refused: Run, tmp_path: Path)
     otherwise = json.loads((tmp_path / "run" / "metrics.json").read_text())
     assert otherwise["mean"]["psnr"] != as_trained["mean"]["psnr"]
     assert "does not fit decoder=pnp_ffdnet as configured" in refused("evaluate", trained, "decoder=pnp_ffdnet", *SCENE)
+    line = refused("evaluate", trained, "+decoder.motion=null", *SCENE)
+    assert "needs a decoder as well, built as it was trained: decoder=pnp_ffdnet" in line
     assert "E2ECNN has no denoiser" in refused("train", "system=denoiser", "decoder=e2e_cnn", *SHORT[1:])
 
 

@@ -65,10 +65,14 @@ def read_mask(file: str | Path, key: str | None = None) -> torch.Tensor:
     mask = torch.from_numpy(array.astype("float32"))
     low, high = float(mask.min()), float(mask.max())
     if not (low >= 0 and high <= 1):  # also false for NaN
+        if low != low:
+            raise BadInput(f"{file}: the mask holds NaN; every value must be a transmittance in [0, 1]")
         raise BadInput(
             f"{file}: mask values must lie in [0, 1] (transmittance), found {low:g} to {high:g}; "
             "divide by the largest displayed level first"
         )
+    if high == 0:
+        raise BadInput(f"{file}: every mask value is 0: nothing reaches the sensor; give the mask that was displayed")
     return mask
 
 
