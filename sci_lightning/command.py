@@ -69,6 +69,10 @@ def run(name: str, task: Task) -> None:
         hydra.main(version_base="1.3", config_path=str(CONF), config_name=name)(job)()
     except KeyboardInterrupt:
         sys.exit("interrupted")
+    except SystemExit as stop:
+        if isinstance(stop.__context__, KeyboardInterrupt):  # what Lightning makes of Ctrl-C, without a word
+            sys.exit("interrupted")
+        raise
     except Exception as error:
         if debug:
             raise

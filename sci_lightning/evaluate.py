@@ -55,10 +55,7 @@ def evaluate(cfg: DictConfig) -> float:
     system = System(encoder, decoder, camera=camera, metrics=chosen_metrics(cfg), seed=cfg.seed)
     trainer = instantiate(cfg.trainer, logger=False, enable_checkpointing=False, callbacks=[Progress()])
     assert isinstance(trainer, L.Trainer)
-    try:
-        trainer.test(system, loader, verbose=False)
-    except SystemExit:  # what Lightning makes of Ctrl-C, without a word
-        raise KeyboardInterrupt from None
+    trainer.test(system, loader, verbose=False)
     found = results(system, names, {**trained, "evaluate": plain(cfg)})
     write_json(found, out / "metrics.json")
     console = Console()

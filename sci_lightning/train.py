@@ -69,7 +69,7 @@ def train(cfg: DictConfig) -> float:
         trainer.fit(system, clips, scene_loader(held_out, **share), ckpt_path=resumed)
     except SystemExit:
         if trainer.interrupted and (out / "checkpoints" / "last.ckpt").is_file():
-            print(f"interrupted; continue with ckpt_path={out}/checkpoints/last.ckpt", file=sys.stderr)
+            sys.exit(f"interrupted; continue with ckpt_path={out}/checkpoints/last.ckpt")
         raise
     trainer.save_checkpoint(out / "checkpoints" / "last.ckpt")
     test_scenes = scene_loader(tested_on, **share)

@@ -11,7 +11,7 @@ from torch.nn import functional as F
 from sci_lightning.errors import BadInput
 
 SMOOTH = 3
-"""Side of the box that takes the edge off noise before patches are compared .."""
+"""Side of the box that takes the edge off noise before blocks are compared .."""
 
 SAMPLED = 2
 """.. and of how many rows and columns one is enough to compare them then."""

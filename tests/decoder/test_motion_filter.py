@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 import torch
 from torch.nn.functional import interpolate
@@ -98,6 +100,6 @@ def test_a_decoder_without_it_and_with_it() -> None:
         ({"every": 0}, "every=0: must be at least 1"),
     ],
 )
-def test_refused(settings: dict[str, float], line: str) -> None:
+def test_refused(settings: dict[str, Any], line: str) -> None:
     with pytest.raises(BadInput, match=f"decoder.motion.{line}"):
-        MotionFilter(**settings)  # type: ignore[arg-type]
+        MotionFilter(**settings)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -65,7 +66,7 @@ def read_mask(file: str | Path, key: str | None = None) -> torch.Tensor:
     mask = torch.from_numpy(array.astype("float32"))
     low, high = float(mask.min()), float(mask.max())
     if not (low >= 0 and high <= 1):  # also false for NaN
-        if low != low:
+        if math.isnan(low):
             raise BadInput(f"{file}: the mask holds NaN; every value must be a transmittance in [0, 1]")
         raise BadInput(
             f"{file}: mask values must lie in [0, 1] (transmittance), found {low:g} to {high:g}; "
