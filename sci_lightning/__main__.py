@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rich.console import Console
+from sci_lightning.console import PlainConsole, styled
 
 COMMANDS = (
     (
@@ -74,11 +74,11 @@ COMMANDS = (
 
 
 def main() -> None:
-    console = Console(highlight=False, soft_wrap=True)
-    console.print("[bold]sci_lightning[/]: design, train and trust a video snapshot compressive imaging camera\n")
+    console = PlainConsole()
+    console.say(styled("sci_lightning"), ": design, train and trust a video snapshot compressive imaging camera\n")
     for name, purpose, example in COMMANDS:
-        console.print(f"[bold]{name}[/]: {purpose}")
-        console.print(f"  python -m sci_lightning.{name} {example}", markup=False)
+        console.say(styled(name), f": {purpose}")
+        console.print(f"  python -m sci_lightning.{name} {example}")
     console.print(
         "\nEach takes --help (its configuration and choices); all but captures and reveal also --cfg job (what it "
         "would run with)."

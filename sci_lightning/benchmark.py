@@ -8,10 +8,10 @@ from typing import Any
 import yaml
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig
-from rich.console import Console
 from rich.progress import Progress
 
 from sci_lightning.command import CONF, PACKAGE, chosen, member, one_line, plain, run
+from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
 
 SETTINGS = ("frames", "precision", "compile", "warm_up", "repeats", "budget", "product")
@@ -33,7 +33,7 @@ def benchmark(cfg: DictConfig) -> None:
     from sci_lightning.device import chosen_device, device_name
     from sci_lightning.results import write_json
 
-    out, console, names = Path(cfg.out), Console(highlight=False), _names(cfg)
+    out, console, names = Path(cfg.out), PlainConsole(), _names(cfg)
     device = chosen_device(cfg.device)
     if cfg.precision not in PRECISIONS:
         raise BadInput(f"precision={cfg.precision}: choose one of {', '.join(PRECISIONS)}")
@@ -62,7 +62,7 @@ def benchmark(cfg: DictConfig) -> None:
                 temporary.write_text(as_markdown(found))
             progress.advance(task)
     console.print(as_table(found))
-    console.print(f"[bold]{out}[/]: benchmark.json, benchmark.md")
+    console.say(styled(out), ": benchmark.json, benchmark.md")
     if failed := found["failed"]:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in failed.items())
         raise BadInput(f"{len(failed)} of {len(names)} decoders could not be measured: {reasons}")

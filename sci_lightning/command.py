@@ -19,6 +19,7 @@ from omegaconf.errors import OmegaConfBaseException
 from sci_lightning.encoder_file import PLACES, adopt_encoder_files
 from sci_lightning.errors import BadInput
 from sci_lightning.failures import Failures
+from sci_lightning.plain_text import one_printable_line
 from sci_lightning.trust import check_targets
 
 PACKAGE = Path(__file__).parent
@@ -82,7 +83,7 @@ def run(name: str, task: Task) -> None:
         os.environ["HYDRA_FULL_ERROR"] = "1" if debug else "0"
     found = failures.all()
     for failure in found:
-        print(f"error: {failure}", file=sys.stderr)
+        print(f"error: {one_printable_line(str(failure))}", file=sys.stderr)
     if found:
         sys.exit(min(failure.status for failure in found))
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig, open_dict
-from rich.console import Console
 
 from sci_lightning.command import chosen, member, plain, run
+from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
 
 
@@ -21,7 +21,7 @@ def convert(cfg: DictConfig) -> None:
     """
     from sci_lightning.checkpoint import load_file, read_checkpoint, write_weights
 
-    path, console = Path(cfg.checkpoint), Console(highlight=False, soft_wrap=True)
+    path, console = Path(cfg.checkpoint), PlainConsole()
     content = load_file(path)
     ours = "config" in content
     if ours and "decoder" in cfg:
@@ -40,10 +40,12 @@ def convert(cfg: DictConfig) -> None:
             raise BadInput(f"{path}: {error}") from error
     write_weights(cfg.out, config, state)
     names = config["names"]
-    console.print(f"[bold]{cfg.out}[/]: {len(state)} tensors of decoder={names['decoder']} encoder={names['encoder']}")
+    console.say(styled(cfg.out), f": {len(state)} tensors of decoder={names['decoder']} encoder={names['encoder']}")
 
 
-def published(cfg: DictConfig, content: Mapping[str, Any], console: Console) -> tuple[dict[str, Any], dict[str, Any]]:
+def published(
+    cfg: DictConfig, content: Mapping[str, Any], console: PlainConsole
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Configuration and state of a checkpoint, made of what a network's authors saved.
 
     A mask in the file takes the place of the encoder's. ``frames``, ``size`` and ``encoder`` are set where absent.

@@ -8,9 +8,9 @@ import time
 from pathlib import Path
 
 from omegaconf import DictConfig
-from rich.console import Console
 
 from sci_lightning.command import run, targets
+from sci_lightning.console import PlainConsole, styled
 
 
 def diagnose(cfg: DictConfig) -> None:
@@ -31,7 +31,7 @@ def diagnose(cfg: DictConfig) -> None:
     from sci_lightning.diagnosis.vocabulary import vocabulary
     from sci_lightning.results import write_json
 
-    start, out, console = time.perf_counter(), Path(cfg.out), Console(highlight=False, soft_wrap=True)
+    start, out, console = time.perf_counter(), Path(cfg.out), PlainConsole()
     captures = read_captures(cfg.captures)
     candidates = vocabulary(cfg.candidates, targets("effect"))
     with searching(console, cfg.most) as told:
@@ -47,7 +47,7 @@ def diagnose(cfg: DictConfig) -> None:
     for logger in filter(None, cfg.logger.values()):
         log(instantiate(logger), report, drawn)
     print_report(report, sentence, console)
-    console.print(f"[bold]{out}/report.html[/]; beside it report.json, encoder.yaml and pictures")
+    console.say(styled(out / "report.html"), "; beside it report.json, encoder.yaml and pictures")
 
 
 if __name__ == "__main__":

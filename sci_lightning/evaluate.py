@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig
-from rich.console import Console
 
 from sci_lightning.command import plain, run
+from sci_lightning.console import PlainConsole, styled
 
 
 def evaluate(cfg: DictConfig) -> float:
@@ -58,9 +58,9 @@ def evaluate(cfg: DictConfig) -> float:
     trainer.test(system, loader, verbose=False)
     found = results(system, names, {**trained, "evaluate": plain(cfg)})
     write_json(found, out / "metrics.json")
-    console = Console()
+    console = PlainConsole()
     print_results(found, console)
-    console.print(f"[bold]{out}[/]: metrics.json", highlight=False)
+    console.say(styled(out), ": metrics.json")
     return float(found["mean"]["psnr"])
 
 

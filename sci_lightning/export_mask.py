@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from omegaconf import DictConfig
-from rich.console import Console
 
 from sci_lightning.command import run
+from sci_lightning.console import PlainConsole, styled
 
 
 def export_mask(cfg: DictConfig) -> None:
@@ -22,7 +22,7 @@ def export_mask(cfg: DictConfig) -> None:
     from sci_lightning.errors import BadInput
     from sci_lightning.modulator_files import Layout, read_planes, timing_of, write_planes
 
-    out, console = Path(cfg.out), Console(highlight=False)
+    out, console = Path(cfg.out), PlainConsole()
     module = read_checkpoint(cfg.ckpt_path, cfg.trusted).encoder().mask
     with torch.no_grad():
         mask = module()
@@ -36,9 +36,10 @@ def export_mask(cfg: DictConfig) -> None:
         raise BadInput(f"{out}: the planes do not read back as the mask; is the disk full?")
     console.print(f"{module.frames} slots of {bits} bit, {height} x {width}, on {canvas[0]} x {canvas[1]} mirrors")
     for way, what in (("planes", "by_planes"), ("gray_frames", "by_gray_frames")):
-        fits = "fits" if timing[f"{way}_fit"] else "[red]too fast[/]"
-        console.print(f"{cfg.frame_rate:g} snapshots/s by {way}: {fits}, at most {timing[f'fastest_{what}_Hz']:.1f}")
-    console.print(f"[bold]{out}[/]: planes/, frames/, planes.json (exposure of each plane; timing)")
+        fits = "fits" if timing[f"{way}_fit"] else styled("too fast", "red")
+        most = timing[f"fastest_{what}_Hz"]
+        console.say(f"{cfg.frame_rate:g} snapshots/s by {way}: ", fits, f", at most {most:.1f}")
+    console.say(styled(out), ": planes/, frames/, planes.json (exposure of each plane; timing)")
 
 
 if __name__ == "__main__":

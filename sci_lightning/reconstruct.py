@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from omegaconf import DictConfig
-from rich.console import Console
 from rich.progress import Progress
 
 from sci_lightning.command import run
+from sci_lightning.console import PlainConsole, styled
 
 
 def reconstruct(cfg: DictConfig) -> None:
@@ -32,7 +32,7 @@ def reconstruct(cfg: DictConfig) -> None:
     from sci_lightning.errors import BadInput
     from sci_lightning.snapshot import read_snapshot
 
-    out = Path(cfg.out)
+    out, console = Path(cfg.out), PlainConsole()
     checkpoint = chosen_checkpoint("reconstruct", cfg)
     decoder = checkpoint.decoder()
     encoder, _ = chosen_encoder(cfg, checkpoint)
@@ -56,7 +56,7 @@ def reconstruct(cfg: DictConfig) -> None:
     device = chosen_device(cfg.device)
     decoder.eval().to(device)
     mask = mask.to(device)
-    with torch.no_grad(), Progress(transient=True) as progress:
+    with torch.no_grad(), Progress(console=console, transient=True) as progress:
         bar = progress.add_task("Decoding", total=len(linear))
         if isinstance(decoder, Iterative):
             decoder.watch = lambda iteration: progress.update(bar, description=f"Decoding: {iteration}")
@@ -71,10 +71,9 @@ def reconstruct(cfg: DictConfig) -> None:
     with whole_file(out / "reconstruction.npy") as temporary:
         np.save(temporary, video.numpy())
     n, t, h, w = video.shape
-    console = Console(highlight=False)
     level = f"mean level {float(measurement.mean()):.3f} of full scale, aperture {aperture:.3g}"
     console.print(f"{n} snapshot(s) of {h} x {w} ({level}) decoded into {t} frames each")
-    console.print(f"[bold]{out}[/]: frames/, video.gif, reconstruction.npy")
+    console.say(styled(out), ": frames/, video.gif, reconstruction.npy")
 
 
 if __name__ == "__main__":

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
 from sci_lightning.atomic_file import whole_file
+from sci_lightning.console import PlainConsole
 from sci_lightning.decoder.complexity import count_macs, count_parameters
 from sci_lightning.system import System
 
@@ -43,7 +43,7 @@ def write_json(content: Mapping[str, Any], path: Path) -> None:
         temporary.write_text(json.dumps(content, indent=1) + "\n")
 
 
-def print_results(found: Mapping[str, Any], console: Console) -> None:
+def print_results(found: Mapping[str, Any], console: PlainConsole) -> None:
     """A table of the scenes, their mean, and the baseline in which every frame is the mean measurement."""
     trained = f"trained on {found['encoder']}, " if found["parameters"] else ""
     title = f"{found['decoder']}, {trained}tested on {found['test_encoder']}"

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import yaml
 from omegaconf import DictConfig
-from rich.console import Console
 
 from sci_lightning.command import PACKAGE, plain, run
+from sci_lightning.console import PlainConsole, styled
 
 
 def tables(cfg: DictConfig) -> None:
@@ -31,7 +31,7 @@ def tables(cfg: DictConfig) -> None:
     from sci_lightning.paper_tables.run import find_runs
     from sci_lightning.paper_tables.score_table import score_table
 
-    out, console = Path(cfg.out), Console(highlight=False)
+    out, console = Path(cfg.out), PlainConsole()
     folders = plain(cfg)["runs"]
     runs, lines = find_runs([Path(str(folder)) for folder in (folders if isinstance(folders, list) else [folders])])
     for line in lines:
@@ -53,7 +53,7 @@ def tables(cfg: DictConfig) -> None:
     }
     for name, figure in figures.items():
         write_figure(figure, out / f"{name}.png")
-    console.print(f"[bold]{out}[/]: {', '.join(grid.name for grid in grids)} as .md, .tex and .png; {len(runs)} runs")
+    console.say(styled(out), f": {', '.join(grid.name for grid in grids)} as .md, .tex and .png; {len(runs)} runs")
     console.print(f"figures: {', '.join(figures)} as .png")
 
 

@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 
 from omegaconf import DictConfig
-from rich.console import Console
 
 from sci_lightning.command import chosen, plain, run
+from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
 
 
@@ -36,7 +36,7 @@ def train(cfg: DictConfig) -> float:
     names = {"encoder": chosen("encoder"), "decoder": chosen("decoder")}
     if cfg.resume:
         if (done := finished(out, config)) is not None:
-            Console(highlight=False).print(f"[bold]{out}[/]: finished before, kept")
+            PlainConsole().say(styled(out), ": finished before, kept")
             return float(done["mean"]["psnr"])
         cfg.ckpt_path = cfg.ckpt_path or interrupted(out, config)
     torch.manual_seed(cfg.seed)  # the decoder's first weights
@@ -79,7 +79,7 @@ def train(cfg: DictConfig) -> float:
         if trainer.is_global_zero:
             found = results(tested, {**names, "test_encoder": name}, config)
             write_json(found, out / f"test_{name}" / "metrics.json")
-            print_results(found, Console())
+            print_results(found, PlainConsole())
     trainer.test(system, test_scenes, verbose=False)
     found = results(system, {**names, "test_encoder": names["encoder"]}, config)
     if trainer.is_global_zero:  # metrics.json last: it says that the run is finished
@@ -87,10 +87,10 @@ def train(cfg: DictConfig) -> float:
         for logger in trainer.loggers:
             if isinstance(logger, TensorBoardLogger):
                 logger.log_hyperparams(hparams(found), {f"test/{key}": value for key, value in found["mean"].items()})
-        console = Console()
+        console = PlainConsole()
         print_results(found, console)
-        console.print(f"[bold]{out}[/]: metrics.json, checkpoints/last.ckpt, pictures/, tensorboard/", highlight=False)
-        console.print(f"dashboard: tensorboard --logdir {out}", highlight=False)
+        console.say(styled(out), ": metrics.json, checkpoints/last.ckpt, pictures/, tensorboard/")
+        console.print(f"dashboard: tensorboard --logdir {out}")
     return float(found["mean"]["psnr"])
 
 

@@ -9,11 +9,11 @@ from datetime import datetime
 from pathlib import Path
 from typing import NoReturn
 
-from rich.console import Console
-
+from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
+from sci_lightning.plain_text import one_printable_line
 
-CONSOLE = Console(highlight=False, soft_wrap=True)
+CONSOLE = PlainConsole()
 
 
 class _Parser(ArgumentParser):
@@ -43,8 +43,8 @@ def pack(folder: str, out: str | None) -> None:
     if out is None:
         raise BadInput("pack: where to? give out=captures.h5")
     for line in facts(pack_captures(folder, out)):
-        CONSOLE.print(line, markup=False)
-    CONSOLE.print(f"[bold]{out}[/]")
+        CONSOLE.print(line)
+    CONSOLE.print(styled(out))
 
 
 def info(file: str, out: str | None) -> None:
@@ -57,11 +57,11 @@ def info(file: str, out: str | None) -> None:
     sheet = Path(out or f"outputs/captures/{datetime.now():%Y-%m-%d_%H-%M-%S}")
     if sheet.suffix.lower() != ".png":
         sheet /= "contact_sheet.png"
-    CONSOLE.print(summary_table(found), soft_wrap=False)
+    CONSOLE.print(summary_table(found))
     for line in facts(found):
-        CONSOLE.print(line, markup=False)
+        CONSOLE.print(line)
     left_out = contact_sheet(sheet, found)
-    CONSOLE.print(f"[bold]{sheet}[/]" + (f" ({left_out} captures left out)" if left_out else ""))
+    CONSOLE.say(styled(sheet), f" ({left_out} captures left out)" if left_out else "")
 
 
 def main() -> None:
@@ -76,7 +76,7 @@ def main() -> None:
             raise
         from sci_lightning.command import one_line
 
-        print(f"error: {one_line(error)}", file=sys.stderr)
+        print(f"error: {one_printable_line(one_line(error))}", file=sys.stderr)
         sys.exit(2 if isinstance(error, (BadInput, OSError)) else 1)
 
 

@@ -13,9 +13,9 @@ from typing import BinaryIO, TypeAlias
 
 import numpy as np
 from numpy.lib import format as npy
-from rich.console import Console
 from rich.progress import track
 
+from sci_lightning.console import PlainConsole
 from sci_lightning.data.reader import frame_files, read_frames
 from sci_lightning.errors import BadInput
 
@@ -49,7 +49,7 @@ class ClipStore:
         self._files = [folder / f"{_fingerprint(clip)}.npy" for clip in self.clips]
         quiet = all(map(_layout, self._files)) or os.environ.get("LOCAL_RANK", "0") != "0"
         todo = list(zip(self.clips, self._files, strict=True))
-        bar = track(todo, "Storing clips", console=Console(stderr=True), disable=quiet)
+        bar = track(todo, "Storing clips", console=PlainConsole(stderr=True), disable=quiet)
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._layouts = [_layout(file) or _write(clip, file) for clip, file in bar]

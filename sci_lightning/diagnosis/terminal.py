@@ -6,17 +6,17 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from sci_lightning.console import PlainConsole, styled
 from sci_lightning.diagnosis.sentences import chi2, quantity
 
 TONES = {"consistent": "green", "explained": "green", "partly_explained": "yellow", "unexplained": "red"}
 
 
 @contextmanager
-def searching(console: Console, most: int) -> Iterator[Callable[[str], None]]:
+def searching(console: PlainConsole, most: int) -> Iterator[Callable[[str], None]]:
     """A bar over the rounds of the search; gives what is to be called with every piece of news.
 
     Args:
@@ -35,7 +35,7 @@ def searching(console: Console, most: int) -> Iterator[Callable[[str], None]]:
         yield told
 
 
-def print_report(report: Mapping[str, Any], sentence: str, console: Console) -> None:
+def print_report(report: Mapping[str, Any], sentence: str, console: PlainConsole) -> None:
     """Verdict, effects with their parameters, and the gap before and after.
 
     Args:
@@ -43,7 +43,8 @@ def print_report(report: Mapping[str, Any], sentence: str, console: Console) -> 
         sentence: the verdict in words.
         console: where to.
     """
-    console.print(f"[bold {TONES[report['verdict']]}]{report['verdict'].replace('_', ' ')}[/]: {sentence}")
+    verdict = report["verdict"]
+    console.say(styled(verdict.replace("_", " "), f"bold {TONES[verdict]}"), f": {sentence}")
     if report["effects"]:
         effects = Table("effect", "stage", "parameter", title="effects", title_justify="left")
         effects.add_column("value", justify="right")

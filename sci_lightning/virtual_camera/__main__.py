@@ -6,9 +6,9 @@ from dataclasses import fields
 from typing import Any
 
 from omegaconf import DictConfig
-from rich.console import Console
 
 from sci_lightning.command import plain, run
+from sci_lightning.console import PlainConsole, styled
 
 
 def virtual_camera(cfg: DictConfig) -> None:
@@ -28,10 +28,10 @@ def virtual_camera(cfg: DictConfig) -> None:
         session, given["effects"], given["seed"], number=given["number"], magnitude=given["magnitude"]
     )
     truth = write_captures(cfg.out, captures)
-    console = Console(highlight=False, soft_wrap=True)
+    console = PlainConsole()
     count, height, width = captures.measurement.shape
     console.print(f"{count} captures of {height} x {width}, {session.frames} slots each, {session.bit_depth} bits")
-    console.print(f"[bold]{cfg.out}[/]; what is hidden in it: [bold]{truth}[/]")
+    console.say(styled(cfg.out), "; what is hidden in it: ", styled(truth))
 
 
 if __name__ == "__main__":

@@ -7,10 +7,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
+from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
+from sci_lightning.plain_text import one_printable_line
 from sci_lightning.virtual_camera.comparison import Compared, compare, verdict
 from sci_lightning.virtual_camera.parameter import Value
 
@@ -32,12 +33,12 @@ def reveal(truth: str, report: str) -> None:
     for row in compare(hidden, found):
         colour = colours.get(row.answer, "red")
         unit = f"{row.parameter} ({row.unit})" if row.unit not in ("", "1") else row.parameter
-        table.add_row(row.effect, unit, _number(row.truth), _found(row), f"[{colour}]{row.answer}[/]")
-    console = Console(highlight=False)
+        table.add_row(row.effect, unit, _number(row.truth), _found(row), styled(row.answer, colour))
+    console = PlainConsole()
     if table.row_count:
         console.print(table)
     chi2 = [f"{found['gap'][when]['chi2']:.4g}" for when in ("before", "after")]
-    console.print(f"[bold]{verdict(hidden, found)}[/]; held-out chi2 {chi2[0]} before, {chi2[1]} after")
+    console.say(styled(verdict(hidden, found)), f"; held-out chi2 {chi2[0]} before, {chi2[1]} after")
 
 
 def main() -> None:
@@ -48,7 +49,7 @@ def main() -> None:
     try:
         reveal(sys.argv[1], sys.argv[2])
     except BadInput as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {one_printable_line(str(error))}", file=sys.stderr)
         sys.exit(2)
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from omegaconf import DictConfig
-from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from sci_lightning.command import plain, run
+from sci_lightning.console import PlainConsole, styled
 from sci_lightning.diagnosis.proving_ground.case import Case
 from sci_lightning.diagnosis.proving_ground.records import Records
 
@@ -26,7 +25,7 @@ def proving_ground(cfg: DictConfig) -> None:
     from sci_lightning.diagnosis.proving_ground.summary import sum_up
     from sci_lightning.errors import BadInput
 
-    given, out, console = plain(cfg), Path(cfg.out), Console(highlight=False, soft_wrap=True)
+    given, out, console = plain(cfg), Path(cfg.out), PlainConsole()
     records = Records(out / "cases")
     if cfg.run:
         names = ("suites", "seeds", "effects", "size", "frames", "masks", "bit_depths")
@@ -39,12 +38,12 @@ def proving_ground(cfg: DictConfig) -> None:
     write_report(out, rows)
     pictures = write_pictures(out, found)
     for row in rows:
-        reached = {True: "[green]yes[/]", False: "[red]no[/] ", None: "   "}[row.met]
-        console.print(f"{reached} {escape(row.what)}: {row.found}" + (f" (target {row.target})" if row.target else ""))
-    console.print(f"[bold]{out}[/]: summary.md, summary.json, {', '.join(path.name for path in pictures)}")
+        marks = {True: styled("yes", "green"), False: styled("no ", "red"), None: styled("   ", "")}
+        console.say(marks[row.met], f" {row.what}: {row.found}" + (f" (target {row.target})" if row.target else ""))
+    console.say(styled(out), f": summary.md, summary.json, {', '.join(path.name for path in pictures)}")
 
 
-def attempt_all(cases: list[Case], records: Records, workers: int, threads: int, console: Console) -> None:
+def attempt_all(cases: list[Case], records: Records, workers: int, threads: int, console: PlainConsole) -> None:
     """Try the cases that ``records`` has not, and keep each record as soon as it is there."""
     from sci_lightning.diagnosis.proving_ground.crew import work_through
     from sci_lightning.diagnosis.proving_ground.outcome import Outcome
@@ -58,10 +57,10 @@ def attempt_all(cases: list[Case], records: Records, workers: int, threads: int,
             records.write(record)
             progress.advance(bar)
             if "failed" in record:
-                console.print(f"[red]failed[/] {record['case']}: {escape(record['failed'])}")
+                console.say(styled("failed", "red"), f" {record['case']}: {record['failed']}")
             else:
                 outcome = Outcome(record)
-                console.print(f"{'[green]right[/]' if outcome.right else '[red]wrong[/]'}  {escape(str(outcome))}")
+                console.say(styled("right", "green") if outcome.right else styled("wrong", "red"), f"  {outcome}")
 
 
 if __name__ == "__main__":
