@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from sci_lightning.atomic_file import whole_file
+from sci_lightning.plain_text import in_figure
 
 MOST_FRAMES = 8
 """Longer videos show this many frames, evenly chosen."""
@@ -57,7 +58,7 @@ def reconstruction_figure(
     x, y, m = (v.detach().float().cpu().numpy() for v in (estimate, truth, measurement))
     error = np.abs(x - y)
     figure = Figure(figsize=(1.55 * (len(shown) + 1), 5.2), layout="constrained")
-    figure.suptitle(title)
+    figure.suptitle(in_figure(title))
     grid = figure.subplots(3, len(shown) + 1, squeeze=False)
     show_picture(grid[0, 0], m, "measurement", high=max(1.0, m.max()))
     for axes in grid[1:, 0]:
@@ -80,7 +81,7 @@ def _chosen(video: torch.Tensor) -> list[int]:
 def show_picture(axes: Axes, image: np.ndarray, title: str, high: float = 1.0, colours: str = "gray") -> None:
     """An image ``(H, W)`` from 0 to ``high`` under its title, pixel by pixel."""
     axes.imshow(image, cmap=colours, vmin=0, vmax=high, interpolation="nearest")
-    axes.set_title(title, fontsize=8)
+    axes.set_title(in_figure(title), fontsize=8)
     axes.set_axis_off()
 
 

@@ -37,7 +37,7 @@ def file_name(text: str, longest: int = 60) -> str:
 
 def in_markdown(text: str) -> str:
     """Return Markdown that shows the text on one line: no emphasis, code, links, HTML or cells of a table in it."""
-    text = re.sub(r"[\\`*\[\]|~#!]|(?<!\w)_|_(?!\w)", lambda sign: f"\\{sign[0]}", one_printable_line(text))
+    text = re.sub(r"[\\`*\[\]|~#!$]|(?<!\w)_|_(?!\w)", lambda sign: f"\\{sign[0]}", one_printable_line(text))
     return re.sub("[&<>]", lambda sign: HTML_SIGNS[sign[0]], text)
 
 
@@ -47,6 +47,7 @@ def in_latex(text: str) -> str:
     return re.sub(r"[\\±~^<>|\[\]&%$#_{}]", lambda sign: LATEX_SIGNS.get(sign[0], f"\\{sign[0]}"), text)
 
 
-def in_figure(text: str) -> str:
-    """Return a text for matplotlib whose dollar signs are shown and start no formula."""
+def in_figure(text: str, longest: int = 200) -> str:
+    """Return a text for matplotlib whose dollar signs are shown and start no formula, cut after ``longest`` signs."""
+    text = text if len(text) <= longest else f"{text[: longest - 2]}.."
     return printable(text).replace("$", r"\$")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from itertools import chain
 from pathlib import Path
 
 import yaml
@@ -10,6 +11,7 @@ from omegaconf import DictConfig
 
 from sci_lightning.command import PACKAGE, plain, run
 from sci_lightning.console import PlainConsole, styled
+from sci_lightning.plain_text import one_printable_line
 
 
 def tables(cfg: DictConfig) -> None:
@@ -29,13 +31,14 @@ def tables(cfg: DictConfig) -> None:
     from sci_lightning.paper_tables.encoder_table import encoder_table
     from sci_lightning.paper_tables.mosaic import mosaics
     from sci_lightning.paper_tables.run import find_runs
+    from sci_lightning.paper_tables.run_table import run_table
     from sci_lightning.paper_tables.score_table import score_table
 
     out, console = Path(cfg.out), PlainConsole()
     folders = plain(cfg)["runs"]
     runs, lines = find_runs([Path(str(folder)) for folder in (folders if isinstance(folders, list) else [folders])])
     for line in lines:
-        print(f"left out: {line}", file=sys.stderr)
+        _left_out(line)
     paper = yaml.safe_load((PACKAGE / "paper_figures.yaml").read_text())
     cost = costs(paper["decoders"])
     grids = [encoder_table(paper["encoders"])]
@@ -43,18 +46,24 @@ def tables(cfg: DictConfig) -> None:
     grids.append(claim_table(paper["claims"], paper["tables"], runs))
     recorded = wedges(list(paper["encoders"]), cfg.sensor)
     grids.append(dynamic_range_table(recorded, cfg.sensor))
+    grids.append(run_table(runs))
     for grid in grids:
         grid.write(out)
         console.print(grid.as_table())
     figures = {
         "cost": cost_figure(paper["tables"]["table4"], runs, paper["decoders"]),
         "dynamic_range_map": dynamic_range_figure(recorded),
-        **dict(mosaics(runs, cfg.mosaic) if cfg.mosaic else []),
     }
-    for name, figure in figures.items():
+    names = []
+    for name, figure in chain(figures.items(), mosaics(runs, cfg.mosaic, _left_out) if cfg.mosaic else ()):
         write_figure(figure, out / f"{name}.png")
+        names.append(name)
     console.say(styled(out), f": {', '.join(grid.name for grid in grids)} as .md, .tex and .png; {len(runs)} runs")
-    console.print(f"figures: {', '.join(figures)} as .png")
+    console.print(f"figures: {', '.join(names)} as .png")
+
+
+def _left_out(line: str) -> None:
+    print(f"left out: {one_printable_line(line)}", file=sys.stderr)
 
 
 if __name__ == "__main__":

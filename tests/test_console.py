@@ -87,8 +87,10 @@ def test_file_names(text: str, name: str) -> None:
 
 
 def test_markdown() -> None:
-    text = "a|b `c` <script>alert(1)</script> ![x](http://y) **z** _w_ lsw_sr # & \n- 1"
-    expected = r"a\|b \`c\` &lt;script&gt;alert(1)&lt;/script&gt; \!\[x\](http://y) \*\*z\*\* \_w\_ lsw_sr \# &amp; - 1"
+    text = "a|b `c` <script>alert(1)</script> ![x](http://y) **z** _w_ lsw_sr # & $x$ \n- 1"
+    expected = (
+        r"a\|b \`c\` &lt;script&gt;alert(1)&lt;/script&gt; \!\[x\](http://y) \*\*z\*\* \_w\_ lsw_sr \# &amp; \$x\$ - 1"
+    )
     assert in_markdown(text) == expected
     assert in_markdown("\x1b[2J") == r"\\x1b\[2J"
 

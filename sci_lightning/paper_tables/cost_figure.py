@@ -11,7 +11,10 @@ from matplotlib.figure import Figure
 
 from sci_lightning.paper_tables.line import Line, lines_of
 from sci_lightning.paper_tables.run import Run
+from sci_lightning.plain_text import in_figure
 
+MOST_PANELS = 8
+"""Settings of ours that are drawn, in the order of the lines; the tables hold all."""
 AREA = 700.0
 """Of the circle of a panel's largest network, in square points; the others' go with their parameters."""
 
@@ -28,11 +31,13 @@ def cost_figure(table: Mapping[str, Any], runs: Sequence[Run], paper: Mapping[st
     papers = {(line.row, line.column): line for line in lines}.values()
     panels = {"the paper: 256 x 256": [_paper_point(line, paper[line.decoder]) for line in papers]}
     for line in lines:
-        if line.runs:
-            panels.setdefault(f"ours, {line.runs[0].setting}", []).append(_point(line))
+        if line.runs and "psnr" in line.mean() and line.runs[0].macs and line.runs[0].parameters:
+            title = f"ours, {line.runs[0].setting}"
+            if title in panels or len(panels) <= MOST_PANELS:
+                panels.setdefault(title, []).append(_point(line))
     figure = Figure(figsize=(5.2 * len(panels), 4.4), layout="constrained")
     for axes, (title, points) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels.items(), strict=True):
-        axes.set_title(title, fontsize=10)
+        axes.set_title(in_figure(title, 60), fontsize=10)
         _draw(axes, points, list(table["columns"]))
     return figure
 
@@ -67,7 +72,7 @@ def _draw(axes: Axes, points: Sequence[Point], columns: Sequence[str]) -> None:
         colour = f"C{columns.index(point.column)}"
         axes.scatter([point.macs], [point.psnr], s=area, color=colour, alpha=0.6)
         if best[point.row] is point:
-            label = f"{point.row}, {point.parameters:.3g} M"
+            label = f"{in_figure(point.row)}, {point.parameters:.3g} M"
             over = (other for other in best.values() if 0 < other.psnr - point.psnr < 0.06 * span)
             below = any(0.3 < other.macs / point.macs < 3 for other in over)
             away = (0, (-1 if below else 1) * (area**0.5 / 2 + 2))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,16 +11,18 @@ from rich.table import Table
 
 from sci_lightning.atomic_file import whole_file
 from sci_lightning.figures import write_figure
+from sci_lightning.plain_text import file_name, in_figure, in_latex, in_markdown
 
-LATEX = {"\\": r"\textbackslash{}", "±": r"$\pm$", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+MOST_DRAWN = 150
+"""Rows of the PNG; a picture of more could not be looked at. The other formats hold all."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A heading over rows of cells.
+    """A heading over rows of cells. Texts may come from anywhere: each format shows them as they are.
 
     Attributes:
-        name: of the files.
+        name: of the files; what does not belong in a file name is replaced.
         title: above the table.
         heading: one text for each column.
         rows: as many cells each.
@@ -36,12 +37,13 @@ class Grid:
 
     def write(self, folder: Path) -> list[Path]:
         """Write NAME.md, NAME.tex and NAME.png; returns their paths."""
+        name = file_name(self.name)
         texts = {"md": self.as_markdown(), "tex": self.as_latex()}
         for ending, text in texts.items():
-            with whole_file(folder / f"{self.name}.{ending}") as temporary:
+            with whole_file(folder / f"{name}.{ending}") as temporary:
                 temporary.write_text(text, encoding="utf-8")
-        write_figure(self.as_figure(), folder / f"{self.name}.png")
-        return [folder / f"{self.name}.{ending}" for ending in (*texts, "png")]
+        write_figure(self.as_figure(), folder / f"{name}.png")
+        return [folder / f"{name}.{ending}" for ending in (*texts, "png")]
 
     def as_table(self) -> Table:
         """For the terminal."""
@@ -55,17 +57,19 @@ class Grid:
 
     def as_markdown(self) -> str:
         """For a README."""
-        ruled = [self.heading, ["---"] * len(self.heading), *self.rows]
-        lines = [f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |" for row in ruled]
-        return "\n".join([f"**{self.title}**", "", *lines, "", *(f"{note}\n" for note in self.notes)])
+        heading, *rows = [[in_markdown(cell) for cell in row] for row in (self.heading, *self.rows)]
+        lines = [f"| {' | '.join(row)} |" for row in (heading, ["---"] * len(heading), *rows)]
+        return "\n".join(
+            [f"**{in_markdown(self.title)}**", "", *lines, "", *(f"{in_markdown(note)}\n" for note in self.notes)]
+        )
 
     def as_latex(self) -> str:
         """A ``table`` environment that needs no package."""
-        body = [" & ".join(map(escaped, row)) + r" \\" for row in (self.heading, *self.rows)]
+        body = [" & ".join(map(in_latex, row)) + r" \\" for row in (self.heading, *self.rows)]
         return "\n".join(
             [
                 r"\begin{table}",
-                rf"\caption{{{escaped(' '.join([f'{self.title}.', *self.notes]))}}}",
+                rf"\caption{{{in_latex(' '.join([f'{self.title}.', *self.notes]))}}}",
                 rf"\begin{{tabular}}{{{'l' * len(self.heading)}}}",
                 r"\hline",
                 body[0],
@@ -83,7 +87,11 @@ class Grid:
         figure = Figure(figsize=(1, 1))
         axes = figure.subplots()
         axes.set_axis_off()
-        drawn = axes.table(self.rows, colLabels=self.heading, cellLoc="left", loc="center")
+        rows = [[in_figure(cell) for cell in row] for row in self.rows[:MOST_DRAWN]]
+        if more := len(self.rows) - len(rows):
+            rows.append([f"and {more} more rows", *[""] * (len(self.heading) - 1)])
+        heading = [in_figure(text) for text in self.heading]
+        drawn = axes.table(rows, colLabels=heading, cellLoc="left", loc="center")
         drawn.auto_set_font_size(False)
         drawn.set_fontsize(9)
         drawn.auto_set_column_width(list(range(len(self.heading))))
@@ -92,10 +100,5 @@ class Grid:
             cell.set_edgecolor("#b0b0b0")
             if row == 0:
                 cell.set_text_props(weight="bold")
-        axes.set_title(self.title, fontsize=10, y=0.56 + 0.12 * (len(self.rows) + 1), loc="center")
+        axes.set_title(in_figure(self.title), fontsize=10, y=0.56 + 0.12 * (len(rows) + 1), loc="center")
         return figure
-
-
-def escaped(text: str) -> str:
-    """Text with what LaTeX would take for commands made into the signs they are."""
-    return re.sub(r"[\\±~^&%$#_{}]", lambda sign: LATEX.get(sign[0], f"\\{sign[0]}"), text)

@@ -2,51 +2,77 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import count
 from pathlib import Path
+from typing import Any
 
 import torch
 from matplotlib.figure import Figure
 
 from sci_lightning.checkpoint import read_checkpoint
-from sci_lightning.command import CONF
+from sci_lightning.command import CONF, one_line
 from sci_lightning.data import Synthetic
 from sci_lightning.figures import show_picture
 from sci_lightning.paper_tables.run import Run
+from sci_lightning.paper_tables.run_files import is_inside
+from sci_lightning.plain_text import file_name, in_figure
 from sci_lightning.system import System
 
 PICTURES = 4
 """Of each encoder."""
 
 
-def mosaics(runs: Sequence[Run], side: int) -> Iterator[tuple[str, Figure]]:
-    """A name and a figure for each scale and decoder of ours whose runs left a checkpoint.
+def mosaics(runs: Sequence[Run], side: int, left_out: Callable[[str], None]) -> Iterator[tuple[str, Figure]]:
+    """A file's name and a figure for each scale and decoder of ours whose runs left a checkpoint.
 
     Args:
         runs: of any seed; the first seed's are shown.
         side: of the scene that is shown, in pixels; a held-out one of the embedded photographs, the same for all.
+        left_out: called with a line for each checkpoint that is of no use; the others are shown.
     """
+    members = {part: {path.stem for path in (CONF / part).glob("*.yaml")} for part in ("encoder", "decoder")}
     groups: dict[tuple[str, str, int], dict[str, Path]] = {}
     for run in sorted(runs, key=lambda run: (run.fields["encoder"], run.fields["bits"], run.seed)):
         path = run.path.parent / "checkpoints" / "last.ckpt"
-        ours = all((CONF / part / f"{run.fields[part]}.yaml").is_file() for part in ("encoder", "decoder"))
-        if ours and path.is_file() and run.fields["test_encoder"] == run.fields["encoder"]:
+        ours = all(run.fields[part] in names for part, names in members.items())
+        # a link out of the run's folder is not followed
+        if ours and is_inside(path, run.path.parent) and run.fields["test_encoder"] == run.fields["encoder"]:
             rows = groups.setdefault((run.setting.scale, str(run.fields["decoder"]), run.parameters), {})
             rows.setdefault(f"{run.fields['encoder']}, {run.fields['bits']} bit", path)
-    names = [f"mosaic_{scale}_{decoder}" for scale, decoder, _ in groups]
+    taken: set[str] = set()
     for (scale, decoder, parameters), rows in groups.items():
-        name = f"mosaic_{scale}_{decoder}"
-        title = f"{decoder}, scale {scale}, {parameters:,} parameters"
-        yield name if names.count(name) == 1 else f"{name}_{parameters}", _mosaic(title, rows, side)
+        pictures = _usable(rows, side, left_out)
+        if not pictures:
+            continue
+        name = file_name(f"mosaic_{scale}_{decoder}")
+        if name in taken:  # the same network in another size, or scales that differ in nothing a file name can show
+            name = next(f"{name}_{number}" for number in count(2) if f"{name}_{number}" not in taken)
+        taken.add(name)
+        yield name, _mosaic(f"{decoder}, scale {scale}, {parameters:,} parameters", pictures)
 
 
-def _mosaic(title: str, rows: dict[str, Path], side: int) -> Figure:
+def _usable(rows: dict[str, Path], side: int, left_out: Callable[[str], None]) -> dict[str, dict[str, torch.Tensor]]:
+    """The pictures of every row whose checkpoint is of use."""
+    pictures = {}
+    for name, path in rows.items():
+        try:
+            pictures[name] = _pictures(path, side)
+        except Exception as error:  # whatever a checkpoint of another version, or of anybody, makes a network do
+            reason = one_line(error)
+            left_out(reason if str(path) in reason else f"{path}: {reason}")
+    return pictures
+
+
+def _mosaic(title: str, rows: dict[str, dict[str, torch.Tensor]]) -> Figure:
     figure = Figure(figsize=(1.9 * PICTURES, 2.1 * len(rows) + 0.3), layout="constrained")
-    figure.suptitle(title, fontsize=10)
-    for axes, (name, path) in zip(figure.subplots(len(rows), PICTURES, squeeze=False), rows.items(), strict=True):
-        for each, (label, picture) in zip(axes, _pictures(path, side).items(), strict=True):
-            show_picture(each, picture.numpy(), label, high=max(1.0, float(picture.max())))
-        axes[0].text(-0.08, 0.5, name, transform=axes[0].transAxes, rotation=90, va="center", ha="right", fontsize=9)
+    figure.suptitle(in_figure(title, 100), fontsize=10)
+    panels = figure.subplots(len(rows), PICTURES, squeeze=False)
+    for row, (name, pictures) in zip(panels, rows.items(), strict=True):
+        for axes, (label, picture) in zip(row, pictures.items(), strict=True):
+            show_picture(axes, picture.numpy(), label, high=max(1.0, float(picture.max())))
+        place: dict[str, Any] = {"transform": row[0].transAxes, "rotation": 90, "va": "center", "ha": "right"}
+        row[0].text(-0.08, 0.5, in_figure(name), fontsize=9, **place)
     return figure
 
 

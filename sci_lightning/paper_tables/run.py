@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from sci_lightning.errors import BadInput
+from sci_lightning.paper_tables.json_fields import Fields, read_json
+from sci_lightning.paper_tables.run_files import files_below
 
 NAME = "metrics.json"
+MOST_SCENES = 10_000
+MOST_EFFECTS = 64
+SHOWN = 5
+"""Files of no use that are named in the one line that says that there are no others."""
+LARGEST_SCORE = 1e6
+LARGEST_COUNT = 10**18
+"""Of parameters and multiply-accumulates."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +33,7 @@ class Setting:
     """
 
     scale: str
-    size: tuple[int, ...]
+    size: tuple[int, int]
     scenes: tuple[str, ...]
     conventions: tuple[tuple[str, str], ...]
 
@@ -42,7 +50,7 @@ class Run:
         path: of the file.
         fields: what rows and columns are matched by: ``encoder``, ``decoder``, ``test_encoder``, the mask's class
             ``mask``, and its ``bits`` (1 for masks that have none). An encoder with effects is not the paper's: its
-            name carries them.
+            name carries them, as in ``lsw_sr + mask_shift``. Texts hold no control characters.
         setting: see :class:`Setting`.
         parameters: of the decoder, which runs of one row must share as well.
         macs: its multiply-accumulates for one measurement of the mask's size.
@@ -71,24 +79,18 @@ class Run:
 
 
 def read_run(path: Path) -> Run:
-    """Read a ``metrics.json``.
+    """Read a ``metrics.json``, which may come from anybody: every entry is checked, and no path in it is followed.
 
     Raises:
-        BadInput: unreadable, no JSON, or not what ``train`` and ``evaluate`` write.
+        BadInput: unreadable, no JSON, not what ``train`` and ``evaluate`` write, or an entry of another type or out of
+            bounds.
     """
-    try:
-        content = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise BadInput(f"{path}: not readable as JSON ({error}); run it again, or leave it out") from error
-    about = (content.get("format"), content.get("format_version")) if isinstance(content, dict) else None
-    if about != ("sci-metrics", 1):
+    content = read_json(path)
+    if (content.content.get("format"), content.content.get("format_version")) != ("sci-metrics", 1):
         raise BadInput(
             f"{path}: not the metrics of a run: expected format sci-metrics 1, which train and evaluate write"
         )
-    try:
-        return _run(path, content)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise BadInput(f"{path}: incomplete metrics ({type(error).__name__}: {error}); run it again") from error
+    return _run(content)
 
 
 def find_runs(folders: Iterable[Path]) -> tuple[list[Run], list[str]]:
@@ -102,7 +104,7 @@ def find_runs(folders: Iterable[Path]) -> tuple[list[Run], list[str]]:
     runs: dict[Any, Run] = {}
     lines: list[str] = []
     for folder in folders:
-        files = sorted(folder.rglob(NAME), key=lambda path: path.stat().st_mtime)
+        files = files_below(folder, NAME)
         if not files:
             lines.append(f"{folder}: {f'no {NAME} in it' if folder.is_dir() else 'no such folder'}")
         for path in files:
@@ -113,45 +115,63 @@ def find_runs(folders: Iterable[Path]) -> tuple[list[Run], list[str]]:
                 continue
             key = (tuple(sorted(run.fields.items())), run.group, run.seed)
             if key in runs and runs[key].path.resolve() != path.resolve():
-                lines.append(f"{runs[key].path}: left out, {path} is the same row and seed, and later")
+                lines.append(f"{runs[key].path}: {path} is the same row and seed, and later")
             runs[key] = run
     if not runs:
-        raise BadInput(f"no runs: {'; '.join(lines) or 'runs= is empty'}; give runs=DIR of train or of a sweep")
+        more = [f"and {len(lines) - SHOWN} more"] if len(lines) > SHOWN else []
+        reasons = "; ".join([*lines[:SHOWN], *more]) or "runs= is empty"
+        raise BadInput(f"no runs: {reasons}; give runs=DIR of train or of a sweep")
     return list(runs.values()), lines
 
 
-def _run(path: Path, content: Mapping[str, Any]) -> Run:
-    config = content["config"]
-    tested = config.get("evaluate", {})
-    mask = config["encoder"]["mask"]
-    fields = {
-        "encoder": content["encoder"] + _effects(config["encoder"]),
-        "decoder": content["decoder"],
-        "test_encoder": content["test_encoder"] + _effects(tested.get("encoder") or config["encoder"]),
-        "mask": mask["_target_"].rpartition(".")[2],
-        "bits": mask.get("bits", 1),
+def _run(content: Fields) -> Run:
+    config = content.part("config")
+    tested = config.part("evaluate", optional=True)
+    encoder = config.part("encoder")
+    mask = encoder.part("mask")
+    name = content.text("test_encoder")
+    fields: dict[str, str | int] = {
+        "encoder": content.text("encoder") + _effects(encoder),
+        "decoder": content.text("decoder"),
+        "test_encoder": name + _tested_effects(config, name),
+        "mask": mask.text("_target_").rpartition(".")[2],
+        "bits": mask.whole("bits", 1, 64, default=1),
     }
+    conventions = content.part("conventions", optional=True)
     setting = Setting(
-        scale=config.get("scale", "own"),
-        size=tuple(int(side) for side in tested.get("size") or config["size"]),
-        scenes=tuple(sorted(content["scenes"])),
-        conventions=tuple(sorted(content.get("conventions", {}).items())),
+        scale=config.text("scale", "own"),
+        size=(tested if "size" in tested else config).size("size"),
+        scenes=tuple(sorted(content.part("scenes").names()[:MOST_SCENES])),
+        conventions=tuple(sorted((key, conventions.text(key)) for key in conventions.names())),
     )
-    told = (content["mean"], content.get("baseline", {}))
-    scores, baseline = ({str(key): float(value) for key, value in found.items()} for found in told)
     return Run(
-        path=path,
+        path=content.path,
         fields=fields,
         setting=setting,
-        parameters=int(content["parameters"]),
-        macs=int(content["macs"]),
-        seed=int(config["seed"]),
-        scores=scores,
-        baseline=baseline,
-        seconds=float(content["seconds_per_measurement"]),
-        device=str(content["device"]),
+        parameters=content.whole("parameters", 0, LARGEST_COUNT),
+        macs=content.whole("macs", 0, LARGEST_COUNT),
+        seed=config.whole("seed", -(2**63), 2**64),
+        scores=_scores(content.part("mean")),
+        baseline=_scores(content.part("baseline", optional=True)),
+        seconds=content.number("seconds_per_measurement", 0, 1e9),
+        device=content.text("device"),
     )
 
 
-def _effects(encoder: Mapping[str, Any]) -> str:
-    return "".join(f"+{name}" for name in encoder.get("effects", {}))
+def _scores(part: Fields) -> dict[str, float]:
+    return {key: part.number(key, -LARGEST_SCORE, LARGEST_SCORE) for key in part.names()}
+
+
+def _effects(encoder: Fields) -> str:
+    """The effects of an encoder as they follow its name; one that is null is none."""
+    effects = encoder.part("effects", optional=True)
+    return "".join(f" + {name}" for name in effects.names()[:MOST_EFFECTS] if name in effects)
+
+
+def _tested_effects(config: Fields, name: str) -> str:
+    """The effects of the encoder that was tested with: of ``evaluate``, of ``test_encoders``, or the trained one's."""
+    tested, others = config.part("evaluate", optional=True), config.part("test_encoders", optional=True)
+    if "captures" in tested:  # a real camera's, which nobody knows
+        return ""
+    places = ((tested, "encoder"), (others, name), (config, "encoder"))
+    return _effects(next(part.part(key) for part, key in places if key in part))

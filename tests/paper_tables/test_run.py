@@ -24,7 +24,7 @@ def test_fields(made: Made) -> None:
 
 def test_an_encoder_with_effects_is_not_the_papers(made: Made) -> None:
     run = read_run(made("a", "lsw_sr", "e2e_cnn", 30.0, effects={"mask_shift": {"dx": 1.0}}))
-    assert run.fields["encoder"] == run.fields["test_encoder"] == "lsw_sr+mask_shift"
+    assert run.fields["encoder"] == run.fields["test_encoder"] == "lsw_sr + mask_shift"
 
 
 @pytest.mark.parametrize(
@@ -33,7 +33,7 @@ def test_an_encoder_with_effects_is_not_the_papers(made: Made) -> None:
         ("{", "not readable as JSON"),
         ("[1]", "expected format sci-metrics 1"),
         ('{"format": "sci-metrics", "format_version": 2}', "expected format sci-metrics 1"),
-        ('{"format": "sci-metrics", "format_version": 1, "config": {}}', "incomplete metrics"),
+        ('{"format": "sci-metrics", "format_version": 1, "config": {}}', "encoder is missing, expected"),
     ],
 )
 def test_files_of_no_use_are_named_and_the_others_go_on(made: Made, tmp_path: Path, text: str, reason: str) -> None:

@@ -13,7 +13,7 @@ from PIL import Image
 
 from sci_lightning.command import CONF, PACKAGE
 from sci_lightning.paper_tables.claim_table import claim_table
-from sci_lightning.paper_tables.grid import Grid, escaped
+from sci_lightning.paper_tables.grid import Grid
 from sci_lightning.paper_tables.line import METRICS, lines_of
 from sci_lightning.paper_tables.run import find_runs
 from sci_lightning.paper_tables.score_table import score_table
@@ -161,10 +161,6 @@ def test_no_runs(refused: Callable[..., str], tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     assert "empty: no metrics.json in it" in refused("tables", "runs=empty")
     assert "runs" in refused("tables")
-
-
-def test_latex_signs() -> None:
-    assert escaped(r"50 % & a_b ± \x") == r"50 \% \& a\_b $\pm$ \textbackslash{}x"
 
 
 def test_every_line_of_the_paper_has_an_encoder_of_ours() -> None:

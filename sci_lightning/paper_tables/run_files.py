@@ -1,0 +1,45 @@
+"""The files of a name below a folder."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from sci_lightning.errors import BadInput
+
+MOST_ENTRIES = 500_000
+"""Files and folders that are looked at; a run has about thirty."""
+
+
+def files_below(folder: Path, name: str) -> list[Path]:
+    """Return every file called ``name`` below a folder, in the order of modification.
+
+    Links to folders are not followed, and files that lie outside of the folder (links to them) are not returned.
+
+    Raises:
+        BadInput: more than ``MOST_ENTRIES`` files and folders.
+    """
+    found: list[tuple[float, str]] = []
+    waiting, count = [str(folder)], 0
+    while waiting:
+        try:
+            entries = list(os.scandir(waiting.pop()))
+        except OSError:  # no folder, or one that may not be read
+            continue
+        count += len(entries)
+        if count > MOST_ENTRIES:
+            raise BadInput(f"{folder}: more than {MOST_ENTRIES:,} files; give the folder that the runs lie in")
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                waiting.append(entry.path)
+            elif entry.name == name and is_inside(Path(entry.path), folder):
+                found.append((entry.stat().st_mtime, entry.path))
+    return [Path(path) for _, path in sorted(found)]
+
+
+def is_inside(path: Path, folder: Path) -> bool:
+    """Whether a path names a regular file that, all links followed, lies in the folder."""
+    try:
+        return path.is_file() and path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError):  # a loop of links
+        return False
