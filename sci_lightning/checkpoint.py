@@ -11,15 +11,16 @@ from typing import Any
 
 import numpy as np
 import torch
-from hydra.utils import instantiate
 from lightning.fabric.plugins.io.torch_io import TorchCheckpointIO
 from torch import nn
 
 from sci_lightning.atomic_file import whole_file
+from sci_lightning.checkpoint_contents import check_archive, check_run_config, check_state
+from sci_lightning.checkpoint_digest import checkpoint_digest
+from sci_lightning.configuration.build import build_from_file
 from sci_lightning.decoder import Decoder
 from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput
-from sci_lightning.trust import check_targets
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,8 @@ class Checkpoint:
         Raises:
             BadInput: the file asks for anything but one of this project's modules, or its state does not fit.
         """
-        encoder = self._build(_without_files(self.config["encoder"]))
+        config = _without_files(self.config["encoder"])
+        encoder = build_from_file(config, self.path, "encoder", self.trusted)
         if not isinstance(encoder, Encoder):
             raise BadInput(f"{self.path}: its encoder is a {type(encoder).__name__}, not an Encoder")
         self.fill("encoder", encoder)
@@ -54,27 +56,30 @@ class Checkpoint:
 
     def decoder(self) -> Decoder:
         """The trained decoder, built anew and filled; raises as :meth:`encoder` does."""
-        decoder = self._build(self.config["decoder"])
+        with torch.device("meta"):  # no memory is taken before the shapes are known to fit
+            sketch = build_from_file(self.config["decoder"], self.path, "decoder", self.trusted)
+        self.check_fit("decoder", sketch)
+        decoder = build_from_file(self.config["decoder"], self.path, "decoder", self.trusted)
         if not isinstance(decoder, Decoder):
             raise BadInput(f"{self.path}: its decoder is a {type(decoder).__name__}, not a Decoder")
         self.fill("decoder", decoder)
         return decoder
 
-    def _build(self, config: Mapping[str, Any]) -> Any:
-        check_targets(self.path, config, self.trusted)
-        return instantiate(config, _convert_="all")
-
     def fill(self, part: str, module: nn.Module, name: str | None = None) -> None:
         """Load the state of ``part`` ("encoder", "encoder.mask", "decoder", ..) into ``module``, strictly."""
+        module.load_state_dict(self.check_fit(part, module, name))
+
+    def check_fit(self, part: str, module: nn.Module, name: str | None = None) -> dict[str, torch.Tensor]:
+        """Check that the state of ``part`` fits ``module``, strictly, and return it."""
         state = {key.removeprefix(f"{part}."): value for key, value in self.state.items() if key.startswith(f"{part}.")}
         if misfit := _misfit(state, module.state_dict()):
-            trained = self.config.get("names", {}).get(part.split(".")[0], "unknown")
+            trained = self.config["names"][part.split(".")[0]]
             wanted = name or type(module).__name__
             raise BadInput(
                 f"{self.path}: a checkpoint of {part}={trained} does not fit {part}={wanted} as configured: {misfit}; "
                 f"build the {part} that was trained"
             )
-        module.load_state_dict(state)
+        return state
 
 
 def read_checkpoint(path: str | Path, trusted: Iterable[str] = ()) -> Checkpoint:
@@ -83,14 +88,20 @@ def read_checkpoint(path: str | Path, trusted: Iterable[str] = ()) -> Checkpoint
     Raises:
         BadInput: missing, damaged, foreign, or holding anything but tensors and plain values (nothing is executed).
     """
-    content = load_file(Path(path))
+    path = Path(path)
+    content = load_file(path)
     if not isinstance(content.get("config"), dict) or not isinstance(content.get("state_dict"), dict):
         raise BadInput(
             f"{path}: not a checkpoint of sci_lightning (no 'config' and 'state_dict' inside); "
             "give RUN/checkpoints/last.ckpt of a training run"
         )
-    resumable = "optimizer_states" in content
-    return Checkpoint(Path(path), content["config"], content["state_dict"], tuple(trusted), resumable)
+    config, state = content["config"], content["state_dict"]
+    check_run_config(path, config)
+    check_state(path, state)
+    digest = content.get("digest")  # absent in checkpoints of earlier versions
+    if digest is not None and digest != checkpoint_digest(config, state):
+        raise BadInput(f"{path}: damaged; weights or configuration are not those that were written")
+    return Checkpoint(path, config, state, tuple(trusted), "optimizer_states" in content)
 
 
 def write_weights(path: str | Path, config: Mapping[str, Any], state: Mapping[str, torch.Tensor]) -> None:
@@ -101,22 +112,24 @@ def write_weights(path: str | Path, config: Mapping[str, Any], state: Mapping[st
         config: see :class:`Checkpoint`.
         state: likewise.
     """
+    digest = checkpoint_digest(config, state)
     with whole_file(path) as temporary:
         if temporary.suffix == ".safetensors":
             from safetensors.torch import save_file
 
             apart = {key: value.clone(memory_format=torch.contiguous_format) for key, value in state.items()}
-            save_file(apart, temporary, {"config": json.dumps(config)})
+            save_file(apart, temporary, {"config": json.dumps(config), "digest": digest})
         else:
-            torch.save({"config": dict(config), "state_dict": dict(state)}, temporary)
+            torch.save({"config": dict(config), "state_dict": dict(state), "digest": digest}, temporary)
 
 
 class SafeCheckpointIO(TorchCheckpointIO):
     """Lightning's file access: a checkpoint replaces the previous one only once it is whole, and is never unpickled."""
 
     def save_checkpoint(self, checkpoint: dict[str, Any], path: Any, storage_options: Any = None) -> None:
+        digest = checkpoint_digest(checkpoint["config"], checkpoint["state_dict"])
         with whole_file(path) as temporary:
-            torch.save(checkpoint, temporary)
+            torch.save({**checkpoint, "digest": digest}, temporary)
 
     def load_checkpoint(self, path: Any, map_location: Any = None, weights_only: bool | None = None) -> dict[str, Any]:
         return load_file(Path(path))
@@ -133,8 +146,11 @@ def load_file(path: Path) -> dict[str, Any]:
     try:
         if path.suffix == ".safetensors":
             return _load_safetensors(path)
+        check_archive(path)
         with torch.serialization.safe_globals(_numpy_scalars()):
             content = torch.load(path, map_location="cpu", weights_only=True)
+    except BadInput:
+        raise
     except Exception as error:  # torch raises RuntimeError, EOFError, KeyError, .. on damaged archives
         if isinstance(error, pickle.UnpicklingError) and _is_pickle(path):
             raise BadInput(
@@ -158,8 +174,10 @@ def _load_safetensors(path: Path) -> dict[str, Any]:
 
     with safe_open(path, framework="pt") as file:
         state = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118 (the file is no mapping)
-        config = (file.metadata() or {}).get("config")
-    return state if config is None else {"config": json.loads(config), "state_dict": state}
+        about = file.metadata() or {}
+    if "config" not in about:
+        return state
+    return {"config": json.loads(about["config"]), "state_dict": state, "digest": about.get("digest")}
 
 
 def _numpy_scalars() -> list[Any]:

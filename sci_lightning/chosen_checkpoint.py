@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 from torch import nn
 
 from sci_lightning.checkpoint import Checkpoint, read_checkpoint
-from sci_lightning.command import chosen, member, plain
+from sci_lightning.command import built, chosen, member, plain
+from sci_lightning.configuration.build import build
 from sci_lightning.decoder.complexity import count_parameters
 from sci_lightning.errors import BadInput
 
@@ -41,14 +41,14 @@ def chosen_checkpoint(command: str, cfg: DictConfig) -> Checkpoint:
             raise BadInput(
                 f"decoder.* beside ckpt_path= needs a decoder as well, built as it was trained: decoder={trained}"
             )
-        checkpoint.fill("decoder", instantiate(settings, _convert_="all"), name)  # refused while both names are known
+        checkpoint.fill("decoder", built(cfg, "decoder"), name)  # refused while both names are known
         names = {**checkpoint.config["names"], "decoder": name}
         return replace(checkpoint, config={**checkpoint.config, "decoder": plain(settings), "names": names})
     if settings is None:
         raise BadInput("give ckpt_path=RUN/checkpoints/last.ckpt, or a decoder that needs no training: decoder=gap_tv")
     for key, value in UNTRAINED.items():
         cfg[key] = value if cfg[key] is None else cfg[key]
-    decoder = instantiate(settings, _convert_="all")
+    decoder = built(cfg, "decoder")
     if parameters := count_parameters(decoder):
         raise BadInput(f"decoder={name} has {parameters:,} parameters to learn: train it first, and give ckpt_path=")
     named = "_target_" in (cfg.get("encoder") or {})
@@ -61,5 +61,5 @@ def chosen_checkpoint(command: str, cfg: DictConfig) -> Checkpoint:
         "crop": numbers["size"],
         "names": {"encoder": chosen("encoder") if named else "rbw_osr", "decoder": name},
     }
-    modules = nn.ModuleDict({"encoder": instantiate(given, _convert_="all"), "decoder": decoder})
+    modules = nn.ModuleDict({"encoder": build(plain(given), "encoder"), "decoder": decoder})
     return Checkpoint(Path(f"decoder={name}"), config, modules.state_dict(), tuple(cfg.trusted))

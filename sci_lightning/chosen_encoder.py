@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from sci_lightning.checkpoint import Checkpoint
-from sci_lightning.command import chosen
+from sci_lightning.command import chosen, plain
+from sci_lightning.configuration.build import build
 from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput
 
@@ -55,7 +55,7 @@ def chosen_camera(cfg: DictConfig, checkpoint: Checkpoint) -> Encoder | None:
 
 
 def _built(settings: DictConfig, named: str, checkpoint: Checkpoint) -> Encoder:
-    encoder = instantiate(settings, _convert_="all")
+    encoder = build(plain(settings), named)
     if not isinstance(encoder, Encoder):
         raise BadInput(f"{named}: its _target_ is a {type(encoder).__name__}, not an Encoder")
     mask = settings.mask

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from hydra.utils import instantiate
 from omegaconf import DictConfig
 
+from sci_lightning.command import built
 from sci_lightning.errors import BadInput
 from sci_lightning.metrics.frame_metric import FrameMetric
 
@@ -19,7 +19,7 @@ def chosen_metrics(cfg: DictConfig) -> dict[str, FrameMetric]:
         BadInput: PSNR, by which the best checkpoint is chosen, is missing, an entry is no metric, or ``size`` is too
             small for it.
     """
-    metrics = {str(name): instantiate(metric) for name, metric in cfg.get("metrics", {}).items() if metric}
+    metrics = {str(name): built(cfg, f"metrics.{name}") for name, metric in cfg.get("metrics", {}).items() if metric}
     for name, metric in metrics.items():
         if not isinstance(metric, FrameMetric):
             raise BadInput(f"metrics.{name}: its _target_ is a {type(metric).__name__}, not a FrameMetric")

@@ -16,11 +16,11 @@ from hydra.errors import HydraException, InstantiationException, MissingConfigEx
 from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
-from sci_lightning.encoder_file import PLACES, adopt_encoder_files
+from sci_lightning.configuration.settings import SETTINGS, check_settings
+from sci_lightning.encoder_file import PLACES, EncoderFile, adapt_to_encoder_files, adopt_encoder_files
 from sci_lightning.errors import BadInput
 from sci_lightning.failures import Failures
 from sci_lightning.plain_text import one_printable_line
-from sci_lightning.trust import check_targets
 
 PACKAGE = Path(__file__).parent
 CONF = next(folder for folder in (PACKAGE / "conf", PACKAGE.parent / "conf") if folder.is_dir())
@@ -43,7 +43,7 @@ def run(name: str, task: Task) -> None:
     debug = os.environ.get("HYDRA_FULL_ERROR") == "1" or "debug=true" in sys.argv
     failures = Failures()
     told = sys.argv
-    files: dict[str, Path] = {}
+    files: dict[str, EncoderFile] = {}
 
     def job(cfg: DictConfig) -> Any:
         if HydraConfig.get().output_subdir is not None:  # else `out` is a file
@@ -52,10 +52,9 @@ def run(name: str, task: Task) -> None:
         _quieten()
         sys.argv = told  # processes that this one starts adopt the files themselves
         try:
-            for place in PLACES.values():
-                if file := files.get(chosen(place)):
-                    settings = OmegaConf.to_container(cfg[place.rpartition("@")[2]], resolve=True)
-                    check_targets(file, settings, cfg.get("trusted", []))
+            places = {place: files[chosen(place)] for place in PLACES.values() if chosen(place) in files}
+            adapt_to_encoder_files(cfg, places)
+            check_settings(own_settings(cfg), nullable=optional_settings(name))
             return task(cfg)
         except Exception as error:
             if debug:
@@ -111,6 +110,25 @@ def plain(cfg: DictConfig) -> dict[str, Any]:
     content = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
     assert isinstance(content, dict)
     return {str(key): value for key, value in content.items()}
+
+
+def own_settings(cfg: DictConfig) -> dict[str, Any]:
+    """The values at the top of a command's configuration that are no groups; those that are still missing left out."""
+    keys = [str(key) for key in cfg if key in SETTINGS and not OmegaConf.is_missing(cfg, key)]
+    own = OmegaConf.create({key: cfg[key] for key in keys})
+    return plain(own)
+
+
+def optional_settings(name: str) -> list[str]:
+    """Keys that are null in ``conf/<name>.yaml``, so that a user may set them to null as well."""
+    return [str(key) for key, value in OmegaConf.load(CONF / f"{name}.yaml").items_ex(resolve=False) if value is None]
+
+
+def built(cfg: DictConfig, part: str, **more: Any) -> Any:
+    """Build what ``cfg`` configures under ``part``, see :func:`~sci_lightning.configuration.build.build`."""
+    from sci_lightning.configuration.build import build
+
+    return build(plain(OmegaConf.select(cfg, part)), part, **more)
 
 
 def root_cause(error: BaseException) -> BaseException:

@@ -8,7 +8,7 @@ from typing import Any
 
 from omegaconf import DictConfig, open_dict
 
-from sci_lightning.command import chosen, member, plain, run
+from sci_lightning.command import built, chosen, member, plain, run
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
 
@@ -50,7 +50,6 @@ def published(
 
     A mask in the file takes the place of the encoder's. ``frames``, ``size`` and ``encoder`` are set where absent.
     """
-    from hydra.utils import instantiate
     from torch import nn
 
     from sci_lightning.decoder.published import load_published, unpack
@@ -60,7 +59,7 @@ def published(
     shape = (8, 256, 256) if found is None else found.levels.shape
     cfg.frames = cfg.frames or (shape[0] if len(shape) == 3 else 8)
     cfg.size = cfg.size or list(shape[-2:])
-    decoder = instantiate(cfg.decoder, _convert_="all")
+    decoder = built(cfg, "decoder")
     load_published(decoder, content)
 
     mask = None if found is None else published_mask(found.levels, found.real, cfg.frames, tuple(cfg.size))
@@ -75,7 +74,7 @@ def published(
         target = f"{type(mask).__module__}.{type(mask).__name__}"
         own = {"bits": mask.bits} if isinstance(mask, LearnedStructural) else {"file": None}
         cfg.encoder.mask = {"_target_": target, "frames": mask.frames, "size": list(mask.size), **own}
-    encoder = instantiate(cfg.encoder, _convert_="all")
+    encoder = built(cfg, "encoder")
     if mask is not None:
         encoder.mask.load_state_dict(mask.state_dict())
     config = plain(cfg)

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from hydra.utils import instantiate
 
+from sci_lightning.configuration.build import build
 from sci_lightning.decoder.complexity import count_macs, count_parameters
 from sci_lightning.decoder.paper_count import count_as_paper
 from sci_lightning.errors import BadInput
@@ -79,7 +79,7 @@ def measure(
     place = torch.device(device)
     on_gpu = place.type == "cuda"
     before = 0 if on_gpu else _memory("VmRSS")
-    decoder = instantiate(config, _convert_="all").eval().to(place)
+    decoder = build(config, "decoder").eval().to(place)
     mask = (torch.rand(frames, *size, device=place) < 0.5).float()
     measurement = (torch.rand(1, frames, *size, device=place) * mask).sum(1)
     decode = torch.compile(decoder) if compile else decoder

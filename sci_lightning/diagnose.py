@@ -9,7 +9,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from sci_lightning.command import run, targets
+from sci_lightning.command import built, run, targets
 from sci_lightning.console import PlainConsole, styled
 
 
@@ -19,8 +19,6 @@ def diagnose(cfg: DictConfig) -> None:
     Args:
         cfg: ``conf/diagnose.yaml``, composed.
     """
-    from hydra.utils import instantiate
-
     from sci_lightning.captures import read_captures
     from sci_lightning.diagnosis.dashboard import log
     from sci_lightning.diagnosis.diagnosis import diagnose
@@ -44,8 +42,8 @@ def diagnose(cfg: DictConfig) -> None:
         write_encoder(found.fitter, found.after, out)
         write_pictures(drawn, out)
         write_page(found, report, drawn, shlex.join(["python", "-m", "sci_lightning.diagnose", *sys.argv[1:]]), out)
-    for logger in filter(None, cfg.logger.values()):
-        log(instantiate(logger), report, drawn)
+    for name in (name for name, logger in cfg.logger.items() if logger):
+        log(built(cfg, f"logger.{name}"), report, drawn)
     print_report(report, sentence, console)
     console.say(styled(out / "report.html"), "; beside it report.json, encoder.yaml and pictures")
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from omegaconf import DictConfig
 
-from sci_lightning.command import plain, run
+from sci_lightning.command import built, plain, run
 from sci_lightning.console import PlainConsole, styled
 
 
@@ -23,7 +23,6 @@ def evaluate(cfg: DictConfig) -> float:
         cfg: ``conf/evaluate.yaml``, composed.
     """
     import lightning as L
-    from hydra.utils import instantiate
     from torch.utils.data import DataLoader
 
     from sci_lightning.callbacks import Progress
@@ -45,7 +44,7 @@ def evaluate(cfg: DictConfig) -> float:
     camera = chosen_camera(cfg, checkpoint) or encoder
     loader: DataLoader[Any]
     if cfg.captures is None:
-        loader = scene_loader(instantiate(cfg.data, _convert_="all").scenes())
+        loader = scene_loader(built(cfg, "data").scenes())
     else:
         captures = read_captures(cfg.captures)
         loader, test_encoder = DataLoader(CapturedSnapshots(captures, camera.mask())), captures.name
@@ -53,7 +52,7 @@ def evaluate(cfg: DictConfig) -> float:
     names = {**trained["names"], "test_encoder": test_encoder}
 
     system = System(encoder, decoder, camera=camera, metrics=chosen_metrics(cfg), seed=cfg.seed)
-    trainer = instantiate(cfg.trainer, logger=False, enable_checkpointing=False, callbacks=[Progress()])
+    trainer = built(cfg, "trainer", logger=False, enable_checkpointing=False, callbacks=[Progress()])
     assert isinstance(trainer, L.Trainer)
     trainer.test(system, loader, verbose=False)
     found = results(system, names, {**trained, "evaluate": plain(cfg)})

@@ -30,6 +30,12 @@ def one_printable_line(text: str) -> str:
     return printable(" ".join(text.split()))
 
 
+def excerpt(text: object, longest: int = 200) -> str:
+    """Return any value as one printable line of at most ``longest`` signs, for a message that names it."""
+    line = one_printable_line(str(text))
+    return line if len(line) <= longest else f"{line[: longest - 2]}.."
+
+
 def file_name(text: str, longest: int = 60) -> str:
     """Return a name for a file in a folder of ours: letters, digits and ``_ - +``, dots only inside, never empty."""
     return re.sub(r"[^A-Za-z0-9_.+-]+", "_", text)[:longest].strip(".") or "unnamed"

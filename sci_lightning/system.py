@@ -12,6 +12,7 @@ import lightning as L
 import torch
 from lightning.pytorch.callbacks import Timer
 
+from sci_lightning.bounds import NonNegative, Positive, Seed
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.initial_estimate import mean_video
 from sci_lightning.device import device_name
@@ -71,12 +72,12 @@ class System(L.LightningModule):
         metrics: Mapping[str, FrameMetric] | None = None,
         val_every_n_frames: Mapping[str, int] | None = None,
         loss: str = "mse",
-        stage_weights: Sequence[float] = (1.0,),
-        lr: float = 1e-4,
-        final_lr: float = 1e-5,
-        mask_lr: float | None = None,
+        stage_weights: Sequence[Positive] = (1.0,),
+        lr: Positive = 1e-4,
+        final_lr: NonNegative = 1e-5,
+        mask_lr: NonNegative | None = None,
         compile: bool = False,
-        seed: int = 0,
+        seed: Seed = 0,
         run_config: dict[str, Any] | None = None,
     ) -> None:
         super().__init__()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from sci_lightning.command import chosen, plain, run
+from sci_lightning.command import built, chosen, plain, run
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
 
@@ -19,7 +19,6 @@ def train(cfg: DictConfig) -> float:
         cfg: ``conf/train.yaml``, composed.
     """
     import torch
-    from hydra.utils import instantiate
     from lightning.pytorch.loggers import TensorBoardLogger
 
     from sci_lightning.checkpoint import SafeCheckpointIO, read_checkpoint
@@ -40,13 +39,12 @@ def train(cfg: DictConfig) -> float:
             return float(done["mean"]["psnr"])
         cfg.ckpt_path = cfg.ckpt_path or interrupted(out, config)
     torch.manual_seed(cfg.seed)  # the decoder's first weights
-    encoder = instantiate(cfg.encoder, _convert_="all")
-    decoder = instantiate(cfg.decoder, _convert_="all")
+    encoder, decoder = built(cfg, "encoder"), built(cfg, "decoder")
     if not count_parameters(decoder):
         raise BadInput(f"decoder={names['decoder']} has nothing to learn: evaluate and reconstruct take it untrained")
     run_config = {**config, "names": names}
-    make_system = instantiate(cfg.system, _partial_=True)
-    system = make_system(encoder, decoder, metrics=chosen_metrics(cfg), run_config=run_config)
+    modules = {"encoder": encoder, "decoder": decoder, "metrics": chosen_metrics(cfg)}
+    system = built(cfg, "system", **modules, run_config=run_config)
     resumed = None
     if cfg.ckpt_path:
         checkpoint = read_checkpoint(cfg.ckpt_path)
@@ -54,13 +52,14 @@ def train(cfg: DictConfig) -> float:
         checkpoint.fill("decoder", decoder, names["decoder"])
         checkpoint.fill("encoder", encoder, names["encoder"])
 
-    source = instantiate(cfg.data, _convert_="all")
+    source = built(cfg, "data")
     held_out = source.scenes()
-    tested_on = instantiate(cfg.benchmark, _convert_="all").scenes() if cfg.benchmark.root else held_out
-    trainer = instantiate(
-        cfg.trainer,
-        callbacks=[instantiate(callback) for callback in cfg.callbacks.values() if callback],
-        logger=[instantiate(logger) for logger in cfg.logger.values() if logger],
+    tested_on = built(cfg, "benchmark").scenes() if cfg.benchmark.root else held_out
+    trainer = built(
+        cfg,
+        "trainer",
+        callbacks=[built(cfg, f"callbacks.{name}") for name, callback in cfg.callbacks.items() if callback],
+        logger=[built(cfg, f"logger.{name}") for name, logger in cfg.logger.items() if logger],
         plugins=[SafeCheckpointIO()],
     )
     share = {"rank": trainer.global_rank, "world_size": trainer.world_size}
@@ -73,8 +72,8 @@ def train(cfg: DictConfig) -> float:
         raise
     trainer.save_checkpoint(out / "checkpoints" / "last.ckpt")
     test_scenes = scene_loader(tested_on, **share)
-    for name, other in cfg.test_encoders.items():
-        tested = system.with_encoder(instantiate(other, _convert_="all"), chosen_metrics(cfg))
+    for name in cfg.test_encoders:
+        tested = system.with_encoder(built(cfg, f"test_encoders.{name}"), chosen_metrics(cfg))
         trainer.test(tested, test_scenes, verbose=False)
         if trainer.is_global_zero:
             found = results(tested, {**names, "test_encoder": name}, config)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import torch
 
+from sci_lightning.bounds import Frames, Size
 from sci_lightning.data.matlab import read_matlab_video
 from sci_lightning.data.source import Clips, Scene
 from sci_lightning.errors import BadInput
@@ -40,8 +41,8 @@ class Benchmark:
     def __init__(
         self,
         root: str | Path,
-        frames: int,
-        size: Sequence[int],
+        frames: Frames,
+        size: Size,
         *,
         scenes: Sequence[str] = tuple(LENGTHS),
     ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from sci_lightning.bounds import Frames, Repeats, Seed, Size
 from sci_lightning.data.augmentation import Augmentation
 from sci_lightning.data.source import Clips, Scene
 from sci_lightning.data.store import ClipStore
@@ -36,14 +37,14 @@ class Davis:
     def __init__(
         self,
         root: str | Path,
-        frames: int,
-        size: Sequence[int],
-        crop: Sequence[int],
-        seed: int = 0,
+        frames: Frames,
+        size: Size,
+        crop: Size,
+        seed: Seed = 0,
         *,
-        clips_per_epoch: int | None = None,
+        clips_per_epoch: Repeats | None = None,
         store: str | Path | None = None,
-        max_stride: int = 2,
+        max_stride: Repeats = 2,
         reverse: bool = True,
         scale: Sequence[float] = (0.75, 2.0),
         flip: bool = True,

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sci_lightning.bounds import Frames, Repeats, Seed, Share, Size
 from sci_lightning.data.augmentation import Augmentation
 from sci_lightning.data.reader import find_clips
 from sci_lightning.data.source import Clips, Scene
@@ -39,16 +40,16 @@ class Folder:
     def __init__(
         self,
         root: str | Path,
-        frames: int,
-        size: Sequence[int],
-        crop: Sequence[int],
-        seed: int = 0,
+        frames: Frames,
+        size: Size,
+        crop: Size,
+        seed: Seed = 0,
         *,
         val_root: str | Path | None = None,
-        validation: float = 0.1,
-        clips_per_epoch: int | None = None,
+        validation: Share = 0.1,
+        clips_per_epoch: Repeats | None = None,
         store: str | Path | None = None,
-        max_stride: int = 2,
+        max_stride: Repeats = 2,
         reverse: bool = True,
         scale: Sequence[float] = (0.75, 2.0),
         flip: bool = True,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
+from sci_lightning.bounds import Frames, Repeats, Seed, Size
 from sci_lightning.data.moving_scene import MovingScene
 from sci_lightning.data.photographs import HELD_OUT, TRAINING, Photograph, load_photographs
 from sci_lightning.data.source import Clips, Scene
@@ -33,14 +34,14 @@ class Synthetic:
 
     def __init__(
         self,
-        frames: int,
-        size: Sequence[int],
-        crop: Sequence[int],
-        seed: int = 0,
+        frames: Frames,
+        size: Size,
+        crop: Size,
+        seed: Seed = 0,
         *,
-        clips_per_epoch: int = 1000,
-        scenes_count: int = 4,
-        snapshots_per_scene: int = 2,
+        clips_per_epoch: Repeats = 1000,
+        scenes_count: Repeats = 4,
+        snapshots_per_scene: Repeats = 2,
     ) -> None:
         self.frames = frames
         self.size = size

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import torch
 from torch import nn
 
+from sci_lightning.bounds import Depth, Frames, Width
 from sci_lightning.decoder.data_step import data_step
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.initial_estimate import mask_total
@@ -34,7 +35,7 @@ class ADMMNet(Decoder):
     multiple = 4
 
     def __init__(
-        self, frames: int, stages: int = 9, channels: Sequence[int] = (32, 64, 128), squared: bool = True
+        self, frames: Frames, stages: Depth = 9, channels: Sequence[Width] = (32, 64, 128), squared: bool = True
     ) -> None:
         super().__init__()
         self.frames = frames

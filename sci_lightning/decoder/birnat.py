@@ -7,6 +7,7 @@ from collections import OrderedDict
 import torch
 from torch import nn
 
+from sci_lightning.bounds import Frames, Width
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.initial_estimate import mean_frame
 from sci_lightning.decoder.named_block import named_block
@@ -207,7 +208,7 @@ class BIRNAT(Decoder):
 
     multiple = 2
 
-    def __init__(self, frames: int, channels: int = 128, hidden: int = 20) -> None:
+    def __init__(self, frames: Frames, channels: Width = 128, hidden: Width = 20) -> None:
         super().__init__()
         if channels % 8 or hidden % 2:
             raise BadInput(f"BIRNAT: channels={channels} must be a multiple of 8 and hidden={hidden} of 2")

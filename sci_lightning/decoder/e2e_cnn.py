@@ -7,6 +7,7 @@ from typing import ClassVar
 import torch
 from torch import nn
 
+from sci_lightning.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.initial_estimate import mean_frame
 
@@ -50,7 +51,7 @@ class E2ECNN(Decoder):
         (r"last_act\.0\.(.*)", r"last.\1"),
     )
 
-    def __init__(self, frames: int, channels: int = 64, blocks: int = 5, input_residual: bool = False) -> None:
+    def __init__(self, frames: Frames, channels: Width = 64, blocks: Depth = 5, input_residual: bool = False) -> None:
         super().__init__()
         self.frames = frames
         self.input_residual = input_residual

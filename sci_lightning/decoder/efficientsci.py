@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import nn
 
+from sci_lightning.bounds import Depth, Width
 from sci_lightning.decoder.convolution3d import Conv3d, one_channel, shuffle_up
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.initial_estimate import mean_frame
@@ -78,7 +79,7 @@ class EfficientSCI(Decoder):
 
     multiple = 2
 
-    def __init__(self, channels: int = 64, blocks: int = 8, groups: int = 4, heads: int = 4) -> None:
+    def __init__(self, channels: Width = 64, blocks: Depth = 8, groups: Depth = 4, heads: Depth = 4) -> None:
         super().__init__()
         width = 4 * channels
         if width % (groups * 2 * heads):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import nn
 
+from sci_lightning.bounds import Depth, Frames, Width
 from sci_lightning.decoder.data_step import data_step, snapshot
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.initial_estimate import mask_total, mean_frame
@@ -122,7 +123,7 @@ class ELPUnfolding(Decoder):
     multiple = 4
 
     def __init__(
-        self, frames: int, channels: int = 512, iterations: int = 8, priors: int = 6, squared: bool = True
+        self, frames: Frames, channels: Width = 512, iterations: Depth = 8, priors: Depth = 6, squared: bool = True
     ) -> None:
         super().__init__()
         if channels % 4:

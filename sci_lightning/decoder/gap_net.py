@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import torch
 
+from sci_lightning.bounds import Depth, Frames, Width
 from sci_lightning.decoder.data_step import data_step
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.initial_estimate import mask_total
@@ -31,7 +32,7 @@ class GAPNet(Decoder):
     multiple = 4
 
     def __init__(
-        self, frames: int, stages: int = 12, channels: Sequence[int] = (32, 64, 128), squared: bool = True
+        self, frames: Frames, stages: Depth = 12, channels: Sequence[Width] = (32, 64, 128), squared: bool = True
     ) -> None:
         super().__init__()
         self.frames = frames

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import torch
 
+from sci_lightning.bounds import Positive, Repeats
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
 from sci_lightning.decoder.initial_estimate import mean_video
@@ -55,9 +56,9 @@ class Iterative(Decoder):
     def __init__(
         self,
         denoiser: Denoiser,
-        strengths: Sequence[float],
-        iterations: Sequence[int],
-        tolerance: float | None = None,
+        strengths: Sequence[Positive],
+        iterations: Sequence[Repeats],
+        tolerance: Positive | None = None,
         start: Decoder | None = None,
         motion: MotionFilter | None = None,
     ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import nn
 
+from sci_lightning.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.initial_estimate import mean_frame
 
@@ -49,7 +50,7 @@ class MetaSCI(Decoder):
     sensing", CVPR 2021, in the form of the cacti toolbox: without the modulation that adapts it to a new mask.
     """
 
-    def __init__(self, frames: int, channels: int = 128, blocks: int = 3) -> None:
+    def __init__(self, frames: Frames, channels: Width = 128, blocks: Depth = 3) -> None:
         super().__init__()
         self.frames = frames
         half, quarter, eighth = channels // 2, channels // 4, channels // 8

@@ -8,6 +8,7 @@ from typing import ClassVar
 import torch
 from torch import nn
 
+from sci_lightning.bounds import Depth, Width
 from sci_lightning.decoder.chain import Chain
 from sci_lightning.decoder.convolution3d import Conv3d, one_channel, shuffle_up
 from sci_lightning.decoder.decoder import Decoder
@@ -91,10 +92,10 @@ class Res2former(Decoder):
 
     def __init__(
         self,
-        dim: int = 96,
-        depths: Sequence[int] = (3, 3),
-        groups: Sequence[int] = (2, 4),
-        heads: int = 4,
+        dim: Width = 96,
+        depths: Sequence[Depth] = (3, 3),
+        groups: Sequence[Depth] = (2, 4),
+        heads: Depth = 4,
         checkpoint: bool = False,
     ) -> None:
         super().__init__()

@@ -7,6 +7,7 @@ from typing import Any
 import torch
 from torch import nn
 
+from sci_lightning.bounds import Depth, Width
 from sci_lightning.decoder.convolution3d import Conv3d, Doubling, one_channel
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.initial_estimate import mean_frame
@@ -99,7 +100,7 @@ class RevSCI(Decoder):
 
     multiple = 2
 
-    def __init__(self, blocks: int = 50, channels: int = 64, reversible: bool = False) -> None:
+    def __init__(self, blocks: Depth = 50, channels: Width = 64, reversible: bool = False) -> None:
         super().__init__()
         self.reversible = reversible
         half, quarter = channels // 2, channels // 4

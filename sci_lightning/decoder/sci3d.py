@@ -8,6 +8,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from sci_lightning.bounds import Depth, Width
 from sci_lightning.decoder.data_step import data_step, snapshot
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.initial_estimate import mask_total
@@ -152,7 +153,7 @@ class SCI3D(Decoder):
 
     multiple = 4
 
-    def __init__(self, phases: int = 10, channels: Sequence[int] = (32, 64, 128), inner: int = 30) -> None:
+    def __init__(self, phases: Depth = 10, channels: Sequence[Width] = (32, 64, 128), inner: Depth = 30) -> None:
         super().__init__()
         self.Phi_scale = nn.Parameter(torch.full((1,), 0.01), requires_grad=False)  # unused, as published
         self.fcs = nn.ModuleList(Phase(channels, inner, first=number == 0) for number in range(phases))

@@ -8,6 +8,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from sci_lightning.bounds import Depth, Frames, Width
 from sci_lightning.decoder.chain import Chain
 from sci_lightning.decoder.convolution3d import Conv3d, Doubling, one_channel
 from sci_lightning.decoder.data_step import data_step
@@ -83,7 +84,7 @@ class STFormer(Decoder):
         r"layers\.\d+\.blocks\.\d+\.conv_cat\.(weight|bias)",  # in the cacti toolbox, where nothing uses it
     )
 
-    def __init__(self, frames: int, dim: int = 64, units: int = 4, checkpoint: bool = False) -> None:
+    def __init__(self, frames: Frames, dim: Width = 64, units: Depth = 4, checkpoint: bool = False) -> None:
         super().__init__()
         self.frames = frames
         self.token_gen = nn.Sequential(

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sci_lightning.command import CONF, member
+from sci_lightning.command import CONF, member, plain
 
 
 @dataclass(frozen=True)
@@ -34,13 +34,13 @@ def costs(paper: Mapping[str, Mapping[str, Any]]) -> dict[str, Cost]:
 
 def _cost(name: str, figures: Mapping[str, Any]) -> Cost:
     import torch
-    from hydra.utils import instantiate
 
+    from sci_lightning.configuration.build import build
     from sci_lightning.decoder.complexity import count_parameters
     from sci_lightning.decoder.paper_count import count_as_paper
 
     if not (CONF / "decoder" / f"{name}.yaml").is_file():
         return Cost(figures)
     with torch.device("meta"):
-        decoder = instantiate(member("train", "decoder", name, "frames=8"), _convert_="all")
+        decoder = build(plain(member("train", "decoder", name, "frames=8")), f"decoder={name}")
     return Cost(figures, count_parameters(decoder), count_as_paper(decoder, 8, 256, 256, figures["macs_rules"]))

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import torch
 from matplotlib.figure import Figure
 
-from sci_lightning.command import member
+from sci_lightning.command import member, plain
+from sci_lightning.configuration.build import build
 from sci_lightning.decoder.initial_estimate import mean_frame
 from sci_lightning.encoder import Encoder
 from sci_lightning.paper_tables.grid import Grid
@@ -23,15 +24,13 @@ def wedges(names: Sequence[str], sensor: Mapping[str, float]) -> dict[str, torch
         names: of ``conf/encoder``, with masks as they start, before anything is learned.
         sensor: noise of those encoders that have a sensor response, ``full_well`` and ``read_noise``.
     """
-    from hydra.utils import instantiate
-
     recorded = {}
     for name in names:
         config = member("train", "encoder", name, "frames=8", "size=[32,32]")
         for key, value in sensor.items():
             if key in config.sensor:
                 config.sensor[key] = value
-        recorded[name] = wedge(instantiate(config, _convert_="all"))
+        recorded[name] = wedge(build(plain(config), f"encoder={name}"))
     return recorded
 
 

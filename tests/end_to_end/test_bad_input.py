@@ -45,7 +45,7 @@ def test_bits(refused: Refused, bits: str) -> None:
 
 
 def test_one_frame(refused: Refused) -> None:
-    assert "frames must be at least 2" in refused("train", "frames=1")
+    assert "expected a whole number from 2" in refused("train", "frames=1")
 
 
 def test_unknown_key(refused: Refused) -> None:

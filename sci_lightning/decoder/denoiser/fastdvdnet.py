@@ -8,6 +8,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from sci_lightning.bounds import Depth, Width
 from sci_lightning.decoder.denoiser.denoiser import Denoiser
 from sci_lightning.decoder.denoiser.fixed_norm import FixedNorm, keep_scale
 
@@ -35,7 +36,7 @@ class FastDVDnet(Denoiser):
         (r"(temp\d\.\w+)\.convblock\.(.*)", r"\1.\2"),
     )
 
-    def __init__(self, channels: Sequence[int] = (32, 64, 128), inner: int = 30) -> None:
+    def __init__(self, channels: Sequence[Width] = (32, 64, 128), inner: Depth = 30) -> None:
         super().__init__()
         self.temp1 = ThreeFrames(channels, inner)
         self.temp2 = ThreeFrames(channels, inner)

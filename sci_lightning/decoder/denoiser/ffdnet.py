@@ -6,6 +6,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from sci_lightning.bounds import Depth, Width
 from sci_lightning.decoder.denoiser.denoiser import Denoiser
 from sci_lightning.decoder.denoiser.fixed_norm import FixedNorm, keep_scale
 
@@ -26,7 +27,7 @@ class FFDNet(Denoiser):
 
     published_names = ((r"intermediate_dncnn\.itermediate_dncnn\.(.*)", r"net.\1"),)
 
-    def __init__(self, channels: int = 64, layers: int = 15) -> None:
+    def __init__(self, channels: Width = 64, layers: Depth = 15) -> None:
         super().__init__()
         net: list[nn.Module] = [nn.Conv2d(5, channels, 3, padding=1, bias=False), nn.ReLU()]
         for _ in range(layers - 2):

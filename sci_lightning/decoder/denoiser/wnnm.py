@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch.nn import functional as F
 
+from sci_lightning.bounds import Depth, Positive, Repeats
 from sci_lightning.decoder.denoiser.denoiser import Denoiser
 from sci_lightning.errors import BadInput
 
@@ -36,7 +37,13 @@ class WNNM(Denoiser):
     """
 
     def __init__(
-        self, patch: int = 8, step: int = 5, reach: int = 7, neighbours: int = 20, every: int = 8, weight: float = 2.8
+        self,
+        patch: Depth = 8,
+        step: Depth = 5,
+        reach: Depth = 7,
+        neighbours: Depth = 20,
+        every: Repeats = 8,
+        weight: Positive = 2.8,
     ) -> None:
         super().__init__()
         for name, value, least in (

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import torch
 
 from sci_lightning.array_file import read_array
+from sci_lightning.bounds import Seed, Size
 from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.errors import BadInput
 
@@ -30,9 +30,7 @@ class ChartEffect(Effect):
     std: torch.Tensor
     fraction: torch.Tensor
 
-    def __init__(
-        self, size: Sequence[int] | None = None, file: str | Path | None = None, seed: int = 0, **values: Any
-    ) -> None:
+    def __init__(self, size: Size | None = None, file: str | Path | None = None, seed: Seed = 0, **values: Any) -> None:
         super().__init__(**values)
         shape = (1, 1) if size is None else self.shape((size[0], size[1]))
         if file is not None:

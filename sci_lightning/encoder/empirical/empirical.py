@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import torch
 
+from sci_lightning.bounds import Depth
 from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.errors import BadInput
@@ -35,7 +36,7 @@ class Empirical(Effect):
     count: int
     about: ClassVar[dict[str, Parameter]] = {}
 
-    def __init__(self, count: int | None = None, **values: Any) -> None:
+    def __init__(self, count: Depth | None = None, **values: Any) -> None:
         if count is not None:
             self.count = count
         names = [f"c{index}" for index in range(self.count)]

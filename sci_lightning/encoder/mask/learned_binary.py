@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import torch
 from torch import nn
 
+from sci_lightning.bounds import Frames, Seed, Size
 from sci_lightning.encoder.mask.mask import Mask, uniform
 from sci_lightning.encoder.rounding import round_half_up, straight_through
 
@@ -25,7 +24,7 @@ class LearnedBinary(Mask):
 
     learned = True
 
-    def __init__(self, frames: int, size: Sequence[int], tile: Sequence[int] | None = None, seed: int = 0) -> None:
+    def __init__(self, frames: Frames, size: Size, tile: Size | None = None, seed: Seed = 0) -> None:
         super().__init__(frames, size, tile)
         self.weight = nn.Parameter(uniform(self.pattern_shape, seed))
 

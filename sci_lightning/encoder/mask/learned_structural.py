@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import torch
 from torch import nn
 
+from sci_lightning.bounds import Bits, Frames, Positive, Seed, Size
 from sci_lightning.encoder.mask.mask import Mask, uniform
 from sci_lightning.encoder.structure import check_bits, structure
 from sci_lightning.errors import BadInput
@@ -32,12 +31,12 @@ class LearnedStructural(Mask):
 
     def __init__(
         self,
-        bits: int,
-        frames: int,
-        size: Sequence[int],
-        tile: Sequence[int] | None = None,
-        seed: int = 0,
-        sharpness: float = 1.0,
+        bits: Bits,
+        frames: Frames,
+        size: Size,
+        tile: Size | None = None,
+        seed: Seed = 0,
+        sharpness: Positive = 1.0,
     ) -> None:
         super().__init__(frames, size, tile)
         if not sharpness > 0:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import torch
 from torch import nn
 
+from sci_lightning.bounds import Frames, Size
 from sci_lightning.errors import BadInput
 
 
@@ -26,7 +27,7 @@ class Mask(nn.Module):
     learned = False
     """Whether training changes the mask."""
 
-    def __init__(self, frames: int, size: Sequence[int], tile: Sequence[int] | None = None) -> None:
+    def __init__(self, frames: Frames, size: Size, tile: Size | None = None) -> None:
         super().__init__()
         if frames < 2:
             raise BadInput(f"frames must be at least 2 (one snapshot codes several frames), got {frames}")

@@ -9,6 +9,7 @@ from pathlib import Path
 import torch
 
 from sci_lightning.array_file import read_array
+from sci_lightning.bounds import Frames, Size
 from sci_lightning.encoder.mask.mask import Mask
 from sci_lightning.errors import BadInput
 
@@ -31,8 +32,8 @@ class Measured(Mask):
     def __init__(
         self,
         file: str | Path | None,
-        frames: int | None = None,
-        size: Sequence[int] | None = None,
+        frames: Frames | None = None,
+        size: Size | None = None,
         key: str | None = None,
     ) -> None:
         if file is not None:

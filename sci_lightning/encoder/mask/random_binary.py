@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import torch
 
+from sci_lightning.bounds import Frames, Seed, Size
 from sci_lightning.encoder.mask.mask import Mask, uniform
 
 
@@ -19,7 +18,7 @@ class RandomBinary(Mask):
 
     pattern: torch.Tensor
 
-    def __init__(self, frames: int, size: Sequence[int], tile: Sequence[int] | None = None, seed: int = 0) -> None:
+    def __init__(self, frames: Frames, size: Size, tile: Size | None = None, seed: Seed = 0) -> None:
         super().__init__(frames, size, tile)
         self.register_buffer("pattern", (uniform(self.pattern_shape, seed) < 0.5).float())
 

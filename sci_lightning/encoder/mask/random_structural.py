@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import torch
 
+from sci_lightning.bounds import Bits, Frames, Seed, Size
 from sci_lightning.encoder.mask.mask import Mask, uniform
 from sci_lightning.encoder.structure import structure
 
@@ -21,9 +20,7 @@ class RandomStructural(Mask):
 
     pattern: torch.Tensor
 
-    def __init__(
-        self, bits: int, frames: int, size: Sequence[int], tile: Sequence[int] | None = None, seed: int = 0
-    ) -> None:
+    def __init__(self, bits: Bits, frames: Frames, size: Size, tile: Size | None = None, seed: Seed = 0) -> None:
         super().__init__(frames, size, tile)
         self.bits = bits
         self.register_buffer("pattern", structure(uniform(self.pattern_shape, seed), bits))

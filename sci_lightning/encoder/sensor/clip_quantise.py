@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import nn
 
+from sci_lightning.bounds import NonNegative, Positive
 from sci_lightning.encoder.rounding import round_half_up, straight_through
 from sci_lightning.errors import BadInput
 
@@ -27,7 +28,7 @@ class ClipQuantise(nn.Module):
     Source: "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Eq. 2 and Section 4.1.
     """
 
-    def __init__(self, bit_depth: int = 8, full_well: float | None = None, read_noise: float = 0.0) -> None:
+    def __init__(self, bit_depth: int = 8, full_well: Positive | None = None, read_noise: NonNegative = 0.0) -> None:
         super().__init__()
         if not isinstance(bit_depth, int) or not 1 <= bit_depth <= 16:
             raise BadInput(f"sensor bit_depth must be a whole number from 1 to 16, got {bit_depth!r}")

@@ -1,0 +1,47 @@
+"""The ranges of arguments that many classes share, as types.
+
+An annotation such as ``channels: Width`` says type and range in one place: whatever builds an object from a
+configuration reads it there, see :mod:`sci_lightning.configuration.arguments`. A notebook that calls the class itself
+passes ordinary numbers. The upper bounds lie far beyond what anybody computes with; they exist so that a typing error
+(``frames=100000``) ends with a sentence instead of an exhausted machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, TypeAlias
+
+from annotated_types import Interval, Len
+
+Frames: TypeAlias = Annotated[int, Interval(ge=2, le=4096)]
+"""T, the number of time slots of a snapshot."""
+
+Pixels: TypeAlias = Annotated[int, Interval(ge=1, le=65536)]
+"""A length on the sensor or in the image, in pixels."""
+
+Size: TypeAlias = Annotated[Sequence[Pixels], Len(2, 2)]
+"""(H, W) in pixels."""
+
+Bits: TypeAlias = Annotated[int, Interval(ge=1, le=8)]
+"""Bit depth of a mask."""
+
+Width: TypeAlias = Annotated[int, Interval(ge=1, le=65536)]
+"""Channels of a layer."""
+
+Depth: TypeAlias = Annotated[int, Interval(ge=1, le=1024)]
+"""How often something is repeated in a network: blocks, stages, heads, groups."""
+
+Repeats: TypeAlias = Annotated[int, Interval(ge=1, le=10**9)]
+"""How often something is done, at least once: clips of an epoch, calls, iterations."""
+
+Seed: TypeAlias = Annotated[int, Interval(ge=0, lt=2**63)]
+"""The start of a random generator."""
+
+Positive: TypeAlias = Annotated[float, Interval(gt=0, lt=float("inf"))]
+"""A positive number."""
+
+NonNegative: TypeAlias = Annotated[float, Interval(ge=0, lt=float("inf"))]
+"""A number that is 0 or more."""
+
+Share: TypeAlias = Annotated[float, Interval(ge=0, le=1)]
+"""A part of a whole."""

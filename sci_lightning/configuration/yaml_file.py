@@ -1,0 +1,58 @@
+"""YAML files of strangers: read as plain data, within bounds."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from sci_lightning.errors import BadInput
+
+MAX_BYTES = 1_000_000
+
+EXPONENT = re.compile(r"[-+]?[0-9][0-9_]*([eE][-+]?[0-9]+)")
+"""``1e-3``, a number in YAML 1.2 and in Hydra's files, which PyYAML reads as text."""
+
+
+class _PlainLoader(yaml.SafeLoader):
+    """PyYAML's safe loader without aliases and without duplicate keys."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError("aliases (*name) are not read: a few lines of them unfold into gigabytes")
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+        keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        if repeated := next((key for key in keys if keys.count(key) > 1), None):
+            raise yaml.YAMLError(f"the key '{repeated}' stands twice")
+        return super().construct_mapping(node, deep)
+
+
+_PlainLoader.add_implicit_resolver("tag:yaml.org,2002:float", EXPONENT, list("-+0123456789"))
+
+
+def read_yaml(path: str | Path) -> Any:
+    """Read a YAML file into dictionaries, lists and plain values.
+
+    Raises:
+        BadInput: missing, unreadable, larger than :data:`MAX_BYTES`, no UTF-8, no YAML, or with aliases, tags or
+            repeated keys.
+    """
+    path = Path(path)
+    if not path.is_file():  # nor a pipe, which would wait for ever
+        raise BadInput(f"{path}: no such file")
+    try:
+        with path.open("rb") as file:
+            content = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read ({(error.strerror or str(error)).lower()})") from error
+    if len(content) > MAX_BYTES:
+        raise BadInput(f"{path}: larger than {MAX_BYTES:,} bytes; not a file that this program writes or reads")
+    try:
+        return yaml.load(content.decode("utf-8"), _PlainLoader)
+    except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise BadInput(f"{path}: not a readable YAML file ({reason})") from error
