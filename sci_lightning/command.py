@@ -18,7 +18,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from sci_lightning.configuration.settings import SETTINGS, check_settings
 from sci_lightning.encoder_file import PLACES, EncoderFile, adapt_to_encoder_files, adopt_encoder_files
-from sci_lightning.errors import BadInput
+from sci_lightning.errors import BadInput, as_machine_failure
 from sci_lightning.failures import Failures
 from sci_lightning.plain_text import one_printable_line
 
@@ -59,7 +59,7 @@ def run(name: str, task: Task) -> None:
         except Exception as error:
             if debug:
                 raise
-            failures.add(one_line(error), _status(error))
+            failures.add(one_line(error), exit_status(error))
             return None
 
     try:
@@ -76,7 +76,7 @@ def run(name: str, task: Task) -> None:
     except Exception as error:
         if debug:
             raise
-        failures.add(one_line(error), _status(error))
+        failures.add(one_line(error), exit_status(error))
     finally:
         sys.argv = told
         os.environ["HYDRA_FULL_ERROR"] = "1" if debug else "0"
@@ -143,6 +143,8 @@ def one_line(error: BaseException) -> str:
     cause = root_cause(error)
     if isinstance(cause, BadInput):
         return " ".join(str(cause).split())
+    if failure := as_machine_failure(cause):
+        return str(failure)
     if isinstance(cause, MissingConfigException):
         group, _, name = str(cause.missing_cfg_file).rpartition("/")
         if options := cause.options or sorted(path.stem for path in (CONF / group).glob("*.yaml") if group):
@@ -155,10 +157,11 @@ def one_line(error: BaseException) -> str:
     return f"{type(cause).__name__}: {text} (unforeseen; debug=true shows where)"
 
 
-def _status(error: BaseException) -> int:
-    """The exit status: 2 for bad input, 1 for what is unforeseen."""
+def exit_status(error: BaseException) -> int:
+    """The exit status: 2 for bad input, 1 for a failing machine (a full disk) and for what is unforeseen."""
     expected = (BadInput, HydraException, OmegaConfBaseException, OSError)
-    return 2 if isinstance(root_cause(error), expected) else 1
+    cause = root_cause(error)
+    return 2 if isinstance(cause, expected) and as_machine_failure(cause) is None else 1
 
 
 def _quieten() -> None:

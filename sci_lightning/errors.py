@@ -1,4 +1,19 @@
-"""The one exception that is meant for the person at the keyboard."""
+"""The exceptions that are meant for the person at the keyboard."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+from pathlib import Path
+
+FAILING_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""Error numbers of a write that fails although its path is right: full disk, quota, file size limit, broken disk."""
+
+WRITE_FAILED = re.compile(
+    r"iostream error|inline_container\.cc|PytorchStreamWriter failed|\d requested and \d+ written"
+)
+"""What torch and NumPy say of a file that they could not write, without the reason."""
 
 
 class BadInput(ValueError):
@@ -7,3 +22,43 @@ class BadInput(ValueError):
     The message is one line: what is wrong, where, and what would be right. Commands print it
     without a traceback and exit with status 2; a notebook sees an ordinary ``ValueError``.
     """
+
+
+class MachineFailure(RuntimeError):
+    """The machine could not do what was rightly asked of it, for example because a disk is full.
+
+    The message is one line: what failed, where, and what to do. Commands print it without a traceback and exit with
+    status 1, because the same input works once the machine does.
+    """
+
+
+def as_machine_failure(error: BaseException, path: str | Path | None = None) -> MachineFailure | None:
+    """Return the :class:`MachineFailure` that an exception raised while writing stands for; None for any other.
+
+    Libraries wrap the system's error: HDF5, torch and safetensors raise errors of their own, with its number or text.
+
+    Args:
+        error: what was raised.
+        path: the file being written; None: the one that the error names.
+    """
+    seen: BaseException | None = error
+    while seen is not None:
+        if isinstance(seen, MachineFailure):
+            return seen
+        if isinstance(seen, OSError) and seen.errno in FAILING_DISK:
+            return _failure(path or seen.filename, os.strerror(seen.errno))
+        for number in FAILING_DISK:
+            if os.strerror(number) in str(seen):
+                return _failure(path, os.strerror(number))
+        if WRITE_FAILED.search(str(seen)):
+            return _failure(path, "the file could not be written whole, which a full disk does")
+        seen = seen.__cause__ or seen.__context__
+    return None
+
+
+def _failure(path: str | Path | None, reason: str) -> MachineFailure:
+    where = f"{path}: " if path else ""
+    return MachineFailure(
+        f"{where}{reason[0].lower()}{reason[1:]}; free some space or write to another disk "
+        "(what was there before is unchanged)"
+    )

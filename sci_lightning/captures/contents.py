@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,8 +10,12 @@ import h5py
 import numpy as np
 
 from sci_lightning.errors import BadInput
+from sci_lightning.hdf5_file import check_dataset, own_dataset, read_dataset
+from sci_lightning.memory_bound import SMALL
 
 TYPES = {"ui": "integers", "buif": "numbers"}
+LONGEST_STRING = 1000
+"""Characters of a label."""
 
 
 @dataclass(frozen=True)
@@ -33,23 +38,19 @@ class Contents:
             optional: None is returned where there is none.
 
         Raises:
-            BadInput: missing, no dataset, kept in another file, other dimensions or lengths.
+            BadInput: missing, no dataset, other dimensions or lengths, or what
+                :func:`~sci_lightning.hdf5_file.check_dataset` refuses: kept in another file, too large, ...
         """
         letters = f"({', '.join(shape)}{',' if len(shape) == 1 else ''})"
-        link = self.file.get(name, getlink=True)
-        if link is None:
+        try:
+            item = own_dataset(self.file, name, f"a dataset {letters}")
+        except BadInput as error:
+            raise self.refusal(str(error)) from error
+        if item is None:
             if optional:
                 return None
-            found = ", ".join(self.file) or "nothing"
-            raise self.refusal(f"no dataset '{name}' {letters}; the file holds {found}")
-        # a file that came by e-mail must not be able to name another file on this machine
-        if not isinstance(link, h5py.HardLink):
-            raise self.refusal(f"'{name}' is a link, expected a dataset {letters} in the file itself")
-        item = self.file[name]
-        if not isinstance(item, h5py.Dataset):
-            raise self.refusal(f"'{name}' is a group, expected a dataset {letters}")
-        if item.is_virtual or item.external:
-            raise self.refusal(f"'{name}' is kept in another file, expected a dataset {letters} in the file itself")
+            names = ", ".join(list(self.file)[:20]) or "nothing"
+            raise self.refusal(f"no dataset '{name}' {letters}; the file holds {names}")
         found_shape = item.shape if item.shape is not None else ()
         holds = f"'{name}' is {item.dtype} of shape {found_shape}"
         if len(found_shape) != len(shape):
@@ -59,10 +60,16 @@ class Contents:
         expected = tuple(given or found for given, found in zip(shape.values(), found_shape, strict=True))
         if found_shape != expected:
             raise self.refusal(f"{holds}, expected {letters} = {expected}")
+        try:
+            check_dataset(name, item)
+        except BadInput as error:
+            raise self.refusal(str(error)) from error
         return item
 
     def numbers(self, name: str, types: str, shape: dict[str, int | None], *, optional: bool = False) -> Any:
         """A dataset of numbers as an array, None where there is none and it is ``optional``.
+
+        Numbers of double precision become single precision while they are read.
 
         Args:
             types: NumPy's type letters that will do, ``ui`` or ``buif``.
@@ -75,7 +82,7 @@ class Contents:
             return None
         if item.dtype.kind not in types:
             raise self.refusal(f"'{name}' is {_type(item)}, expected {TYPES[types]}")
-        return self._read(name, item)
+        return self._read(name, item, np.float32 if item.dtype.kind == "f" and item.dtype.itemsize > 4 else None)
 
     def strings(self, name: str, shape: dict[str, int | None]) -> tuple[str, ...] | None:
         """An optional dataset of strings, stored as text or as bytes.
@@ -88,10 +95,21 @@ class Contents:
             return None
         if h5py.check_string_dtype(item.dtype) is None:
             raise self.refusal(f"'{name}' is {_type(item)}, expected strings")
-        try:
-            return tuple(each.decode() if isinstance(each, bytes) else str(each) for each in self._read(name, item))
-        except UnicodeDecodeError as error:
-            raise self.refusal(f"'{name}' holds bytes that are not UTF-8, expected strings") from error
+        # strings of any length lie anywhere in the file, and many may be one and the same: so many at a time that
+        # they fit into memory even if each is as long as the file
+        step = max(1, SMALL // max(1, self.file.id.get_filesize()))
+        texts: list[str] = []
+        for start in range(0, len(item), step):
+            try:
+                part = item[start : start + step]
+                texts += [text.decode() if isinstance(text, bytes) else str(text) for text in part]
+            except UnicodeDecodeError as error:
+                raise self.refusal(f"'{name}' holds bytes that are not UTF-8, expected strings") from error
+            except (OSError, RuntimeError, ValueError) as error:
+                raise self.refusal(f"'{name}' cannot be read, the file is damaged or truncated") from error
+            if max(len(text) for text in texts[start:]) > LONGEST_STRING:
+                raise self.refusal(f"'{name}' holds strings of more than {LONGEST_STRING} characters, expected labels")
+        return tuple(texts)
 
     def attribute(self, name: str) -> Any:
         """A string, a number or None where there is none; one-element arrays (MATLAB's) are taken apart.
@@ -102,25 +120,26 @@ class Contents:
         if name not in self.file.attrs:
             return None
         try:
+            shape = self.file.attrs.get_id(name).shape or ()
+            if math.prod(shape) > 1:  # not read: it may be of any size
+                raise self.refusal(f"attribute '{name}' is an array of shape {shape}, expected a string or one number")
             value = self.file.attrs[name]
             if isinstance(value, np.ndarray) and value.size == 1:
                 value = value.reshape(-1)[0]
             if isinstance(value, bytes):
                 value = value.decode()
             value = value.item() if isinstance(value, np.generic) else value
-        except (OSError, TypeError, UnicodeDecodeError) as error:
+        except (OSError, RuntimeError, TypeError, UnicodeDecodeError) as error:
             raise self.refusal(f"attribute '{name}' cannot be read, expected a string or a number") from error
         if not isinstance(value, (str, int, float)):
             raise self.refusal(f"attribute '{name}' is {type(value).__name__}, expected a string or one number")
         return value
 
-    def _read(self, name: str, item: h5py.Dataset) -> Any:
+    def _read(self, name: str, item: h5py.Dataset, dtype: Any = None) -> Any:
         try:
-            return item[()]
-        except MemoryError as error:
-            raise self.refusal(f"'{name}' of shape {item.shape} does not fit in memory") from error
-        except (OSError, RuntimeError, ValueError) as error:
-            raise self.refusal(f"'{name}' cannot be read, the file is damaged or truncated") from error
+            return read_dataset(name, item, dtype)
+        except BadInput as error:
+            raise self.refusal(str(error)) from error
 
 
 def _type(item: h5py.Dataset) -> str:

@@ -6,15 +6,18 @@ import math
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from sci_lightning.captures.captures import Captures
 from sci_lightning.captures.contents import Contents
 from sci_lightning.captures.kind import KINDS, infer_kinds
 from sci_lightning.errors import BadInput
+from sci_lightning.hdf5_file import open_hdf5
+from sci_lightning.memory_bound import check_memory
 
 FORMAT, FORMAT_VERSION = "sci-captures", 1
+MOST_CAPTURES = 100_000
+"""Captures in one file; a day of one a second is 86,400."""
 
 
 def read_captures(path: str | Path, *, called: str | Path | None = None) -> Captures:
@@ -39,18 +42,13 @@ def read_captures(path: str | Path, *, called: str | Path | None = None) -> Capt
         )
     if not path.is_file():
         raise BadInput(f"{name}: no such file")
-    try:
-        if not h5py.is_hdf5(path):
-            raise BadInput(f"{name}: not an HDF5 file, expected a captures file")
-        file = h5py.File(path, "r")
-    except OSError as error:
-        raise BadInput(f"{name}: not a readable HDF5 file, damaged or truncated ({_first_line(error)})") from error
-    with file:
+    with open_hdf5(path, name, "a captures file") as file:
         return _captures(Contents(file, name), path)
 
 
 def _captures(contents: Contents, path: Path) -> Captures:
     _check_format(contents)
+    _check_sizes(contents)
     bits = _number(contents, "bit_depth", "a whole number from 1 to 16", lambda v: 1 <= v <= 16 and v == int(v))
     if bits is None:
         raise contents.refusal("no attribute 'bit_depth', expected a whole number from 1 to 16")
@@ -102,6 +100,26 @@ def _number(contents: Contents, name: str, expected: str, right: Any) -> float |
     if isinstance(value, bool | str) or not math.isfinite(value) or not right(value):
         raise contents.refusal(f"attribute '{name}' is {value!r}, expected {expected}")
     return float(value)
+
+
+def _check_sizes(contents: Contents) -> None:
+    """Check the shape of every dataset, and that all of them fit into memory together, before any is read."""
+    measurement = contents.dataset("measurement", {"N": None, "H": None, "W": None})
+    assert measurement is not None  # not optional
+    count, height, width = measurement.shape
+    if count > MOST_CAPTURES:
+        raise contents.refusal(f"'measurement' declares {count} captures, expected at most {MOST_CAPTURES}")
+    patterns = contents.dataset("patterns", {"P": None, "H": height, "W": width})
+    assert patterns is not None  # not optional
+    sequence = contents.dataset("sequence", {"N": count, "T": None}, optional=True)
+    slots = len(patterns) if sequence is None else sequence.shape[1]
+    contents.dataset("scene", {"N": count, "T": slots, "H": height, "W": width}, optional=True)
+    for name in ("aperture", "exposure", "kind"):
+        contents.dataset(name, {"N": count}, optional=True)
+    pixels = height * width
+    declared = measurement.dtype.itemsize * count * pixels + 8 * count * slots
+    declared += 4 * pixels * (len(patterns) + count * slots)  # the scene is NaN where the file has none
+    check_memory(f"{contents.called}: N = {count} captures of {slots} slots, {height} x {width} pixels,", declared)
 
 
 def _measurement(contents: Contents, bits: int) -> np.ndarray:
@@ -166,7 +184,3 @@ def _check_range(contents: Contents, what: str, values: np.ndarray, high: float)
         expected = "0 to 1 (transmittance)" if high == 1 else "finite and 0 or more"
         place = ", ".join(str(index) for index in where)
         raise contents.refusal(f"{what} holds {values[where]:g} at [{place}], expected {expected}")
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]

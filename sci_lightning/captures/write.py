@@ -6,13 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from sci_lightning.atomic_file import whole_file
 from sci_lightning.captures.captures import Captures
 from sci_lightning.captures.read import FORMAT, FORMAT_VERSION, read_captures
 from sci_lightning.errors import BadInput
+from sci_lightning.hdf5_file import write_hdf5
 
 ENDINGS = (".h5", ".hdf5")
 
@@ -40,11 +40,6 @@ def write_captures(path: str | Path, captures: Captures) -> Captures:
         datasets["scene"] = captures.scene
     datasets |= {"aperture": captures.aperture, "exposure": captures.exposure}
     with whole_file(path) as temporary:
-        with h5py.File(temporary, "w") as file:
-            file.attrs.update(attributes)
-            for name, values in datasets.items():
-                large = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if values.ndim > 2 else {}
-                file.create_dataset(name, data=values, **large)
-            file.create_dataset("kind", data=list(captures.kind), dtype=h5py.string_dtype())
+        write_hdf5(temporary, attributes, {**datasets, "kind": captures.kind})
         written = read_captures(temporary, called=path)
     return replace(written, name=captures.name or path.stem, path=path)

@@ -8,11 +8,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from sci_lightning.atomic_file import whole_file
 from sci_lightning.errors import BadInput
+from sci_lightning.hdf5_file import write_hdf5
 from sci_lightning.virtual_camera.camera import VirtualCamera
 from sci_lightning.virtual_camera.choice import choose
 from sci_lightning.virtual_camera.effect import Effect
@@ -136,12 +136,8 @@ def write_captures(path: str | Path, captures: Captures) -> Path:
         "aperture": shots.aperture,
         "exposure": shots.exposure,
     }
-    with whole_file(path) as temporary, h5py.File(temporary, "w") as file:
-        file.attrs.update(attributes)
-        for name, values in datasets.items():
-            large = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if values.ndim > 2 else {}
-            file.create_dataset(name, data=values, **large)
-        file.create_dataset("kind", data=list(shots.kind), dtype=h5py.string_dtype())
+    with whole_file(path) as temporary:
+        write_hdf5(temporary, attributes, {**datasets, "kind": shots.kind})
     truth = path.with_suffix(".truth.json")
     with whole_file(truth) as temporary:
         temporary.write_text(json.dumps({**captures.truth(), "captures": path.name}, indent=2) + "\n")

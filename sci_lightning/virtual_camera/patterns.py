@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from sci_lightning.errors import BadInput
+from sci_lightning.npy_file import npy_array
 
 
 def structural(random: np.random.Generator, frames: int, size: tuple[int, int], bits: int) -> np.ndarray:
@@ -37,17 +38,18 @@ def read_patterns(path: str | Path, frames: int, size: tuple[int, int]) -> np.nd
     """Coding patterns (T, H, W) in [0, 1] from an .npy file; BadInput if they are anything else."""
     expected = f"{frames} patterns of {size[0]} x {size[1]} (frames and size), values in [0, 1]"
     try:
-        patterns = np.load(path, allow_pickle=False)
+        stored = npy_array(Path(path))
+        if not stored.numeric or stored.shape != (frames, *size):
+            raise BadInput(f"mask={path}: holds {stored.dtype} {stored.shape}, expected {expected}")
+        patterns = stored.read()
     except FileNotFoundError as error:
         raise BadInput(
             f"mask={path}: no such file; mask is structural, binary or an .npy file of {expected}"
         ) from error
+    except BadInput:
+        raise
     except (OSError, ValueError) as error:
         raise BadInput(f"mask={path}: not a readable .npy file ({error}); it should hold {expected}") from error
-    numeric = isinstance(patterns, np.ndarray) and patterns.dtype.kind in "buif"
-    if not numeric or patterns.shape != (frames, *size):
-        found = f"{patterns.dtype} {patterns.shape}" if isinstance(patterns, np.ndarray) else "several arrays"
-        raise BadInput(f"mask={path}: holds {found}, expected {expected}")
     if not (patterns >= 0).all() or not (patterns <= 1).all():
         raise BadInput(f"mask={path}: values from {patterns.min()} to {patterns.max()}, expected {expected}")
     return patterns.astype(np.float64)

@@ -148,5 +148,5 @@ def test_measured_refuses(tmp_path: Path) -> None:
 
 def test_pickles_are_not_read(tmp_path: Path) -> None:
     np.save(tmp_path / "objects.npy", np.array([print], dtype=object), allow_pickle=True)
-    with pytest.raises(BadInput, match="not a readable"):
+    with pytest.raises(BadInput, match="expected a numeric array of 3 dimensions, found object"):
         Measured(tmp_path / "objects.npy")

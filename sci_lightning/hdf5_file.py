@@ -1,0 +1,185 @@
+"""HDF5 files from anywhere, read without leaving the file, and HDF5 files of our own, written whole.
+
+HDF5 can name other files (external links, external storage, virtual datasets), declare datasets that nobody wrote, and
+compress a gigabyte of nothing into a kilobyte. A file that came by e-mail gets none of that past :func:`read_dataset`.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from sci_lightning.errors import BadInput
+from sci_lightning.memory_bound import LARGEST_RATIO, SMALL, UNCHECKED, check_stored, inflates_beyond
+
+MOST_OBJECTS = 10_000
+"""Groups and datasets that are looked at in a file; captures files have nine, MATLAB files a few dozen."""
+
+
+@contextmanager
+def open_hdf5(path: str | Path, called: str | Path | None = None, expected: str = "one") -> Iterator[h5py.File]:
+    """Open an HDF5 file for reading.
+
+    Args:
+        path: the file.
+        called: what error messages call it; None: its path.
+        expected: what messages say that the file should be.
+
+    Raises:
+        BadInput: not an HDF5 file, damaged or truncated; also when HDF5 finds that out while the file is being read.
+    """
+    called = called or path
+    try:
+        if not h5py.is_hdf5(path):
+            raise BadInput(f"{called}: not an HDF5 file, expected {expected}")
+        with h5py.File(path, "r") as file:
+            yield file
+    except (OSError, RuntimeError, KeyError) as error:  # what h5py makes of HDF5's errors
+        raise BadInput(f"{called}: not a readable HDF5 file, damaged or truncated ({_first_line(error)})") from error
+
+
+def hdf5_datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
+    """Return every dataset that lies in the file itself, in whichever group, by its path; links are passed over.
+
+    Raises:
+        BadInput: more than :data:`MOST_OBJECTS` objects.
+    """
+    datasets: dict[str, h5py.Dataset] = {}
+    looked_at = 0
+
+    def keep(name: str, item: Any) -> None:
+        nonlocal looked_at
+        looked_at += 1
+        if looked_at > MOST_OBJECTS:
+            raise BadInput(f"{file.filename}: more than {MOST_OBJECTS} groups and datasets; expected a few")
+        if isinstance(item, h5py.Dataset):
+            datasets[name] = item
+
+    file.visititems(keep)  # visits hard links only
+    return datasets
+
+
+def own_dataset(file: h5py.File, name: str, expected: str = "a dataset") -> h5py.Dataset | None:
+    """Return the dataset at the top of the file that has a name, None where there is none.
+
+    Args:
+        expected: what messages call it.
+
+    Raises:
+        BadInput: the name is a link or a group.
+    """
+    link = file.get(name, getlink=True)
+    if link is None:
+        return None
+    if not isinstance(link, h5py.HardLink):
+        raise BadInput(f"'{name}' is a link, expected {expected} in the file itself")
+    item = file[name]
+    if not isinstance(item, h5py.Dataset):
+        raise BadInput(f"'{name}' is a group, expected {expected}")
+    return item
+
+
+def check_dataset(name: str, item: h5py.Dataset) -> int:
+    """Check that a dataset's values are in the file, and can be read within the bounds of memory_bound.py.
+
+    Returns:
+        how many bytes the values take in memory.
+
+    Raises:
+        BadInput: kept in another file, never written, larger than what is stored or than the memory allows, or
+            compressed by a filter that is not installed.
+    """
+    if item.is_virtual or item.external:
+        raise BadInput(f"'{name}' is kept in another file, expected a dataset in the file itself")
+    if item.shape is None:
+        raise BadInput(f"'{name}' is empty")
+    plist = item.id.get_create_plist()
+    filters = [plist.get_filter(index) for index in range(plist.get_nfilters())]
+    for code, _, _, label in filters:
+        if not h5py.h5z.filter_avail(code):
+            label = label.decode(errors="replace") if isinstance(label, bytes) else label
+            raise BadInput(
+                f"'{name}' is stored by the HDF5 filter {label or 'number'} ({code}), which is not installed; "
+                "save it with gzip or without compression"
+            )
+    declared = math.prod(item.shape) * item.id.get_type().get_size()
+    stored = item.id.get_storage_size()
+    unwritten = item.chunks is not None or not stored  # what nobody wrote is read as the fill value
+    check_stored(f"'{name}' of shape {item.shape}", declared, stored, compressed=bool(filters) or unwritten)
+    if item.chunks is not None:
+        _check_chunks(name, item, declared, sum(code == h5py.h5z.FILTER_DEFLATE for code, *_ in filters))
+    return declared
+
+
+def _check_chunks(name: str, item: h5py.Dataset, declared: int, deflated: int) -> None:
+    """Chunks are read whole: none may be much larger than its dataset, nor inflate to more than its own size."""
+    size = math.prod(item.chunks) * item.id.get_type().get_size()
+    if size > max(SMALL, 2 * declared):
+        raise BadInput(f"'{name}' has chunks of shape {item.chunks}, larger than its shape {item.shape}")
+    if deflated > 1:
+        raise BadInput(f"'{name}' is compressed {deflated} times, expected once or not at all")
+    # HDF5 inflates a chunk to whatever comes out of it, and only then looks at the size
+    if deflated and LARGEST_RATIO * item.id.get_storage_size() > UNCHECKED:
+        large: list[tuple[int, ...]] = []
+
+        def note(chunk: Any) -> None:
+            if LARGEST_RATIO * chunk.size > UNCHECKED:
+                large.append(chunk.chunk_offset)
+
+        item.id.chunk_iter(note)
+        for offset in large:
+            _, content = item.id.read_direct_chunk(offset)
+            if inflates_beyond(content, size):
+                raise BadInput(f"'{name}' has a chunk that inflates to more than its {size} bytes, expected its values")
+
+
+def read_dataset(name: str, item: h5py.Dataset, dtype: Any = None) -> np.ndarray:
+    """Read a dataset whole after :func:`check_dataset`, converted to ``dtype`` while it is read if one is given.
+
+    Raises:
+        BadInput: as :func:`check_dataset`; damaged.
+    """
+    check_dataset(name, item)
+    try:
+        return np.asarray(item[()] if dtype is None else item.astype(dtype)[()])
+    except MemoryError as error:
+        raise BadInput(f"'{name}' of shape {item.shape} does not fit in memory") from error
+    except (OSError, RuntimeError, ValueError) as error:
+        raise BadInput(f"'{name}' cannot be read, the file is damaged or truncated") from error
+
+
+def write_hdf5(path: Path, attributes: Mapping[str, Any], datasets: Mapping[str, Any]) -> None:
+    """Write numbers and strings as an HDF5 file; arrays of three and more dimensions are compressed without loss.
+
+    The file is made in memory and then written in one go: a disk that is full while HDF5 writes crashes the process.
+
+    Args:
+        path: the file, which is overwritten.
+        attributes: of the file.
+        datasets: arrays, or sequences of strings, by name.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    image = io.BytesIO()
+    with h5py.File(image, "w") as file:
+        file.attrs.update(attributes)
+        for name, values in datasets.items():
+            if not isinstance(values, np.ndarray):
+                file.create_dataset(name, data=list(values), dtype=h5py.string_dtype())
+                continue
+            large = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if values.ndim > 2 else {}
+            file.create_dataset(name, data=values, **large)
+    with path.open("wb") as stream:
+        stream.write(image.getbuffer())
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]
