@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import logging
+import os
+import struct
+import warnings
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from sci_lightning.array_file import ENDINGS, read_array
 from sci_lightning.errors import BadInput
+from sci_lightning.memory_bound import LARGEST_RATIO, SMALL, UNCHECKED, check_stored, inflates_beyond
 
 PICTURES = (".tif", ".tiff", ".png")
+MOST_PAGES = 100_000
+"""Pages of a TIFF stack, as many as captures of a file."""
 
 
 def read_pictures(path: str | Path, *, prefer: str, key: str | None = None) -> np.ndarray:
@@ -23,7 +33,8 @@ def read_pictures(path: str | Path, *, prefer: str, key: str | None = None) -> n
         Numbers of the type that the file has.
 
     Raises:
-        BadInput: missing or unreadable file, unknown ending, colour, no such array.
+        BadInput: missing or unreadable file, unknown ending, colour, complex numbers, white as 0, no such array, more
+            than the file holds or than the bounds of memory_bound.py allow.
     """
     path = Path(path)
     if path.suffix.lower() in ENDINGS:
@@ -41,26 +52,112 @@ def read_pictures(path: str | Path, *, prefer: str, key: str | None = None) -> n
     if not path.is_file():
         raise BadInput(f"{path}: no such file")
     try:
-        picture, colour = (_tiff if path.suffix.lower() != ".png" else _png)(path)
+        picture = _tiff(path) if path.suffix.lower() != ".png" else _png(path)
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from error
     except Exception as error:  # every format has errors of its own
-        raise BadInput(f"{path}: not a readable picture, damaged or truncated ({type(error).__name__})") from error
-    if colour or picture.ndim not in (2, 3) or picture.size == 0:
+        reason = " ".join(str(error).split())[:200]
+        reason = f"{type(error).__name__}: {reason}" if reason else type(error).__name__
+        raise BadInput(f"{path}: not a readable picture, damaged or truncated ({reason})") from error
+    if picture.ndim not in (2, 3) or picture.size == 0:
         raise BadInput(f"{path}: one grey channel is expected, this picture is {picture.shape}")
+    if picture.dtype.kind not in "buif":
+        raise BadInput(f"{path}: real numbers are expected, this picture holds {picture.dtype}")
     return picture
 
 
-def _tiff(path: Path) -> tuple[np.ndarray, bool]:
-    """Not with scikit-image, which takes a stack of three or four pages for one picture in colour."""
-    from tifffile import TiffFile
+def _tiff(path: Path) -> np.ndarray:
+    """Read a TIFF; not with scikit-image, which takes a stack of three or four pages for one picture in colour."""
+    from tifffile import PHOTOMETRIC, TiffFile
 
-    with TiffFile(path) as file:
-        # several series: pages that were appended one by one
-        values = file.asarray() if len(file.series) == 1 else file.asarray(key=slice(None))
-        return np.asarray(values), file.pages.first.samplesperpixel > 1
+    _check_pages(path)
+    with (
+        _silent("tifffile"),
+        TiffFile(path, _multifile=False) as file,
+    ):  # the metadata of OME and others may name further files
+        first = file.pages.first
+        grey = (PHOTOMETRIC.MINISBLACK, PHOTOMETRIC.CFA)
+        if first.samplesperpixel > 1 or first.photometric not in grey:
+            kind = getattr(first.photometric, "name", first.photometric)
+            raise BadInput(f"one grey channel with black as 0 is expected, this picture is {first.shape} ({kind})")
+        if first.dtype is None or first.dtype.kind not in "buif":
+            raise BadInput(f"real numbers are expected, this picture holds {first.dtype or 'an unknown type'}")
+        one = len(file.series) == 1  # several series: pages that were appended one by one
+        declared = file.series[0].nbytes if one else sum(page.nbytes for page in file.pages)
+        # a stack of ImageJ has one page, whose numbers are followed by those of the others
+        contiguous = one and file.series[0].dataoffset is not None
+        stored = path.stat().st_size if contiguous else sum(sum(page.databytecounts) for page in file.pages)
+        compressed = any(page.keyframe.compression != 1 for page in file.pages)
+        expands = first.bitspersample % 8 > 0
+        check_stored(
+            f"its picture of shape {file.series[0].shape}",
+            declared,
+            min(stored, path.stat().st_size),
+            compressed=compressed or expands,
+        )
+        if compressed:
+            _check_segments(path, file.pages)
+        return np.asarray(file.asarray() if one else file.asarray(key=slice(None)))
 
 
-def _png(path: Path) -> tuple[np.ndarray, bool]:
-    from skimage.io import imread
+def _check_pages(path: Path) -> None:
+    """Follow the chain of a TIFF's pages to its end: tifffile takes a chain that leads out of the file for ended."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        head = stream.read(16)
+        order = "<" if head[:2] == b"II" else ">"
+        big = struct.unpack(order + "H", head[2:4]) == (43,)
+        entry, count, offset = (20, "Q", "Q") if big else (12, "H", "I")
+        (place,) = struct.unpack_from(order + offset, head, 8 if big else 4)
+        pages = 0
+        while place:
+            pages += 1
+            if pages > MOST_PAGES:
+                raise BadInput(f"more than {MOST_PAGES} pages, or pages that follow each other in a circle")
+            stream.seek(place)
+            (entries,) = struct.unpack(order + count, stream.read(struct.calcsize(count)))
+            stream.seek(entry * entries, os.SEEK_CUR)
+            (place,) = struct.unpack(order + offset, stream.read(struct.calcsize(offset)))
+            if place >= size:
+                raise BadInput(f"page {pages + 1} lies at byte {place} of {size}, damaged or truncated")
 
-    picture = np.asarray(imread(path))
-    return picture, picture.ndim > 2
+
+@contextmanager
+def _silent(name: str) -> Iterator[None]:
+    """Keep a library from logging what is raised as an error anyway."""
+    logger = logging.getLogger(name)
+    level = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+
+
+def _check_segments(path: Path, pages: Iterable[Any]) -> None:
+    """Strips and tiles that are compressed by deflate inflate to whatever comes out of them: no more than a page."""
+    with path.open("rb") as stream:
+        for page in pages:
+            for offset, count in zip(page.dataoffsets, page.databytecounts, strict=False):
+                if LARGEST_RATIO * count > UNCHECKED:
+                    stream.seek(offset)
+                    if inflates_beyond(stream.read(count), 2 * page.nbytes + SMALL):
+                        raise BadInput(f"a part of the picture inflates to more than its shape {page.shape}")
+
+
+def _png(path: Path) -> np.ndarray:
+    """Read a PNG, of 1, 2, 4, 8 or 16 bits, with the numbers that it stores."""
+    from PIL import Image
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", Image.DecompressionBombWarning)
+        image = Image.open(path, formats=["PNG"])
+    with image:
+        if image.mode not in ("1", "L", "I;16", "I;16B", "I"):
+            raise BadInput(f"one grey channel is expected, this picture is {image.mode} of {image.size}")
+        with path.open("rb") as stream:
+            bits = stream.read(25)[24]  # of the header, which comes first
+        picture = np.asarray(image)
+    if bits in (2, 4):  # Pillow spreads these over the range of 8 bits
+        return picture // (255 // (2**bits - 1))
+    return picture.astype(np.uint16) if bits == 16 else picture
