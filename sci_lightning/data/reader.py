@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
+import warnings
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.lib import format as npy
 
+from sci_lightning.data.container_end import declared_bytes
 from sci_lightning.errors import BadInput
+from sci_lightning.memory_bound import check_memory, check_stored
+from sci_lightning.npy_file import npy_header
 
 IMAGES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"})
 VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v"})
+
+SLACK = 5
+"""Frames by which a video may end before its header says: some writers round, or drop the last ones."""
 
 BT601 = np.array([0.299, 0.587, 0.114], dtype=np.float32)
 """Full-range BT.601: the weights of red, green and blue in luma."""
@@ -105,20 +116,42 @@ def _naming(path: Path) -> Iterator[None]:
 
 
 def _read_npz(path: Path) -> Iterator[np.ndarray]:
-    with np.load(path, allow_pickle=False) as archive:
-        names = ["frames"] if "frames" in archive else archive.files
-        arrays = (archive[name] for name in names)
-        frames = next((a for a in arrays if a.ndim == 3 or (a.ndim == 4 and a.shape[3] == 3)), None)
-    if frames is None:
-        raise BadInput(f"{path}: its arrays are {names}; expected one of (T, H, W) or (T, H, W, 3)")
+    with zipfile.ZipFile(path) as archive:
+        entries = {entry.filename.removesuffix(".npy"): entry for entry in archive.infolist()}
+        names = ["frames"] if "frames" in entries else [name for name, e in entries.items() if e.filename != name]
+        for name in names:
+            with archive.open(entries[name]) as stream:  # the header alone: other arrays are never inflated
+                shape, dtype = npy_header(stream)
+                header = stream.tell()
+            if len(shape) == 3 or (len(shape) == 4 and shape[3] == 3):
+                frames = _inflate(archive, entries[name], f"'{name}' of shape {shape}", shape, dtype, header)
+                break
+        else:
+            raise BadInput(f"{path}: its arrays are {names[:20]}; expected one of (T, H, W) or (T, H, W, 3)")
     yield from frames
+
+
+def _inflate(
+    archive: zipfile.ZipFile, entry: zipfile.ZipInfo, what: str, shape: tuple[int, ...], dtype: np.dtype, header: int
+) -> np.ndarray:
+    if dtype.hasobject:
+        raise BadInput(f"{archive.filename}: cannot be read ({what} holds Python objects); expected numbers")
+    declared = math.prod(shape) * dtype.itemsize
+    what = f"{archive.filename}: {what}"
+    check_stored(what, declared, entry.file_size - header, compressed=False)
+    check_stored(what, declared, entry.compress_size, compressed=True)
+    with archive.open(entry) as stream:
+        return npy.read_array(stream, allow_pickle=False)
 
 
 def _read_images(folder: Path) -> Iterator[np.ndarray]:
     from PIL import Image
 
     for file in frame_files(folder):
-        with _naming(file), Image.open(file) as image:
+        with _naming(file), warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            image = Image.open(file)
+        with _naming(file), image:
             if image.mode.startswith(("I", "F")):
                 raise BadInput(f"{file}: its pixels are of kind {image.mode}; expected 8-bit images")
             image.draft("L", image.size)  # a JPEG holds luma as it is: skip its colours
@@ -132,12 +165,41 @@ def _read_video(path: Path) -> Iterator[np.ndarray]:
     except ImportError as error:
         raise BadInput(f"{path}: video files need PyAV; pip install sci-lightning[video]") from error
 
+    size, declared = path.stat().st_size, declared_bytes(path)
+    count, seconds = 0, 0.0
     with av.open(str(path)) as container:
         if not container.streams.video:
             raise BadInput(f"{path}: holds no video stream")
-        container.streams.video[0].thread_type = "AUTO"
-        for frame in container.decode(video=0):
+        stream = container.streams.video[0]
+        stream.thread_type = "AUTO"
+        check_memory(f"{path}: a frame of {stream.height} x {stream.width} pixels", 3 * stream.height * stream.width)
+        if size < declared:
+            present = sum(packet.size > 0 for packet in container.demux(stream))
+            frames = f"{present} of {stream.frames} frames" if stream.frames else f"{present} frames"
+            raise BadInput(f"{path}: is cut off ({size} of {declared} bytes, {frames}); copy or download it again")
+        for frame in container.decode(stream):
             yield frame.to_ndarray(format="rgb24")
+            count += 1
+            seconds = max(seconds, frame.time or 0.0)
+        length = _duration(stream)
+        shown = 1 / float(stream.average_rate or stream.base_rate or 25)
+        if length is not None and seconds + SLACK * shown < length:
+            many = f" of {stream.frames}" if stream.frames else ""
+            raise BadInput(
+                f"{path}: is cut off (frames up to {seconds:.2f} s of {length:.2f} s, {count}{many} frames); "
+                "copy or download it again"
+            )
+
+
+def _duration(stream: Any) -> float | None:
+    """Seconds at which a video stream ends by its own header; None where that does not say."""
+    if stream.duration is not None and stream.time_base is not None:
+        return float((stream.duration + (stream.start_time or 0)) * stream.time_base)
+    try:
+        hours, minutes, seconds = stream.metadata["DURATION"].split(":")  # Matroska
+        return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
+    except (KeyError, ValueError):
+        return None
 
 
 def _luma(frame: np.ndarray, where: str) -> np.ndarray:

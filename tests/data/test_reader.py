@@ -1,4 +1,6 @@
 import sys
+import tracemalloc
+import zipfile
 
 import numpy as np
 import pytest
@@ -6,6 +8,7 @@ from PIL import Image
 
 from sci_lightning.data.reader import find_clips, read_clip
 from sci_lightning.errors import BadInput
+from tests import hostile_files
 
 COLOURS = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255], [10, 200, 90]], dtype=np.uint8)
 LUMAS = [76, 150, 29, 255, 131]  # 0.299 R + 0.587 G + 0.114 B, rounded
@@ -103,7 +106,7 @@ def test_values_out_of_range_are_refused(tmp_path, bad):
         ({"frames": np.zeros((4, 5), np.uint8), "x": np.zeros((3, 4, 5))}, r"\['frames'\]; expected one of"),
         ({"x": np.zeros((4, 5)), "y": np.zeros((3, 4, 5, 4))}, r"\['x', 'y'\]; expected one of \(T, H, W\)"),
         ({"frames": np.zeros((0, 4, 5), np.uint8)}, "holds no frames"),
-        ({"frames": np.array([{}])}, "cannot be read"),  # would need pickle
+        ({"frames": np.array([[[{}]]])}, "cannot be read"),  # would need pickle
     ],
 )
 def test_npz_that_is_no_video_is_refused(tmp_path, arrays, message):
@@ -171,3 +174,70 @@ def test_real_clips_are_read(shared):
     clip = read_clip(clips[0])
     assert len(clip) >= 30
     assert min(clip.shape[1:]) >= 256
+
+
+@pytest.mark.parametrize("ending", ["mp4", "mov", "mkv", "webm", "avi"])
+@pytest.mark.parametrize("share", [0.6, 0.97])
+def test_a_video_that_was_cut_off_is_refused(tmp_path, noise, ending, share):
+    av = pytest.importorskip("av", reason="PyAV is not installed")
+    path = tmp_path / f"a.{ending}"
+    # for the web: what says how long the video is stands before the frames
+    with av.open(str(path), "w", options={"movflags": "faststart"} if ending in ("mp4", "mov") else {}) as container:
+        stream = container.add_stream("libvpx-vp9" if ending == "webm" else "libx264", rate=25)
+        stream.height, stream.width, stream.pix_fmt = 40, 48, "yuv420p"
+        for frame in noise(30):
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(np.stack([frame] * 3, -1), format="rgb24")))
+        container.mux(stream.encode())
+    assert len(read_clip(path)) == 30
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(BadInput, match=rf"a\.{ending}: is cut off \(\d+ of {len(whole)} bytes, \d+ (of 30 )?frames\)"):
+        read_clip(path)
+    path.write_bytes(whole + b"appended by a program")
+    assert len(read_clip(path)) == 30
+
+
+def test_a_video_whose_frames_end_early_is_refused(tmp_path, noise, monkeypatch):
+    """The file is as long as it says, and the frames are not there."""
+    save_video(tmp_path / "a.mkv", [np.repeat(frame[..., None], 3, 2) for frame in noise(30)])
+    whole = (tmp_path / "a.mkv").read_bytes()
+    (tmp_path / "a.mkv").write_bytes(whole[: len(whole) // 2])
+    monkeypatch.setattr("sci_lightning.data.reader.declared_bytes", lambda path: 0)
+    with pytest.raises(BadInput, match=r"a\.mkv: is cut off \(frames up to 0\.\d+ s of 1\.20 s, \d+ frames\)"):
+        read_clip(tmp_path / "a.mkv")
+
+
+READ = """
+from sci_lightning.data.reader import read_clip as read
+"""
+
+
+def npz(path, shape, mebibytes, name="frames"):
+    """A zip bomb: an array of zeros, whose header says ``shape``."""
+    with (
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+        archive.open(f"{name}.npy", "w") as f,
+    ):
+        np.lib.format.write_array_header_1_0(f, {"descr": "|u1", "fortran_order": False, "shape": shape})
+        for _ in range(mebibytes):
+            f.write(bytes(2**20))
+    return path
+
+
+def test_npz_that_declares_too_much(tmp_path):
+    line = hostile_files.refusal(READ, npz(tmp_path / "a.npz", (2**20, 2**10, 2**10), 1))
+    assert "a.npz: 'frames' of shape (1048576, 1024, 1024) declares 1099511627776 bytes, the file holds 1048576" in line
+    line = hostile_files.refusal(READ, npz(tmp_path / "a.npz", (2**9, 2**10), 600))
+    assert "a.npz: its arrays are ['frames']; expected one of" in line
+
+
+def test_other_arrays_of_an_npz_are_not_inflated(tmp_path):
+    with (
+        zipfile.ZipFile(npz(tmp_path / "a.npz", (300, 2**20), 300, "huge"), "a") as archive,
+        archive.open("a.npy", "w") as f,
+    ):
+        np.save(f, np.zeros((2, 3, 4), np.uint8))
+    tracemalloc.start()
+    assert read_clip(tmp_path / "a.npz").shape == (2, 3, 4)
+    assert tracemalloc.get_traced_memory()[1] < 2**24
+    tracemalloc.stop()
