@@ -3,21 +3,32 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import math
 import os
-import uuid
+import struct
+import sys
+import zlib
 from collections.abc import Callable, Iterable
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import BinaryIO, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.lib import format as npy
 from rich.progress import track
 
+from sci_lightning.atomic_file import whole_file
 from sci_lightning.console import PlainConsole
 from sci_lightning.data.reader import frame_files, read_frames
-from sci_lightning.errors import BadInput
+from sci_lightning.errors import BadInput, as_machine_failure
+from sci_lightning.npy_file import npy_header
+
+TRAILER = struct.Struct("<8sII")
+MARK = b"SCI-CRC\n"
+"""A stored clip ends with this and the checksums of its header and of its pixels; NumPy reads it as if it did not."""
+BLOCK = 2**20
+"""Bytes that are checked at a time."""
 
 Layout: TypeAlias = tuple[tuple[int, int, int], int]
 """(F, H, W) of a stored clip, and the byte where its pixels start."""
@@ -28,9 +39,12 @@ class ClipStore:
 
     Every clip is decoded once into an ``.npy`` file of the store folder. The file is named after a hash
     of the clip's path, size and modification time: what was decoded by an earlier or an interrupted
-    run is used again, and a clip that changed is decoded anew. Files appear whole or not at all, so
-    processes may fill one store at the same time. At most ``open_maps`` maps are kept open, so that neither
-    memory nor file descriptors grow with the number of clips. The store can be sent to worker processes.
+    run is used again, and a clip that changed is decoded anew. Files appear whole or not at all, also after
+    a power cut, so processes may fill one store at the same time. Behind the pixels lie two checksums (CRC-32): that
+    of the header is verified at every start, that of the pixels when a process first opens the clip, which
+    reads it whole, once. A stored clip that is damaged is decoded anew, with one line on stderr.
+    At most ``open_maps`` maps are kept open, so that neither memory nor file descriptors grow with the number of
+    clips. The store can be sent to worker processes.
 
     Args:
         clips: what :func:`~sci_lightning.data.reader.find_clips` lists.
@@ -40,20 +54,24 @@ class ClipStore:
 
     Raises:
         BadInput: a clip cannot be read, or the store folder cannot be written.
+        MachineFailure: the disk is full.
     """
 
     def __init__(self, clips: Iterable[Path], store: str | Path | None = None, *, open_maps: int = 128) -> None:
         self.clips = list(clips)
         self.open_maps = open_maps
         folder = Path(store).expanduser() if store is not None else _default_folder()
+        self._verified: set[int] = set()
         self._files = [folder / f"{_fingerprint(clip)}.npy" for clip in self.clips]
         quiet = all(map(_layout, self._files)) or os.environ.get("LOCAL_RANK", "0") != "0"
         todo = list(zip(self.clips, self._files, strict=True))
         bar = track(todo, "Storing clips", console=PlainConsole(stderr=True), disable=quiet)
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._layouts = [_layout(file) or _write(clip, file) for clip, file in bar]
+            self._layouts = [_layout(file) or _decode(clip, file) for clip, file in bar]
         except OSError as error:
+            if failure := as_machine_failure(error, folder):
+                raise failure from error
             reason = error.strerror or error
             raise BadInput(f"{folder}: cannot store clips ({reason}); give another store folder") from error
 
@@ -68,10 +86,23 @@ class ClipStore:
     def _map(self) -> Callable[[int], np.ndarray]:
         @lru_cache(self.open_maps)
         def open_map(index: int) -> np.ndarray:
+            if index not in self._verified:
+                self._verify(index)
             shape, offset = self._layouts[index]
             return np.memmap(self._files[index], np.uint8, "r", offset, shape)
 
         return open_map
+
+    def _verify(self, index: int) -> None:
+        """Compare the pixels of a stored clip with their checksum; decode the clip anew where they differ."""
+        clip, file, layout = self.clips[index], self._files[index], self._layouts[index]
+        if _layout(file) != layout or _checksum(file, layout) != _trailer(file)[1]:
+            print(f"{file}: damaged, {clip} is decoded anew", file=sys.stderr)
+            if (anew := _write(clip, file)) != layout:
+                raise BadInput(
+                    f"{clip}: changed while it was in use, from {layout[0]} to {anew[0]} (F, H, W); run again"
+                )
+        self._verified.add(index)
 
     def __getstate__(self) -> dict[str, object]:
         return {name: value for name, value in vars(self).items() if name != "_map"}  # maps stay here
@@ -101,39 +132,77 @@ def _fingerprint(clip: Path) -> str:
 
 
 def _layout(file: Path) -> Layout | None:
-    """The layout of a stored clip; None if it is missing or damaged."""
+    """The layout of a stored clip; None if it is missing, damaged or of an earlier version without checksums."""
     try:
         with file.open("rb") as stream:
-            npy.read_magic(stream)
-            shape, _, dtype = npy.read_array_header_1_0(stream)
+            shape, dtype = npy_header(stream)
             offset = stream.tell()
-            size = stream.seek(0, os.SEEK_END)
-    except (OSError, ValueError):
+            stream.seek(0)
+            header = zlib.crc32(stream.read(offset))
+        if len(shape) != 3 or dtype != np.uint8 or header != _trailer(file)[0]:
+            return None
+        return (shape, offset) if file.stat().st_size == offset + math.prod(shape) + TRAILER.size else None
+    except Exception:  # a damaged header leads NumPy anywhere
         return None
-    if len(shape) != 3 or dtype != np.uint8 or size != offset + math.prod(shape):
-        return None
-    return shape, offset
+
+
+def _decode(clip: Path, file: Path) -> Layout:
+    """As :func:`_write`; says so if it replaces a stored clip that is damaged."""
+    if file.exists() and not _is_of_earlier_version(file):
+        print(f"{file}: damaged, {clip} is decoded anew", file=sys.stderr)
+    return _write(clip, file)
+
+
+def _is_of_earlier_version(file: Path) -> bool:
+    """Whether a stored clip is whole and ends with its pixels: there were no checksums once."""
+    try:
+        with file.open("rb") as stream:
+            shape, _ = npy_header(stream)
+            return file.stat().st_size == stream.tell() + math.prod(shape)
+    except Exception:  # a damaged header leads NumPy anywhere
+        return False
+
+
+def _trailer(file: Path) -> tuple[int, int]:
+    """The checksums of header and pixels that a stored clip ends with."""
+    with file.open("rb") as stream:
+        stream.seek(-TRAILER.size, os.SEEK_END)
+        mark, header, pixels = TRAILER.unpack(stream.read())
+    if mark != MARK:
+        raise ValueError(f"{file}: no checksums")
+    return header, pixels
+
+
+def _checksum(file: Path, layout: Layout) -> int:
+    """CRC-32 of the pixels, a few at a time."""
+    shape, offset = layout
+    checksum, left = 0, math.prod(shape)
+    with file.open("rb") as stream:
+        stream.seek(offset)
+        while left > 0 and (block := stream.read(min(left, BLOCK))):
+            checksum, left = zlib.crc32(block, checksum), left - len(block)
+    return checksum
 
 
 def _write(clip: Path, file: Path) -> Layout:
-    """Decodes ``clip`` into ``file`` with one frame in memory at a time."""
-    temporary = file.with_name(f".{uuid.uuid4().hex}.tmp")
-    try:
-        with temporary.open("xb") as stream:
-            _write_header(stream, (0, 0, 0))  # holds the place: the number of frames is known at the end
-            count, size = 0, (0, 0)
-            for frame in read_frames(clip):
-                stream.write(frame.tobytes())
-                count, size = count + 1, frame.shape
-            stream.seek(0)
-            _write_header(stream, (count, *size))
-            offset = stream.tell()
-        os.replace(temporary, file)
-    finally:
-        temporary.unlink(missing_ok=True)
-    return (count, *size), offset
+    """Decode ``clip`` into ``file`` with one frame in memory at a time."""
+    with whole_file(file) as temporary, temporary.open("wb") as stream:
+        stream.write(_header((0, 0, 0)))  # holds the place: the number of frames is known at the end
+        count, size, pixels = 0, (0, 0), 0
+        for frame in read_frames(clip):
+            content = frame.tobytes()
+            stream.write(content)
+            pixels = zlib.crc32(content, pixels)
+            count, size = count + 1, frame.shape
+        header = _header((count, *size))
+        stream.write(TRAILER.pack(MARK, zlib.crc32(header), pixels))
+        stream.seek(0)
+        stream.write(header)
+    return (count, *size), len(header)
 
 
-def _write_header(stream: BinaryIO, shape: tuple[int, int, int]) -> None:
+def _header(shape: tuple[int, int, int]) -> bytes:
     # 128 bytes for any shape: numpy pads headers to a multiple of 64
+    stream = io.BytesIO()
     npy.write_array_header_1_0(stream, {"descr": "|u1", "fortran_order": False, "shape": shape})
+    return stream.getvalue()

@@ -1,13 +1,17 @@
 import multiprocessing
 import os
 import pickle
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
+from sci_lightning.data import store as store_module
 from sci_lightning.data.reader import find_clips, read_frames
 from sci_lightning.data.store import ClipStore
-from sci_lightning.errors import BadInput
+from sci_lightning.errors import BadInput, MachineFailure
+from tests.conftest import ROOT
 
 
 @pytest.fixture
@@ -167,6 +171,85 @@ def test_a_store_that_cannot_be_written_is_named(tree, tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "replace", disk_full)
-    with pytest.raises(BadInput, match=r"store: cannot store clips \(No space left on device\)"):
+    with pytest.raises(MachineFailure, match=r"store/\w+\.npy: no space left on device; free some space or write"):
         ClipStore(find_clips(tree), tmp_path / "store")
     assert list((tmp_path / "store").iterdir()) == []
+
+
+@pytest.mark.parametrize("place", [0, 8, 20, 60, 127, 128, 20_000, -17, -12, -1])
+def test_damage_is_found_and_repaired(tree, folder, decoded, noise, capsys, place):
+    """Header, shape, pixels, checksums: a flipped bit anywhere costs one more decoding and never a wrong pixel."""
+    clip = tree / "clip0.npz"
+    (file,) = ClipStore([clip], folder)._files
+    content = bytearray(file.read_bytes())
+    content[place] ^= 1
+    file.write_bytes(content)
+    decoded.clear()
+    capsys.readouterr()
+    np.testing.assert_array_equal(ClipStore([clip], folder)[0], noise(12))
+    assert decoded == ["clip0.npz"]
+    assert f"{file}: damaged, {clip} is decoded anew\n" in capsys.readouterr().err
+    np.testing.assert_array_equal(ClipStore([clip], folder)[0], noise(12))
+    assert decoded == ["clip0.npz"]
+
+
+def test_a_header_that_lies_consistently(tree, folder, noise):
+    """Rows and columns changed places: the file has the right length."""
+    clip = tree / "clip0.npz"
+    (file,) = ClipStore([clip], folder)._files
+    file.write_bytes(file.read_bytes().replace(b"(12, 40, 48)", b"(12, 48, 40)"))
+    store = ClipStore([clip], folder)
+    assert store.shapes == [(12, 40, 48)]
+    np.testing.assert_array_equal(store[0], noise(12))
+
+
+def test_a_page_of_zeros_and_a_clip_of_an_earlier_version(tree, folder, decoded, noise, capsys):
+    clips = find_clips(tree)
+    torn, old, *_ = ClipStore(clips, folder)._files
+    with torn.open("r+b") as stream:
+        stream.seek(4096)
+        stream.write(bytes(4096))
+    np.save(old, noise(13, seed=1))
+    decoded.clear()
+    capsys.readouterr()
+    store = ClipStore(clips, folder)
+    assert decoded == ["clip1.npz"] and "damaged" not in capsys.readouterr().err
+    np.testing.assert_array_equal(store[0], noise(12))
+    assert decoded == ["clip1.npz", "clip0.npz"]
+
+
+def test_pixels_are_verified_once_in_a_process(tree, folder, monkeypatch):
+    clips = find_clips(tree)
+    ClipStore(clips, folder)
+    verified = []
+    original = store_module._checksum
+    monkeypatch.setattr(store_module, "_checksum", lambda *clip: (verified.append(clip[0]), original(*clip))[1])
+    store = ClipStore(clips, folder, open_maps=1)
+    assert verified == []  # starting costs nothing
+    for index in (0, 1, 0, 1):
+        store[index]
+    assert len(verified) == 2
+
+
+def test_a_clip_that_changes_under_a_damaged_store(tree, folder, noise):
+    clip = tree / "clip0.npz"
+    store = ClipStore([clip], folder)
+    store._files[0].write_bytes(b"damaged")
+    np.savez(clip, frames=noise(20))
+    with pytest.raises(
+        BadInput, match=r"clip0\.npz: changed while it was in use, from \(12, 40, 48\) to \(20, 40, 48\)"
+    ):
+        store[0]
+
+
+def test_what_a_killed_process_left_is_removed(tree, folder):
+    clip = tree / "clip0.npz"
+    code = (
+        "import os, signal, sys; from sci_lightning.data import store\n"
+        "store.os.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL)\n"
+        "store.ClipStore([store.Path(sys.argv[1])], sys.argv[2])"
+    )
+    subprocess.run([sys.executable, "-c", code, clip, folder], cwd=ROOT, capture_output=True, check=False)
+    assert len(list(folder.iterdir())) == 1
+    (file,) = ClipStore([clip], folder)._files
+    assert list(folder.iterdir()) == [file]
