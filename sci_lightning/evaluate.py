@@ -12,7 +12,7 @@ from sci_lightning.console import PlainConsole, styled
 
 
 def evaluate(cfg: DictConfig) -> float:
-    """Test, write ``metrics.json`` and print a table; returns the mean PSNR in dB.
+    """Test, write ``metrics.json`` and pictures of the scenes, and print a table; returns the mean PSNR in dB.
 
     ``encoder=`` replaces the encoder of the training, see :func:`~sci_lightning.chosen_encoder.chosen_encoder`, and
     ``decoder=`` takes the place of a checkpoint, see :func:`~sci_lightning.chosen_checkpoint.chosen_checkpoint`.
@@ -25,14 +25,14 @@ def evaluate(cfg: DictConfig) -> float:
     import lightning as L
     from torch.utils.data import DataLoader
 
-    from sci_lightning.callbacks import Progress
+    from sci_lightning.callbacks import Progress, ScenePictures
     from sci_lightning.captures import read_captures
     from sci_lightning.chosen_checkpoint import chosen_checkpoint
     from sci_lightning.chosen_encoder import chosen_camera, chosen_encoder
     from sci_lightning.chosen_metrics import chosen_metrics
     from sci_lightning.data.captured import CapturedSnapshots
     from sci_lightning.data.loader import scene_loader
-    from sci_lightning.results import print_results, results, write_json
+    from sci_lightning.results import print_results, results, with_effects, write_json
     from sci_lightning.system import System
 
     out = Path(cfg.out)
@@ -52,14 +52,16 @@ def evaluate(cfg: DictConfig) -> float:
     names = {**trained["names"], "test_encoder": test_encoder}
 
     system = System(encoder, decoder, camera=camera, metrics=chosen_metrics(cfg), seed=cfg.seed)
-    trainer = built(cfg, "trainer", logger=False, enable_checkpointing=False, callbacks=[Progress()])
+    tested_on = test_encoder if cfg.captures else with_effects(test_encoder, encoder.path.names)
+    pictures = ScenePictures(out / "pictures", f"{names['decoder']}, tested on {tested_on}", cfg.pictures)
+    trainer = built(cfg, "trainer", logger=False, enable_checkpointing=False, callbacks=[Progress(), pictures])
     assert isinstance(trainer, L.Trainer)
     trainer.test(system, loader, verbose=False)
     found = results(system, names, {**trained, "evaluate": plain(cfg)})
     write_json(found, out / "metrics.json")
     console = PlainConsole()
     print_results(found, console)
-    console.say(styled(out), ": metrics.json")
+    console.say(styled(out), ": metrics.json" + (", pictures/" if pictures.written else ""))
     return float(found["mean"]["psnr"])
 
 

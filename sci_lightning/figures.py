@@ -85,7 +85,7 @@ def show_picture(axes: Axes, image: np.ndarray, title: str, high: float = 1.0, c
     axes.set_axis_off()
 
 
-def write_figure(figure: Figure, path: Path) -> None:
+def write_figure(figure: Figure, path: str | Path) -> None:
     """Write a PNG, whole or not at all, without margins."""
     with whole_file(path) as temporary:
         figure.savefig(temporary, dpi=150, bbox_inches="tight")

@@ -86,12 +86,13 @@ def levels_of(mask: torch.Tensor, bits: int) -> tuple[torch.Tensor, int]:
     return levels, full
 
 
-def write_planes(mask: torch.Tensor, bits: int, folder: Path, layout: Layout, timing: dict[str, Any]) -> None:
+def write_planes(mask: torch.Tensor, bits: int, folder: str | Path, layout: Layout, timing: dict[str, Any]) -> None:
     """Write 1-bit planes in the order of display, 8-bit frames, and ``planes.json``, which says what they are.
 
     A slot of b bits is b planes, the most significant first; plane k is shown for 2^k shares of the slot.
     The 8-bit frames hold 255 at the transmittance 1.
     """
+    folder = Path(folder)
     levels, full = levels_of(mask, bits)
     planes = []
     for slot, level in enumerate(levels):
@@ -118,12 +119,13 @@ def write_planes(mask: torch.Tensor, bits: int, folder: Path, layout: Layout, ti
         temporary.write_text(json.dumps(about, indent=1) + "\n")
 
 
-def read_planes(folder: Path) -> torch.Tensor:
+def read_planes(folder: str | Path) -> torch.Tensor:
     """The mask ``(T, H, W)`` float32 that :func:`write_planes` wrote, bit for bit.
 
     Raises:
         BadInput: a file is missing, damaged, or not of that shape.
     """
+    folder = Path(folder)
     try:
         about = json.loads((folder / SHEET).read_text())
         layout = Layout(_pair(about["size"]), about["repeat"], _pair(about["canvas"]))

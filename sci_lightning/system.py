@@ -242,10 +242,12 @@ class System(L.LightningModule):
     def validation_step(self, batch: Batch, batch_idx: int) -> None:
         self._score(batch, batch_idx)
 
-    def test_step(self, batch: Batch, batch_idx: int) -> None:
-        measurement, mask = self._score(batch, batch_idx)
+    def test_step(self, batch: Batch, batch_idx: int) -> dict[str, torch.Tensor]:
+        """Score a batch; returns the ``measurement`` (N, H, W) as recorded and the ``estimate`` (N, T, H, W)."""
+        recorded, measurement, mask, estimate = self._score(batch, batch_idx)
         for scene, guess, truth in zip(batch[0], mean_video(measurement, mask), batch[1], strict=True):
             self.baseline.update(int(scene), guess, truth)
+        return {"measurement": recorded, "estimate": estimate}
 
     def on_test_epoch_end(self) -> None:
         scenes, mean = self.scores.compute()
@@ -268,8 +270,8 @@ class System(L.LightningModule):
     def _scores(self, loader: Any, every_n_frames: Mapping[str, int] | None = None) -> SceneScores:
         return SceneScores(loader.dataset.names, self.metrics, every_n_frames).to(self.device)
 
-    def _score(self, batch: Batch, batch_idx: int) -> tuple[torch.Tensor, torch.Tensor]:
-        """Add a batch to the scores; returns what its decoder was given."""
+    def _score(self, batch: Batch, batch_idx: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Add a batch to the scores; returns what was recorded, what its decoder was given, and its estimate."""
         self._seed_step(batch_idx, testing=True)  # sensor noise in a test does not depend on the training before it
         scenes, video, *taken = batch
         if not taken:
@@ -281,7 +283,7 @@ class System(L.LightningModule):
         self.seconds.append((self._now() - start) / len(video))
         for scene, x, truth in zip(scenes, estimate, video, strict=True):
             self.scores.update(int(scene), x, truth)
-        return measurement, mask
+        return taken[0], measurement, mask, estimate
 
     def _now(self) -> float:
         if self.device.type == "cuda":

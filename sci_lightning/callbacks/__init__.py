@@ -3,6 +3,7 @@
 from sci_lightning.callbacks.pictures import Pictures
 from sci_lightning.callbacks.progress import Progress
 from sci_lightning.callbacks.scalar_layout import ScalarLayout
+from sci_lightning.callbacks.scene_pictures import ScenePictures
 from sci_lightning.callbacks.throughput import Throughput
 
-__all__ = ["Pictures", "Progress", "ScalarLayout", "Throughput"]
+__all__ = ["Pictures", "Progress", "ScalarLayout", "ScenePictures", "Throughput"]

@@ -38,6 +38,8 @@ SETTINGS: Mapping[str, Any] = {
     "resume": bool,
     "scale": Name,
     "test_encoders": Mapping[str, Any],
+    # evaluate
+    "pictures": Count,
     # reconstruct
     "measurement": Name,
     "key": Name,

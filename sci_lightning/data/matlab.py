@@ -10,7 +10,7 @@ from sci_lightning.array_file import read_array
 from sci_lightning.errors import BadInput
 
 
-def read_matlab_video(path: Path, key: str) -> np.ndarray:
+def read_matlab_video(path: str | Path, key: str) -> np.ndarray:
     """Reads the frames that a MATLAB file holds under ``key`` on the 0 to 255 scale.
 
     Args:

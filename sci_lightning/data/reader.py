@@ -57,9 +57,9 @@ def find_clips(root: str | Path) -> list[Path]:
     return sorted(clips, key=_natural_order)
 
 
-def frame_files(folder: Path) -> list[Path]:
+def frame_files(folder: str | Path) -> list[Path]:
     """The image files directly in ``folder``, in natural order: the frames of one clip."""
-    files = [f for f in folder.iterdir() if f.suffix.lower() in IMAGES and not f.name.startswith(".")]
+    files = [f for f in Path(folder).iterdir() if f.suffix.lower() in IMAGES and not f.name.startswith(".")]
     return sorted(files, key=_natural_order)
 
 

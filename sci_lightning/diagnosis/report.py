@@ -81,23 +81,24 @@ def describe_effects(fitter: Fitter, fit: Fit, names: list[str]) -> list[dict[st
     return found
 
 
-def write_pictures(drawn: Mapping[str, Figure], out: Path) -> None:
+def write_pictures(drawn: Mapping[str, Figure], out: str | Path) -> None:
     """PNG files by name."""
     for name, figure in drawn.items():
-        with whole_file(out / name) as temporary:
+        with whole_file(Path(out) / name) as temporary:
             figure.savefig(temporary, dpi=150, facecolor="white")
 
 
 def write_page(
-    found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str, Figure], command: str, out: Path
+    found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str, Figure], command: str, out: str | Path
 ) -> None:
     """``report.html``; see :func:`~sci_lightning.diagnosis.report_page.report_page`."""
-    with whole_file(out / "report.html") as temporary:
+    with whole_file(Path(out) / "report.html") as temporary:
         temporary.write_text(report_page(found, report, drawn, command), encoding="utf-8")
 
 
-def write_encoder(fitter: Fitter, fit: Fit, out: Path) -> None:
+def write_encoder(fitter: Fitter, fit: Fit, out: str | Path) -> None:
     """The corrected encoder: ``encoder.yaml``, with the patterns and maps it names beside it."""
+    out = Path(out)
     seen = fitter.model.observation
     coding = seen.sequences[torch.tensor([len(set(each.tolist())) for each in seen.sequences]).argmax()]
     _save(out / "patterns.npy", seen.patterns[coding].numpy())

@@ -41,6 +41,11 @@ class LightPath(nn.Module):
         self.effects = nn.ModuleList(given)
 
     @property
+    def names(self) -> list[str]:
+        """The effects' names, in order."""
+        return [effect.name for effect in self.effects]  # type: ignore[misc]
+
+    @property
     def cells(self) -> int:
         """Into how many cells a pixel is cut along either axis, so that a blur knows where in it the light falls."""
         return CELLS if self.of("relay") and any(effect.subpixel for effect in self.of("optics")) else 1

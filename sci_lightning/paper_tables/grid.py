@@ -35,9 +35,9 @@ class Grid:
     rows: list[list[str]]
     notes: list[str] = field(default_factory=list)
 
-    def write(self, folder: Path) -> list[Path]:
+    def write(self, folder: str | Path) -> list[Path]:
         """Write NAME.md, NAME.tex and NAME.png; returns their paths."""
-        name = file_name(self.name)
+        folder, name = Path(folder), file_name(self.name)
         texts = {"md": self.as_markdown(), "tex": self.as_latex()}
         for ending, text in texts.items():
             with whole_file(folder / f"{name}.{ending}") as temporary:

@@ -91,13 +91,14 @@ class Fields:
         return BadInput(f"{self.path}: {entry} {'is missing' if value is None else shown}, expected {expected}")
 
 
-def read_json(path: Path, largest: int = LARGEST_FILE) -> Fields:
+def read_json(path: str | Path, largest: int = LARGEST_FILE) -> Fields:
     """Read a JSON file that holds an object, without following what it says.
 
     Raises:
         BadInput: no regular file, larger than ``largest`` bytes, no UTF-8, no JSON, nested too deeply, a key that
             stands twice in one object, a number that is not finite, or no object.
     """
+    path = Path(path)
     if not path.is_file():  # a pipe or a device would wait for ever
         raise BadInput(f"{path}: not a readable file")
     try:

@@ -78,7 +78,7 @@ class Run:
         return self.setting, self.parameters
 
 
-def read_run(path: Path) -> Run:
+def read_run(path: str | Path) -> Run:
     """Read a ``metrics.json``, which may come from anybody: every entry is checked, and no path in it is followed.
 
     Raises:
@@ -93,7 +93,7 @@ def read_run(path: Path) -> Run:
     return _run(content)
 
 
-def find_runs(folders: Iterable[Path]) -> tuple[list[Run], list[str]]:
+def find_runs(folders: Iterable[str | Path]) -> tuple[list[Run], list[str]]:
     """Every ``metrics.json`` below the folders, and a line for each that is of no use.
 
     Of several runs that differ in nothing but their place, the latest counts.
@@ -103,7 +103,7 @@ def find_runs(folders: Iterable[Path]) -> tuple[list[Run], list[str]]:
     """
     runs: dict[Any, Run] = {}
     lines: list[str] = []
-    for folder in folders:
+    for folder in map(Path, folders):
         files = files_below(folder, NAME)
         if not files:
             lines.append(f"{folder}: {f'no {NAME} in it' if folder.is_dir() else 'no such folder'}")

@@ -11,7 +11,7 @@ MOST_ENTRIES = 500_000
 """Files and folders that are looked at; a run has about thirty."""
 
 
-def files_below(folder: Path, name: str) -> list[Path]:
+def files_below(folder: str | Path, name: str) -> list[Path]:
     """Return every file called ``name`` below a folder, in the order of modification.
 
     Links to folders are not followed, and files that lie outside of the folder (links to them) are not returned.
@@ -19,6 +19,7 @@ def files_below(folder: Path, name: str) -> list[Path]:
     Raises:
         BadInput: more than ``MOST_ENTRIES`` files and folders.
     """
+    folder = Path(folder)
     found: list[tuple[float, str]] = []
     waiting, count = [str(folder)], 0
     while waiting:
@@ -37,9 +38,9 @@ def files_below(folder: Path, name: str) -> list[Path]:
     return [Path(path) for _, path in sorted(found)]
 
 
-def is_inside(path: Path, folder: Path) -> bool:
+def is_inside(path: str | Path, folder: str | Path) -> bool:
     """Whether a path names a regular file that, all links followed, lies in the folder."""
     try:
-        return path.is_file() and path.resolve().is_relative_to(folder.resolve())
+        return Path(path).is_file() and Path(path).resolve().is_relative_to(Path(folder).resolve())
     except (OSError, RuntimeError):  # a loop of links
         return False

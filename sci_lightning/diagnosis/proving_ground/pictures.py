@@ -32,7 +32,7 @@ FURTHEST = 5.0
 """Standard deviations; errors beyond are drawn here."""
 
 
-def write_pictures(out: Path, records: Iterable[Mapping[str, Any]]) -> list[Path]:
+def write_pictures(out: str | Path, records: Iterable[Mapping[str, Any]]) -> list[Path]:
     """``confusion.png``, ``coverage.png``, ``gap.png`` and ``time.png``; those that there are cases for."""
     outcomes = [Outcome(each) for each in records if "failed" not in each]
     alone = [each for each in outcomes if each.suite in ("single", "nothing", "outside")]
@@ -45,7 +45,7 @@ def write_pictures(out: Path, records: Iterable[Mapping[str, Any]]) -> list[Path
     paths = []
     for name, (draw, some) in ways.items():
         if some:
-            paths.append(out / f"{name}.png")
+            paths.append(Path(out) / f"{name}.png")
             with whole_file(paths[-1]) as temporary:
                 draw(some).savefig(temporary, dpi=130, format="png")
     return paths

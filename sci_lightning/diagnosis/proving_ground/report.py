@@ -14,8 +14,9 @@ from sci_lightning.diagnosis.proving_ground.summary import Row
 ANSWERS = {True: "yes", False: "**no**", None: ""}
 
 
-def write_report(out: Path, rows: Sequence[Row]) -> None:
+def write_report(out: str | Path, rows: Sequence[Row]) -> None:
     """Both files, each whole or absent."""
+    out = Path(out)
     with whole_file(out / "summary.md") as temporary:
         temporary.write_text(markdown(rows))
     content = {
