@@ -16,7 +16,7 @@ from hydra.errors import HydraException, InstantiationException, MissingConfigEx
 from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
-from sci_lightning.configuration.settings import SETTINGS, check_settings
+from sci_lightning.command_settings import Refused, check_command_settings
 from sci_lightning.encoder_file import PLACES, EncoderFile, adapt_to_encoder_files, adopt_encoder_files
 from sci_lightning.errors import BadInput, as_machine_failure
 from sci_lightning.failures import Failures
@@ -54,7 +54,7 @@ def run(name: str, task: Task) -> None:
         try:
             places = {place: files[chosen(place)] for place in PLACES.values() if chosen(place) in files}
             adapt_to_encoder_files(cfg, places)
-            check_settings(own_settings(cfg), nullable=optional_settings(name))
+            check_command_settings(cfg, name)
             return task(cfg)
         except Exception as error:
             if debug:
@@ -73,9 +73,10 @@ def run(name: str, task: Task) -> None:
         if isinstance(stop.__context__, KeyboardInterrupt):  # what Lightning makes of Ctrl-C, without a word
             sys.exit("interrupted")
         raise
-    except Exception as error:
+    except (Exception, Refused) as stop:
+        error = stop.__cause__ if isinstance(stop, Refused) and stop.__cause__ else stop
         if debug:
-            raise
+            raise error from error.__cause__
         failures.add(one_line(error), exit_status(error))
     finally:
         sys.argv = told
@@ -110,18 +111,6 @@ def plain(cfg: DictConfig) -> dict[str, Any]:
     content = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
     assert isinstance(content, dict)
     return {str(key): value for key, value in content.items()}
-
-
-def own_settings(cfg: DictConfig) -> dict[str, Any]:
-    """The values at the top of a command's configuration that are no groups; those that are still missing left out."""
-    keys = [str(key) for key in cfg if key in SETTINGS and not OmegaConf.is_missing(cfg, key)]
-    own = OmegaConf.create({key: cfg[key] for key in keys})
-    return plain(own)
-
-
-def optional_settings(name: str) -> list[str]:
-    """Keys that are null in ``conf/<name>.yaml``, so that a user may set them to null as well."""
-    return [str(key) for key, value in OmegaConf.load(CONF / f"{name}.yaml").items_ex(resolve=False) if value is None]
 
 
 def built(cfg: DictConfig, part: str, **more: Any) -> Any:

@@ -6,7 +6,7 @@ import collections.abc
 import types
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from annotated_types import Interval, Len
+from annotated_types import DocInfo, Interval, Len
 
 PLAIN = {int: "a whole number", float: "a number", str: "text", bool: "true or false", types.NoneType: "null"}
 SEQUENCES = (list, tuple, set, collections.abc.Sequence, collections.abc.Iterable)
@@ -16,6 +16,8 @@ def in_words(annotation: Any) -> str:
     """Return a phrase such as ``a whole number from 1 to 8, or null`` that follows the word "expected"."""
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
+        if described := next((bound for bound in arguments[1:] if isinstance(bound, DocInfo)), None):
+            return described.documentation
         return in_words(arguments[0]) + "".join(_bound(bound) for bound in arguments[1:])
     if origin in (Union, types.UnionType):
         phrases = (in_words(form) for form in arguments)
@@ -38,15 +40,11 @@ def _bound(bound: Any) -> str:
         return f" ({bound.min_length} of them)" if bound.min_length == bound.max_length else ""
     if not isinstance(bound, Interval):
         return ""
-    low = None if bound.ge is None and bound.gt is None else bound.gt if bound.ge is None else bound.ge
-    high = bound.le
-    if low is not None and high is not None:
-        return f" from {low} to {high}"
-    if bound.gt == 0:
-        return " above 0"
-    if low is not None:
-        return f" of at least {low}"
-    return f" of at most {high}" if high is not None else ""
+    if bound.ge is not None and bound.le is not None:
+        return f" from {bound.ge} to {bound.le}"
+    low = f" above {bound.gt}" if bound.gt is not None else "" if bound.ge is None else f" of at least {bound.ge}"
+    high = "" if bound.le is None else f" at most {bound.le}"
+    return f"{low} and{high}" if low and high else low or high
 
 
 def _plural(phrase: str) -> str:

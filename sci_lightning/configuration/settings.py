@@ -9,28 +9,29 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any
 
-from annotated_types import Interval, MinLen
+from annotated_types import DocInfo, Interval, MinLen
 
 from sci_lightning.bounds import Frames, NonNegative, Positive, Repeats, Seed, Size
 from sci_lightning.configuration.arguments import check_value
 from sci_lightning.errors import BadInput
 from sci_lightning.memory_bound import memory_bound
 
-Name = Annotated[str, MinLen(1)]
+Name = Annotated[str, MinLen(1), DocInfo("a name")]
+Place = Annotated[str, MinLen(1), DocInfo("the path of a file or a folder")]
 Workers = Annotated[int, Interval(ge=0, le=1024)]
 Count = Annotated[int, Interval(ge=0, le=10**9)]
 
 SETTINGS: Mapping[str, Any] = {
     # several commands
-    "out": Name,
+    "out": Place,
     "debug": bool,
     "seed": Seed,
     "frames": Frames,
     "size": Size | Annotated[int, Interval(ge=1, le=65536)],
     "crop": Size,
-    "ckpt_path": Name,
+    "ckpt_path": Place,
     "trusted": Sequence[Name],
-    "captures": Name,
+    "captures": Place,
     "device": Name,
     "workers": Workers,
     # train
@@ -41,16 +42,16 @@ SETTINGS: Mapping[str, Any] = {
     # evaluate
     "pictures": Count,
     # reconstruct
-    "measurement": Name,
+    "measurement": Place,
     "key": Name,
-    "mask": Name,
+    "mask": Place,
     "full_scale": Positive,
     "aperture": Positive | str,
     "fps": Annotated[float, Interval(gt=0, le=1000)],
     # convert
-    "checkpoint": Name,
+    "checkpoint": Place,
     # tables
-    "runs": Name | Sequence[Name],
+    "runs": Place | Sequence[Place],
     "mosaic": Count,
     "sensor": Mapping[str, Positive | None],
     # export_mask
