@@ -292,5 +292,21 @@ class System(L.LightningModule):
 
     # Checkpoints
 
+    @classmethod
+    def load_from_checkpoint(cls, checkpoint_path: Any, *args: Any, **kwargs: Any) -> System:
+        """The trained encoder and decoder in a system, from a checkpoint of this project; nothing in it is executed.
+
+        Args:
+            checkpoint_path: RUN/checkpoints/last.ckpt.
+            args, kwargs: Lightning's others; the checkpoint's configuration stands for them.
+
+        Raises:
+            BadInput: the file is missing, damaged or not a checkpoint of this project.
+        """
+        from sci_lightning.checkpoint import read_checkpoint  # which needs Lightning's file access, as this does
+
+        checkpoint = read_checkpoint(checkpoint_path)
+        return cls(checkpoint.encoder(), checkpoint.decoder(), run_config=checkpoint.config)
+
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         checkpoint["config"] = self.run_config

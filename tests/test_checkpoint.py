@@ -12,9 +12,11 @@ import pytest
 import torch
 from torch import nn
 
+import sci_lightning
 from sci_lightning.checkpoint import read_checkpoint, write_weights
 from sci_lightning.configuration.build import build
 from sci_lightning.errors import BadInput
+from sci_lightning.system import System
 
 CONFIG: dict[str, Any] = {
     "encoder": {
@@ -51,6 +53,18 @@ def test_written_and_read(tmp_path: Path, name: str) -> None:
     encoder, decoder = checkpoint.encoder(), checkpoint.decoder()
     assert torch.equal(encoder.mask(), whole["state_dict"]["encoder.mask.pattern"])
     assert torch.equal(decoder.state_dict()["first.weight"], whole["state_dict"]["decoder.first.weight"])
+
+
+def test_in_a_notebook(tmp_path: Path) -> None:
+    whole = content()
+    write_weights(tmp_path / "a.ckpt", whole["config"], whole["state_dict"])
+    checkpoint = sci_lightning.load_checkpoint(str(tmp_path / "a.ckpt"))
+    encoder, decoder = checkpoint.encoder(), checkpoint.decoder()
+    video = torch.rand(2, 4, 8, 8)
+    estimate = decoder(encoder.rescale(encoder(video)), encoder.mask())
+    assert estimate.shape == video.shape
+    system = System.load_from_checkpoint(tmp_path / "a.ckpt")
+    assert torch.equal(system(video), estimate)
 
 
 def test_checkpoints_without_a_digest_open(tmp_path: Path) -> None:

@@ -111,8 +111,9 @@ def reduced(arguments: list[str]) -> list[str]:
     return [*arguments, *extra]
 
 
-def test_python_examples(place: Path) -> None:
+def test_python_examples(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The README's Python runs as it stands, line after line."""
+    monkeypatch.chdir(place)
     examples = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
     names: dict[str, object] = {"torch": torch, "video": torch.rand(1, 8, 256, 256)}
     for example in examples:

@@ -101,7 +101,9 @@ def write_encoder(fitter: Fitter, fit: Fit, out: str | Path) -> None:
     out = Path(out)
     seen = fitter.model.observation
     coding = seen.sequences[torch.tensor([len(set(each.tolist())) for each in seen.sequences]).argmax()]
-    _save(out / "patterns.npy", seen.patterns[coding].numpy())
+    patterns = seen.patterns[coding].numpy()
+    slots, height, width = patterns.shape
+    _save(out / "patterns.npy", patterns)
     effects: dict[str, Any] = {}
     for name, values in fit.hypothesis.effects.items():
         effect = fitter.model.known[name]
@@ -113,8 +115,8 @@ def write_encoder(fitter: Fitter, fit: Fit, out: str | Path) -> None:
         if effect.chart and name in fit.hypothesis.charts:
             scale = float(values["std"]) if "std" in values else 1.0
             _save(out / f"{name}.npy", (fit.hypothesis.charts[name] / max(scale, 1e-12)).numpy())
-            effects[name] |= {"file": f"{name}.npy", "size": "${size}"}
-    mask = {"file": "patterns.npy", "key": None, "frames": "${frames}", "size": "${size}"}
+            effects[name] |= {"file": f"{name}.npy", "size": [height, width]}
+    mask = {"file": "patterns.npy", "key": None, "frames": slots, "size": [height, width]}
     content = {
         "_target_": "sci_lightning.encoder.Encoder",
         "aperture": "auto",
