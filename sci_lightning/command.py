@@ -117,7 +117,10 @@ def built(cfg: DictConfig, part: str, **more: Any) -> Any:
     """Build what ``cfg`` configures under ``part``, see :func:`~sci_lightning.configuration.build.build`."""
     from sci_lightning.configuration.build import build
 
-    return build(plain(OmegaConf.select(cfg, part)), part, **more)
+    node = OmegaConf.select(cfg, part)
+    if not isinstance(node, DictConfig):
+        raise BadInput(f"{part}={node}: expected a mapping with _target_, which names a class")
+    return build(plain(node), part, **more)
 
 
 def root_cause(error: BaseException) -> BaseException:

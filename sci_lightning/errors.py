@@ -45,6 +45,10 @@ def as_machine_failure(error: BaseException, path: str | Path | None = None) -> 
     while seen is not None:
         if isinstance(seen, MachineFailure):
             return seen
+        if isinstance(seen, MemoryError):
+            return MachineFailure(
+                "this machine's memory is exhausted; give a smaller size, fewer frames or a smaller batch"
+            )
         if isinstance(seen, OSError) and seen.errno in FAILING_DISK:
             return _failure(path or seen.filename, os.strerror(seen.errno))
         for number in FAILING_DISK:

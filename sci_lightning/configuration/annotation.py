@@ -51,4 +51,4 @@ def _plural(phrase: str) -> str:
     for one, many in (("a whole number", "whole numbers"), ("a number", "numbers"), ("text", "texts")):
         if phrase.startswith(one):
             return many + phrase.removeprefix(one)
-    return phrase.removeprefix("a ")
+    return f"{phrase.removeprefix('a ')}s"

@@ -79,6 +79,8 @@ def _build(
         return target(**arguments)
     except BadInput:
         raise
+    except MemoryError as error:
+        raise BadInput(f"{key}: with these values it does not fit into this machine's memory") from error
     except (ArithmeticError, AssertionError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise BadInput(f"{key}: {getattr(target, '__name__', target)} does not take these values ({reason})") from error
