@@ -7,8 +7,8 @@ from pathlib import Path
 from omegaconf import DictConfig
 from rich.progress import Progress
 
-from sci_lightning.command import run
-from sci_lightning.console import PlainConsole, styled
+from sci_lightning.command import CONF, chosen, run
+from sci_lightning.console import PlainConsole, styled, warn
 
 
 def reconstruct(cfg: DictConfig) -> None:
@@ -30,18 +30,33 @@ def reconstruct(cfg: DictConfig) -> None:
     from sci_lightning.device import chosen_device
     from sci_lightning.encoder.mask import Measured
     from sci_lightning.errors import BadInput
+    from sci_lightning.mask_check import mask_warning
     from sci_lightning.snapshot import read_snapshot
 
-    out, console = Path(cfg.out), PlainConsole()
+    out, console, frames = Path(cfg.out), PlainConsole(), cfg.frames
     checkpoint = chosen_checkpoint("reconstruct", cfg)
+    if cfg.ckpt_path is None and cfg.mask is None and not _mask_is_known(cfg):
+        raise BadInput(
+            "nothing says which mask the snapshot was taken with, and a random one would decode noise: give mask=FILE "
+            "(MAT, NPY, H5), encoder=FOUND/encoder.yaml or ckpt_path=RUN/checkpoints/last.ckpt"
+        )
     decoder = checkpoint.decoder()
     encoder, _ = chosen_encoder(cfg, checkpoint)
     encoder = chosen_camera(cfg, checkpoint) or encoder
-    measurement = read_snapshot(
-        cfg.measurement, key=cfg.key, full_scale=cfg.full_scale, bit_depth=getattr(encoder.sensor, "bit_depth", 8)
+    bit_depth = getattr(encoder.sensor, "bit_depth", None)
+    snapshot = read_snapshot(
+        cfg.measurement, key=cfg.key, full_scale=cfg.full_scale, bit_depth=8 if bit_depth is None else bit_depth
     )
+    measurement = snapshot.measurement
     with torch.no_grad():
         mask = encoder.decoder_mask(encoder.transmittance()) if cfg.mask is None else Measured(cfg.mask)()
+    named = f"mask={cfg.mask}" if cfg.mask else "the encoder's mask"
+    if not mask.any():
+        raise BadInput(f"{named} is dark: every value is 0; give the mask that the snapshot was taken with: mask=FILE")
+    if cfg.mask is not None and frames is not None and frames != len(mask):
+        raise BadInput(
+            f"frames={frames}, but {named} has {len(mask)} slots: leave frames= out, or give the snapshot's own mask"
+        )
     if mask.shape[1:] != measurement.shape[1:]:
         raise BadInput(
             f"{cfg.measurement}: the snapshot is {tuple(measurement.shape[1:])}, the mask {tuple(mask.shape[1:])} "
@@ -52,7 +67,12 @@ def reconstruct(cfg: DictConfig) -> None:
         raise BadInput(f"aperture must be positive, got {aperture}")
 
     with torch.no_grad():
-        linear = encoder.linearise(measurement) / aperture
+        linear = encoder.linearise(measurement)
+    brightest = max(1.0, aperture * float(mask.sum(0).max())) if bit_depth is None else 1.0
+    for line in (snapshot.doubt(brightest), mask_warning(linear, mask)):
+        if line:
+            warn(line if line.startswith(str(snapshot.path)) else f"{snapshot.path}: {line}")
+    linear = linear / aperture
     device = chosen_device(cfg.device)
     decoder.eval().to(device)
     mask = mask.to(device)
@@ -74,6 +94,15 @@ def reconstruct(cfg: DictConfig) -> None:
     level = f"mean level {float(measurement.mean()):.3f} of full scale, aperture {aperture:.3g}"
     console.print(f"{n} snapshot(s) of {h} x {w} ({level}) decoded into {t} frames each")
     console.say(styled(out), ": frames/, video.gif, reconstruction.npy")
+
+
+def _mask_is_known(cfg: DictConfig) -> bool:
+    """Whether the encoder that the decoder is given reads its mask from a file, or is itself a file's."""
+    ours = {path.stem for path in (CONF / "encoder").glob("*.yaml")}
+    place, settings = ("encoder@camera", cfg.get("camera")) if cfg.get("camera") else ("encoder", cfg.get("encoder"))
+    if not settings or "mask" not in settings:
+        return False
+    return chosen(place) not in ours or settings.mask.get("file") is not None
 
 
 if __name__ == "__main__":

@@ -45,7 +45,9 @@ def test_with_an_encoder(ran: Run, tmp_path: Path) -> None:
 
 def test_reconstruct(ran: Run, tmp_path: Path) -> None:
     np.save(tmp_path / "snapshot.npy", np.full((32, 32), 0.5, np.float32))
-    ran("reconstruct", "decoder=gap_tv", *SHORT, "measurement=snapshot.npy", "device=cpu", "out=run")
+    np.save(tmp_path / "mask.npy", (np.random.default_rng(0).random((4, 32, 32)) < 0.5).astype("float32"))
+    given = ["measurement=snapshot.npy", "mask=mask.npy"]
+    ran("reconstruct", "decoder=gap_tv", *SHORT, *given, "device=cpu", "out=run")
     video = np.load(tmp_path / "run" / "reconstruction.npy")
     assert video.shape == (1, 4, 32, 32) and np.isfinite(video).all()
 
@@ -120,6 +122,7 @@ def test_weights_that_are_none_of_the_denoiser(refused: Run, tmp_path: Path) -> 
 
 def test_settings_that_do_not_converge(refused: Run, tmp_path: Path) -> None:
     np.save(tmp_path / "snapshot.npy", np.full((32, 32), 0.5, np.float32))
-    steep = ["decoder=gap_tv", *SHORT, "decoder.strengths=[1e-40]"]
+    np.save(tmp_path / "mask.npy", np.full((4, 32, 32), 0.25, np.float32))
+    steep = ["decoder=gap_tv", *SHORT, "decoder.strengths=[1e-40]", "mask=mask.npy"]
     line = refused("reconstruct", *steep, "measurement=snapshot.npy", "device=cpu")
     assert "GAP iteration 1 of 3: the residual became nan: stopped" in line and "decoder.strengths" in line

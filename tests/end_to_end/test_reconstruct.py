@@ -1,0 +1,120 @@
+"""``reconstruct``: which mask, which numbers, and what speaks against them."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tifffile import imwrite
+
+QUICK = ["decoder=gap_tv", "decoder.iterations=[2]", "device=cpu", "out=run"]
+SIDE = 64
+
+
+@pytest.fixture
+def camera(tmp_path: Path) -> np.ndarray:
+    """``mask.npy``, and a snapshot taken with it of a scene that moves, in [0, 1]."""
+    random = np.random.default_rng(0)
+    mask = (random.random((4, SIDE, SIDE)) < 0.5).astype(np.float32)
+    y, x = np.mgrid[:SIDE, :SIDE] / SIDE
+    scene = np.stack([0.5 + 0.4 * np.sin(6 * (x + 0.05 * t)) * np.cos(5 * y) for t in range(4)])
+    np.save(tmp_path / "mask.npy", mask)
+    return (mask * scene).sum(0) / 4
+
+
+@pytest.fixture
+def warnings(ran: Callable[..., str]) -> Callable[..., list[str]]:
+    """Run ``reconstruct``; the lines that it warns with."""
+
+    def run(*overrides: str) -> list[str]:
+        captured: list[str] = []
+
+        class Tee:
+            def write(self, text: str) -> int:
+                captured.append(text)
+                return len(text)
+
+            def flush(self) -> None:
+                pass
+
+        old, sys.stderr = sys.stderr, Tee()  # type: ignore[assignment]
+        try:
+            ran("reconstruct", *QUICK, *overrides)
+        finally:
+            sys.stderr = old
+        return [line for line in "".join(captured).splitlines() if line.startswith("warning: ")]
+
+    return run
+
+
+def test_no_mask_is_invented(refused: Callable[..., str], camera: np.ndarray, tmp_path: Path) -> None:
+    np.save(tmp_path / "snapshot.npy", camera.astype(np.float32))
+    for named in ([], ["encoder=lsw_sr", "seed=3"], ["decoder.camera=rbw_sr"]):
+        line = refused("reconstruct", *QUICK, "measurement=snapshot.npy", "size=[64,64]", *named)
+        assert "nothing says which mask" in line and "mask=FILE" in line and "ckpt_path=" in line
+    assert not (tmp_path / "run" / "video.gif").exists()
+
+
+def test_a_mask_that_a_file_says_is_one(warnings: Callable[..., list[str]], camera: np.ndarray, tmp_path: Path) -> None:
+    np.save(tmp_path / "snapshot.npy", camera.astype(np.float32))
+    measured = ["encoder=rbw_osr", "encoder/mask=measured", "encoder.mask.file=mask.npy", "frames=4", "size=[64,64]"]
+    assert warnings("measurement=snapshot.npy", *measured) == []
+    (tmp_path / "encoder.yaml").write_text(
+        "_target_: sci_lightning.encoder.Encoder\n"
+        "mask: {_target_: sci_lightning.encoder.mask.Measured, file: mask.npy}\n"
+        "sensor: {_target_: sci_lightning.encoder.sensor.ClipQuantise, bit_depth: 8}\naperture: 0.25\n"
+    )
+    for place in ("encoder", "decoder.camera"):
+        assert warnings("measurement=snapshot.npy", f"{place}=encoder.yaml", "frames=4", "size=[64,64]") == []
+
+
+def test_masks_that_cannot_be(refused: Callable[..., str], camera: np.ndarray, tmp_path: Path) -> None:
+    np.save(tmp_path / "snapshot.npy", camera.astype(np.float32))
+    np.save(tmp_path / "dark.npy", np.zeros((4, SIDE, SIDE), np.float32))
+    given = [*QUICK, "measurement=snapshot.npy"]
+    line = refused("reconstruct", *given, "mask=mask.npy", "frames=8")
+    assert "frames=8, but mask=mask.npy has 4 slots" in line
+    assert "mask=dark.npy is dark" in refused("reconstruct", *given, "mask=dark.npy")
+
+
+def test_a_mask_that_does_not_belong(warnings: Callable[..., list[str]], camera: np.ndarray, tmp_path: Path) -> None:
+    np.save(tmp_path / "snapshot.npy", camera.astype(np.float32))
+    mask = np.load(tmp_path / "mask.npy")
+    assert warnings("measurement=snapshot.npy", "mask=mask.npy") == []
+    np.save(tmp_path / "turned.npy", mask.transpose(0, 2, 1))
+    (line,) = warnings("measurement=snapshot.npy", "mask=turned.npy")
+    assert "snapshot.npy: the mask fits this snapshot better when it is transposed" in line
+    np.save(tmp_path / "other.npy", (np.random.default_rng(1).random(mask.shape) < 0.5).astype(np.float32))
+    (line,) = warnings("measurement=snapshot.npy", "mask=other.npy")
+    assert "does not seem to belong to this snapshot" in line
+
+
+@pytest.mark.parametrize(
+    ("values", "kind", "overrides", "told"),
+    [
+        (4095, np.uint16, [], "full_scale=4095"),
+        (255 * 4, np.uint16, [], "full_scale=1023"),
+        (4095, np.uint16, ["full_scale=4095"], ""),
+        (65535, np.uint16, [], ""),
+        (255, np.uint8, [], ""),
+        (0.004, np.float32, [], "nearly dark"),
+        (60.0, np.float32, [], "full_scale=255"),
+        (1.0, np.float32, [], ""),
+        (255, np.uint8, ["full_scale=15"], "full_scale=255"),
+    ],
+)
+def test_numbers_that_do_not_fit_the_full_scale(
+    warnings: Callable[..., list[str]],
+    camera: np.ndarray,
+    tmp_path: Path,
+    values: float,
+    kind: type,
+    overrides: list[str],
+    told: str,
+) -> None:
+    imwrite(tmp_path / "snapshot.tiff", (camera / camera.max() * values).astype(kind))
+    lines = warnings("measurement=snapshot.tiff", "mask=mask.npy", *overrides)
+    assert (not lines and not told) or (len(lines) == 1 and told in lines[0] and "full_scale=" in lines[0]), lines
