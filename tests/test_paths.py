@@ -14,8 +14,8 @@ from sci_lightning.paper_tables.grid import Grid
 from sci_lightning.results import write_json
 
 NOTEBOOK = (
-    "animation.py array_file.py figures.py modulator_files.py picture_file.py results.py snapshot.py captures data "
-    "diagnosis encoder paper_tables"
+    "animation.py array_file.py figures.py modulator_files.py picture_file.py results.py snapshot.py data/reader.py "
+    "data/matlab.py captures/read.py captures/write.py captures/pack.py diagnosis/report.py encoder paper_tables"
 )
 """Where the functions are that a notebook calls with files; the others serve the commands."""
 
