@@ -9,7 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import NoReturn
 
-from sci_lightning.console import PlainConsole, styled
+from sci_lightning.console import PlainConsole, styled, warn
 from sci_lightning.errors import BadInput
 from sci_lightning.plain_text import one_printable_line
 
@@ -42,7 +42,7 @@ def pack(folder: str, out: str | None) -> None:
 
     if out is None:
         raise BadInput("pack: where to? give out=captures.h5")
-    for line in facts(pack_captures(folder, out)):
+    for line in facts(pack_captures(folder, out, on_warning=warn)):
         CONSOLE.print(line)
     CONSOLE.print(styled(out))
 

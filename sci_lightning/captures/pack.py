@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import glob
 import re
-from dataclasses import dataclass
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from sci_lightning.captures.captures import Captures
 from sci_lightning.captures.kind import infer_kind
+from sci_lightning.captures.plausibility import Entry, check_entries, suspicions
 from sci_lightning.captures.recipe import FILE, WORDS, Node, Recipe, as_number, read_recipe
 from sci_lightning.captures.write import write_captures
 from sci_lightning.errors import BadInput
+from sci_lightning.memory_bound import check_memory
 from sci_lightning.picture_file import read_pictures
 
 
-def pack_captures(folder: str | Path, out: str | Path) -> Captures:
+def pack_captures(
+    folder: str | Path, out: str | Path, *, on_warning: Callable[[str], object] = warnings.warn
+) -> Captures:
     """Pack the TIFF, PNG, MAT and NPY files that a folder's ``captures.yaml`` names.
 
     The keys of that file are described in :mod:`sci_lightning.captures.recipe`.
@@ -25,31 +30,40 @@ def pack_captures(folder: str | Path, out: str | Path) -> Captures:
     Args:
         folder: holds ``captures.yaml``.
         out: the captures file, .h5 or .hdf5; whole or absent.
+        on_warning: called with one line for each thing that is unlikely, see
+            :func:`~sci_lightning.captures.plausibility.suspicions`.
 
     Returns:
         what was written, as read back.
 
     Raises:
-        BadInput: a key or a file that cannot be used; the message names the key.
+        BadInput: a key or a file that cannot be used, or that contradicts the others; the message names the key.
+        MachineFailure: the disk is full.
     """
     recipe = read_recipe(folder)
     bit_depth = recipe.top.whole("bit_depth", low=1, high=16)
     assert bit_depth is not None  # the recipe would have refused it
-    patterns, words = _patterns(recipe)
+    patterns, words, level = _patterns(recipe)
     frames = _frames(recipe, len(patterns) - len(words))
-    packed: list[_Packed] = []
-    for entry in recipe.entries:
-        measurement = _measurement(recipe.folder, entry, bit_depth, patterns.shape[1:])
-        packed.append(_pack(recipe.folder, entry, measurement, patterns, words, frames))
-    repeats = [len(each.measurement) for each in packed]
+    packed: list[Entry] = []
+    for node in recipe.entries:
+        measurement = _measurement(recipe.folder, node, bit_depth, patterns.shape[1:])
+        packed.append(_pack(recipe.folder, node, measurement, patterns, words, frames))
+    check_entries(packed)
+    for line in suspicions(recipe.top, packed, patterns, len(patterns) - len(words), bit_depth, level):
+        on_warning(line)
+    repeats = [len(entry.measurement) for entry in packed]
+    check_memory(
+        f"{recipe.top.where}{sum(repeats)} captures of {frames} slots", 4 * sum(repeats) * packed[0].scene.size
+    )
     captures = Captures(
         patterns=patterns,
-        sequence=np.repeat([each.sequence for each in packed], repeats, 0),
-        measurement=np.concatenate([each.measurement for each in packed]),
-        scene=np.repeat(np.stack([each.scene for each in packed]), repeats, 0),
-        aperture=np.repeat(np.array([each.aperture for each in packed], np.float32), repeats),
-        exposure=np.repeat(np.array([each.exposure for each in packed], np.float32), repeats),
-        kind=tuple(kind for each, count in zip(packed, repeats, strict=True) for kind in [each.kind] * count),
+        sequence=np.repeat([entry.sequence for entry in packed], repeats, 0),
+        measurement=np.concatenate([entry.measurement for entry in packed]),
+        scene=np.repeat(np.stack([entry.scene for entry in packed]), repeats, 0),
+        aperture=np.repeat(np.array([entry.aperture for entry in packed], np.float32), repeats),
+        exposure=np.repeat(np.array([entry.exposure for entry in packed], np.float32), repeats),
+        kind=tuple(entry.kind for entry in packed for _ in entry.measurement),
         bit_depth=bit_depth,
         read_noise_dn=recipe.top.number("read_noise_dn", low=0),
         full_well_e=recipe.top.number("full_well_e", low=0, above=True),
@@ -58,28 +72,18 @@ def pack_captures(folder: str | Path, out: str | Path) -> Captures:
     return write_captures(out, captures)
 
 
-@dataclass(frozen=True)
-class _Packed:
-    measurement: np.ndarray
-    sequence: np.ndarray
-    scene: np.ndarray
-    aperture: float
-    exposure: float
-    kind: str
-
-
 def _pack(
     folder: Path, entry: Node, measurement: np.ndarray, patterns: np.ndarray, words: dict[str, int], frames: int
-) -> _Packed:
+) -> Entry:
     sequence = _sequence(entry, len(patterns), words, frames)
     scene = _scene(folder, entry, (frames, *patterns.shape[1:]))
     aperture, exposure = (1.0 if (v := entry.number(k, low=0)) is None else v for k in ("aperture", "exposure"))
     kind = entry.text("kind") or infer_kind(patterns, sequence, scene, aperture)
-    return _Packed(measurement, sequence, scene, aperture, exposure, kind)
+    return Entry(entry, measurement, sequence, scene, aperture, exposure, kind)
 
 
-def _patterns(recipe: Recipe) -> tuple[np.ndarray, dict[str, int]]:
-    """(P, H, W) in [0, 1], and the index of all_off and all_on where they are listed."""
+def _patterns(recipe: Recipe) -> tuple[np.ndarray, dict[str, int], float | None]:
+    """(P, H, W) in [0, 1], the index of all_off and all_on where they are listed, and the value that counts as 1.0."""
     names = recipe.top.files("patterns")
     words = [name for name in names if name in WORDS]
     stacks = _stacks(recipe.folder, recipe.top, "patterns", [name for name in names if name not in WORDS], "mask")
@@ -92,7 +96,10 @@ def _patterns(recipe: Recipe) -> tuple[np.ndarray, dict[str, int]]:
     if names[len(names) - len(words) :] != words or len(set(words)) < len(words):
         raise recipe.top.refusal("patterns", "all_off and all_on come last and once each")
     even = [np.full((1, *patterns.shape[1:]), word == "all_on", np.float32) for word in words]
-    return np.concatenate([patterns, *even]), {word: len(patterns) + index for index, word in enumerate(words)}
+    level = recipe.top.number("pattern_levels", low=0)
+    if level is None and all(stack.dtype.kind in "ui" for stack in stacks):
+        level = float(max(np.iinfo(stack.dtype).max for stack in stacks))
+    return np.concatenate([patterns, *even]), {word: len(patterns) + index for index, word in enumerate(words)}, level
 
 
 def _frames(recipe: Recipe, coding: int) -> int:
@@ -105,12 +112,19 @@ def _measurement(folder: Path, entry: Node, bit_depth: int, size: tuple[int, ...
     values = np.concatenate(stacks)
     expected = f"raw DN, whole numbers from 0 to {2**bit_depth - 1} ({bit_depth} bits)"
     if values.shape[1:] != size:
-        raise entry.refusal("measurement", f"(H, W) is {values.shape[1:]}, that of the patterns is {size}")
+        swapped = "; are H and W swapped?" if values.shape[1:] == size[::-1] else ""
+        raise entry.refusal("measurement", f"(H, W) is {values.shape[1:]}, that of the patterns is {size}{swapped}")
     # MATLAB keeps whole numbers as double; fractions have been divided by something
     if values.dtype.kind not in "ui" and not np.equal(values, np.round(values)).all():
         raise entry.refusal("measurement", f"{values.dtype} up to {values.max():g}, expected {expected}")
     if values.min() < 0 or values.max() > 2**bit_depth - 1:
-        raise entry.refusal("measurement", f"values from {values.min()} to {values.max()}, expected {expected}")
+        step = int(np.gcd.reduce(np.unique(values.astype(np.int64))))
+        shifted = (
+            f"; all are multiples of {step}: divide them by it" if step >= 4 and values.min() < values.max() else ""
+        )
+        raise entry.refusal(
+            "measurement", f"values from {values.min()} to {values.max()}, expected {expected}{shifted}"
+        )
     return values.astype(np.uint16)
 
 
@@ -136,15 +150,16 @@ def _scene(folder: Path, entry: Node, shape: tuple[int, ...]) -> np.ndarray:
     if value is None and entry.values.get("kind") == "dark":
         value = 0
     if value in (None, "unknown"):
-        return np.full(shape, np.nan, np.float32)
+        return np.broadcast_to(np.float32(np.nan), shape)
     if (level := as_number(value)) is not None:
         if not 0 <= level < np.inf:
             raise entry.refusal("scene", f"expected an irradiance of 0 or more, got {value!r}")
-        return np.full(shape, level, np.float32)
+        return np.broadcast_to(np.float32(level), shape)
     stacks = _stacks(folder, entry, "scene", entry.files("scene"), "scene")
     scene = _normalised(entry, "scene_levels", stacks)
     if len(scene) not in (1, shape[0]) or scene.shape[1:] != shape[1:]:
-        raise entry.refusal("scene", f"is {scene.shape}, expected (T, H, W) = {shape} or (H, W)")
+        swapped = "; are H and W swapped?" if scene.shape[1:] == shape[:0:-1] else ""
+        raise entry.refusal("scene", f"is {scene.shape}, expected (T, H, W) = {shape} or (H, W){swapped}")
     if not np.isfinite(scene).all() or scene.min() < 0:
         raise entry.refusal("scene", "holds NaN, infinite or negative values, expected irradiances of 0 or more")
     return np.broadcast_to(scene, shape)

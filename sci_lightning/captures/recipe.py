@@ -31,9 +31,8 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from sci_lightning.captures.kind import KINDS
+from sci_lightning.configuration.yaml_file import read_yaml
 from sci_lightning.errors import BadInput
 
 FILE = "captures.yaml"
@@ -111,12 +110,7 @@ def read_recipe(folder: str | Path) -> Recipe:
         raise BadInput(f"{folder}: no such folder")
     if not path.is_file():
         raise BadInput(f"{folder}: no {FILE} in this folder; it says what the files are")
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        mark = getattr(error, "problem_mark", None)
-        place = f", line {mark.line + 1}" if mark else ""
-        raise BadInput(f"{path}{place}: not YAML ({getattr(error, 'problem', None) or 'unreadable'})") from error
+    content = read_yaml(path)
     if not isinstance(content, dict):
         raise BadInput(f"{path}: expected keys and values ({', '.join(TOP)}), found {type(content).__name__}")
     top = _node(f"{path}: ", content, TOP, ("bit_depth", "patterns", "captures"))

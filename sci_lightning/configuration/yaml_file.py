@@ -54,5 +54,7 @@ def read_yaml(path: str | Path) -> Any:
     try:
         return yaml.load(content.decode("utf-8"), _PlainLoader)
     except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise BadInput(f"{path}: not a readable YAML file ({reason})") from error
+        mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None)
+        reason = " ".join(str(problem or error).split())[:200]
+        place = f", line {mark.line + 1}" if mark else ""
+        raise BadInput(f"{path}{place}: not a readable YAML file ({reason})") from error

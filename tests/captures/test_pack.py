@@ -12,6 +12,9 @@ from tifffile import imwrite
 
 from sci_lightning.captures import pack_captures, read_captures
 from sci_lightning.errors import BadInput
+from tests.hostile_files import outside
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*captures.yaml")  # numbers drawn by chance are not plausible
 
 T, H, W = 3, 5, 8
 RANDOM = np.random.default_rng(0)
@@ -205,9 +208,12 @@ def test_no_recipe(tmp_path):
     refused(tmp_path / "none", tmp_path, "no such folder", str(tmp_path))
     refused(tmp_path, tmp_path, "no captures.yaml in this folder", str(tmp_path))
     for text, message in (
-        ("a: [1", "line 1: not YAML"),
+        ("a: [1", "line 1: not a readable YAML file"),
         ("- 1", "expected keys and values (bit_depth, name"),
-        ("!!python/object/apply:os.system ['true']", "not YAML"),
+        ("!!python/object/apply:os.system ['true']", "not a readable YAML file"),
+        ("a: &a [1]\nb: *a", "aliases (*name) are not read"),
+        ("a: " + "[" * 5000, "not a readable YAML file"),
+        ("a" * 2_000_000, "larger than 1,000,000 bytes"),
     ):
         (tmp_path / "captures.yaml").write_text(text)
         refused(tmp_path, tmp_path, message, str(tmp_path / "captures.yaml"))
@@ -240,3 +246,16 @@ def test_pages_that_were_appended_one_by_one(folder, tmp_path):
         imwrite(folder / "appended.tif", mask, append=True)
     recipe(folder, SHOT, patterns="appended.tif")
     np.testing.assert_allclose(pack_captures(folder, tmp_path / "a.h5").patterns, MASKS / 255, rtol=1e-6)
+
+
+@pytest.mark.parametrize("key", ["patterns", "measurement", "scene"])
+@pytest.mark.parametrize("how", ["external storage", "virtual dataset"])
+def test_no_file_of_a_folder_may_name_another(folder, tmp_path, key, how):
+    (tmp_path / "secret").write_bytes(bytes(range(H * W)) * T)
+    with h5py.File(folder / "theirs.mat", "w") as file:
+        outside(file, "values", how, tmp_path / "secret", (T, H, W))
+    if key == "patterns":
+        recipe(folder, SHOT, patterns="theirs.mat")
+    else:
+        recipe(folder, {**SHOT, key: "theirs.mat"})
+    refused(folder, tmp_path, "theirs.mat: 'values' is kept in another file", str(folder / "captures.yaml"))

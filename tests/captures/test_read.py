@@ -12,6 +12,7 @@ import pytest
 
 from sci_lightning.captures import read_captures
 from sci_lightning.errors import BadInput
+from tests import hostile_files
 from tests.captures.conftest import SHAPE, content
 
 N, T, H, W = SHAPE
@@ -237,3 +238,59 @@ def test_neither_torch_nor_matplotlib_is_loaded():
     seen = "import sci_lightning.captures, sys; print(sorted(set(sys.modules) & {'torch', 'matplotlib', 'hydra'}))"
     done = subprocess.run([sys.executable, "-c", seen], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+READ = """
+from sci_lightning.captures import read_captures as read
+"""
+
+
+@pytest.mark.parametrize(
+    ("shape", "patterns", "written", "message"),
+    [
+        ((4_000_000, 4, 4), 4, False, "'measurement' declares 4000000 captures, expected at most 100000"),
+        ((4_000_000, 4, 4), 4, True, "'measurement' declares 4000000 captures, expected at most 100000"),
+        ((90_000, 512, 512), 1, False, "declares 22.0 GiB, but the file stores only 0 bytes for it"),
+        ((90_000, 16, 16), 4000, True, "N = 90000 captures of 4000 slots, 16 x 16 pixels, declares 343.7 GiB, at most"),
+    ],
+)
+def test_a_tiny_file_that_declares_too_much(tmp_path, shape, patterns, written, message):
+    with h5py.File(tmp_path / "a.h5", "w") as opened:
+        opened.attrs.update(content()["attrs"])
+        opened.create_dataset("patterns", data=np.zeros((patterns, *shape[1:]), np.uint8), compression="gzip")
+        if written:
+            opened.create_dataset("measurement", data=np.zeros(shape, np.uint8), compression="gzip")
+        else:
+            opened.create_dataset("measurement", shape, np.uint8, chunks=(1000, 4, 4))
+    assert (tmp_path / "a.h5").stat().st_size < 1_000_000
+    assert message in hostile_files.refusal(READ, tmp_path / "a.h5")
+
+
+@pytest.mark.parametrize("name", ["measurement", "patterns", "sequence", "scene", "aperture"])
+@pytest.mark.parametrize("how", ["external storage", "virtual dataset", "external link", "soft link"])
+def test_no_dataset_may_lie_elsewhere(file, tmp_path, name, how):
+    right = np.asarray(content()[name])
+    path = file(**{name: None})
+    (tmp_path / "secret").write_bytes(bytes(right.size))
+    with h5py.File(path, "a") as opened:
+        hostile_files.outside(opened, name, how, tmp_path / "secret", right.shape)
+    refused(path, "is a link, expected" if "link" in how else f"'{name}' is kept in another file")
+
+
+def test_labels_that_are_one_long_text(file):
+    refused(file(kind=["dark", "static", "x" * 5000]), "'kind' holds strings of more than 1000 characters")
+
+
+def test_flipped_bytes_end_in_one_line_or_right_captures(file):
+    """Damage anywhere in the file is refused, or does not matter; HDF5 itself must survive it."""
+    path = file()
+    whole = path.read_bytes()
+    random = np.random.default_rng(0)
+    for place in random.integers(0, len(whole), 150):
+        damaged = bytearray(whole)
+        damaged[place] ^= 1 << random.integers(8)
+        path.write_bytes(damaged)
+        try:
+            read_captures(path)
+        except BadInput as error:
+            assert "\n" not in str(error)
