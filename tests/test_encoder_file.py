@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from hydra.core.config_store import ConfigStore
 
 from sci_lightning.encoder_file import adopt_encoder_files
 from sci_lightning.errors import BadInput
+from tests.end_to_end.test_train import TINY
 
 TEXT = """
 _target_: sci_lightning.encoder.Encoder
@@ -99,6 +101,48 @@ def test_what_a_file_may_build(tmp_path: Path, refused: Callable[..., str], targ
     hidden = TEXT.replace("aperture: 1.0", "aperture: ${oc.create:{_target_:" + target + "}}")
     path = encoder_file(tmp_path / "hidden", text=hidden)
     assert "would be resolved, not read" in refused("train", f"encoder={path}")
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("defaults: [/encoder/mask@mask: random_binary]", "the key 'defaults' has no place"),
+        ("defaults: [/hydra/output@_global_: out]", "the key 'defaults' has no place"),
+        ("hydra: {run: {dir: /tmp}}", "the key 'hydra' has no place"),
+        ("encoder@hydra: {a: 1}", "the key 'encoder@hydra' has no place"),
+        ("_args_: [1]", "the key '_args_' has no place"),
+        ("more: {_partial_: true}", "the key '_partial_' has no place"),
+        ("name: ${oc.env:HOME}", "would be resolved, not read"),
+        ("frames: ${size}", "would be resolved, not read"),
+        ("more: [{size: '${oc.env:HOME}'}]", "would be resolved, not read"),
+        ("more: &a [1]\nagain: *a", "aliases"),
+        ("wrong: 5", "Encoder has no such setting"),
+    ],
+)
+def test_what_a_file_may_say(tmp_path: Path, refused: Callable[..., str], line: str, message: str) -> None:
+    path = encoder_file(tmp_path / "camera", text=f"{TEXT}{line}\n")
+    answer = refused("train", f"encoder={path}")
+    assert message in answer
+    assert str(Path.home()) + "'" not in answer
+
+
+def test_frames_and_size_are_the_files(tmp_path: Path, ran: Callable[..., str]) -> None:
+    own = TEXT.replace("${size}", "[24, 24]").replace("${frames}", "8")
+    for name, text in (("references", TEXT), ("numbers", own)):
+        path = encoder_file(tmp_path / name, size=24, text=text)
+        tiny = [override for override in TINY if not override.startswith("size=")]
+        ran("train", *tiny, "trainer.max_epochs=1", f"encoder={path}", f"out={name}")
+        config = json.loads((tmp_path / name / "metrics.json").read_text())["config"]
+        assert (config["frames"], config["size"], config["crop"]) == (8, [24, 24], [24, 24])
+        assert config["encoder"]["mask"]["size"] == [24, 24]
+
+
+def test_files_that_contradict_each_other(tmp_path: Path, refused: Callable[..., str]) -> None:
+    one, other = encoder_file(tmp_path / "one", size=24), encoder_file(tmp_path / "other", size=32)
+    np.save(tmp_path / "snapshot.npy", np.full((24, 24), 0.4))
+    settings = ("decoder=gap_tv", f"encoder={one}", f"decoder.camera={other}", "measurement=snapshot.npy")
+    line = refused("reconstruct", *settings)
+    assert str(other) in line and str(one) in line and "8 x 32 x 32" in line
 
 
 def test_frames_and_size_must_agree(tmp_path: Path, refused: Callable[..., str]) -> None:
