@@ -14,6 +14,7 @@ from typing import Any, get_type_hints
 from pydantic import ConfigDict, PydanticUserError, TypeAdapter, ValidationError
 
 from sci_lightning.configuration.annotation import in_words
+from sci_lightning.configuration.library_bounds import LIBRARY_BOUNDS
 from sci_lightning.errors import BadInput
 from sci_lightning.plain_text import excerpt
 
@@ -40,9 +41,10 @@ def check_arguments(target: Callable[..., Any], arguments: Mapping[str, Any], ke
             raise BadInput(
                 f"{key}.{excerpt(argument)}: {name} has no such setting; it has {', '.join(known) or 'none'}"
             )
+    bounds = LIBRARY_BOUNDS.get(f"{getattr(target, '__module__', None)}.{name}", {})
     for argument, (annotation, required) in known.items():
         if argument in arguments:
-            check_value(f"{key}.{argument}", arguments[argument], annotation)
+            check_value(f"{key}.{argument}", arguments[argument], bounds.get(argument, annotation))
         elif required:
             raise BadInput(f"{key}.{argument}: {name} needs it, give {key}.{argument}=..")
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from sci_lightning.configuration.arguments import check_arguments
 from sci_lightning.configuration.registry import class_for_file
-from sci_lightning.errors import BadInput
+from sci_lightning.errors import BadInput, MachineFailure
 
 Resolve = Callable[[str, Any], Callable[..., Any]]
 """From the place of a ``_target_`` and its value to what is to be called."""
@@ -77,11 +77,11 @@ def _build(
     check_arguments(target, arguments, key)
     try:
         return target(**arguments)
-    except BadInput:
+    except (BadInput, MachineFailure, OSError):  # which say by themselves what is wrong
         raise
     except MemoryError as error:
         raise BadInput(f"{key}: with these values it does not fit into this machine's memory") from error
-    except (ArithmeticError, AssertionError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:
+    except Exception as error:  # every library has exceptions of its own for a value that it does not take
         reason = " ".join(str(error).split()) or type(error).__name__
         raise BadInput(f"{key}: {getattr(target, '__name__', target)} does not take these values ({reason})") from error
 

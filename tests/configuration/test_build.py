@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import datetime
+import importlib
+import inspect
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from sci_lightning.configuration.build import build, build_from_file
+from sci_lightning.configuration.library_bounds import LIBRARY_BOUNDS
 from sci_lightning.configuration.registry import class_for_file, registered_classes
 from sci_lightning.decoder import E2ECNN
 from sci_lightning.encoder import Encoder
@@ -54,6 +57,18 @@ def test_values_that_do_not_fit(setting: dict[str, Any], line: str) -> None:
     with pytest.raises(BadInput) as caught:
         build({**SMALL, **setting}, "decoder")
     assert line in str(caught.value) and str(caught.value).isprintable() and len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize("setting", ["accumulate_grad_batches", "max_epochs", "num_nodes", "gradient_clip_val"])
+def test_ranges_of_the_trainer(setting: str) -> None:
+    with pytest.raises(BadInput, match=rf"trainer.{setting}=-2: expected a .*number"):
+        build({"_target_": "lightning.Trainer", setting: -2}, "trainer")
+
+
+def test_bounds_of_libraries_name_arguments_that_exist() -> None:
+    for path, bounds in LIBRARY_BOUNDS.items():
+        module, _, name = path.rpartition(".")
+        assert set(bounds) <= set(inspect.signature(getattr(importlib.import_module(module), name)).parameters)
 
 
 def test_missing_argument() -> None:
