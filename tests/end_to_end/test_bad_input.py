@@ -53,47 +53,19 @@ def test_unknown_key(refused: Refused) -> None:
     assert "encoder.mask.bits" in refused("train", "encoder=rbw_sr", "encoder.mask.bits=3")
 
 
-@pytest.mark.parametrize(
-    "override",
-    [
-        *("decoder.channels=abc", "decoder.channels=0", "decoder.blocks=-1", "decoder.channels=null", "decoder=null"),
-        *(
-            "batch_size=1.5",
-            "batch_size=0",
-            "workers=-1",
-            "seed=1e30",
-            "seed=-1",
-            "crop=null",
-            "size=[32]",
-            "frames=8.5",
-        ),
-        *("system.lr=-1", "system.lr=fast", "system.mask_lr=-1", "system.stage_weights=[]", "system.seed=null"),
-        *("trainer.precision=bf17", "trainer.max_epochs=-2", "trainer.devices=abc", "trainer.accelerator=tpu5"),
-        *("trainer.gradient_clip_val=-1", "trainer.accumulate_grad_batches=0", "trainer.max_time=soon", "trainer=null"),
-        *(
-            "trainer.max_time.minutes=2",
-            "data.clips_per_epoch=0",
-            "data.scenes_count=true",
-            "data.size=null",
-            "data=null",
-        ),
-        *(
-            "encoder.sensor.bit_depth=17",
-            "encoder.aperture=-1",
-            "encoder.mask.tile=[0,8]",
-            "encoder.mask.sharpness=nan",
-        ),
-        *(
-            "callbacks.last=5",
-            "size=[32]",
-            "data=null",
-            "encoder.mask.tile=[0,8]",
-            "callbacks.best.save_top_k=-5",
-            "logger.tensorboard.save_dir=null",
-            "metrics.psnr=5",
-        ),
-    ],
-)
+WRONG = """
+decoder.channels=abc decoder.channels=0 decoder.channels=null decoder.blocks=-1 decoder=null data=null
+batch_size=1.5 batch_size=0 workers=-1 seed=1e30 seed=-1 crop=null frames=8.5 size=[32]
+system.lr=-1 system.lr=fast system.mask_lr=-1 system.stage_weights=[] system.seed=null
+trainer.precision=bf17 trainer.max_epochs=-2 trainer.devices=abc trainer.accelerator=tpu5 trainer=null
+trainer.gradient_clip_val=-1 trainer.accumulate_grad_batches=0 trainer.max_time=soon trainer.max_time.minutes=2
+data.clips_per_epoch=0 data.scenes_count=true data.size=null
+encoder.sensor.bit_depth=17 encoder.aperture=-1 encoder.mask.sharpness=nan encoder.mask.tile=[0,8]
+callbacks.last=5 callbacks.best.save_top_k=-5 logger.tensorboard.save_dir=null metrics.psnr=5
+"""
+
+
+@pytest.mark.parametrize("override", WRONG.split())
 def test_wrong_values_name_their_key(refused: Refused, override: str) -> None:
     line = refused("train", *(entry for entry in TINY if entry.split("=")[0] != override.split("=")[0]), override)
     assert override.split("=")[0].rpartition(".")[2] in line or "loss" in line
