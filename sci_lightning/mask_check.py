@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 import torch
 
+from sci_lightning.slot_order import better_order
+
 BLOCK = 8
 """Side of a block in pixels; twice that for masks of more than ``FEW_SLOTS`` slots, which need more equations."""
 FEW_SLOTS = 20
@@ -59,23 +61,23 @@ class MaskCheck:
         found: the part of that share that is there: near 1 for the right mask, near 0 for another; 1 where the share
             is too small to tell.
         better: where the mask fits better than as it was given, in words; empty: nowhere.
+        order: of the slots in which the scene moves more steadily, from 0; empty: no doubt of the given one.
     """
 
     share: float
     found: float
     better: str
+    order: tuple[int, ...] = ()
 
     @property
     def belongs(self) -> bool:
         """False if the mask is contradicted; True also where the snapshot cannot tell."""
-        return not self.better and (self.share < LEAST_SHARE or self.found >= LEAST_FOUND)
+        return not self.better and not self.order and (self.share < LEAST_SHARE or self.found >= LEAST_FOUND)
 
 
 @torch.no_grad()
 def check_mask(measurement: torch.Tensor, mask: torch.Tensor) -> MaskCheck | None:
     """Ask a snapshot whether it was taken with a mask.
-
-    The order of the slots cannot be checked: every order is the snapshot of some video.
 
     Args:
         measurement: ``(H, W)``, linear in the light, 1.0 is full scale.
@@ -115,7 +117,10 @@ def check_mask(measurement: torch.Tensor, mask: torch.Tensor) -> MaskCheck | Non
         gain = (given / (residual(other) + rounding)).log()
         if float(gain.mean()) > max(LEAST_GAIN, CERTAIN * float(gain.std()) / len(gain) ** 0.5):
             gains[words] = float(gain.mean())
-    return MaskCheck(share, found, max(gains, key=lambda words: gains[words], default=""))
+    better = max(gains, key=lambda words: gains[words], default="")
+    known = share < LEAST_SHARE or found >= LEAST_FOUND
+    order = better_order(blocks, _blocks(mask, side)[:, chosen]) if known and not better else []
+    return MaskCheck(share, found, better, tuple(order))
 
 
 def mask_warning(measurement: torch.Tensor, mask: torch.Tensor) -> str:
@@ -134,6 +139,11 @@ def mask_warning(measurement: torch.Tensor, mask: torch.Tensor) -> str:
         return ""
     if better := next((check.better for check in doubts if check.better), ""):
         return f"the mask fits this snapshot better when it is {better}: check its orientation and position"
+    if order := next((check.order for check in doubts if check.order), ()):
+        slots = ", ".join(str(slot + 1) for slot in order)
+        return (
+            f"the scene moves more steadily with the mask's slots in the order {slots}: check the order of the frames"
+        )
     found = max(0.0, max(check.found for check in doubts))
     return (
         f"the mask does not seem to belong to this snapshot, in which {found:.0%} is found of the fine structure that "

@@ -70,6 +70,22 @@ def test_a_random_mask_in_the_place_of_a_structural_one(shared_data: Path) -> No
     assert "does not seem to belong" in mask_warning(snapshot[None], RandomBinary(8, (128, 128))())
 
 
+@pytest.mark.parametrize("order", [[0, 2, 4, 6, 1, 3, 5, 7], [5, 0, 3, 7, 2, 6, 1, 4]])
+def test_slots_in_another_order(shared_data: Path, order: list[int]) -> None:
+    for name in ("kobe8_float_rebuilt.mat", "aerial8_float_rebuilt.mat"):
+        snapshot, mask = benchmark(shared_data, name)
+        line = mask_warning(snapshot[None], mask[order])
+        right = [order.index(slot) + 1 for slot in range(8)]
+        right = right if right[0] < right[-1] else right[::-1]  # which way time runs cannot be told
+        assert f"in the order {', '.join(map(str, right))}: check the order of the frames" in line
+        assert mask_warning(snapshot[None], mask.flip(0)) == ""
+
+
+def test_the_order_of_a_scene_at_rest_is_not_doubted(shared_data: Path) -> None:
+    mask = RandomBinary(8, (128, 128))()
+    assert mask_warning(recorded(shared_data, "aquarium", mask)[None], mask[torch.randperm(8)]) == ""
+
+
 def test_what_no_answer_can_be_given_to() -> None:
     mask = RandomBinary(8, (64, 64))()
     assert check_mask(torch.zeros(64, 64), mask) is None  # nothing but black
