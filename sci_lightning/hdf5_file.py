@@ -17,6 +17,7 @@ import h5py
 import numpy as np
 
 from sci_lightning.errors import BadInput
+from sci_lightning.hdf5_heap import check_heaps
 from sci_lightning.memory_bound import LARGEST_RATIO, SMALL, UNCHECKED, check_stored, inflates_beyond
 
 MOST_OBJECTS = 10_000
@@ -40,6 +41,10 @@ def open_hdf5(path: str | Path, called: str | Path | None = None, expected: str 
         if not h5py.is_hdf5(path):
             raise BadInput(f"{called}: not an HDF5 file, expected {expected}")
         with h5py.File(path, "r") as file:
+            try:
+                check_heaps(Path(path), file.id.get_create_plist().get_sizes()[1])
+            except BadInput as error:
+                raise BadInput(f"{called}: not a readable HDF5 file, damaged or truncated ({error})") from error
             yield file
     except (OSError, RuntimeError, KeyError) as error:  # what h5py makes of HDF5's errors
         raise BadInput(f"{called}: not a readable HDF5 file, damaged or truncated ({_first_line(error)})") from error

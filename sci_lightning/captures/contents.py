@@ -120,7 +120,10 @@ class Contents:
         if name not in self.file.attrs:
             return None
         try:
-            shape = self.file.attrs.get_id(name).shape or ()
+            stored = self.file.attrs.get_id(name)
+            shape = stored.shape or ()
+            if stored.get_type().get_size() > SMALL:
+                raise self.refusal(f"attribute '{name}' declares {stored.get_type().get_size()} bytes, expected a few")
             if math.prod(shape) > 1:  # not read: it may be of any size
                 raise self.refusal(f"attribute '{name}' is an array of shape {shape}, expected a string or one number")
             value = self.file.attrs[name]

@@ -294,3 +294,15 @@ def test_flipped_bytes_end_in_one_line_or_right_captures(file):
             read_captures(path)
         except BadInput as error:
             assert "\n" not in str(error)
+
+
+@pytest.mark.parametrize(("index", "length"), [(0, 0), (1, 2**64 - 16), (1, 2**40), (0, 2**64 - 8)])
+def test_strings_without_end(file, tmp_path, index, length):
+    """A chain of strings that leads back to itself keeps HDF5 busy for ever, deaf to Ctrl-C."""
+    path = file()
+    whole = bytearray(path.read_bytes())
+    first = whole.index(b"GCOL") + 16
+    whole[first : first + 2] = index.to_bytes(2, "little")
+    whole[first + 8 : first + 16] = length.to_bytes(8, "little")
+    path.write_bytes(whole)
+    assert "its strings are damaged (an object of" in hostile_files.refusal(READ, path)
