@@ -166,5 +166,6 @@ def _quieten() -> None:
         r".*module\(s\) in eval mode.*",
         r".*smaller than the logging interval.*",
         r".*Checkpoint directory .* exists and is not empty.*",
+        r".*your dataloader is not resumable.*",  # TrainingPosition resumes it
     ):
         warnings.filterwarnings("ignore", message=message)

@@ -27,8 +27,8 @@ RUN = [
     "data.scenes_count=1",
     "workers=1",
     "callbacks.pictures=null",
-    "callbacks.last.train_time_interval=null",
-    "callbacks.last.every_n_train_steps=1",
+    "callbacks.last.every_minutes=null",
+    "callbacks.last.every_n_steps=1",
 ]
 
 
