@@ -7,6 +7,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from sci_lightning.encoder_file import PLACES, EncoderFile, adapt_to_encoder_fil
 from sci_lightning.errors import BadInput, as_machine_failure
 from sci_lightning.failures import Failures
 from sci_lightning.plain_text import one_printable_line
+from sci_lightning.run_folder import is_first_process, run_folder
 
 PACKAGE = Path(__file__).parent
 CONF = next(folder for folder in (PACKAGE / "conf", PACKAGE.parent / "conf") if folder.is_dir())
@@ -46,7 +48,8 @@ def run(name: str, task: Task) -> None:
     files: dict[str, EncoderFile] = {}
 
     def job(cfg: DictConfig) -> Any:
-        if HydraConfig.get().output_subdir is not None:  # else `out` is a file
+        in_folder = HydraConfig.get().output_subdir is not None or not is_first_process()  # else `out` is a file
+        if in_folder:
             with open_dict(cfg):
                 cfg.out = HydraConfig.get().runtime.output_dir
         _quieten()
@@ -55,7 +58,8 @@ def run(name: str, task: Task) -> None:
             places = {place: files[chosen(place)] for place in PLACES.values() if chosen(place) in files}
             adapt_to_encoder_files(cfg, places)
             check_command_settings(cfg, name)
-            return task(cfg)
+            with run_folder(cfg.out) if in_folder else nullcontext():
+                return task(cfg)
         except Exception as error:
             if debug:
                 raise

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 from pathlib import Path
@@ -12,6 +11,7 @@ from omegaconf import DictConfig
 from sci_lightning.command import built, chosen, plain, run
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
+from sci_lightning.run_folder import is_first_process
 from sci_lightning.stop_signal import STATUS, Stopped, StopSignal
 
 
@@ -30,7 +30,7 @@ def train(cfg: DictConfig) -> float:
             asked = not isinstance(end, SystemExit) or isinstance(end.__context__, (Stopped, KeyboardInterrupt))
             if not asked:
                 raise
-        if int(os.environ.get("LOCAL_RANK", 0)):  # the first process of a training speaks for all
+        if not is_first_process():
             sys.exit(0)
         last = Path(cfg.out) / "checkpoints" / "last.ckpt"
         if not last.is_file():

@@ -142,7 +142,7 @@ def test_slurm_queues_the_job_again(
     for key, value in {**slurm, "NODELIST": "localhost", "JOB_NODELIST": "localhost"}.items():
         monkeypatch.setenv(f"SLURM_{key}", value)
     monkeypatch.setenv("PATH", f"{scontrol.parent}:{os.environ['PATH']}")
-    sender = "{_target_: tests.test_stop_signal.Sender, number: %d, moment: batch, step: 3}" % signal.SIGUSR1
+    sender = f"{{_target_: tests.test_stop_signal.Sender, number: {int(signal.SIGUSR1)}, moment: batch, step: 3}}"
     one = ["trainer.devices=1", "trainer.max_epochs=1", "metrics.qscore=null"]
     done = command("train", *TINY, *one, f"+callbacks.sender={sender}", "out=run")
     assert done.returncode == 0, done.stderr
