@@ -18,6 +18,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
 from sci_lightning.command_settings import Refused, check_command_settings
+from sci_lightning.continued_run import continued
 from sci_lightning.encoder_file import PLACES, EncoderFile, adapt_to_encoder_files, adopt_encoder_files
 from sci_lightning.errors import BadInput, as_machine_failure
 from sci_lightning.failures import Failures
@@ -68,7 +69,10 @@ def run(name: str, task: Task) -> None:
 
     try:
         os.environ["HYDRA_FULL_ERROR"] = "1"  # composition errors reach the lines below instead of Hydra's printer
-        arguments, files = adopt_encoder_files(told[1:], [path.stem for path in (CONF / "encoder").glob("*.yaml")])
+        encoders = [path.stem for path in (CONF / "encoder").glob("*.yaml")]
+        arguments, earlier = continued(told[1:], encoders) if name == "train" else (told[1:], {})
+        arguments, files = adopt_encoder_files(arguments, [*encoders, *earlier])
+        files.update(earlier)
         sys.argv = [told[0], *arguments]
         hydra.main(version_base="1.3", config_path=str(CONF), config_name=name)(job)()
     except KeyboardInterrupt:

@@ -6,7 +6,6 @@ import fcntl
 import os
 import re
 import socket
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,8 +16,8 @@ from typing import IO, Any
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
+from sci_lightning.command_settings import Refused
 from sci_lightning.errors import BadInput
-from sci_lightning.plain_text import one_printable_line
 
 RANKS = ("RANK", "LOCAL_RANK", "SLURM_PROCID")
 """Variables in which launchers of several processes tell each its number."""
@@ -97,27 +96,37 @@ class OwnFolder(Callback):
 
     A name with the time in it is that of a new folder: of commands that start in the same second all but one wait for
     the next.
+
+    Raises:
+        Refused: another process writes there.
     """
 
     def on_run_start(self, config: DictConfig, **kwargs: Any) -> None:
-        if is_first_process():
-            try:
-                _new_folder(config)
-                lock(Path(config.hydra.run.dir).resolve())
-            except BadInput as error:  # Hydra makes a warning of any exception in here, and goes on
-                print(f"error: {one_printable_line(str(error))}", file=sys.stderr)
-                sys.exit(2)
+        if not is_first_process():
+            return
+        try:
+            while _is_new(config) and not _made(config):
+                time.sleep(0.1)
+                OmegaConf.clear_cache(config)  # which keeps the time
+            lock(Path(config.hydra.run.dir).resolve())
+        except Exception as error:
+            raise Refused from error
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
-        _new_folder(config)
+        if _is_new(config) and not _made(config):
+            raise Refused from BadInput(f"{config.out}: another sweep was started in this second; start it again")
 
 
-def _new_folder(config: DictConfig) -> None:
-    template = OmegaConf.to_container(config, resolve=False)["out"]  # type: ignore[index, call-overload]
-    while isinstance(template, str) and "${now:" in template:
-        try:
-            Path(config.out).mkdir(parents=True)
-            return
-        except FileExistsError:
-            time.sleep(0.1)
-            OmegaConf.clear_cache(config)  # which keeps the time
+def _is_new(config: DictConfig) -> bool:
+    """Whether a command's folder is called after the time."""
+    content = OmegaConf.to_container(config, resolve=False)
+    return isinstance(content, dict) and "${now:" in str(content["out"])
+
+
+def _made(config: DictConfig) -> bool:
+    """Make a command's folder; False if it is there."""
+    try:
+        Path(config.out).mkdir(parents=True)
+    except FileExistsError:
+        return False
+    return True

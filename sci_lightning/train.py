@@ -6,10 +6,12 @@ import signal
 import sys
 from pathlib import Path
 
+from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from sci_lightning.command import built, chosen, plain, run
 from sci_lightning.console import PlainConsole, styled
+from sci_lightning.continued_run import recorded
 from sci_lightning.errors import BadInput
 from sci_lightning.run_folder import is_first_process
 from sci_lightning.stop_signal import STATUS, Stopped, StopSignal
@@ -50,9 +52,9 @@ def _train(cfg: DictConfig, stop: StopSignal) -> float:
     from sci_lightning.chosen_metrics import chosen_metrics
     from sci_lightning.data.loader import ClipLoader, scene_loader
     from sci_lightning.decoder.complexity import count_parameters
-    from sci_lightning.earlier_run import finished, interrupted
+    from sci_lightning.earlier_run import check_same_run, finished, interrupted
     from sci_lightning.results import hparams, print_results, results, write_json
-    from sci_lightning.training_checkpoint import TrainingCheckpointIO
+    from sci_lightning.training_checkpoint import TrainingCheckpointIO, remove_slurm_checkpoints
 
     out = Path(cfg.out)
     if any(part > full for part, full in zip(cfg.crop, cfg.size, strict=True)):
@@ -68,13 +70,19 @@ def _train(cfg: DictConfig, stop: StopSignal) -> float:
     encoder, decoder = built(cfg, "encoder"), built(cfg, "decoder")
     if not count_parameters(decoder):
         raise BadInput(f"decoder={names['decoder']} has nothing to learn: evaluate and reconstruct take it untrained")
-    run_config = {**config, "names": names}
+    overrides = recorded(HydraConfig.get().overrides.task)
+    run_config = {**config, "names": names, "overrides": overrides}
     modules = {"encoder": encoder, "decoder": decoder, "metrics": chosen_metrics(cfg)}
     system = built(cfg, "system", **modules, run_config=run_config)
     resumed = None
     if cfg.ckpt_path:
         checkpoint = read_checkpoint(cfg.ckpt_path)
-        resumed = cfg.ckpt_path if checkpoint.resumable else None
+        if checkpoint.resumable:
+            resumed = cfg.ckpt_path
+            changes = check_same_run(resumed, checkpoint.config, run_config)
+            if is_first_process():
+                but = f", but {', '.join(changes)}" if changes else ""
+                PlainConsole().say("goes on from ", styled(resumed), f" as configured there{but}")
         checkpoint.fill("decoder", decoder, names["decoder"])
         checkpoint.fill("encoder", encoder, names["encoder"])
 
@@ -99,6 +107,8 @@ def _train(cfg: DictConfig, stop: StopSignal) -> float:
     clips = checkpoint_io.clips = ClipLoader(source.clips(), cfg.batch_size, workers=cfg.workers, **share)
     trainer.fit(system, clips, scene_loader(held_out, **share), ckpt_path=resumed)
     trainer.save_checkpoint(out / "checkpoints" / "last.ckpt")
+    if trainer.is_global_zero:
+        remove_slurm_checkpoints(out)
     stop.act_at_once()
     test_scenes = scene_loader(tested_on, **share)
     for name in cfg.test_encoders:

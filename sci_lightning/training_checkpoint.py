@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,10 @@ SCALER = "MixedPrecision"
 """Under this key Lightning keeps the state of the gradient scaler of ``trainer.precision=16-mixed``."""
 
 SCALER_NUMBERS = {"scale", "growth_factor", "backoff_factor", "growth_interval", "_growth_tracker"}
+
+SLURM = "hpc_ckpt_"
+"""Names of checkpoints that Lightning writes when Slurm takes a job off; it reads them wherever it finds them, in the
+test after a training as well, which would then test what was trained before."""
 
 ADAM_TENSORS = {"step", "exp_avg", "exp_avg_sq"}
 
@@ -43,6 +48,11 @@ class TrainingCheckpointIO(SafeCheckpointIO):
         super().__init__()
         self.system = system
         self.clips = clips
+
+    def save_checkpoint(self, checkpoint: dict[str, Any], path: Any, storage_options: Any = None) -> None:
+        super().save_checkpoint(checkpoint, path, storage_options)
+        if Path(path).name.startswith(SLURM):  # Lightning's, before Slurm queues a job again: the last one as well
+            super().save_checkpoint(checkpoint, Path(path).parent / "checkpoints" / "last.ckpt", storage_options)
 
     def load_checkpoint(self, path: Any, map_location: Any = None, weights_only: bool | None = None) -> dict[str, Any]:
         """Read a checkpoint; raises BadInput where anything in it is not as a training of this system leaves it."""
@@ -102,6 +112,13 @@ class TrainingCheckpointIO(SafeCheckpointIO):
         groups = [{**group, "lr": rate} for group, rate in zip(state["param_groups"], rates, strict=True)]
         schedule = {**scheduler.state_dict(), "last_epoch": steps, "_step_count": steps + 1, "_last_lr": rates}
         return {"state": tensors, "param_groups": groups}, schedule
+
+
+def remove_slurm_checkpoints(out: Path) -> None:
+    """Remove what Lightning wrote for Slurm from the folder of a finished training."""
+    for path in out.glob(f"{SLURM}*.ckpt"):
+        if re.fullmatch(rf"{SLURM}\d+\.ckpt", path.name) and not path.is_symlink():
+            path.unlink(missing_ok=True)
 
 
 def _restore_callbacks(path: Any, states: Any, trainer: L.Trainer) -> None:

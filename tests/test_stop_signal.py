@@ -147,4 +147,4 @@ def test_slurm_queues_the_job_again(
     done = command("train", *TINY, *one, f"+callbacks.sender={sender}", "out=run")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "requeued").read_text() == "requeue 7\n"
-    assert torch.load(tmp_path / "run" / "hpc_ckpt_1.ckpt", weights_only=True)["global_step"] == 3
+    assert not list((tmp_path / "run").glob("hpc_ckpt_*"))  # the test after the training would read it

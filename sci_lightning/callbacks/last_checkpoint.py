@@ -9,6 +9,7 @@ from typing import Any
 import lightning as L
 from lightning.pytorch.callbacks import Checkpoint
 
+from sci_lightning.bounds import NonNegative, Repeats
 from sci_lightning.stop_signal import Stopped, StopSignal
 
 
@@ -28,8 +29,8 @@ class LastCheckpoint(Checkpoint):
     def __init__(
         self,
         folder: str | Path,
-        every_minutes: float | None = 2.0,
-        every_n_steps: int | None = None,
+        every_minutes: NonNegative | None = 2.0,
+        every_n_steps: Repeats | None = None,
         stop: StopSignal | None = None,
     ) -> None:
         self.path = Path(folder) / "last.ckpt"

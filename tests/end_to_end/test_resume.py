@@ -12,7 +12,7 @@ from pathlib import Path
 
 import torch
 
-from sci_lightning.checkpoint import read_checkpoint
+from sci_lightning.checkpoint import load_file
 from tests.conftest import ROOT
 from tests.end_to_end.test_train import TINY
 
@@ -86,4 +86,4 @@ SafeCheckpointIO().save_checkpoint(first, {str(path)!r})
 """
     done = subprocess.run([sys.executable, "-c", script])
     assert done.returncode == -signal.SIGKILL
-    assert torch.equal(read_checkpoint(path).state["x"], torch.ones(1000))
+    assert torch.equal(load_file(path)["state_dict"]["x"], torch.ones(1000))
