@@ -59,6 +59,7 @@ def run(name: str, task: Task) -> None:
             places = {place: files[chosen(place)] for place in PLACES.values() if chosen(place) in files}
             adapt_to_encoder_files(cfg, places)
             check_command_settings(cfg, name)
+            os.environ["HYDRA_FULL_ERROR"] = "1" if debug else "0"  # as it was, for the processes that this one starts
             with run_folder(cfg.out) if in_folder else nullcontext():
                 return task(cfg)
         except Exception as error:
@@ -66,6 +67,8 @@ def run(name: str, task: Task) -> None:
                 raise
             failures.add(one_line(error), exit_status(error))
             return None
+        finally:
+            os.environ["HYDRA_FULL_ERROR"] = "1"
 
     try:
         os.environ["HYDRA_FULL_ERROR"] = "1"  # composition errors reach the lines below instead of Hydra's printer

@@ -13,6 +13,7 @@ from sci_lightning.command import built, chosen, plain, run
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.continued_run import recorded
 from sci_lightning.errors import BadInput
+from sci_lightning.lost_process import lost_process
 from sci_lightning.run_folder import is_first_process
 from sci_lightning.stop_signal import STATUS, Stopped, StopSignal
 
@@ -32,6 +33,10 @@ def train(cfg: DictConfig) -> float:
             asked = not isinstance(end, SystemExit) or isinstance(end.__context__, (Stopped, KeyboardInterrupt))
             if not asked:
                 raise
+        except RuntimeError as error:
+            if lost := lost_process(error, cfg.out):
+                raise lost from error
+            raise
         if not is_first_process():
             sys.exit(0)
         last = Path(cfg.out) / "checkpoints" / "last.ckpt"
