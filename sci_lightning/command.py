@@ -7,6 +7,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,12 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
 from sci_lightning.command_settings import Refused, check_command_settings
+from sci_lightning.continued_run import continued
 from sci_lightning.encoder_file import PLACES, EncoderFile, adapt_to_encoder_files, adopt_encoder_files
 from sci_lightning.errors import BadInput, as_machine_failure
 from sci_lightning.failures import Failures
 from sci_lightning.plain_text import one_printable_line
+from sci_lightning.run_folder import is_first_process, run_folder
 
 PACKAGE = Path(__file__).parent
 CONF = next(folder for folder in (PACKAGE / "conf", PACKAGE.parent / "conf") if folder.is_dir())
@@ -46,7 +49,8 @@ def run(name: str, task: Task) -> None:
     files: dict[str, EncoderFile] = {}
 
     def job(cfg: DictConfig) -> Any:
-        if HydraConfig.get().output_subdir is not None:  # else `out` is a file
+        in_folder = HydraConfig.get().output_subdir is not None or not is_first_process()  # else `out` is a file
+        if in_folder:
             with open_dict(cfg):
                 cfg.out = HydraConfig.get().runtime.output_dir
         _quieten()
@@ -55,16 +59,23 @@ def run(name: str, task: Task) -> None:
             places = {place: files[chosen(place)] for place in PLACES.values() if chosen(place) in files}
             adapt_to_encoder_files(cfg, places)
             check_command_settings(cfg, name)
-            return task(cfg)
+            os.environ["HYDRA_FULL_ERROR"] = "1" if debug else "0"  # as it was, for the processes that this one starts
+            with run_folder(cfg.out) if in_folder else nullcontext():
+                return task(cfg)
         except Exception as error:
             if debug:
                 raise
             failures.add(one_line(error), exit_status(error))
             return None
+        finally:
+            os.environ["HYDRA_FULL_ERROR"] = "1"
 
     try:
         os.environ["HYDRA_FULL_ERROR"] = "1"  # composition errors reach the lines below instead of Hydra's printer
-        arguments, files = adopt_encoder_files(told[1:], [path.stem for path in (CONF / "encoder").glob("*.yaml")])
+        encoders = [path.stem for path in (CONF / "encoder").glob("*.yaml")]
+        arguments, earlier = continued(told[1:], encoders) if name == "train" else (told[1:], {})
+        arguments, files = adopt_encoder_files(arguments, [*encoders, *earlier])
+        files.update(earlier)
         sys.argv = [told[0], *arguments]
         hydra.main(version_base="1.3", config_path=str(CONF), config_name=name)(job)()
     except KeyboardInterrupt:
@@ -166,5 +177,6 @@ def _quieten() -> None:
         r".*module\(s\) in eval mode.*",
         r".*smaller than the logging interval.*",
         r".*Checkpoint directory .* exists and is not empty.*",
+        r".*your dataloader is not resumable.*",  # TrainingPosition resumes it
     ):
         warnings.filterwarnings("ignore", message=message)

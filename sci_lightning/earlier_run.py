@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from sci_lightning.checkpoint import read_checkpoint
 from sci_lightning.errors import BadInput
 
-FREE = {"out", "debug", "resume", "ckpt_path", "names", "workers", "callbacks", "logger"}
-"""Entries of a configuration that do not change what a run finds."""
+FREE = {"out", "debug", "resume", "ckpt_path", "names", "overrides", "trusted", "workers", "callbacks", "logger"}
+"""Entries of a configuration that do not change what a run computes."""
+
+EXTENDABLE = re.compile(
+    r"trainer\.(max_epochs|max_steps|max_time)(\..*)?|trainer\.(log_every_n_steps|accelerator)|data.store"
+)
+"""Settings that may change while a training goes on from ``ckpt_path=``: the learning rate follows the longer plan."""
+
+TESTED = re.compile(r"(benchmark|metrics|test_encoders)(\..*)?")
+"""Settings of the test that follows the training."""
 
 
 def finished(out: Path, config: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -45,14 +54,60 @@ def interrupted(out: Path, config: Mapping[str, Any]) -> str | None:
     return str(path)
 
 
+def check_same_run(path: str | Path, earlier: Mapping[str, Any], config: Mapping[str, Any]) -> list[str]:
+    """Check that a training may go on from a checkpoint of another command line.
+
+    Args:
+        path: of the checkpoint.
+        earlier, config: configurations of the training so far and of its continuation, with ``names``.
+
+    Returns:
+        what differs and may, as ``key=now (was before)``.
+
+    Raises:
+        BadInput: something else that makes it another training.
+    """
+    changes = []
+    for key, before, now in _differences(earlier, config):
+        if not EXTENDABLE.fullmatch(key) and not TESTED.fullmatch(key):
+            for part in ("encoder", "decoder"):  # their names say more than their settings
+                names = (content.get("names", {}).get(part) for content in (earlier, config))
+                one, other = names
+                if key.startswith(f"{part}.") and one != other:
+                    key, before, now = part, one, other
+            raise BadInput(another_training(path, key, before, now, "overrides" in earlier))
+        changes.append(f"{key}={now} (was {before})")
+    workers = [content.get("workers") for content in (earlier, config)]
+    return changes + ([f"workers={workers[1]} (was {workers[0]})"] if workers[0] != workers[1] else [])
+
+
+def another_training(path: str | Path, key: str, before: Any, now: Any, known: bool = True) -> str:
+    """The line that refuses to go on with another training; ``known``: the checkpoint holds its overrides."""
+    if not known:
+        folder = Path(path).parent.parent / ".hydra" / "overrides.yaml"
+        return (
+            f"{path}: its training had {key}={before}, now it is {now}; it was written before checkpoints kept their "
+            f"overrides: repeat those in {folder}"
+        )
+    return (
+        f"{path}: its training had {key}={before}, now it is {now}: leave that out to go on, or start a new training "
+        f"from its weights: convert checkpoint={path} out=weights.ckpt, then ckpt_path=weights.ckpt"
+    )
+
+
 def _check_same(path: Path, earlier: Mapping[str, Any], config: Mapping[str, Any]) -> None:
+    for key, before, now in _differences(earlier, config):
+        raise BadInput(
+            f"{path}: of another configuration ({key} is {before}, now {now}); give another out=, or remove it"
+        )
+
+
+def _differences(earlier: Mapping[str, Any], config: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """Keys whose values differ, with both values as text."""
     one, other = _comparable(earlier), _comparable(config)
     for key in sorted(one.keys() | other.keys()):
         if one.get(key) != other.get(key):
-            told, wanted = (str(each.get(key, "absent")) for each in (one, other))
-            raise BadInput(
-                f"{path}: of another configuration ({key} is {told}, now {wanted}); give another out=, or remove it"
-            )
+            yield key, str(one.get(key, "absent")), str(other.get(key, "absent"))
 
 
 def _comparable(config: Mapping[str, Any]) -> dict[str, Any]:

@@ -116,6 +116,12 @@ def read_encoder_file(path: Path) -> EncoderFile:
     return EncoderFile(path, _anchored(content, path, path.resolve().parent))
 
 
+def checked_encoder(path: Path, content: Mapping[str, Any]) -> dict[str, Any]:
+    """The encoder's configuration in a checkpoint, checked as that of an encoder file; raises BadInput."""
+    check_plain_data(path, content)
+    return dict(_anchored(dict(content), path, Path()))
+
+
 def adapt_to_encoder_files(cfg: DictConfig, files: Mapping[str, EncoderFile]) -> None:
     """Fit a composed configuration to the encoder files in it.
 

@@ -20,6 +20,7 @@ from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput
 from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.scene_scores import SceneScores
+from sci_lightning.training_position import TrainingPosition
 
 Batch = tuple[torch.Tensor, ...]
 
@@ -104,6 +105,8 @@ class System(L.LightningModule):
         self.seconds: list[float] = []
         self.tested: dict[str, Any] = {}
         """What the last test found: scores by scene, their mean and conventions, the baseline's, seconds and device."""
+        self.validated = True
+        """Whether the validation that may follow the last training batch is over."""
         if compile:
             self.decoder.compile()
 
@@ -175,6 +178,7 @@ class System(L.LightningModule):
         return 0.0
 
     def on_train_batch_start(self, batch: torch.Tensor, batch_idx: int) -> None:
+        self.validated = False
         self._seed_step(self.trainer.fit_loop.total_batch_idx)
 
     def training_step(self, video: torch.Tensor, batch_idx: int) -> torch.Tensor:
@@ -207,6 +211,9 @@ class System(L.LightningModule):
             raise self._diverged("the gradient's norm became", float(norm), self.trainer.fit_loop.batch_idx)
         self.log("train/gradient_norm", norm)
         self.log("train/lr", optimizer.param_groups[0]["lr"])
+
+    def on_train_epoch_end(self) -> None:
+        self.validated = True
 
     def optimizer_step(self, *args: Any, **kwargs: Any) -> None:
         super().optimizer_step(*args, **kwargs)
@@ -261,6 +268,7 @@ class System(L.LightningModule):
         }
 
     def on_validation_epoch_end(self) -> None:
+        self.validated = True
         scenes, mean = self.scores.compute()
         for key, value in mean.items():
             self.log(f"val/{key}", value, prog_bar=key == "psnr", sync_dist=True)
@@ -310,3 +318,5 @@ class System(L.LightningModule):
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         checkpoint["config"] = self.run_config
+        checkpoint["position"] = TrainingPosition.of(self.trainer, self.validated).state()
+        del checkpoint["loops"]  # follows from the position

@@ -2,31 +2,64 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from pathlib import Path
 
+from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
 from sci_lightning.command import built, chosen, plain, run
 from sci_lightning.console import PlainConsole, styled
+from sci_lightning.continued_run import recorded
 from sci_lightning.errors import BadInput
+from sci_lightning.lost_process import lost_process
+from sci_lightning.run_folder import is_first_process
+from sci_lightning.stop_signal import STATUS, Stopped, StopSignal
 
 
 def train(cfg: DictConfig) -> float:
     """Train, test, write ``metrics.json`` and say where everything is; returns the mean PSNR in dB.
 
+    Ctrl-C or SIGTERM end it with a line that says how to go on, and status 130.
+
     Args:
         cfg: ``conf/train.yaml``, composed.
     """
+    with StopSignal() as stop:
+        try:
+            return _train(cfg, stop)
+        except (Stopped, KeyboardInterrupt, SystemExit) as end:
+            asked = not isinstance(end, SystemExit) or isinstance(end.__context__, (Stopped, KeyboardInterrupt))
+            if not asked:
+                raise
+        except RuntimeError as error:
+            if lost := lost_process(error, cfg.out):
+                raise lost from error
+            raise
+        if not is_first_process():
+            sys.exit(0)
+        last = Path(cfg.out) / "checkpoints" / "last.ckpt"
+        if not last.is_file():
+            print("stopped before the first step was finished; nothing is lost", file=sys.stderr)
+        else:
+            print(f"stopped; go on with:\n  python -m sci_lightning.train ckpt_path={last}", file=sys.stderr)
+        sys.exit(STATUS)
+
+
+def _train(cfg: DictConfig, stop: StopSignal) -> float:
     import torch
+    from lightning.fabric.plugins.environments.slurm import SLURMEnvironment
     from lightning.pytorch.loggers import TensorBoardLogger
 
-    from sci_lightning.checkpoint import SafeCheckpointIO, read_checkpoint
+    from sci_lightning.callbacks import LastCheckpoint
+    from sci_lightning.checkpoint import read_checkpoint
     from sci_lightning.chosen_metrics import chosen_metrics
     from sci_lightning.data.loader import ClipLoader, scene_loader
     from sci_lightning.decoder.complexity import count_parameters
-    from sci_lightning.earlier_run import finished, interrupted
+    from sci_lightning.earlier_run import check_same_run, finished, interrupted
     from sci_lightning.results import hparams, print_results, results, write_json
+    from sci_lightning.training_checkpoint import TrainingCheckpointIO, remove_slurm_checkpoints
 
     out = Path(cfg.out)
     if any(part > full for part, full in zip(cfg.crop, cfg.size, strict=True)):
@@ -42,35 +75,46 @@ def train(cfg: DictConfig) -> float:
     encoder, decoder = built(cfg, "encoder"), built(cfg, "decoder")
     if not count_parameters(decoder):
         raise BadInput(f"decoder={names['decoder']} has nothing to learn: evaluate and reconstruct take it untrained")
-    run_config = {**config, "names": names}
+    overrides = recorded(HydraConfig.get().overrides.task)
+    run_config = {**config, "names": names, "overrides": overrides}
     modules = {"encoder": encoder, "decoder": decoder, "metrics": chosen_metrics(cfg)}
     system = built(cfg, "system", **modules, run_config=run_config)
     resumed = None
     if cfg.ckpt_path:
         checkpoint = read_checkpoint(cfg.ckpt_path)
-        resumed = cfg.ckpt_path if checkpoint.resumable else None
+        if checkpoint.resumable:
+            resumed = cfg.ckpt_path
+            changes = check_same_run(resumed, checkpoint.config, run_config)
+            if is_first_process():
+                but = f", but {', '.join(changes)}" if changes else ""
+                PlainConsole().say("goes on from ", styled(resumed), f" as configured there{but}")
         checkpoint.fill("decoder", decoder, names["decoder"])
         checkpoint.fill("encoder", encoder, names["encoder"])
 
     source = built(cfg, "data")
     held_out = source.scenes()
     tested_on = built(cfg, "benchmark").scenes() if cfg.benchmark.root else held_out
+    checkpoint_io = TrainingCheckpointIO(system)
+    callbacks = [built(cfg, f"callbacks.{name}") for name, callback in cfg.callbacks.items() if callback]
+    for callback in callbacks:
+        if isinstance(callback, LastCheckpoint):
+            callback.stop = stop
     trainer = built(
         cfg,
         "trainer",
-        callbacks=[built(cfg, f"callbacks.{name}") for name, callback in cfg.callbacks.items() if callback],
+        callbacks=callbacks,
         logger=[built(cfg, f"logger.{name}") for name, logger in cfg.logger.items() if logger],
-        plugins=[SafeCheckpointIO()],
+        plugins=[checkpoint_io],
     )
+    if SLURMEnvironment.detect():  # Lightning queues the job again
+        stop.leave(signal.SIGTERM)
     share = {"rank": trainer.global_rank, "world_size": trainer.world_size}
-    clips = ClipLoader(source.clips(), cfg.batch_size, workers=cfg.workers, **share)
-    try:
-        trainer.fit(system, clips, scene_loader(held_out, **share), ckpt_path=resumed)
-    except SystemExit:
-        if trainer.interrupted and (out / "checkpoints" / "last.ckpt").is_file():
-            sys.exit(f"interrupted; continue with ckpt_path={out}/checkpoints/last.ckpt")
-        raise
+    clips = checkpoint_io.clips = ClipLoader(source.clips(), cfg.batch_size, workers=cfg.workers, **share)
+    trainer.fit(system, clips, scene_loader(held_out, **share), ckpt_path=resumed)
     trainer.save_checkpoint(out / "checkpoints" / "last.ckpt")
+    if trainer.is_global_zero:
+        remove_slurm_checkpoints(out)
+    stop.act_at_once()
     test_scenes = scene_loader(tested_on, **share)
     for name in cfg.test_encoders:
         tested = system.with_encoder(built(cfg, f"test_encoders.{name}"), chosen_metrics(cfg))

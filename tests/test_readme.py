@@ -107,7 +107,7 @@ def reduced(arguments: list[str]) -> list[str]:
     decoder = next((each.split("=")[1] for each in arguments if each.startswith("decoder=")), "res2former")
     extra = [*SIZE, *DECODER[decoder], "batch_size=1", "workers=0"]
     if any(each.startswith("ckpt_path=") for each in arguments):
-        extra = [*TINY, *SIZE, *DECODER["e2e_cnn"], "trainer.max_epochs=2"]
+        return arguments
     return [*arguments, *extra]
 
 

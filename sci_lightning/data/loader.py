@@ -32,7 +32,7 @@ class EpochSampler(Sampler[list[int]]):
         self.rank = rank
         self.world_size = world_size
         self.epoch = 0
-        self.start = 0
+        self.first = (0, 0)
         if batch_size < 1 or length < batch_size * world_size:
             raise BadInput(
                 f"batch_size={batch_size} on {world_size} process(es): an epoch of {length} clips has no "
@@ -44,7 +44,7 @@ class EpochSampler(Sampler[list[int]]):
         return self.length // (self.batch_size * self.world_size)
 
     def __iter__(self) -> Iterator[list[int]]:
-        start, self.start = self.start, 0
+        start = self.first[1] if self.epoch == self.first[0] else 0
         for batch in range(start, len(self)):
             first = self.epoch * self.length + (batch * self.world_size + self.rank) * self.batch_size
             yield list(range(first, first + self.batch_size))
@@ -58,16 +58,16 @@ class EpochSampler(Sampler[list[int]]):
         """Chooses the epoch, from 0, of the next iteration."""
         self.epoch = epoch
 
-    def start_at(self, batch: int) -> None:
-        """Lets the next iteration, and only that one, begin at ``batch`` instead of 0."""
-        self.start = batch
+    def start_at(self, epoch: int, batch: int) -> None:
+        """Chooses the epoch, from 0, of the next iteration; that epoch, and no other, begins at ``batch``."""
+        self.epoch = epoch  # now, for workers begin to load as soon as they are started
+        self.first = (epoch, batch)
 
 
 class ClipLoader(DataLoader[torch.Tensor]):
-    """Training batches, float32 ``(batch_size, T, h, w)``, whose place in the epoch can be saved and taken up again.
+    """Training batches, float32 ``(batch_size, T, h, w)``; ``epoch_sampler.start_at`` takes up an interrupted epoch.
 
-    Lightning keeps :meth:`state_dict` in every checkpoint. Worker processes compute on one thread each
-    (PyTorch sees to that) and live on between epochs.
+    Worker processes compute on one thread each (PyTorch sees to that) and live on between epochs.
 
     Args:
         clips: the endless stream.
@@ -99,22 +99,6 @@ class ClipLoader(DataLoader[torch.Tensor]):
             pin_memory=pin_memory,
         )
         self.epoch_sampler = sampler
-        self._given = 0
-
-    def __iter__(self) -> Iterator[torch.Tensor]:  # type: ignore[override]
-        self._given = self.epoch_sampler.start
-        for batch in super().__iter__():
-            self._given += 1
-            yield batch
-
-    def state_dict(self) -> dict[str, int]:
-        """Epoch, and the batches of it that were given out."""
-        return {"epoch": self.epoch_sampler.epoch, "batch": self._given}
-
-    def load_state_dict(self, state: dict[str, int]) -> None:
-        """Lets the next iteration go on where ``state`` was taken."""
-        self.epoch_sampler.set_epoch(state["epoch"])
-        self.epoch_sampler.start_at(state["batch"] % len(self.epoch_sampler))
 
 
 class SceneSnapshots(Dataset[tuple[int, torch.Tensor]]):

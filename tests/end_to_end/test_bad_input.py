@@ -61,7 +61,7 @@ trainer.precision=bf17 trainer.max_epochs=-2 trainer.devices=abc trainer.acceler
 trainer.gradient_clip_val=-1 trainer.accumulate_grad_batches=0 trainer.max_time=soon trainer.max_time.minutes=2
 data.clips_per_epoch=0 data.scenes_count=true data.size=null
 encoder.sensor.bit_depth=17 encoder.aperture=-1 encoder.mask.sharpness=nan encoder.mask.tile=[0,8]
-callbacks.last=5 callbacks.best.save_top_k=-5 logger.tensorboard.save_dir=null metrics.psnr=5
+callbacks.last=5 callbacks.last.every_n_steps=-5 logger.tensorboard.save_dir=null metrics.psnr=5
 """
 
 
@@ -229,7 +229,7 @@ def test_snapshots(refused: Refused, checkpoint: Path, tmp_path: Path) -> None:
 
 
 def test_loss_that_diverges_keeps_the_last_good_checkpoint(refused: Refused, tmp_path: Path) -> None:
-    every_step = ["callbacks.last.train_time_interval=null", "callbacks.last.every_n_train_steps=1"]
+    every_step = ["callbacks.last.every_minutes=null", "callbacks.last.every_n_steps=1"]
     lr = ["system.lr=1e18", "system.final_lr=1e18", "decoder.input_residual=true", "out=run"]
     line = refused("train", *TINY, *every_step, *lr, "data.clips_per_epoch=40")
     assert "batch" in line and "last good" in line

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import lightning as L
+import pytest
 import torch
 
+from tests.conftest import ROOT
 from tests.end_to_end.test_train import TINY
 
 
@@ -35,3 +40,34 @@ def test_two_processes_end_with_the_same_mask(
     assert not torch.equal(first, LearnedStructural(4, 8, (32, 32)).weight)
     assert (tmp_path / "run" / "metrics.json").is_file()
     assert len(list(tmp_path.glob("**/metrics.json"))) == 1
+
+
+class Die(L.Callback):
+    """One process is killed in the middle of the training."""
+
+    def __init__(self, rank: int) -> None:
+        self.rank = rank
+
+    def on_train_batch_start(self, trainer: L.Trainer, *others: object) -> None:
+        if trainer.global_rank == self.rank and trainer.global_step == 2:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.mark.parametrize("rank", [0, 1])
+def test_the_death_of_one_process_ends_the_other_with_one_line(rank: int, tmp_path: Path) -> None:
+    two = ["trainer.devices=2", "trainer.strategy=ddp", "callbacks.last.every_n_steps=1", "out=run"]
+    die = ["+callbacks.die._target_=tests.end_to_end.test_ddp.Die", f"+callbacks.die.rank={rank}"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sci_lightning.train", *TINY, *two, *die],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    _, told = process.communicate(timeout=120)  # ends when every process has closed its standard error
+    lines = [line for line in told.splitlines() if "Initializing distributed" not in line]
+    assert len(lines) == 1, told
+    assert "one of the processes of this training was ended from outside" in lines[0]
+    assert "go on with ckpt_path=" in lines[0] and process.returncode == (-9 if rank == 0 else 1)

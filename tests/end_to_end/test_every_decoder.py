@@ -10,17 +10,27 @@ import pytest
 import torch
 from hydra.utils import instantiate
 from omegaconf import DictConfig
-from torch.utils.data import DataLoader
 
-from sci_lightning.checkpoint import SafeCheckpointIO, read_checkpoint, write_weights
+from sci_lightning.checkpoint import read_checkpoint, write_weights
 from sci_lightning.command import plain
-from sci_lightning.data.loader import scene_loader
-from sci_lightning.data.source import Scene
+from sci_lightning.data.loader import ClipLoader, scene_loader
+from sci_lightning.data.source import Clips, Scene
 from sci_lightning.decoder.complexity import count_parameters
 from sci_lightning.metrics import PSNR
 from sci_lightning.system import System
+from sci_lightning.training_checkpoint import TrainingCheckpointIO
 from tests.conftest import members
 from tests.decoder.test_decoders import SMALL
+
+
+class OneClip(Clips):
+    """An epoch of one clip."""
+
+    def __len__(self) -> int:
+        return 1
+
+    def __getitem__(self, index: int) -> torch.Tensor:
+        return torch.rand(4, 16, 16)
 
 
 @pytest.mark.parametrize("encoder", members("encoder"))
@@ -37,20 +47,22 @@ def test_life(decoder: str, encoder: str, configuration: Callable[..., DictConfi
         parts = [instantiate(cfg[part], _convert_="all") for part in ("encoder", "decoder")]
         return instantiate(cfg.system, _partial_=True)(*parts, metrics={"psnr": PSNR()}, run_config=run_config)
 
-    def trainer(steps: int) -> L.Trainer:
+    def trainer(steps: int, system: System) -> L.Trainer:
         quiet = {"logger": False, "enable_progress_bar": False, "enable_model_summary": False}
         once = {"max_steps": steps, "limit_val_batches": 0, "enable_checkpointing": False, "accelerator": "cpu"}
-        return L.Trainer(**once, **quiet, default_root_dir=tmp_path, plugins=[SafeCheckpointIO()])
+        return L.Trainer(**once, **quiet, default_root_dir=tmp_path, plugins=[TrainingCheckpointIO(system, clips)])
 
-    clips, path = DataLoader(torch.rand(1, 4, 16, 16)), tmp_path / "last.ckpt"
-    started, first = system(), trainer(1)
+    clips, path = ClipLoader(OneClip(), 1), tmp_path / "last.ckpt"
+    started = system()
+    first = trainer(1, started)
     before = {key: value.clone() for key, value in started.state_dict().items()}
     first.fit(started, clips)
     first.save_checkpoint(path)
     trained = read_checkpoint(path)
     assert any(not torch.equal(before[key], value) for key, value in trained.state.items() if "decoder." in key)
 
-    resumed, second = system(), trainer(2)
+    resumed = system()
+    second = trainer(2, resumed)
     second.fit(resumed, clips, ckpt_path=str(path))
     assert second.global_step == 2 and first.global_step == 1
     second.test(resumed, scene_loader([Scene("still", torch.rand(2, 4, 16, 16))]), verbose=False)

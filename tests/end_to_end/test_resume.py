@@ -12,7 +12,7 @@ from pathlib import Path
 
 import torch
 
-from sci_lightning.checkpoint import read_checkpoint
+from sci_lightning.checkpoint import load_file
 from tests.conftest import ROOT
 from tests.end_to_end.test_train import TINY
 
@@ -27,8 +27,8 @@ RUN = [
     "data.scenes_count=1",
     "workers=1",
     "callbacks.pictures=null",
-    "callbacks.last.train_time_interval=null",
-    "callbacks.last.every_n_train_steps=1",
+    "callbacks.last.every_minutes=null",
+    "callbacks.last.every_n_steps=1",
 ]
 
 
@@ -86,4 +86,4 @@ SafeCheckpointIO().save_checkpoint(first, {str(path)!r})
 """
     done = subprocess.run([sys.executable, "-c", script])
     assert done.returncode == -signal.SIGKILL
-    assert torch.equal(read_checkpoint(path).state["x"], torch.ones(1000))
+    assert torch.equal(load_file(path)["state_dict"]["x"], torch.ones(1000))

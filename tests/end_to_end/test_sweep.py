@@ -25,7 +25,7 @@ Command = Callable[..., subprocess.CompletedProcess[str]]
 
 ROWS = ["experiment=table2", "scale=smoke", "decoder=e2e_cnn,metasci", "data.scenes_count=1"]
 QUICK = ["trainer.accelerator=cpu", "metrics.qscore=null", "logger=none", "out=sweep"]
-STEPS = ["data.clips_per_epoch=20", "callbacks.last.train_time_interval=null", "callbacks.last.every_n_train_steps=1"]
+STEPS = ["data.clips_per_epoch=20", "callbacks.last.every_minutes=null", "callbacks.last.every_n_steps=1"]
 SLOW = "+callbacks.steps={_target_: tests.end_to_end.test_sweep.Steps}"
 
 

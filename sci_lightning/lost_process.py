@@ -1,0 +1,45 @@
+"""A training on several devices of which one process died: the others end, and one of them says why."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+from sci_lightning.errors import MachineFailure
+
+CONNECTION = re.compile(r"gloo|nccl|connection (reset|closed|refused)|remote process|peer|broken pipe", re.IGNORECASE)
+"""What the libraries that connect the processes say when one of them is gone."""
+
+
+def lost_process(error: BaseException, out: str | Path) -> MachineFailure | None:
+    """What to say of an error that came of another process's end; None for any other error.
+
+    Args:
+        error: what a collective operation raised.
+        out: the run's folder.
+
+    Raises:
+        SystemExit: another process says it: the first one, or the second if the first one is the one that died.
+    """
+    if "MASTER_PORT" not in os.environ or not isinstance(error, RuntimeError) or not CONNECTION.search(str(error)):
+        return None
+    rank = int(os.environ.get("RANK", os.environ.get("LOCAL_RANK", 0)))
+    if rank > 1 or (rank == 1 and os.getppid() > 1 and _is_alive(os.getppid())):
+        raise SystemExit(1)
+    last = Path(out) / "checkpoints" / "last.ckpt"
+    go_on = f"; go on with ckpt_path={last}" if last.is_file() else ""
+    return MachineFailure(
+        f"one of the processes of this training was ended from outside, and the others ended with it{go_on}"
+    )
+
+
+def _is_alive(process: int) -> bool:
+    """Whether a process runs; one that was killed and not yet waited for does not."""
+    try:
+        status = Path(f"/proc/{process}/stat").read_text()
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return True
+    return status.rpartition(")")[2].split()[0] not in "ZX"

@@ -1,0 +1,132 @@
+"""The folder that a command writes: nobody else writes it at the same time, and one without a name is a new one."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+from typing import IO, Any
+
+from hydra.experimental.callback import Callback
+from omegaconf import DictConfig, OmegaConf
+
+from sci_lightning.command_settings import Refused
+from sci_lightning.errors import BadInput
+
+RANKS = ("RANK", "LOCAL_RANK", "SLURM_PROCID")
+"""Variables in which launchers of several processes tell each its number."""
+
+_locks: dict[Path, IO[str]] = {}
+"""Lock files of this process, by folder."""
+
+
+def is_first_process() -> bool:
+    """Whether this is the process that speaks and writes for all processes of a run."""
+    return not any(os.environ.get(name, "0").strip("0") for name in RANKS)
+
+
+@contextmanager
+def run_folder(out: str | Path) -> Iterator[None]:
+    """Keep a folder for this process, and remove what a killed process has left half-written in its checkpoints.
+
+    The operating system gives the folder free when the process ends, however it ends. The other processes of the same
+    run (of several devices) share the first one's.
+
+    Raises:
+        BadInput: another process writes there; the message says which.
+    """
+    if not is_first_process():
+        yield
+        return
+    folder = Path(out).resolve()
+    lock(folder)
+    try:
+        remove_leftovers(folder / "checkpoints")
+        yield
+    finally:
+        file = _locks.pop(folder, None)
+        if file is not None:
+            (folder / ".lock").unlink(missing_ok=True)
+            file.close()
+
+
+def lock(folder: Path) -> None:
+    """Lock a folder until the end of :func:`run_folder` or of the process; raises as that does."""
+    path = folder / ".lock"
+    while folder not in _locks:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = path.open("a+")
+        try:
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # unlike flock: not inherited by workers that live on
+        except (BlockingIOError, PermissionError) as error:
+            file.seek(0)
+            holder = file.read(300).strip() or "another process"
+            file.close()
+            raise BadInput(f"{folder}: {holder} is writing there; give another out=, or wait until it ends") from error
+        except OSError:  # a file system without locks
+            pass
+        try:
+            mine = os.path.samestat(os.fstat(file.fileno()), path.stat())
+        except FileNotFoundError:
+            mine = False
+        if not mine:  # its last holder has just removed it
+            file.close()
+            continue
+        file.truncate(0)
+        file.write(f"process {os.getpid()} on {socket.gethostname()}, since {datetime.now():%Y-%m-%d %H:%M:%S},\n")
+        file.flush()
+        _locks[folder] = file
+
+
+def remove_leftovers(checkpoints: Path) -> None:
+    """Remove temporary files that processes were killed over; their names are those of ``atomic_file``."""
+    for path in checkpoints.glob(".*.ckpt"):
+        if re.fullmatch(r"\.(last|best)-\w{8}\.ckpt", path.name) and path.is_file() and not path.is_symlink():
+            path.unlink(missing_ok=True)
+
+
+class OwnFolder(Callback):
+    """Takes the folder of a command before Hydra writes into it.
+
+    A name with the time in it is that of a new folder: of commands that start in the same second all but one wait for
+    the next.
+
+    Raises:
+        Refused: another process writes there.
+    """
+
+    def on_run_start(self, config: DictConfig, **kwargs: Any) -> None:
+        if not is_first_process():
+            return
+        try:
+            while _is_new(config) and not _made(config):
+                time.sleep(0.1)
+                OmegaConf.clear_cache(config)  # which keeps the time
+            lock(Path(config.hydra.run.dir).resolve())
+        except Exception as error:
+            raise Refused from error
+
+    def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
+        if _is_new(config) and not _made(config):
+            raise Refused from BadInput(f"{config.out}: another sweep was started in this second; start it again")
+
+
+def _is_new(config: DictConfig) -> bool:
+    """Whether a command's folder is called after the time."""
+    content = OmegaConf.to_container(config, resolve=False)
+    return isinstance(content, dict) and "${now:" in str(content["out"])
+
+
+def _made(config: DictConfig) -> bool:
+    """Make a command's folder; False if it is there."""
+    try:
+        Path(config.out).mkdir(parents=True)
+    except FileExistsError:
+        return False
+    return True
