@@ -66,3 +66,10 @@ def _failure(path: str | Path | None, reason: str) -> MachineFailure:
         f"{where}{reason[0].lower()}{reason[1:]}; free some space or write to another disk "
         "(what was there before is unchanged)"
     )
+
+
+class NoSuchCombination(BadInput):
+    """Two settings that are right by themselves do not go together, such as four bits and a binary mask.
+
+    A sweep skips such a row; anywhere else it is bad input like any other.
+    """

@@ -5,13 +5,23 @@ from __future__ import annotations
 import torch
 
 from sci_lightning.encoder.rounding import round_half_up, straight_through
-from sci_lightning.errors import BadInput
+from sci_lightning.errors import BadInput, NoSuchCombination
 
 
 def check_bits(bits: int) -> int:
     """Return ``bits`` if it is a bit depth a mask can have, 1 to 8; else raise BadInput."""
     if isinstance(bits, bool) or not isinstance(bits, int) or not 1 <= bits <= 8:
         raise BadInput(f"mask bits must be a whole number from 1 to 8, got {bits!r}")
+    return bits
+
+
+def check_binary(bits: int) -> int:
+    """Return ``bits`` if it is 1, the bit depth of a binary mask; else raise BadInput."""
+    if check_bits(bits) != 1:
+        raise NoSuchCombination(
+            f"encoder.mask.bits={bits}: a binary mask has 1 bit; choose bits=1, or a structural mask "
+            "(encoder=rsw_sr or lsw_sr), which takes 1 to 8"
+        )
     return bits
 
 

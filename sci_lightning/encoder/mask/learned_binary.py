@@ -5,9 +5,10 @@ from __future__ import annotations
 import torch
 from torch import nn
 
-from sci_lightning.bounds import Frames, Seed, Size
+from sci_lightning.bounds import Bits, Frames, Seed, Size
 from sci_lightning.encoder.mask.mask import Mask, uniform
 from sci_lightning.encoder.rounding import round_half_up, straight_through
+from sci_lightning.encoder.structure import check_binary
 
 
 class LearnedBinary(Mask):
@@ -18,14 +19,21 @@ class LearnedBinary(Mask):
     Args:
         frames, size, tile: see :class:`~sci_lightning.encoder.mask.Mask`.
         seed: of the initial real-valued mask, uniform in [0, 1): half of the slots start open.
+        bits: mask bit depth, always 1: it is there so that a sweep over bits can name every mask.
+
+    Raises:
+        BadInput: ``bits`` other than 1.
 
     Source: Hubara et al., "Binarized neural networks" (2016), as the paper's related work uses it.
     """
 
     learned = True
 
-    def __init__(self, frames: Frames, size: Size, tile: Size | None = None, seed: Seed = 0) -> None:
+    def __init__(
+        self, frames: Frames, size: Size, tile: Size | None = None, seed: Seed = 0, bits: Bits = 1
+    ) -> None:
         super().__init__(frames, size, tile)
+        self.bits = check_binary(bits)
         self.weight = nn.Parameter(uniform(self.pattern_shape, seed))
 
     @property

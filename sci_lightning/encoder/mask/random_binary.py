@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.bounds import Frames, Seed, Size
+from sci_lightning.bounds import Bits, Frames, Seed, Size
 from sci_lightning.encoder.mask.mask import Mask, uniform
+from sci_lightning.encoder.structure import check_binary
 
 
 class RandomBinary(Mask):
@@ -14,12 +15,19 @@ class RandomBinary(Mask):
     Args:
         frames, size, tile: see :class:`~sci_lightning.encoder.mask.Mask`.
         seed: of the Bernoulli(1/2) draw.
+        bits: mask bit depth, always 1: it is there so that a sweep over bits can name every mask.
+
+    Raises:
+        BadInput: ``bits`` other than 1.
     """
 
     pattern: torch.Tensor
 
-    def __init__(self, frames: Frames, size: Size, tile: Size | None = None, seed: Seed = 0) -> None:
+    def __init__(
+        self, frames: Frames, size: Size, tile: Size | None = None, seed: Seed = 0, bits: Bits = 1
+    ) -> None:
         super().__init__(frames, size, tile)
+        self.bits = check_binary(bits)
         self.register_buffer("pattern", (uniform(self.pattern_shape, seed) < 0.5).float())
 
     @property
