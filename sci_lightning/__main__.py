@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import sys
+from difflib import get_close_matches
+from runpy import run_module
+
 from sci_lightning.console import PlainConsole, styled
+from sci_lightning.plain_text import one_printable_line
 
 COMMANDS = (
     (
@@ -73,7 +78,46 @@ COMMANDS = (
 )
 
 
+PROGRAMS = dict.fromkeys(name.partition(" ")[0] for name, _, _ in COMMANDS)
+"""What can follow ``sci-lightning``, in order: each is a module of the package."""
+
+COMPLETION = r"""_sci_lightning() {
+  local words=($COMP_LINE) word="${COMP_WORDS[COMP_CWORD]}" choices
+  if (( COMP_CWORD < 2 )); then
+    choices="$(sci-lightning commands)"
+  else
+    choices="$(COMP_LINE="sci-lightning ${COMP_LINE#* * }" sci-lightning "${words[1]}" -sc query=bash 2>/dev/null)"
+  fi
+  COMPREPLY=($(compgen -o nospace -o default -W "$choices" -- "$word"))
+}
+COMP_WORDBREAKS=${COMP_WORDBREAKS//=}
+complete -o nospace -o default -F _sci_lightning sci-lightning"""
+"""For bash: commands first, then what Hydra knows of the command's settings."""
+
+
 def main() -> None:
+    """Run ``sci-lightning COMMAND ...``, which is ``python -m sci_lightning.COMMAND ...``."""
+    name, *arguments = sys.argv[1:] or ["--help"]
+    name = name.replace("-", "_") if not name.startswith("-") else name
+    if name in ("--help", "-h", "help"):
+        print_commands()
+    elif name == "commands":
+        print(" ".join(PROGRAMS))
+    elif name == "completion":
+        print(COMPLETION)
+    elif name not in PROGRAMS:
+        near = get_close_matches(name, PROGRAMS, n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]}?" if near else f"choose one of {', '.join(PROGRAMS)}"
+        print(f"error: {one_printable_line(name)}: no such command; {hint}", file=sys.stderr)
+        sys.exit(2)
+    else:
+        sys.argv = [f"sci_lightning.{name}", *arguments]
+        # as `python -m` does it, so that processes which this one starts are started in the same way
+        run_module(f"sci_lightning.{name}", run_name="__main__", alter_sys=True)
+
+
+def print_commands() -> None:
+    """Print every command with its purpose and an example."""
     console = PlainConsole()
     console.say(styled("sci_lightning"), ": design, train and trust a video snapshot compressive imaging camera\n")
     for name, purpose, example in COMMANDS:
@@ -81,7 +125,7 @@ def main() -> None:
         console.print(f"  python -m sci_lightning.{name} {example}")
     console.print(
         "\nEach takes --help (its configuration and choices); all but captures and reveal also --cfg job (what it "
-        "would run with)."
+        'would run with).\nsci-lightning COMMAND is the same; eval "$(sci-lightning completion)" completes it in bash.'
     )
 
 

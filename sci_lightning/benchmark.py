@@ -31,6 +31,7 @@ def benchmark(cfg: DictConfig) -> None:
     from sci_lightning.benchmark_table import as_markdown, as_table
     from sci_lightning.decoder_cost import PRECISIONS, decoder_cost
     from sci_lightning.device import chosen_device, device_name
+    from sci_lightning.next_command import invocation, print_next
     from sci_lightning.results import write_json
 
     out, console, names = Path(cfg.out), PlainConsole(), _names(cfg)
@@ -63,6 +64,11 @@ def benchmark(cfg: DictConfig) -> None:
             progress.advance(task)
     console.print(as_table(found))
     console.say(styled(out), ": benchmark.json, benchmark.md")
+    name = names[0] if len(names) == 1 else "e2e_cnn"
+    if name in ("gap_tv", "admm_tv", "desci"):  # nothing to learn
+        print_next(console, invocation("evaluate", f"decoder={name}", "data=synthetic", "size=[64,64]"))
+    else:
+        print_next(console, invocation("train", "experiment=quickstart", f"decoder={name}"))
     if failed := found["failed"]:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in failed.items())
         raise BadInput(f"{len(failed)} of {len(names)} decoders could not be measured: {reasons}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import shlex
 import sys
 import warnings
 from collections.abc import Callable
@@ -17,13 +18,23 @@ from hydra.errors import HydraException, InstantiationException, MissingConfigEx
 from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
+from sci_lightning.command_help import help_text
 from sci_lightning.command_settings import Refused, check_command_settings
+from sci_lightning.console import PlainConsole
 from sci_lightning.continued_run import continued
 from sci_lightning.encoder_file import PLACES, EncoderFile, adapt_to_encoder_files, adopt_encoder_files
 from sci_lightning.errors import BadInput, as_machine_failure
-from sci_lightning.failures import Failures
 from sci_lightning.plain_text import one_printable_line
 from sci_lightning.run_folder import is_first_process, run_folder
+from sci_lightning.sweep import (
+    Row,
+    defer_to_rows,
+    finished_rows,
+    is_skipped,
+    present_row,
+    refuse_uncomposed_row,
+    scores_in,
+)
 
 PACKAGE = Path(__file__).parent
 CONF = next(folder for folder in (PACKAGE / "conf", PACKAGE.parent / "conf") if folder.is_dir())
@@ -37,14 +48,23 @@ def run(name: str, task: Task) -> None:
 
     The task finds its output folder in ``cfg.out``; a command that writes one file (``hydra/output: file``) finds that
     file there. Bad input ends the process with one line and status 2, anything unforeseen with one line and status 1;
-    ``debug=true`` or ``HYDRA_FULL_ERROR=1`` show the traceback instead. In a multirun the remaining jobs go on and the
-    failures are listed at the end, whichever launcher runs them.
+    ``debug=true`` or ``HYDRA_FULL_ERROR=1`` show the traceback instead.
+
+    In a multirun a row that cannot run does not stop the others, whichever launcher runs them. It ends with a table of
+    all rows; its status is 0 unless a row failed, or none ran. A row whose combination does not exist, such as a binary
+    mask of four bits, is skipped, which is no failure.
 
     ``encoder=`` and ``decoder.camera=`` take the path of a YAML file as well, which may name modules of this project
     and of ``trusted`` ones.
     """
+    if {"--help", "-h"} & set(sys.argv):
+        try:
+            print(help_text(CONF, name, sys.argv[1:]), flush=True)
+        except BrokenPipeError:  # `--help | head`
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return
     debug = os.environ.get("HYDRA_FULL_ERROR") == "1" or "debug=true" in sys.argv
-    failures = Failures()
+    failures: list[tuple[str, int]] = []
     told = sys.argv
     files: dict[str, EncoderFile] = {}
 
@@ -55,20 +75,31 @@ def run(name: str, task: Task) -> None:
                 cfg.out = HydraConfig.get().runtime.output_dir
         _quieten()
         sys.argv = told  # processes that this one starts adopt the files themselves
+        row = present_row()
         try:
+            refuse_uncomposed_row()
             places = {place: files[chosen(place)] for place in PLACES.values() if chosen(place) in files}
             adapt_to_encoder_files(cfg, places)
             check_command_settings(cfg, name)
             os.environ["HYDRA_FULL_ERROR"] = "1" if debug else "0"  # as it was, for the processes that this one starts
             with run_folder(cfg.out) if in_folder else nullcontext():
-                return task(cfg)
+                value = task(cfg)
         except Exception as error:
+            if row is not None:
+                files_of_rows, number, overrides = row
+                outcome = "skipped" if is_skipped(root_cause(error)) else "failed"
+                files_of_rows.write(Row(number, overrides, outcome, one_line(error), exit_status(error)))
             if debug:
                 raise
-            failures.add(one_line(error), exit_status(error))
+            if row is None:
+                failures.append((one_line(error), exit_status(error)))
             return None
         finally:
             os.environ["HYDRA_FULL_ERROR"] = "1"
+        if row is not None:
+            files_of_rows, number, overrides = row
+            files_of_rows.write(Row(number, overrides, "done", "", 0, scores_in(Path(cfg.get("out", "")))))
+        return value
 
     try:
         os.environ["HYDRA_FULL_ERROR"] = "1"  # composition errors reach the lines below instead of Hydra's printer
@@ -76,27 +107,59 @@ def run(name: str, task: Task) -> None:
         arguments, earlier = continued(told[1:], encoders) if name == "train" else (told[1:], {})
         arguments, files = adopt_encoder_files(arguments, [*encoders, *earlier])
         files.update(earlier)
-        sys.argv = [told[0], *arguments]
+        sys.argv = [told[0], *defer_to_rows(arguments)]
         hydra.main(version_base="1.3", config_path=str(CONF), config_name=name)(job)()
-    except KeyboardInterrupt:
-        sys.exit("interrupted")
-    except SystemExit as stop:
-        if isinstance(stop.__context__, KeyboardInterrupt):  # what Lightning makes of Ctrl-C, without a word
+    except (KeyboardInterrupt, SystemExit) as stop:
+        _end_sweep(interrupted=True)
+        # what Lightning makes of Ctrl-C, without a word
+        if isinstance(stop, KeyboardInterrupt) or isinstance(stop.__context__, KeyboardInterrupt):
             sys.exit("interrupted")
         raise
     except (Exception, Refused) as stop:
         error = stop.__cause__ if isinstance(stop, Refused) and stop.__cause__ else stop
         if debug:
+            _end_sweep()
             raise error from error.__cause__
-        failures.add(one_line(error), exit_status(error))
+        failures.append((one_line(error), exit_status(error)))
     finally:
         sys.argv = told
         os.environ["HYDRA_FULL_ERROR"] = "1" if debug else "0"
-    found = failures.all()
-    for failure in found:
-        print(f"error: {one_printable_line(str(failure))}", file=sys.stderr)
-    if found:
-        sys.exit(min(failure.status for failure in found))
+    failures = _end_sweep() + failures
+    for line, _ in failures:
+        print(f"error: {one_printable_line(line)}", file=sys.stderr)
+    if failures:
+        sys.exit(min(status for _, status in failures))
+
+
+def _end_sweep(interrupted: bool = False) -> list[tuple[str, int]]:
+    """Print the table of a sweep's rows; return a line and a status for each that failed. Nothing without a sweep."""
+    rows = finished_rows()
+    if not rows:
+        return []
+    from sci_lightning.next_command import invocation, nearest, print_next
+    from sci_lightning.sweep_table import sweep_table
+
+    console = PlainConsole()
+    console.print(sweep_table(rows))
+    for row in rows:
+        if row.outcome == "skipped":
+            console.print(f"skipped: [{' '.join(row.overrides)}] {row.line}")
+    if interrupted:
+        return []
+    if any(row.scores for row in rows):
+        folder = Path(HydraConfig.get().sweep.dir)
+        dashboards = any(folder.glob("**/tensorboard"))
+        print_next(
+            console,
+            invocation("tables", paths={"runs": folder}),
+            *([shlex.join(["tensorboard", "--logdir", nearest(folder)])] if dashboards else []),
+        )
+    failed = [(f"[{' '.join(row.overrides)}] {row.line}", row.status) for row in rows if row.outcome == "failed"]
+    if unfinished := sum(row.outcome == "unfinished" for row in rows):
+        failed.append((f"{unfinished} of {len(rows)} rows did not run to their end", 1))
+    if not failed and all(row.outcome == "skipped" for row in rows):
+        return [(f"none of the {len(rows)} rows exists: {rows[0].line}", 2)]
+    return failed
 
 
 def chosen(group: str) -> str:

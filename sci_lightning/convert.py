@@ -20,6 +20,7 @@ def convert(cfg: DictConfig) -> None:
         cfg: ``conf/convert.yaml``, composed.
     """
     from sci_lightning.checkpoint import load_file, read_checkpoint, write_weights
+    from sci_lightning.next_command import invocation, print_next
 
     path, console = Path(cfg.checkpoint), PlainConsole()
     content = load_file(path)
@@ -41,6 +42,11 @@ def convert(cfg: DictConfig) -> None:
     write_weights(cfg.out, config, state)
     names = config["names"]
     console.say(styled(cfg.out), f": {len(state)} tensors of decoder={names['decoder']} encoder={names['encoder']}")
+    print_next(
+        console,
+        invocation("evaluate", "data=synthetic", paths={"ckpt_path": cfg.out}),
+        invocation("reconstruct", "measurement=SNAPSHOT.tiff", paths={"ckpt_path": cfg.out}),
+    )
 
 
 def published(

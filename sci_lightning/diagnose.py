@@ -9,7 +9,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from sci_lightning.command import built, run, targets
+from sci_lightning.command import run, targets
 from sci_lightning.console import PlainConsole, styled
 
 
@@ -20,6 +20,7 @@ def diagnose(cfg: DictConfig) -> None:
         cfg: ``conf/diagnose.yaml``, composed.
     """
     from sci_lightning.captures import read_captures
+    from sci_lightning.chosen_loggers import chosen_loggers
     from sci_lightning.diagnosis.dashboard import log
     from sci_lightning.diagnosis.diagnosis import diagnose
     from sci_lightning.diagnosis.pictures import figures
@@ -27,6 +28,7 @@ def diagnose(cfg: DictConfig) -> None:
     from sci_lightning.diagnosis.sentences import headline
     from sci_lightning.diagnosis.terminal import print_report, searching
     from sci_lightning.diagnosis.vocabulary import vocabulary
+    from sci_lightning.next_command import invocation, nearest, print_next
     from sci_lightning.results import write_json
 
     start, out, console = time.perf_counter(), Path(cfg.out), PlainConsole()
@@ -42,10 +44,14 @@ def diagnose(cfg: DictConfig) -> None:
         write_encoder(found.fitter, found.after, out)
         write_pictures(drawn, out)
         write_page(found, report, drawn, shlex.join(["python", "-m", "sci_lightning.diagnose", *sys.argv[1:]]), out)
-    for name in (name for name, logger in cfg.logger.items() if logger):
-        log(built(cfg, f"logger.{name}"), report, drawn)
+    for logger in chosen_loggers(cfg, "diagnosis"):
+        log(logger, report, drawn)
     print_report(report, sentence, console)
     console.say(styled(out / "report.html"), "; beside it report.json, encoder.yaml and pictures")
+    lines = [invocation("train", "experiment=quickstart", paths={"encoder": out / "encoder.yaml"})]
+    if (truth := Path(cfg.captures).with_suffix(".truth.json")).is_file():
+        lines.append(invocation("virtual_camera.reveal", nearest(truth), nearest(out / "report.json")))
+    print_next(console, *lines)
 
 
 if __name__ == "__main__":

@@ -113,7 +113,9 @@ def _differences(earlier: Mapping[str, Any], config: Mapping[str, Any]) -> Itera
 def _comparable(config: Mapping[str, Any]) -> dict[str, Any]:
     """What a run finds depends on, flat, wherever the run's folder is."""
     parts = json.loads(json.dumps(config).replace(json.dumps(config.get("out", "OUT"))[1:-1], "OUT"))
-    return dict(_flat({key: value for key, value in parts.items() if key not in FREE}))
+    flat = _flat({key: value for key, value in parts.items() if key not in FREE})
+    # binary masks have one bit; runs of earlier versions do not say so
+    return {key: value for key, value in flat if not (key.endswith("mask.bits") and value == 1)}
 
 
 def _flat(content: Mapping[str, Any], above: str = "") -> list[tuple[str, Any]]:

@@ -42,7 +42,9 @@ def as_machine_failure(error: BaseException, path: str | Path | None = None) -> 
         path: the file being written; None: the one that the error names.
     """
     seen: BaseException | None = error
-    while seen is not None:
+    passed: list[BaseException] = []
+    while seen is not None and seen not in passed:  # causes and contexts can lead back to where they came from
+        passed.append(seen)
         if isinstance(seen, MachineFailure):
             return seen
         if isinstance(seen, MemoryError):

@@ -32,6 +32,7 @@ def evaluate(cfg: DictConfig) -> float:
     from sci_lightning.chosen_metrics import chosen_metrics
     from sci_lightning.data.captured import CapturedSnapshots
     from sci_lightning.data.loader import scene_loader
+    from sci_lightning.next_command import invocation, print_next
     from sci_lightning.results import print_results, results, with_effects, write_json
     from sci_lightning.system import System
 
@@ -62,6 +63,13 @@ def evaluate(cfg: DictConfig) -> float:
     console = PlainConsole()
     print_results(found, console)
     console.say(styled(out), ": metrics.json" + (", pictures/" if pictures.written else ""))
+    decodes = {"ckpt_path": cfg.ckpt_path} if cfg.ckpt_path else {}
+    decoder_word = [] if decodes else [f"decoder={names['decoder']}"]
+    print_next(
+        console,
+        invocation("tables", paths={"runs": out}),
+        invocation("reconstruct", *decoder_word, "measurement=SNAPSHOT.tiff", paths=decodes),
+    )
     return float(found["mean"]["psnr"])
 
 

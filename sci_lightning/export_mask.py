@@ -21,6 +21,7 @@ def export_mask(cfg: DictConfig) -> None:
     from sci_lightning.checkpoint import read_checkpoint
     from sci_lightning.errors import BadInput
     from sci_lightning.modulator_files import Layout, read_planes, timing_of, write_planes
+    from sci_lightning.next_command import invocation, print_next
 
     out, console = Path(cfg.out), PlainConsole()
     module = read_checkpoint(cfg.ckpt_path, cfg.trusted).encoder().mask
@@ -40,6 +41,7 @@ def export_mask(cfg: DictConfig) -> None:
         most = timing[f"fastest_{what}_Hz"]
         console.say(f"{cfg.frame_rate:g} snapshots/s by {way}: ", fits, f", at most {most:.1f}")
     console.say(styled(out), ": planes/, frames/, planes.json (exposure of each plane; timing)")
+    print_next(console, invocation("reconstruct", "measurement=SNAPSHOT.tiff", paths={"ckpt_path": cfg.ckpt_path}))
 
 
 if __name__ == "__main__":

@@ -16,17 +16,19 @@ MOST_FRAMES = 8
 """Longer videos show this many frames, evenly chosen."""
 
 
-def mask_figure(mask: torch.Tensor, bits: int | None = None) -> Figure:
+def mask_figure(mask: torch.Tensor, bits: int | None = None, title: str = "") -> Figure:
     """Slots of a mask side by side, a close-up, and the histogram of its levels.
 
     Args:
         mask: ``(T, H, W)`` in [0, 1].
         bits: bit depth of its levels, None for two levels.
+        title: above everything, e.g. the encoder and the step.
     """
     slots = _chosen(mask)
     values = mask.detach().float().cpu().numpy()
     levels = 2**bits if bits else 2
-    figure = Figure(figsize=(1.55 * len(slots), 5.4), layout="constrained")
+    figure = Figure(figsize=(1.55 * len(slots), 5.6), layout="constrained")
+    figure.suptitle(title)
     top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=[1, 1.5])[:, 0]
     brightest = max(values.max(), 1e-6)
     for axes, slot in zip(top.subplots(1, len(slots), squeeze=False)[0], slots, strict=True):
@@ -35,7 +37,7 @@ def mask_figure(mask: torch.Tensor, bits: int | None = None) -> Figure:
     show_picture(close, values[0, :24, :24], "slot 1, 24 x 24 corner", high=brightest)
     total = values.sum(0)
     image = sums.imshow(total, cmap="viridis", vmin=min(total.min(), 0.999), vmax=max(total.max(), 1.001))
-    sums.set_title("sum over time", fontsize=9)
+    sums.set_title("sum over time")
     sums.set_axis_off()
     figure.colorbar(image, ax=sums, shrink=0.7)
     steps = levels if levels > 2 else 1
@@ -81,7 +83,7 @@ def _chosen(video: torch.Tensor) -> list[int]:
 def show_picture(axes: Axes, image: np.ndarray, title: str, high: float = 1.0, colours: str = "gray") -> None:
     """An image ``(H, W)`` from 0 to ``high`` under its title, pixel by pixel."""
     axes.imshow(image, cmap=colours, vmin=0, vmax=high, interpolation="nearest")
-    axes.set_title(in_figure(title), fontsize=8)
+    axes.set_title(in_figure(title))
     axes.set_axis_off()
 
 

@@ -31,6 +31,7 @@ def reconstruct(cfg: DictConfig) -> None:
     from sci_lightning.encoder.mask import Measured
     from sci_lightning.errors import BadInput
     from sci_lightning.mask_check import mask_warning
+    from sci_lightning.next_command import browser, print_next
     from sci_lightning.snapshot import read_snapshot
 
     out, console, frames = Path(cfg.out), PlainConsole(), cfg.frames
@@ -94,6 +95,7 @@ def reconstruct(cfg: DictConfig) -> None:
     level = f"mean level {float(measurement.mean()):.3f} of full scale, aperture {aperture:.3g}"
     console.print(f"{n} snapshot(s) of {h} x {w} ({level}) decoded into {t} frames each")
     console.say(styled(out), ": frames/, video.gif, reconstruction.npy")
+    print_next(console, browser(out / "video.gif"))
 
 
 def _mask_is_known(cfg: DictConfig) -> bool:

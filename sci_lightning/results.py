@@ -71,14 +71,13 @@ def print_results(found: Mapping[str, Any], console: PlainConsole) -> None:
         table.add_column(UNITS.get(key, key), justify="right")
     rows = [*found["scenes"].items(), ("mean", found["mean"])]
     for name, scores in rows:
-        table.add_row(name, *(_number(key, scores[key]) for key in keys), style="bold" if name == "mean" else "")
-    table.add_row(
-        "every frame = mean measurement", *(_number(key, found["baseline"][key]) for key in keys), style="dim"
-    )
+        table.add_row(name, *(number(key, scores[key]) for key in keys), style="bold" if name == "mean" else "")
+    table.add_row("every frame = mean measurement", *(number(key, found["baseline"][key]) for key in keys), style="dim")
     console.print(table)
 
 
-def _number(key: str, value: float) -> str:
+def number(key: str, value: float) -> str:
+    """Return a score with the digits that its metric is printed with."""
     return f"{value:.4f}" if key == "ssim" else f"{value:.2f}"
 
 

@@ -24,6 +24,7 @@ def tables(cfg: DictConfig) -> None:
         cfg: ``conf/tables.yaml``, composed.
     """
     from sci_lightning.figures import write_figure
+    from sci_lightning.next_command import browser, invocation, print_next
     from sci_lightning.paper_tables.claim_table import claim_table
     from sci_lightning.paper_tables.cost import costs
     from sci_lightning.paper_tables.cost_figure import cost_figure
@@ -60,6 +61,7 @@ def tables(cfg: DictConfig) -> None:
         names.append(name)
     console.say(styled(out), f": {', '.join(grid.name for grid in grids)} as .md, .tex and .png; {len(runs)} runs")
     console.print(f"figures: {', '.join(names)} as .png")
+    print_next(console, browser(out / "cost.png"), invocation("train", "-m", "experiment=table5", "scale=small"))
 
 
 def _left_out(line: str) -> None:

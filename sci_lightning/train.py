@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import signal
 import sys
 from pathlib import Path
@@ -54,10 +55,12 @@ def _train(cfg: DictConfig, stop: StopSignal) -> float:
 
     from sci_lightning.callbacks import LastCheckpoint
     from sci_lightning.checkpoint import read_checkpoint
+    from sci_lightning.chosen_loggers import chosen_loggers, run_name
     from sci_lightning.chosen_metrics import chosen_metrics
     from sci_lightning.data.loader import ClipLoader, scene_loader
     from sci_lightning.decoder.complexity import count_parameters
     from sci_lightning.earlier_run import check_same_run, finished, interrupted
+    from sci_lightning.next_command import invocation, nearest, override, print_next
     from sci_lightning.results import hparams, print_results, results, write_json
     from sci_lightning.training_checkpoint import TrainingCheckpointIO, remove_slurm_checkpoints
 
@@ -91,6 +94,7 @@ def _train(cfg: DictConfig, stop: StopSignal) -> float:
         checkpoint.fill("decoder", decoder, names["decoder"])
         checkpoint.fill("encoder", encoder, names["encoder"])
 
+    loggers = chosen_loggers(cfg, run_name(run_config))
     source = built(cfg, "data")
     held_out = source.scenes()
     tested_on = built(cfg, "benchmark").scenes() if cfg.benchmark.root else held_out
@@ -103,7 +107,7 @@ def _train(cfg: DictConfig, stop: StopSignal) -> float:
         cfg,
         "trainer",
         callbacks=callbacks,
-        logger=[built(cfg, f"logger.{name}") for name, logger in cfg.logger.items() if logger],
+        logger=loggers,
         plugins=[checkpoint_io],
     )
     if SLURMEnvironment.detect():  # Lightning queues the job again
@@ -133,7 +137,18 @@ def _train(cfg: DictConfig, stop: StopSignal) -> float:
         console = PlainConsole()
         print_results(found, console)
         console.say(styled(out), ": metrics.json, checkpoints/last.ckpt, pictures/, tensorboard/")
-        console.print(f"dashboard: tensorboard --logdir {out}")
+        tested = ("benchmark", cfg.benchmark.root) if cfg.benchmark.root else (chosen("data"), cfg.data.get("root"))
+        paths = {"ckpt_path": out / "checkpoints" / "last.ckpt"}
+        trusted = [override("trusted", f"[{','.join(cfg.trusted)}]")] if cfg.trusted else []
+        lines = [
+            invocation(
+                "evaluate", f"data={tested[0]}", *trusted, paths=paths | ({"data.root": tested[1]} if tested[1] else {})
+            ),
+            invocation("export_mask", *trusted, paths=paths),
+        ]
+        if (out / "tensorboard").is_dir():
+            lines.append(shlex.join(["tensorboard", "--logdir", nearest(out)]))
+        print_next(console, *lines)
     return float(found["mean"]["psnr"])
 
 

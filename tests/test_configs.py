@@ -37,7 +37,8 @@ def test_all_groups_are_known() -> None:
         "logger",
         "metric",
         "scale",
-        *(f"scale/decoder/{scale}" for scale in ("slim", "small", "smoke")),
+        *(f"scale/decoder/{scale}" for scale in ("quickstart", "slim", "small", "smoke")),
+        *(f"scale/mask/{scale}" for scale in ("quickstart", "small")),
         "system",
         "trainer",
     }
@@ -51,6 +52,8 @@ def test_member_composes_and_instantiates(
     if group.startswith("scale/decoder/"):  # chosen by these two
         scale = group.rpartition("/")[2]
         choice = ["experiment=denoiser_cpu" if scale == "slim" else f"scale={scale}", f"decoder={name}"]
+    if group.startswith("scale/mask/"):
+        choice = [f"scale={group.rpartition('/')[2]}", f"encoder/mask={name}"]
     cfg = configuration("train", *choice, "size=[64,64]", f"out={tmp_path}")
     with open_dict(cfg):
         if OmegaConf.is_missing(cfg.encoder.mask, "file"):

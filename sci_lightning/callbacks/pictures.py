@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import lightning as L
@@ -15,7 +15,7 @@ from sci_lightning.system import System
 
 
 class Pictures(L.Callback):
-    """After every validation: the mask as told, with its level histogram, and the first snapshot of some scenes.
+    """The mask before the first step, then after every validation the mask and the first snapshot of some scenes.
 
     In TensorBoard as an image series; in ``folder`` as PNG files of the latest state.
 
@@ -28,20 +28,33 @@ class Pictures(L.Callback):
         self.folder = Path(folder)
         self.scenes = scenes
 
+    def on_train_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        if trainer.is_global_zero and trainer.global_step == 0 and isinstance(pl_module, System):
+            self._show(trainer, [("mask", self._mask(trainer, pl_module))])
+
     def on_validation_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
         if not trainer.is_global_zero or trainer.sanity_checking or not isinstance(pl_module, System):
             return
+        self._show(trainer, self._figures(trainer, pl_module))
+
+    def _show(self, trainer: L.Trainer, figures: Iterable[tuple[str, Figure]]) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
         boards = [logger.experiment for logger in trainer.loggers if isinstance(logger, TensorBoardLogger)]
-        for name, figure in self._figures(trainer, pl_module):
+        for name, figure in figures:
             figure.savefig(self.folder / f"{name.replace('/', '_')}.png", dpi=110)
             for board in boards:
                 board.add_figure(name, figure, trainer.global_step)
 
     @torch.no_grad()
+    def _mask(self, trainer: L.Trainer, system: System) -> Figure:
+        bits = getattr(system.encoder.mask, "bits", None)
+        depth = "" if bits is None else f", {bits} bit{'s' * (bits > 1)}"
+        name = system.run_config.get("names", {}).get("encoder", "mask")
+        return mask_figure(system.encoder.mask(), bits, f"{name}{depth}, after {trainer.global_step} steps")
+
+    @torch.no_grad()
     def _figures(self, trainer: L.Trainer, system: System) -> Iterator[tuple[str, Figure]]:
-        mask = system.encoder.mask()
-        yield "mask", mask_figure(mask, getattr(system.encoder.mask, "bits", None))
+        yield "mask", self._mask(trainer, system)
         snapshots = trainer.val_dataloaders.dataset  # type: ignore[union-attr]
         first = [snapshots.first(scene) for scene in range(min(self.scenes, len(snapshots.names)))]
         for name, video in zip(snapshots.names, first, strict=False):

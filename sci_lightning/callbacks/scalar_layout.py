@@ -11,8 +11,10 @@ from sci_lightning.system import System
 class ScalarLayout(L.Callback):
     """Groups runs under TensorBoard's "Custom Scalars", whose charts choose by tag and never by run.
 
-    After every validation ``METRIC/ENCODER_BITSbit`` repeats ``val/METRIC``; the layout has a chart for the run's
-    encoder and one for its bit depth. TensorBoard merges the layouts of all runs below its log folder.
+    After every validation ``METRIC/ENCODER_BITSbit`` repeats ``val/METRIC``, and ``loss/ENCODER_BITSbit`` the loss of
+    the last step. The layout shows both for the run's encoder, side by side, and the metric for its bit depth.
+    TensorBoard appends the charts of all runs below its log folder in the order of the runs' names, so that each run
+    names all bit depths up to its own: they appear in order, whichever run comes first.
 
     Args:
         metric: of validation, by its name in ``metrics.json``.
@@ -26,24 +28,31 @@ class ScalarLayout(L.Callback):
             return
         encoder, bits = _group(pl_module)
         charts = {  # of tags that match an expression from the first letter on
-            "encoders": {f"{self.metric}, {encoder}": ["Multiline", [f"{self.metric}/{encoder}_.*"]]},
-            "bit depths": {f"{self.metric}, {bits}": ["Multiline", [f"{self.metric}/.*_{bits}$"]]},
+            "encoders": {
+                f"{what}, {encoder}": ["Multiline", [f"{what}/{encoder}_[0-9]+bit$"]] for what in (self.metric, "loss")
+            },
+            "bit depths": {
+                f"{self.metric}, {depth} bit{'s' * (depth > 1)}": ["Multiline", [f"{self.metric}/.*_{depth}bit$"]]
+                for depth in range(1, bits + 1)
+            },
         }
         for board in _boards(trainer):
             board.experiment.add_custom_scalars(charts)
 
     def on_validation_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
-        value = trainer.callback_metrics.get(f"val/{self.metric}")
-        if value is None or trainer.sanity_checking or not isinstance(pl_module, System) or not trainer.is_global_zero:
+        if trainer.sanity_checking or not isinstance(pl_module, System) or not trainer.is_global_zero:
             return
-        for board in _boards(trainer):
-            board.experiment.add_scalar(f"{self.metric}/{'_'.join(_group(pl_module))}", value, trainer.global_step)
+        encoder, bits = _group(pl_module)
+        for what, source in ((self.metric, f"val/{self.metric}"), ("loss", "train/loss")):
+            if (value := trainer.callback_metrics.get(source)) is not None:
+                for board in _boards(trainer):
+                    board.experiment.add_scalar(f"{what}/{encoder}_{bits}bit", value, trainer.global_step)
 
 
-def _group(system: System) -> tuple[str, str]:
-    """The run's encoder by name and its mask's bit depth, as a sweep names its folders."""
+def _group(system: System) -> tuple[str, int]:
+    """The run's encoder by name and its mask's bit depth, by which a sweep names its folders."""
     config = system.run_config
-    return config["names"]["encoder"], f"{config['encoder']['mask'].get('bits', 1)}bit"
+    return config["names"]["encoder"], int(config["encoder"]["mask"].get("bits", 1))
 
 
 def _boards(trainer: L.Trainer) -> list[TensorBoardLogger]:

@@ -11,6 +11,7 @@ from typing import NoReturn
 
 from sci_lightning.console import PlainConsole, styled, warn
 from sci_lightning.errors import BadInput
+from sci_lightning.next_command import invocation, print_next
 from sci_lightning.plain_text import one_printable_line
 
 CONSOLE = PlainConsole()
@@ -45,6 +46,7 @@ def pack(folder: str, out: str | None) -> None:
     for line in facts(pack_captures(folder, out, on_warning=warn)):
         CONSOLE.print(line)
     CONSOLE.print(styled(out))
+    print_next(CONSOLE, invocation("diagnose", paths={"captures": out}))
 
 
 def info(file: str, out: str | None) -> None:
@@ -62,6 +64,7 @@ def info(file: str, out: str | None) -> None:
         CONSOLE.print(line)
     left_out = contact_sheet(sheet, found)
     CONSOLE.say(styled(sheet), f" ({left_out} captures left out)" if left_out else "")
+    print_next(CONSOLE, invocation("diagnose", paths={"captures": file}))
 
 
 def main() -> None:

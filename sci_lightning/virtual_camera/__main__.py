@@ -17,6 +17,7 @@ def virtual_camera(cfg: DictConfig) -> None:
     Args:
         cfg: ``conf/virtual_camera.yaml``, composed.
     """
+    from sci_lightning.next_command import invocation, print_next
     from sci_lightning.virtual_camera import Session, capture_session, write_captures
 
     given = plain(cfg)
@@ -32,6 +33,7 @@ def virtual_camera(cfg: DictConfig) -> None:
     count, height, width = captures.measurement.shape
     console.print(f"{count} captures of {height} x {width}, {session.frames} slots each, {session.bit_depth} bits")
     console.say(styled(cfg.out), "; what is hidden in it: ", styled(truth))
+    print_next(console, invocation("diagnose", paths={"captures": cfg.out}))
 
 
 if __name__ == "__main__":

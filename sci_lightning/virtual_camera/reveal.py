@@ -11,6 +11,7 @@ from rich.table import Table
 
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
+from sci_lightning.next_command import invocation, print_next
 from sci_lightning.plain_text import one_printable_line
 from sci_lightning.virtual_camera.comparison import Compared, compare, verdict
 from sci_lightning.virtual_camera.parameter import Value
@@ -39,6 +40,9 @@ def reveal(truth: str, report: str) -> None:
         console.print(table)
     chi2 = [f"{found['gap'][when]['chi2']:.4g}" for when in ("before", "after")]
     console.say(styled(verdict(hidden, found)), f"; held-out chi2 {chi2[0]} before, {chi2[1]} after")
+    encoder = Path(report).parent / "encoder.yaml"
+    if encoder.is_file():
+        print_next(console, invocation("train", "experiment=quickstart", paths={"encoder": encoder}))
 
 
 def main() -> None:

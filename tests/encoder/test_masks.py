@@ -14,7 +14,7 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from sci_lightning.encoder.mask import LearnedStructural, Mask, Measured, RandomBinary, RandomStructural
-from sci_lightning.errors import BadInput
+from sci_lightning.errors import BadInput, NoSuchCombination
 from tests.conftest import members
 
 T, H, W = 6, 12, 10
@@ -150,3 +150,22 @@ def test_pickles_are_not_read(tmp_path: Path) -> None:
     np.save(tmp_path / "objects.npy", np.array([print], dtype=object), allow_pickle=True)
     with pytest.raises(BadInput, match="expected a numeric array of 3 dimensions, found object"):
         Measured(tmp_path / "objects.npy")
+
+
+@pytest.mark.parametrize("name", ["random_binary", "learned_binary"])
+def test_a_binary_mask_has_one_bit(name: str, build: Callable[..., Mask]) -> None:
+    assert build(name).bits == build(name, "encoder.mask.bits=1").bits == 1
+    kind, settings = type(build(name)), {"frames": T, "size": [H, W], "seed": 3}  # as earlier checkpoints have it
+    assert torch.equal(kind(**settings)(), kind(**settings, bits=1)())
+    with pytest.raises(NoSuchCombination, match=r"encoder.mask.bits=2: a binary mask has 1 bit"):
+        kind(**settings, bits=2)
+    with pytest.raises(BadInput, match="1 to 8"):
+        kind(**settings, bits=9)
+
+
+@pytest.mark.parametrize("choice", ["scale=small", "experiment=short_cpu", "experiment=quickstart"])
+@pytest.mark.parametrize("name", members("encoder/mask"))
+def test_a_scale_sets_what_the_mask_knows(choice: str, name: str, build: Callable[..., Mask]) -> None:
+    crop = "crop=[4,4]" if choice != "experiment=quickstart" else "batch_size=1"
+    mask = build(name, choice, crop)
+    assert mask.tile == ((4, 4) if crop == "crop=[4,4]" and name != "measured" else (H, W))

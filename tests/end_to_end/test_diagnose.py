@@ -33,7 +33,7 @@ def test_dashboard(tmp_path: Path, command: Callable[..., Any]) -> None:
     write_captures(tmp_path / "a.h5", capture_session(Session(size=(32, 32)), {"gain": {"factor": 0.9}}, seed=3))
     done = command("diagnose", f"captures={tmp_path}/a.h5", f"out={tmp_path}/out", "most=1", "logger=tensorboard")
     assert "explained: The sensor's gain is 0." in done.stdout
-    events = EventAccumulator(str(tmp_path / "out" / "tensorboard"))
+    events = EventAccumulator(str(tmp_path / "out" / "tensorboard" / "diagnosis"))
     events.Reload()
     before, after = events.Scalars("chi2")
     assert before.value > 10 * after.value

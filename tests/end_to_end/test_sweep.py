@@ -136,15 +136,49 @@ def test_rows_that_fail_are_told_at_the_end(launcher: str, command: Command, tmp
         folder = tmp_path / "sweep" / f"lsw_sr_{bits}bit" / "e2e_cnn" / "seed0"
         assert (folder / "metrics.json").is_file() == made
         assert (folder / ".hydra").is_dir()
-    assert not list((tmp_path / "sweep").glob(".failures*"))
+    assert not list((tmp_path / "sweep").glob(".rows*"))
+    assert "3 rows: 1 done, 2 failed" in done.stdout
 
 
-def test_one_row_that_fails_is_named(command: Command) -> None:
-    done = command("export_mask", "-m", "ckpt_path=no.ckpt,none.ckpt", "out=masks")
-    assert [line.split("]")[0] for line in done.stderr.splitlines() if line.startswith("error")] == [
-        "error: [ckpt_path=no.ckpt out=masks",
-        "error: [ckpt_path=none.ckpt out=masks",
-    ]
+@pytest.mark.parametrize("launcher", ["basic", "joblib"])
+def test_rows_that_do_not_exist_are_skipped(launcher: str, command: Command, tmp_path: Path) -> None:
+    """A binary mask has one bit, an ideal sensor no bit depth, and E2E-CNN no ``depths``: one line each."""
+    if module := LAUNCHERS[launcher]:
+        pytest.importorskip(f"hydra_plugins.{module}", reason="pip install sci-lightning[launchers]")
+    row = ["scale=smoke", "decoder=e2e_cnn", "data.scenes_count=1", "encoder.sensor.bit_depth=10", *QUICK]
+    done = command("train", "-m", *row, "encoder=rbw_osr,rbw_sr", "encoder.mask.bits=1,2", f"hydra/launcher={launcher}")
+    assert done.returncode == 0, done.stderr
+    assert "error" not in done.stderr
+    assert "4 rows: 1 done, 3 skipped" in done.stdout and "PSNR (dB)" in done.stdout
+    lines = [line for line in done.stdout.splitlines() if line.startswith("skipped: [")]
+    assert ["encoder.sensor.bit_depth is no setting" in line for line in lines] == [True, True, False]
+    assert "encoder=rbw_sr encoder.mask.bits=2]" in lines[2] and "a binary mask has 1 bit" in lines[2]
+    assert [path.parent.name for path in (tmp_path / "sweep").rglob("metrics.json")] == ["2"]
+    assert not list((tmp_path / "sweep").glob(".rows*"))
+
+
+def test_rows_that_cannot_be_composed_do_not_stop_the_others(command: Command, tmp_path: Path) -> None:
+    row = ["data.scenes_count=1", "scale=smoke", "decoder.channels=4", *QUICK]
+    done = command("train", "-m", *row, "decoder=no_net,e2e_cnn", "encoder=rbw_sr,nothing")
+    assert done.returncode == 2
+    errors = [line for line in done.stderr.splitlines() if line.startswith("error: [")]
+    assert len(errors) == 3 and "decoder=no_net" in errors[0] and "nothing" in errors[2]
+    assert "4 rows: 1 done, 3 failed" in done.stdout
+    assert [path.parent.name for path in (tmp_path / "sweep").rglob("metrics.json")] == ["2"]
+    assert {path.name for path in (tmp_path / "sweep").iterdir()} == {"2", "multirun.yaml"}
+
+
+def test_a_sweep_of_which_no_row_exists(refused: Callable[..., str]) -> None:
+    line = refused("train", "-m", "encoder=rbw_sr", "encoder.mask.bit=1,2", "out=sweep")
+    assert "none of the 2 rows exists: encoder.mask.bit is no setting" in line
+
+
+def test_rows_with_folders_of_their_own(ran: Callable[..., str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        ran("export_mask", "-m", "ckpt_path=no.ckpt", "out=one,two")
+    printed = capsys.readouterr()
+    assert caught.value.code == 2 and printed.err.count("no such checkpoint") == 2
+    assert "2 rows: 2 failed" in printed.out
 
 
 @pytest.mark.parametrize("name", ["table2", "table3", "table4", "table5"])
@@ -185,7 +219,8 @@ def test_rows_of_one_gpu(row: str, configuration: Callable[..., Any]) -> None:
     cfg = plain(configuration("train", *row.split(), "scale=gpu30", "data.root=DAVIS", "out=RUN"))
     decoder = re.findall(r"decoder=(\w+)", row) or ["res2former"]
     assert cfg["decoder"] == plain(configuration("train", f"decoder={decoder[0]}"))["decoder"]
-    assert cfg["encoder"]["mask"].get("bits", 4) == 4 and cfg["size"] == cfg["crop"] == [256, 256]
+    assert cfg["encoder"]["mask"]["bits"] == (4 if "Structural" in cfg["encoder"]["mask"]["_target_"] else 1)
+    assert cfg["size"] == cfg["crop"] == [256, 256]
     assert cfg["trainer"]["precision"] == "bf16-mixed" and cfg["trainer"]["max_time"]["minutes"] == 25
 
 

@@ -76,26 +76,32 @@ def test_everything_is_where_the_summary_says(run: Path) -> None:
 
 
 def test_dashboard(run: Path) -> None:
-    board = EventAccumulator(str(run / "tensorboard"), size_guidance={"images": 0}).Reload()
+    board = EventAccumulator(str(run / "tensorboard" / "lsw_sr_4bit_e2e_cnn"), size_guidance={"images": 0}).Reload()
     tags = board.Tags()
     for scalar in ("train/loss", "train/lr", "train/clips_per_second", "val/psnr", "val/ssim", "val/qscore"):
         assert scalar in tags["scalars"], tags["scalars"]
     for metric in ("psnr", "ssim", "qscore"):
         assert any(tag.startswith(f"val_{metric}/") for tag in tags["scalars"])
     assert "mask" in tags["images"] and any(tag.startswith("scene/") for tag in tags["images"])
-    assert len(board.Images("mask")) == 2  # one after each epoch: the mask's evolution
+    assert [image.step for image in board.Images("mask")] == [0, 1, 2]  # before the first step, after each epoch
     assert any("hparams" in tag for tag in board.summary_metadata)
 
 
 def test_rows_of_a_sweep_side_by_side(run: Path) -> None:
     """What TensorBoard would draw: a chart's tag is an expression that has to match from the first letter on."""
-    board = EventAccumulator(str(run / "tensorboard")).Reload()
+    board = EventAccumulator(str(run / "tensorboard" / "lsw_sr_4bit_e2e_cnn")).Reload()
     (event,) = board.Tensors("custom_scalars__config__")
     layout = Layout.FromString(event.tensor_proto.string_val[0])
     charts = {(group.title, chart.title): chart.multiline.tag for group in layout.category for chart in group.chart}
-    assert set(charts) == {("encoders", "psnr, lsw_sr"), ("bit depths", "psnr, 4bit")}
-    for (tag,) in charts.values():
-        assert [name for name in board.Tags()["scalars"] if re.match(tag, name)] == ["psnr/lsw_sr_4bit"]
+    depths = ["psnr, 1 bit", "psnr, 2 bits", "psnr, 3 bits", "psnr, 4 bits"]  # in order, whichever run comes first
+    assert [title for group, title in charts if group == "bit depths"] == depths
+    assert [title for group, title in charts if group == "encoders"] == ["psnr, lsw_sr", "loss, lsw_sr"]
+    matched = {
+        title: [name for name in board.Tags()["scalars"] if re.match(tag, name)]
+        for (_, title), (tag,) in charts.items()
+    }
+    assert matched["psnr, lsw_sr"] == matched["psnr, 4 bits"] == ["psnr/lsw_sr_4bit"] and matched["psnr, 1 bit"] == []
+    assert matched["loss, lsw_sr"] == ["loss/lsw_sr_4bit"] and len(board.Scalars("loss/lsw_sr_4bit")) == 2
     ours, val = ([each.value for each in board.Scalars(tag)] for tag in ("psnr/lsw_sr_4bit", "val/psnr"))
     assert ours == val
 

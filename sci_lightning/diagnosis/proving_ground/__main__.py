@@ -24,6 +24,7 @@ def proving_ground(cfg: DictConfig) -> None:
     from sci_lightning.diagnosis.proving_ground.report import write_report
     from sci_lightning.diagnosis.proving_ground.summary import sum_up
     from sci_lightning.errors import BadInput
+    from sci_lightning.next_command import invocation, print_next
 
     given, out, console = plain(cfg), Path(cfg.out), PlainConsole()
     records = Records(out / "cases")
@@ -41,6 +42,9 @@ def proving_ground(cfg: DictConfig) -> None:
         marks = {True: styled("yes", "green"), False: styled("no ", "red"), None: styled("   ", "")}
         console.say(marks[row.met], f" {row.what}: {row.found}" + (f" (target {row.target})" if row.target else ""))
     console.say(styled(out), f": summary.md, summary.json, {', '.join(path.name for path in pictures)}")
+    words = [f"{name}={plain(cfg)[name]}".replace(" ", "").replace("'", "") for name in ("suites", "size", "cases")]
+    more = [word.replace("None", "null") for word in (*words, f"seeds={cfg.seeds + 1}")]
+    print_next(console, invocation("diagnosis.proving_ground", *more, paths={"out": out}))
 
 
 def attempt_all(cases: list[Case], records: Records, workers: int, threads: int, console: PlainConsole) -> None:

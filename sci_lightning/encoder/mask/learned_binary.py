@@ -29,9 +29,7 @@ class LearnedBinary(Mask):
 
     learned = True
 
-    def __init__(
-        self, frames: Frames, size: Size, tile: Size | None = None, seed: Seed = 0, bits: Bits = 1
-    ) -> None:
+    def __init__(self, frames: Frames, size: Size, tile: Size | None = None, seed: Seed = 0, bits: Bits = 1) -> None:
         super().__init__(frames, size, tile)
         self.bits = check_binary(bits)
         self.weight = nn.Parameter(uniform(self.pattern_shape, seed))

@@ -23,9 +23,7 @@ class RandomBinary(Mask):
 
     pattern: torch.Tensor
 
-    def __init__(
-        self, frames: Frames, size: Size, tile: Size | None = None, seed: Seed = 0, bits: Bits = 1
-    ) -> None:
+    def __init__(self, frames: Frames, size: Size, tile: Size | None = None, seed: Seed = 0, bits: Bits = 1) -> None:
         super().__init__(frames, size, tile)
         self.bits = check_binary(bits)
         self.register_buffer("pattern", (uniform(self.pattern_shape, seed) < 0.5).float())

@@ -1,0 +1,36 @@
+"""The table at the end of a sweep: what became of every row."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.table import Table
+
+from sci_lightning.results import UNITS, number
+from sci_lightning.sweep import Row
+
+STYLES = {"skipped": "dim", "failed": "red", "unfinished": "red"}
+
+
+def sweep_table(rows: Sequence[Row]) -> Table:
+    """Lay out one line for each row: the overrides in which rows differ, its scores and its outcome.
+
+    Args:
+        rows: of one sweep, in their order; at least one.
+    """
+    common = set(rows[0].overrides).intersection(*(row.overrides for row in rows))
+    if len(rows) == 1:
+        common = set()
+    metrics = list(dict.fromkeys(metric for row in rows for metric in row.scores))
+    counts = [(outcome, sum(row.outcome == outcome for row in rows)) for outcome in ("done", *STYLES)]
+    title = ", ".join(f"{count} {outcome}" for outcome, count in counts if count)
+    table = Table(title=f"{len(rows)} rows: {title}", title_justify="left")
+    table.add_column("row")
+    for metric in metrics:
+        table.add_column(UNITS.get(metric, metric), justify="right", no_wrap=True)
+    table.add_column("outcome")
+    for row in rows:
+        name = " ".join(override for override in row.overrides if override not in common)
+        scores = [number(metric, row.scores[metric]) if metric in row.scores else "" for metric in metrics]
+        table.add_row(name, *scores, row.outcome, style=STYLES.get(row.outcome, ""))
+    return table
