@@ -17,7 +17,8 @@ def override(key: str, value: str | Path) -> str:
     """Return ``key=value`` as Hydra takes it: values with blanks, commas or brackets in quotes."""
     text = str(value)
     if not re.fullmatch(r"[\w./+~@%-]+", text):
-        text = "'" + text.replace("\\", "\\\\").replace("'", "\\'") + "'"
+        # in Hydra's quotes a backslash means itself, except before a quote
+        text = "'" + re.sub(r"(\\*)('|$)", lambda found: 2 * found[1] + ("\\'" if found[2] else ""), text) + "'"
     return f"{key}={text}"
 
 
