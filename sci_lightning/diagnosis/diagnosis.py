@@ -18,11 +18,10 @@ from sci_lightning.diagnosis.observation import observe
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
 from sci_lightning.diagnosis.search import Round
 from sci_lightning.diagnosis.split import split
+from sci_lightning.diagnosis.verdict import verdict
 from sci_lightning.diagnosis.where import ask
 from sci_lightning.encoder.effects import Effect
 
-GOOD = 1.05
-"""Reduced chi2 on held-out pixels up to which nothing is left to explain."""
 CERTAIN = 1e-4
 """P-value of a residual test, corrected, below which something is left whatever chi2 says."""
 
@@ -57,14 +56,8 @@ class Diagnosis:
 
     @property
     def verdict(self) -> str:
-        """consistent, explained, partly_explained or unexplained; the first two only if the residuals are noise."""
-        chi2, before = self.gaps["after"]["chi2"], self.gaps["before"]["chi2"]
-        # noise explains variance only: as long as the residuals have a structure, it stands in for something else
-        noise = any(self.fitter.model.known[name].noise for name in self.names)
-        structure = [test for test in self.left if noise or test.corrected < CERTAIN]
-        if chi2 <= GOOD and not self.unnamed and not structure:
-            return "explained" if self.names else "consistent"
-        return "partly_explained" if self.names and chi2 < before else "unexplained"
+        """consistent, explained, partly_explained or unexplained; see :func:`~sci_lightning.diagnosis.verdict`."""
+        return verdict(self.gaps, len(self.names), len(self.unnamed), len(self.left))
 
     @cached_property
     def residuals(self) -> dict[str, Residuals]:
@@ -81,13 +74,22 @@ class Diagnosis:
 
     @cached_property
     def left(self) -> list[ResidualTest]:
-        """Questions whose answer is significant with everything that was found in the model.
+        """Residual tests that find more than noise in what is left by the model with everything that was named.
 
-        Of mean and variance so much is let pass as comes from formulas of strong effects being a little inexact.
+        These are the tests that the verdict and its sentence speak of. A test about mean or variance has to find more
+        nats than come from the formulas of strong effects being a little inexact. If no noise was named, the p-value
+        has to be below ``CERTAIN``. If some was, ``SIGNIFICANT`` is enough: noise explains variance only, so that it
+        stands in for something else as long as the residuals have a structure.
         """
         inexact = IMPRECISE * self.fitter.explained(self.after, self.before, self.after)
-        found = (test for test in self.where["after"] if test.significant)
-        return [test for test in found if test.about in ("map", "converter") or test.nats > inexact]
+        noise = any(self.fitter.model.known[name].noise for name in self.names)
+        return [
+            test
+            for test in self.where["after"]
+            if test.significant
+            and (noise or test.corrected < CERTAIN)
+            and (test.about in ("map", "converter") or test.nats > inexact)
+        ]
 
 
 def diagnose(

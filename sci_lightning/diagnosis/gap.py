@@ -8,12 +8,14 @@ import torch
 
 from sci_lightning.diagnosis.fit import Fit, Fitter
 from sci_lightning.diagnosis.likelihood import quantile_residuals
+from sci_lightning.diagnosis.verdict import chi2_limit
 
 
 def gap(fitter: Fitter, fit: Fit, seed: int) -> dict[str, Any]:
     """Reduced chi2 of the quantile residuals, RMSE in DN and nats per pixel: all held-out pixels, and by kind.
 
-    With nothing held out (one capture of few pixels) the fitted pixels are taken.
+    With nothing held out (one capture of few pixels) the fitted pixels are taken. ``pixels`` is how many they are, and
+    ``chi2_limit`` what chi2 may be by chance, see :func:`~sci_lightning.diagnosis.verdict.chi2_limit`.
 
     Args:
         seed: of the residuals' randomisation.
@@ -35,6 +37,7 @@ def gap(fitter: Fitter, fit: Fit, seed: int) -> dict[str, Any]:
         }
 
     found: dict[str, Any] = over(held)
+    found |= {"pixels": int(held.sum()), "chi2_limit": chi2_limit(fitter, fit, residual, held)}
     found["by_kind"] = {}
     for kind in sorted(set(seen.kinds)):
         which = held & torch.tensor([each == kind for each in seen.kinds])[:, None, None]

@@ -8,39 +8,60 @@ from typing import Any
 import numpy as np
 import torch
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.leftover import Unnamed
 from sci_lightning.diagnosis.residual_tests import Picture, Residuals, ResidualTest
-from sci_lightning.diagnosis.residual_tests.drawing import draw_map, draw_test, limits
+from sci_lightning.diagnosis.residual_tests.drawing import OWN, draw_map, draw_test, hidden_by, limits
 from sci_lightning.diagnosis.residual_tests.position import PLACE
 from sci_lightning.diagnosis.search import Round
 from sci_lightning.diagnosis.svg import AFTER, BEFORE, FAINT, style
 
 SHOWN = 8
 """Candidates of a round that are drawn."""
+DECADES = 5
+"""Labels at most on a logarithmic axis."""
+MEAN, SIZE = "mean (standard errors)", "RMS (σ; noise: 1)"
 
 
 def residuals_figure(before: Residuals, after: Residuals) -> Figure:
-    """Where they disagree: mean and root mean square of the residuals of every pixel over all captures."""
+    """Where they disagree: mean and root mean square of the residuals of every pixel over all captures.
+
+    If what is left cannot be seen on the scale of what there was, a third row shows it on its own scale.
+    """
+    means = [Picture("map", each.raw.mean(0) * len(each.raw) ** 0.5, axes=PLACE) for each in (before, after)]
+    sizes = [each.raw.square().mean(0).sqrt() for each in (before, after)]
+    spans = [(0.0, max(float(torch.quantile(size, 0.998)), 1.5)) for size in (torch.stack(sizes), sizes[1])]
+    own = hidden_by(means[0], means[1])
     with style():
-        figure = Figure(figsize=(8.8, 7.2), layout="constrained")
-        grid = figure.subplots(2, 2, sharex=True, sharey=True)
-        sizes = [each.raw.square().mean(0).sqrt() for each in (before, after)]
-        means = [Picture("map", each.raw.mean(0) * len(each.raw) ** 0.5, axes=PLACE) for each in (before, after)]
-        high = max(float(torch.quantile(torch.stack(sizes), 0.998)), 1.5)
+        figure = Figure(figsize=(8.8, 10.8 if own else 7.2), layout="constrained")
+        grid = figure.subplots(3 if own else 2, 2, sharex=True, sharey=True)
         for column, when in enumerate(("before: the ideal camera", "after: with what was found")):
             mean: Any = draw_map(grid[0, column], means[column], *limits(means))
-            size = grid[1, column].imshow(sizes[column].numpy(), vmin=0, vmax=high, interpolation="nearest")
+            size = _sizes(grid[1, column], sizes[column], spans[0])
             grid[0, column].set_title(when, loc="left")
-        for image, row, label in ((mean, grid[0], "mean (standard errors)"), (size, grid[1], "RMS (σ; noise: 1)")):
-            figure.colorbar(image, ax=list(row), shrink=0.85, label=label).outline.set_visible(False)
+        _colour_bar(figure, mean, list(grid[0]), MEAN)
+        _colour_bar(figure, size, list(grid[1]), SIZE)
+        if own:
+            mean = draw_map(grid[2, 0], means[1], *limits(means[1:]))
+            size = _sizes(grid[2, 1], sizes[1], spans[1])
+            for axes, image, label in ((grid[2, 0], mean, MEAN), (grid[2, 1], size, SIZE)):
+                axes.set_title(OWN, loc="left")
+                _colour_bar(figure, image, [axes], label)
         for axes in grid.ravel():
             axes.set(xlabel=PLACE[0], ylabel=PLACE[1])
             axes.label_outer()
             axes.spines[:].set_visible(False)
         return figure
+
+
+def _sizes(axes: Any, values: torch.Tensor, span: tuple[float, float]) -> Any:
+    return axes.imshow(values.numpy(), vmin=span[0], vmax=span[1], interpolation="nearest")
+
+
+def _colour_bar(figure: Figure, image: Any, axes: list[Any], label: str) -> None:
+    figure.colorbar(image, ax=axes, shrink=0.85, label=label).outline.set_visible(False)
 
 
 def example_figure(before: Residuals, after: Residuals) -> Figure:
@@ -49,22 +70,24 @@ def example_figure(before: Residuals, after: Residuals) -> Figure:
     held = before.fitter.split.held_capture
     misfit = before.raw.square().mean((1, 2))
     number = int(torch.where(held, misfit, -1.0).argmax() if held.any() else misfit.argmax())
+    pictures = [Picture("map", each.raw[number], axes=PLACE) for each in (before, after)]
+    own = hidden_by(*pictures)
+    titles = [f"capture {int(seen.number[number])} ({seen.kinds[number]})", "residual before", "residual after", OWN]
     with style():
-        figure = Figure(figsize=(10.4, 3.1), layout="constrained")
-        grid = figure.subplots(1, 3, sharey=True)
+        figure = Figure(figsize=(13.2 if own else 10.4, 3.1), layout="constrained")
+        grid = figure.subplots(1, 4 if own else 3, sharey=True)
         recorded: Any = grid[0].imshow(seen.dn[number].numpy(), cmap="gray", vmin=0, interpolation="nearest")
-        grid[0].set_ylabel(PLACE[1])
-        pictures = [Picture("map", each.raw[number], axes=PLACE) for each in (before, after)]
-        for axes, picture in zip(grid[1:], pictures, strict=True):
+        for axes, picture in zip(grid[1:3], pictures, strict=True):
             residual: Any = draw_map(axes, picture, *limits(pictures))
-            axes.label_outer()
-        name = f"capture {int(seen.number[number])} ({seen.kinds[number]})"
-        for axes, title in zip(grid, (name, "residual before", "residual after"), strict=True):
+        _colour_bar(figure, recorded, [grid[0]], "DN")
+        _colour_bar(figure, residual, list(grid[1:3]), "residual (σ)")
+        if own:
+            _colour_bar(figure, draw_map(grid[3], pictures[1], *limits(pictures[1:])), [grid[3]], "residual (σ)")
+        for axes, title in zip(grid, titles, strict=False):
             axes.set_title(title, loc="left")
-            axes.set_xlabel(PLACE[0])
+            axes.set(xlabel=PLACE[0], ylabel=PLACE[1])
+            axes.label_outer()
             axes.spines[:].set_visible(False)
-        figure.colorbar(recorded, ax=grid[0], shrink=0.85, label="DN").outline.set_visible(False)
-        figure.colorbar(residual, ax=list(grid[1:]), shrink=0.85, label="residual (σ)").outline.set_visible(False)
         return figure
 
 
@@ -109,8 +132,7 @@ def evidence_figure(rounds: tuple[Round, ...], names: tuple[str, ...]) -> Figure
             axes.set_yticks(place, shown)
             axes.set_xscale("log")
             axes.set_xlim(left=1)
-            axes.xaxis.set_minor_locator(NullLocator())
-            axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
+            _label_decades(axes)
             axes.tick_params(labelbottom=True)
             dropped = " (dropped later)" if each.added and each.added not in names else ""
             axes.set_title(f"round {number}: {each.added or 'nothing is worth its parameters'}{dropped}", loc="left")
@@ -120,6 +142,21 @@ def evidence_figure(rounds: tuple[Round, ...], names: tuple[str, ...]) -> Figure
             figure.supxlabel("gain in log-likelihood (nats)", fontsize=9)
             figure.legend(*grid[0].get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize=8)
         return figure
+
+
+def _label_decades(axes: Any) -> None:
+    """Few enough labels on a logarithmic horizontal axis, and short enough ones, that none overlaps another."""
+    axes.xaxis.set_major_locator(LogLocator(numticks=DECADES))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: short(value)))
+
+
+def short(value: float) -> str:
+    """A number with at most a few digits, in thousands (k), millions (M) or thousand millions (G) if it is large."""
+    for factor, letter in ((1e9, "G"), (1e6, "M"), (1e4, "k")):
+        if value >= factor:
+            return f"{value / (1e3 if letter == 'k' else factor):.4g}{letter}"
+    return f"{value:.4g}"
 
 
 def gap_figure(gaps: dict[str, dict[str, Any]]) -> Figure:
@@ -139,10 +176,9 @@ def gap_figure(gaps: dict[str, dict[str, Any]]) -> Figure:
         axes.set_xscale("log")
         low, high = min(min(pair) for pair in pairs), max(max(pair) for pair in pairs)
         axes.set_xlim(min(0.8, 0.9 * low), max(1.3, 1.2 * high))
+        _label_decades(axes)
         if high < 8:
-            axes.xaxis.set_minor_locator(NullLocator())
             axes.set_xticks([tick for tick in (0.8, 1, 1.2, 1.5, 2, 3, 5) if tick <= max(1.3, 1.2 * high)])
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axes.set_xlabel("reduced chi2 on held-out pixels (1 = noise)")
         axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
         return figure
@@ -162,7 +198,7 @@ def correlation_figure(names: list[str], correlation: torch.Tensor) -> Figure:
         for row, column in ((r, c) for r in range(len(names)) for c in range(len(names)) if r != c):
             value = float(correlation[row, column])
             colour = "white" if abs(value) > 0.6 else "black"
-            axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=8, color=colour)
+            axes.text(column, row, f"{round(value, 2) + 0.0:.2f}", ha="center", va="center", fontsize=8, color=colour)
         figure.colorbar(image, ax=axes, shrink=0.8, label="correlation").outline.set_visible(False)
         return figure
 
@@ -205,10 +241,11 @@ def test_figure(before: ResidualTest | None, after: ResidualTest) -> Figure:
     asked = [("before", BEFORE, before)] if before else []
     asked.append(("after", AFTER, after))
     names, colours, tests = zip(*asked, strict=True)
+    own = before is not None and hidden_by(before.picture, after.picture)
     with style():
         height = 2.5 if after.picture.kind == "map" else 2.1
-        figure = Figure(figsize=(2.8 * len(tests) + 0.8, height), layout="constrained")
-        draw_test(figure, [each.picture for each in tests], names, colours)
+        figure = Figure(figsize=(2.8 * (len(tests) + own) + 0.8, height), layout="constrained")
+        draw_test(figure, [each.picture for each in tests], names, colours, own)
         return figure
 
 

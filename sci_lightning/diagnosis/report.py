@@ -15,9 +15,17 @@ from sci_lightning import __version__
 from sci_lightning.atomic_file import whole_file
 from sci_lightning.diagnosis.alternatives import Alternatives, alternatives
 from sci_lightning.diagnosis.diagnosis import Diagnosis
+from sci_lightning.diagnosis.digits import systematic_limit
 from sci_lightning.diagnosis.fit import Fit, Fitter
 from sci_lightning.diagnosis.report_page import report_page
 from sci_lightning.encoder.empirical import Empirical
+
+UNCERTAINTY = (
+    "Uncertainties are statistical only: one standard deviation, from the noise of the captures. Systematic errors, of "
+    "the target, of the light or of the patterns as displayed, come on top. Digits beyond a thousandth of what an "
+    "effect changes are not shown, because no formula is trusted further."
+)
+"""What ``std`` and ``systematic`` of the report mean, for people."""
 
 
 def describe(found: Diagnosis) -> dict[str, Any]:
@@ -28,6 +36,7 @@ def describe(found: Diagnosis) -> dict[str, Any]:
         "format_version": 1,
         "verdict": found.verdict,
         "effects": effects,
+        "uncertainty": UNCERTAINTY,
         "gap": found.gaps,
         "unnamed": [
             {"stage": each.stage, "where": each.where, "p_value": each.p_value, "picture": f"unnamed_{number}.png"}
@@ -42,7 +51,7 @@ def describe(found: Diagnosis) -> dict[str, Any]:
             },
             "stated_by_the_file": list(found.stated),
         },
-        "next_captures": [each["tell_apart"] for each in effects if each["tell_apart"]],
+        "next_captures": list(dict.fromkeys(each["tell_apart"] for each in effects if each["tell_apart"])),
         "split": found.fitter.split.describe(),
         "seed": found.seed,
         "sci_lightning": __version__,
@@ -62,7 +71,8 @@ def describe_effects(fitter: Fitter, fit: Fit, names: list[str]) -> list[dict[st
             std = deviation.get((name, parameter), 0.0) * (float(value) if about.log else 1.0)
             if name in fit.charts:
                 std = fit.charts[name].std_error
-            parameters[parameter] = {"value": value, "std": std, "unit": about.unit}
+            content = {"value": value, "std": std, "systematic": systematic_limit(value, about), "unit": about.unit}
+            parameters[parameter] = content
         evidence, other = {}, Alternatives((), "")
         if not effect.noise:
             without = fitter.fit(fit.hypothesis.without(name))

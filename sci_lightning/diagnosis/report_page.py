@@ -14,12 +14,17 @@ from matplotlib.figure import Figure
 
 from sci_lightning.diagnosis import pictures
 from sci_lightning.diagnosis.diagnosis import Diagnosis
+from sci_lightning.diagnosis.digits import chi2, uncertainty
 from sci_lightning.diagnosis.residual_tests import SIGNIFICANT, ResidualTest
-from sci_lightning.diagnosis.sentences import chi2, headline, quantity, say
+from sci_lightning.diagnosis.sentences import headline, parameter, say
 from sci_lightning.diagnosis.svg import svg
+from sci_lightning.diagnosis.verdict import NEGLIGIBLE
+from sci_lightning.plain_text import printable
 
 MOST = 8
 """Residual tests that are drawn."""
+WIDE = 7.0
+"""Inches from which a figure is scrolled on a narrow page rather than made illegibly small."""
 TEMPLATE = Path(__file__).with_suffix(".html")
 VERDICTS = {
     "consistent": "consistent: nothing is missing",
@@ -34,7 +39,7 @@ def report_page(found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str,
 
     Args:
         found: the diagnosis.
-        report: ``report.json``.
+        report: ``report.json``; ``captures`` and ``date`` are shown if they are in it.
         drawn: :func:`~sci_lightning.diagnosis.pictures.figures`.
         command: that was run.
     """
@@ -49,15 +54,31 @@ def report_page(found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str,
     )
     sentence = headline(report, found.left)
     return Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
-        title=escape(f"{found.verdict}: {', '.join(found.names) or 'no effect'}"),
+        title=_text(_title(found, report)),
         verdict=report["verdict"],
         verdict_words=VERDICTS[report["verdict"]],
         headline=_typeset(sentence),
+        source=_source(report),
         captures=_captures(found),
         cards=_cards(found, report),
         sections="\n".join(sections),
         footer=_footer(found, report, command),
     )
+
+
+def _title(found: Diagnosis, report: Mapping[str, Any]) -> str:
+    file, date = report.get("captures", {}).get("file", ""), report.get("date", "")[:10]
+    parts = (f"{VERDICTS[report['verdict']]}: {', '.join(found.names) or 'no effect'}", file, date)
+    return " \u00b7 ".join(filter(None, parts))
+
+
+def _source(report: Mapping[str, Any]) -> str:
+    """Which file was diagnosed, what it calls itself, and when."""
+    captures = report.get("captures", {})
+    file, name = captures.get("file", ""), captures.get("name", "")
+    date = report.get("date", "")[:16].replace("T", " ")
+    parts = (file, name if name and name != Path(file).stem else "", date and f"{date} UTC")
+    return " &middot; ".join(_text(part) for part in parts if part)
 
 
 def _captures(found: Diagnosis) -> str:
@@ -73,11 +94,13 @@ def _captures(found: Diagnosis) -> str:
 
 def _cards(found: Diagnosis, report: Mapping[str, Any]) -> str:
     before, after = report["gap"]["before"], report["gap"]["after"]
-    hits = [sum(test.significant for test in found.where[when]) for when in ("before", "after")]
+    hits = [sum(test.significant for test in found.where["before"]), len(found.left)]
+    limit = after["chi2_limit"]
+    note = f"; chance reaches {chi2(limit)} with {after['pixels']:,} pixels" if limit > NEGLIGIBLE else ""
     cards = [
-        (f"{chi2(before['chi2'])} &rarr; {chi2(after['chi2'])}", "held-out reduced &chi;&sup2; (1 = noise)"),
         (f"{before['rmse_dn']:.3g} &rarr; {after['rmse_dn']:.3g} DN", "held-out RMS error"),
-        (f"{hits[0]} &rarr; {hits[1]}", f"of {len(found.where['before'])} questions find something"),
+        (f"{chi2(before['chi2'])} &rarr; {chi2(after['chi2'])}", f"held-out reduced &chi;&sup2; (1 = noise{note})"),
+        (f"{hits[0]} &rarr; {hits[1]}", f"of {len(found.where['before'])} questions find more than noise"),
         (str(len(report["effects"])), "effects named"),
     ]
     return "".join(f'<div class="card"><b>{value}</b><span>{label}</span></div>' for value, label in cards)
@@ -87,7 +110,8 @@ def _disagreement(drawn: Mapping[str, Figure]) -> str:
     return _section(
         "Where model and captures disagree",
         "<p>A residual is what is left of a pixel when the model has had its say, in units of the noise σ that it "
-        "predicts: standard normal when the model is right. Before and after are drawn to the same scale.</p>"
+        "predicts: standard normal when the model is right. Before and after are drawn to the same scale, and what is "
+        "left once more on its own scale if it cannot be made out on that one.</p>"
         + _figure(drawn["residuals.png"], "Residuals of every pixel, taken over all captures.")
         + _figure(drawn["example.png"], "The held-out capture that the ideal camera misses most."),
     )
@@ -99,18 +123,16 @@ def _effects(found: Diagnosis, report: Mapping[str, Any]) -> str:
     rows = []
     for effect in report["effects"]:
         evidence = effect["evidence"].get("delta_nll")
-        for number, (name, each) in enumerate(effect["parameters"].items()):
-            value, std, unit = each["value"], each["std"], each["unit"]
-            range_ = ""
-            if isinstance(value, float) and std > 0:
-                low, high = (quantity(value + side * 1.96 * std, std).split(" ")[0] for side in (-1, 1))
-                range_ = f"{low} to {high}"
-            told = (effect["name"], effect["stage"], "" if evidence is None else f"{evidence:,.0f}")
-            first = told if number == 0 else ("", "", "")
-            rows.append((first[0], first[1], name, quantity(value, std), range_, "" if unit == "1" else unit, first[2]))
-    head = ("effect", "stage", "parameter", "value", "95 % interval", "unit", "nats lost without it")
+        for number, (name, content) in enumerate(effect["parameters"].items()):
+            named = (effect["name"], effect["stage"]) if number == 0 else ("", "")
+            unit = "" if content["unit"] == "1" else content["unit"]
+            value, error = parameter(content).split(" ")[0], uncertainty(content["std"])
+            lost = "" if evidence is None or number else f"{evidence:,.0f}"
+            rows.append((*named, name, value, error and f"\u00b1 {error}", unit, lost))
+    head = ("effect", "stage", "parameter", "value", "statistical error (1 \u03c3)", "unit", "nats lost without it")
     sentences = "".join(f"<li>{_typeset(say(effect))}</li>" for effect in report["effects"])
     parts = [f"<ul>{sentences}</ul>" if len(report["effects"]) > 1 else "", _table(head, rows)]
+    parts.append(f'<p class="quiet">{escape(report["uncertainty"])}</p>')
     names, correlation = _correlation(found)
     if len(names) == 2:
         pair = f"The errors of {names[0]} and {names[1]} are correlated by {float(correlation[0, 1]):.2f}."
@@ -137,21 +159,25 @@ def _correlation(found: Diagnosis) -> tuple[list[str], torch.Tensor]:
 
 def _gap(report: Mapping[str, Any], drawn: Mapping[str, Figure]) -> str:
     gaps = [report["gap"][when] for when in ("before", "after")]
-    groups = {"chi2": "&chi;&sup2;", "rmse_dn": "RMS error (DN)", "nll": "nats per pixel"}
-    lines = ["<th></th>" + "".join(f'<th colspan="2" class="n">{each}</th>' for each in groups.values())]
-    lines.append("<th>kind</th>" + '<th class="n">before</th><th class="n">after</th>' * len(groups))
+    head = ("kind", "RMS error (DN)", "chi2", "nats per pixel")
+    rows = []
     for kind in (*gaps[0]["by_kind"], "all"):
-        pair = [each if kind == "all" else each["by_kind"][kind] for each in gaps]
-        cells = (f'<td class="n">{each[key]:.4g}</td>' for key in groups for each in pair)
-        lines.append(f"<td>{kind}</td>{''.join(cells)}")
+        pair = [gap if kind == "all" else gap["by_kind"][kind] for gap in gaps]
+        columns = ((key, chi2 if key == "chi2" else _three) for key in ("rmse_dn", "chi2", "nll"))
+        rows.append((kind, *(" \u2192 ".join(write(gap[key]) for gap in pair) for key, write in columns)))
     drawings = (
         _figure(
             drawn["histogram.png"], "Residuals against the standard normal that they follow when the model is right."
         ),
         _figure(drawn["gap.png"], "Reduced chi2 of held-out pixels by kind of capture."),
     )
-    table = '<div class="scroll"><table>' + "".join(f"<tr>{line}</tr>" for line in lines) + "</table></div>"
-    return _section("How far apart they are", f'<div class="pair">{"".join(drawings)}</div>{table}')
+    numbers = '<p class="quiet">On held-out pixels, before \u2192 after.</p>' + _table(head, rows, "figures")
+    return _section("How far apart they are", f'<div class="pair">{"".join(drawings)}</div>{numbers}')
+
+
+def _three(value: float) -> str:
+    """Three significant digits, without an exponent."""
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 
 def _evidence(found: Diagnosis, drawn: Mapping[str, Figure]) -> str:
@@ -171,16 +197,21 @@ def _tests(found: Diagnosis) -> str:
     pairs = [(before.get(after.name), after) for after in found.where["after"]]
     rows = []
     for first, after in pairs:
-        cells = [_p_cell(test.corrected) if test else "<td></td>" for test in (first, after)]
-        told = f"<td>{after.name}</td><td>{escape(after.question)}</td><td>{after.about}</td>"
-        rows.append(f"<tr>{told}{''.join(cells)}</tr>")
-    head = "".join(f"<th>{each}</th>" for each in ("name", "question to the residuals", "about"))
+        cells = [_p_cell(label, test) for label, test in (("p before", first), ("p after", after))]
+        name = f'<td data-label="name">{_text(after.name)}</td><td data-label="question">{_text(after.question)}</td>'
+        rows.append(f'<tr>{name}<td data-label="about">{after.about}</td>{"".join(cells)}</tr>')
+    head = "".join(f"<th>{title}</th>" for title in ("name", "question to the residuals", "about"))
     head += '<th class="n">p before</th><th class="n">p after</th>'
-    table = f'<div class="scroll"><table><tr>{head}</tr>{"".join(rows)}</table></div>'
+    table = f'<div class="scroll"><table class="stack tests-table"><tr>{head}</tr>{"".join(rows)}</table></div>'
     text = (
         f"<p>p-values are corrected (Holm) for how many questions are asked; below {SIGNIFICANT:g} counts as found. "
         "Noise can explain what is said about variance, nothing else.</p>"
     )
+    if aside := sum(test.significant for test in found.where["after"]) - len(found.left):
+        text += (
+            f"<p>Afterwards {aside} of them find something that does not count against the model: less than comes from "
+            "the formulas of strong effects being a little inexact, or a p-value that is only just small enough.</p>"
+        )
     hits = [(first, after) for first, after in pairs if after.significant or (first and first.significant)]
     hits.sort(key=lambda pair: (not pair[1].significant, pair[1].about == "variance", -_nats(pair)))
     shown = [
@@ -196,10 +227,13 @@ def _nats(pair: tuple[ResidualTest | None, ResidualTest]) -> float:
     return max(test.nats for test in pair if test)
 
 
-def _p_cell(p_value: float) -> str:
+def _p_cell(label: str, test: ResidualTest | None) -> str:
+    if test is None:
+        return "<td></td>"
+    p_value = test.corrected
     kind = "hit" if p_value < SIGNIFICANT else "miss"
     text = "&lt; 1e-300" if p_value < 1e-300 else f"{p_value:.2g}"
-    return f'<td class="n {kind}">{text}</td>'
+    return f'<td class="n {kind}" data-label="{label}">{text}</td>'
 
 
 def _left(found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str, Figure]) -> str:
@@ -210,15 +244,11 @@ def _left(found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str, Figur
         parts.append(_figure(drawn[f"unnamed_{number}.png"], caption))
     for effect in report["effects"]:
         if effect["alternatives"]:
-            others = ", ".join(effect["alternatives"])
-            apart = f" This would tell: {effect['tell_apart']}." if effect["tell_apart"] else ""
-            parts.append(
-                f"<p>The captures cannot tell <b>{effect['name']}</b> from {escape(others)}.{escape(apart)}</p>"
-            )
-    if report.get("next_captures"):
-        parts.append("<h3>Captures to take next</h3><ol>")
-        parts += [f"<li>{escape(each)}</li>" for each in report["next_captures"]]
-        parts.append("</ol>")
+            name, others = _text(effect["name"]), _text(" or ".join(effect["alternatives"]))
+            parts.append(f"<p>The captures cannot tell <b>{name}</b> from {others}: either may be meant.</p>")
+    if report["next_captures"]:
+        items = "".join(f"<li>{_text(sentence)}</li>" for sentence in report["next_captures"])
+        parts.append(f"<h3>What to record next</h3><ol>{items}</ol>")
     return _section("What is left", "".join(parts) or "<p>Nothing without a name, and no name in doubt.</p>")
 
 
@@ -238,7 +268,7 @@ def _footer(found: Diagnosis, report: Mapping[str, Any], command: str) -> str:
     told = [
         f"{name.replace('_', ' ')}: "
         + ", ".join(f"{key} {value:.4g}" for key, value in values.items())
-        + (" (datasheet)" if name in stated and name not in found.names else " (estimated)")
+        + (" (stated by the file)" if name in stated and name not in found.names else " (estimated)")
         for name, values in noise.items()
     ]
     rows = [
@@ -248,16 +278,21 @@ def _footer(found: Diagnosis, report: Mapping[str, Any], command: str) -> str:
             f"{split['held_out_blocks']}: {100 * split['held_out_fraction']:.0f} % of all pixels",
         ),
         ("noise", "; ".join(told)),
-        ("command", f"<code>{escape(command)}</code>"),
+        ("command", f"<code>{_text(command)}</code>"),
         ("run time", f"{report['runtime_s']:.1f} s"),
         ("version", f"sci_lightning {report['sci_lightning']}, seed {report['seed']}"),
     ]
     return "<table>" + "".join(f"<tr><th>{key}</th><td>{value}</td></tr>" for key, value in rows) + "</table>"
 
 
+def _text(text: str) -> str:
+    """Text for the page, whatever a path or a file contributes to it: no markup, and no control characters."""
+    return escape(printable(text))
+
+
 def _typeset(text: str) -> str:
-    """Text for the page: chi squared and minus as they are printed."""
-    return re.sub(r"(?<![\w.])-(?=\d)", "\u2212", escape(text).replace("chi2", "χ²"))
+    """Text for the page with chi squared and minus as they are printed."""
+    return re.sub(r"(?<![\w.])-(?=\d)", "\u2212", _text(text).replace("chi2", "χ²"))
 
 
 def _section(title: str, content: str) -> str:
@@ -265,11 +300,18 @@ def _section(title: str, content: str) -> str:
 
 
 def _figure(figure: Figure, caption: str) -> str:
-    note = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
-    return f"<figure>{svg(figure, escape(caption, quote=True))}{note}</figure>"
+    note = f"<figcaption>{_text(caption)}</figcaption>" if caption else ""
+    wide = ' class="wide"' if figure.get_size_inches()[0] > WIDE else ""
+    return f'<figure{wide}><div class="scroll">{svg(figure, _text(caption))}</div>{note}</figure>'
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = ["".join(f"<th>{cell}</th>" for cell in head)]
-    lines += ["".join(f"<td>{_typeset(cell)}</td>" for cell in row) for row in rows]
-    return '<div class="scroll"><table>' + "".join(f"<tr>{line}</tr>" for line in lines) + "</table></div>"
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]], kind: str = "stack") -> str:
+    """A table; of kind ``stack``, every row becomes a list of labelled values where the page is narrow."""
+    titles = [_typeset(cell) for cell in head]
+    lines = ["".join(f"<th>{title}</th>" for title in titles)]
+    for row in rows:
+        cells = zip(titles, row, strict=True)
+        lines.append("".join(f'<td data-label="{title}">{_typeset(cell)}</td>' for title, cell in cells))
+    return (
+        f'<div class="scroll"><table class="{kind}">' + "".join(f"<tr>{line}</tr>" for line in lines) + "</table></div>"
+    )

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from sci_lightning.diagnosis.digits import chi2, quantity
 from sci_lightning.diagnosis.residual_tests import ResidualTest
+from sci_lightning.diagnosis.verdict import NEGLIGIBLE
 
 EFFECTS = {
     "pattern_order": "the patterns come {offset} slots late",
@@ -40,54 +41,102 @@ EFFECTS = {
 
 MOST = 3
 """Effects that a headline tells of in words."""
+VISIBLE = 0.02
+"""Part by which a figure has to fall for a headline to lead with it."""
+CLEAN = "nothing significant is left"
+"""What a headline ends with when the verdict is consistent or explained."""
 
 
 def headline(report: Mapping[str, Any], left: Sequence[ResidualTest]) -> str:
-    """The verdict in one sentence.
+    """Return the verdict and its reasons in one sentence; it never says anything else than ``report["verdict"]``.
 
     Args:
         report: ``report.json``.
-        left: residual tests that are significant with everything that was found in the model.
+        left: the residual tests that the verdict follows from, :attr:`Diagnosis.left`.
     """
-    before, after = (chi2(report["gap"][when]["chi2"]) for when in ("before", "after"))
-    rest = _rest(report, left)
+    gap = report["gap"]["after"]
+    if report["verdict"] == "consistent":
+        return f"The captures agree with the ideal camera: held-out chi2 {_chi2_by_chance(gap)}, and {CLEAN}."
     if not report["effects"]:
-        if rest == CLEAN:
-            return f"The captures agree with the ideal camera: held-out chi2 {after}, and {CLEAN}."
-        if report["unnamed"]:
-            verdict = f"The captures disagree with the ideal camera (held-out chi2 {before}) and no name explains it"
-            fallen = report["gap"]["after"]["chi2"] < 0.999 * report["gap"]["before"]["chi2"]
-            return f"{verdict}: {_places(report)}{f'; in free form it leaves {after}' if fallen else ''}."
-        return f"The captures disagree with the ideal camera (held-out chi2 {after}) and no name explains it: {rest}."
-    told = [say(effect) for effect in report["effects"]]
-    found = " and ".join(filter(None, (", ".join(told[:-1]), told[-1])))
-    if len(told) > MOST:
-        found = f"{len(told)} effects act together: {', '.join(each['name'] for each in report['effects'])}"
-    link = "and" if rest == CLEAN else "but"
-    falls = "falls" if float(before) > float(after) else "goes"  # less noise than stated: up towards 1
-    fall = f"with that in the model the held-out misfit {falls} from chi2 {before} to {after}"
-    return f"{found[0].upper()}{found[1:]}; {fall}, {link} {rest}."
+        return f"{_disagreement(report)}: {_rest(report, left)}."
+    described = [_admitting(effect) for effect in report["effects"]]
+    found = " and ".join(filter(None, (", ".join(described[:-1]), described[-1])))
+    if len(described) > MOST:
+        names = (effect["name"] + _others(effect, "or {}") for effect in report["effects"])
+        found = f"{len(described)} effects act together: {', '.join(names)}"
+    if report["verdict"] == "unexplained":
+        worthless = "does not make the held-out pixels likelier"
+        return f"{_disagreement(report)}: to say that {found} {worthless}, and {_rest(report, left)}."
+    end = f"and {CLEAN}" if report["verdict"] == "explained" else f"but {_rest(report, left)}"
+    return f"{found[0].upper()}{found[1:]}; with that in the model {improvement(report)}, {end}."
 
 
-CLEAN = "nothing significant is left"
+def improvement(report: Mapping[str, Any]) -> str:
+    """Say what the effects that were found improve on held-out pixels, in the figure in which it shows most plainly.
+
+    That is the RMS error if it falls by more than ``VISIBLE``. It is chi2 if that does, which noise alone changes. If
+    neither does, a weak effect is worth log-likelihood only.
+    """
+    before, after = report["gap"]["before"], report["gap"]["after"]
+    fall = f"chi2 {chi2(before['chi2'])} to {_chi2_by_chance(after)}"
+    if overestimated := before["chi2"] < 2 - before["chi2_limit"]:
+        fall = f"chi2 {chi2(before['chi2'])}, below 1 because the noise was overestimated, to {_chi2_by_chance(after)}"
+    if after["rmse_dn"] < (1 - VISIBLE) * before["rmse_dn"]:
+        rmse = [f"{each['rmse_dn']:.3g}" for each in (before, after)]
+        return f"the held-out RMS error falls from {rmse[0]} to {rmse[1]} DN ({'from ' if overestimated else ''}{fall})"
+    if after["chi2"] < (1 - VISIBLE) * before["chi2"]:
+        return f"the held-out misfit falls from {fall}"
+    nats = (before["nll"] - after["nll"]) * after["pixels"]
+    if overestimated:
+        return f"held-out pixels become likelier by {nats:,.0f} nats (from {fall})"
+    if nats >= 0.5:
+        return f"held-out pixels become likelier by {nats:,.0f} nats (chi2 {_chi2_by_chance(after)})"
+    return f"the held-out misfit stays at chi2 {_chi2_by_chance(after)}"
+
+
+def _disagreement(report: Mapping[str, Any]) -> str:
+    before, after = report["gap"]["before"]["chi2"], report["gap"]["after"]["chi2"]
+    free = f", {chi2(after)} in free form" if report["unnamed"] and after < 0.999 * before else ""
+    return f"The captures disagree with the ideal camera (held-out chi2 {chi2(before)}{free}) and no name explains it"
 
 
 def _rest(report: Mapping[str, Any], left: Sequence[ResidualTest]) -> str:
+    """Say why a verdict is neither ``consistent`` nor ``explained``."""
+    gap, named = report["gap"]["after"], bool(report["effects"])
     if report["unnamed"]:
-        return f"something without a name is left ({_places(report)})"
+        places = ", and ".join(f"in the {each['stage']}, {each['where']}" for each in report["unnamed"])
+        return f"something without a name is left ({places})" if named else places
     if left:
-        names = ", ".join(each.name for each in left[:4]) + (", .." if len(left) > 4 else "")
+        names = ", ".join(test.name for test in left[:4]) + (", .." if len(left) > 4 else "")
         return f"the residuals are not noise yet ({names})"
-    return CLEAN
+    limit = f"chi2 {chi2(gap['chi2'])} is more than the {chi2(gap['chi2_limit'])} that {_chance(gap)}"
+    return f"{limit}, and no test of the residuals says where it comes from"
 
 
-def _places(report: Mapping[str, Any]) -> str:
-    return ", and ".join(f"in the {each['stage']}, {each['where']}" for each in report["unnamed"])
+def _chi2_by_chance(gap: Mapping[str, Any]) -> str:
+    """A chi2, with what makes it acceptable if it is above what is negligible anyhow."""
+    if not NEGLIGIBLE < gap["chi2"] <= gap["chi2_limit"]:
+        return chi2(gap["chi2"])
+    return f"{chi2(gap['chi2'])} (up to {chi2(gap['chi2_limit'])} {_chance(gap)})"
+
+
+def _chance(gap: Mapping[str, Any]) -> str:
+    return f"chance can make of {gap['pixels']:,} pixels"
+
+
+def _admitting(effect: Mapping[str, Any]) -> str:
+    """An effect in words, and the effects that might as well be meant."""
+    return say(effect) + _others(effect, "or it is {}, which these captures cannot tell from it")
+
+
+def _others(effect: Mapping[str, Any], text: str) -> str:
+    others = " or ".join(effect.get("alternatives", ()))
+    return f" ({text.format(others)})" if others else ""
 
 
 def say(effect: Mapping[str, Any]) -> str:
-    """One effect of the report with its parameters and their standard deviations."""
-    values = {name: quantity(each["value"], each["std"]) for name, each in effect["parameters"].items()}
+    """Return one effect of the report in words, with its parameters and their statistical standard deviations."""
+    values = {name: parameter(each) for name, each in effect["parameters"].items()}
     if effect["name"] in EFFECTS:
         return EFFECTS[effect["name"]].format(**values)
     units = {name: each["unit"].removeprefix("1") for name, each in effect["parameters"].items()}
@@ -95,16 +144,6 @@ def say(effect: Mapping[str, Any]) -> str:
     return f"{effect['name']} ({told})"
 
 
-def quantity(value: float | int | str, std: float = 0.0) -> str:
-    """A number with its standard deviation, both to the digits that mean something."""
-    if not isinstance(value, float):
-        return str(value)
-    if not std > 0 or not math.isfinite(std):
-        return f"{value:.6g}"
-    digits = max(0, 1 - math.floor(math.log10(std)))
-    return f"{value:.{digits}f} \u00b1 {std:.{digits}f}"
-
-
-def chi2(value: float) -> str:
-    """A reduced chi2, to the digits that mean something."""
-    return f"{value:.0f}" if value >= 1000 else f"{value:.4g}" if value >= 10 else f"{value:.3f}"
+def parameter(content: Mapping[str, Any]) -> str:
+    """Return a parameter of the report as a number with the digits that mean something."""
+    return quantity(content["value"], content["std"], content["systematic"])

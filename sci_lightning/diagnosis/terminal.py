@@ -10,7 +10,8 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from rich.table import Table
 
 from sci_lightning.console import PlainConsole, styled
-from sci_lightning.diagnosis.sentences import chi2, quantity
+from sci_lightning.diagnosis.digits import chi2
+from sci_lightning.diagnosis.sentences import parameter
 
 TONES = {"consistent": "green", "explained": "green", "partly_explained": "yellow", "unexplained": "red"}
 
@@ -49,16 +50,19 @@ def print_report(report: Mapping[str, Any], sentence: str, console: PlainConsole
         effects = Table("effect", "stage", "parameter", title="effects", title_justify="left")
         effects.add_column("value", justify="right")
         for effect in report["effects"]:
-            for name, each in effect["parameters"].items():
-                unit = "" if each["unit"] == "1" else f" {each['unit']}"
-                effects.add_row(effect["name"], effect["stage"], name, quantity(each["value"], each["std"]) + unit)
+            for name, content in effect["parameters"].items():
+                unit = "" if content["unit"] == "1" else f" {content['unit']}"
+                effects.add_row(effect["name"], effect["stage"], name, parameter(content) + unit)
         console.print(effects)
+        console.say("\u00b1 is one standard deviation, statistical only; report.json has all digits")
     before, after = report["gap"]["before"], report["gap"]["after"]
     gap = Table("kind", title="gap on held-out pixels", title_justify="left")
-    for title in ("chi2 before", "after", "RMSE before (DN)", "after"):
+    for title in ("RMSE before (DN)", "after", "chi2 before", "after"):
         gap.add_column(title, justify="right")
     for kind in (*before["by_kind"], "all"):
         pair = [each if kind == "all" else each["by_kind"][kind] for each in (before, after)]
-        numbers = (*(chi2(each["chi2"]) for each in pair), *(f"{each['rmse_dn']:.3g}" for each in pair))
+        numbers = (*(f"{each['rmse_dn']:.3g}" for each in pair), *(chi2(each["chi2"]) for each in pair))
         gap.add_row(kind, *numbers, style="bold" if kind == "all" else "")
     console.print(gap)
+    for advice in report["next_captures"]:
+        console.say(styled("record next"), f": {advice}")

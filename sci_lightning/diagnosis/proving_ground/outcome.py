@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from sci_lightning.diagnosis.verdict import NEGLIGIBLE
 from sci_lightning.virtual_camera import EFFECTS
 
 
@@ -73,6 +74,11 @@ class Outcome:
     def chi2(self) -> tuple[float, float]:
         """Held-out reduced chi2 before and after."""
         return float(self.record["gap"]["before"]["chi2"]), float(self.record["gap"]["after"]["chi2"])
+
+    @property
+    def chi2_limit(self) -> float:
+        """What held-out reduced chi2 may be afterwards: more than 1.05 only where few pixels were held out."""
+        return float(self.record["gap"]["after"].get("chi2_limit", NEGLIGIBLE))
 
     @property
     def closed(self) -> float:

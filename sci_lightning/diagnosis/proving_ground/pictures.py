@@ -14,7 +14,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 from sci_lightning.atomic_file import whole_file
 from sci_lightning.diagnosis.proving_ground.outcome import Outcome
 from sci_lightning.diagnosis.proving_ground.proportion import NORMAL, Proportion
-from sci_lightning.diagnosis.proving_ground.summary import GOOD
+from sci_lightning.diagnosis.verdict import NEGLIGIBLE
 from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY
 
 STAGES = ("modulator", "relay", "exposure", "optics", "sensor")
@@ -143,7 +143,7 @@ def gap_figure(outcomes: Sequence[Outcome]) -> Figure:
             axes.plot(before[chosen], after[chosen], "o", color=colour, alpha=0.75, markersize=5, label=suite)
     same = np.geomspace(0.5, high, 500)
     axes.plot(same, same, color="#999999", linewidth=1, linestyle=":", label="no change")
-    axes.axhline(GOOD, color="#222222", linewidth=1, linestyle="--", label=f"target {GOOD}")
+    axes.axhline(NEGLIGIBLE, color="#222222", linewidth=1, linestyle="--", label=f"target {NEGLIGIBLE}")
     axes.set(xscale="log", xlim=(0.8, high))
     axes.set(xlabel="held-out reduced chi2 before: ideal camera", ylabel="after: with what was found")
     if after.max() > 2:

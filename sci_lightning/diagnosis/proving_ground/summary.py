@@ -10,9 +10,8 @@ from typing import Any
 
 from sci_lightning.diagnosis.proving_ground.outcome import Outcome
 from sci_lightning.diagnosis.proving_ground.proportion import NORMAL, Proportion
+from sci_lightning.diagnosis.verdict import NEGLIGIBLE
 
-GOOD = 1.05
-"""Held-out reduced chi2 up to which captures count as explained."""
 CLOSED = 0.95
 """Part of chi2's excess that should be gone."""
 APART = 1.5
@@ -105,7 +104,12 @@ def sum_up(records: Iterable[Mapping[str, Any]]) -> list[Row]:
         ),
         _share("fewer captures: confident wrong name", cases("fewer"), _wrong, most=0.0),
         _intervals([*named, *cases("fewer")]),
-        _share(f"explained: held-out chi2 at most {GOOD}", explained, lambda each: each.chi2[1] <= GOOD, least=1.0),
+        _share(
+            f"explained: held-out chi2 at most {NEGLIGIBLE}",
+            explained,
+            lambda each: each.chi2[1] <= each.chi2_limit,
+            least=1.0,
+        ),
         _gap(apart),
         *_times(outcomes),
         _memory(outcomes),

@@ -12,31 +12,56 @@ from matplotlib.image import AxesImage
 
 from sci_lightning.diagnosis.residual_tests.residual_test import Picture
 
+HIDDEN = 3.0
+"""Factor between two scales beyond which what fills the smaller one can no longer be made out on the larger."""
+OWN = "after, on its own scale"
 LABELS = 10
 """Bars at most that are labelled one by one."""
 
 
-def draw_test(figure: FigureBase, pictures: Sequence[Picture], titles: Sequence[str], colours: Sequence[str]) -> None:
-    """Pictures of one question, asked of several models, side by side and to the same scale."""
-    grid = figure.subplots(1, len(pictures), squeeze=False, sharey=pictures[0].kind != "map")[0]
-    low, high = limits(pictures)
-    for axes, picture, title, colour in zip(grid, pictures, titles, colours, strict=True):
+def draw_test(
+    figure: FigureBase,
+    pictures: Sequence[Picture],
+    titles: Sequence[str],
+    colours: Sequence[str],
+    own: bool = False,
+) -> None:
+    """Draw pictures of one question, asked of several models, side by side and to the same scale.
+
+    Args:
+        figure: where to.
+        pictures: of the same kind.
+        titles: one for each.
+        colours: of curves and bars, one for each.
+        own: whether the last picture is drawn once more, on its own scale; see :func:`hidden_by`.
+    """
+    count = len(pictures)
+    panels = list(zip(pictures, titles, colours, [limits(pictures)] * count, strict=True))
+    if own:
+        panels.append((pictures[-1], OWN, colours[-1], limits(pictures[-1:])))
+    grid = figure.subplots(1, len(panels), squeeze=False)[0]
+    images = []
+    for axes, (picture, title, colour, (low, high)) in zip(grid, panels, strict=True):
         axes.set_title(title, loc="left")
         if picture.kind == "map":
-            image = draw_map(axes, picture, low, high)
-        elif picture.kind == "curve":
-            _curve(axes, picture, colour)
-        else:
-            _bars(axes, picture, colour)
-        if picture.kind != "map":
-            axes.set_ylim(low, high)
-            axes.axhline(picture.middle, color="#8a8f98", linewidth=0.8, zorder=0)
-            axes.set_xlabel(picture.axes[0])
-    if pictures[0].kind == "map":
-        bar = figure.colorbar(image, ax=list(grid), shrink=0.85, label=pictures[0].unit)
-        bar.outline.set_visible(False)
-    else:
+            images.append(draw_map(axes, picture, low, high))
+            continue
+        (_curve if picture.kind == "curve" else _bars)(axes, picture, colour)
+        axes.set_ylim(low, high)
+        axes.axhline(picture.middle, color="#8a8f98", linewidth=0.8, zorder=0)
+        axes.set_xlabel(picture.axes[0])
+    if not images:
         grid[0].set_ylabel(pictures[0].unit)
+        for axes in grid[1:count]:
+            axes.tick_params(labelleft=False)
+    for image, beside in zip(images[count - 1 :], (grid[:count], grid[count:]), strict=False):
+        figure.colorbar(image, ax=list(beside), shrink=0.85, label=pictures[0].unit).outline.set_visible(False)
+
+
+def hidden_by(before: Picture, after: Picture) -> bool:
+    """Return whether a picture could not be made out if it were drawn only on the scale of the one before."""
+    spans = [high - low for low, high in (limits([before, after]), limits([after]))]
+    return spans[0] > HIDDEN * spans[1]
 
 
 def draw_map(axes: Axes, picture: Picture, low: float, high: float) -> AxesImage:
