@@ -49,9 +49,10 @@ def residuals_figure(before: Residuals, after: Residuals) -> Figure:
             for axes, image, label in ((grid[2, 0], mean, MEAN), (grid[2, 1], size, SIZE)):
                 axes.set_title(OWN, loc="left")
                 _colour_bar(figure, image, [axes], label)
-        for axes in grid.ravel():
-            axes.set(xlabel=PLACE[0], ylabel=PLACE[1])
-            axes.label_outer()
+        for number, axes in enumerate(grid.ravel()):  # label_outer() no longer knows the places beside colour bars
+            last, first = number >= grid.size - 2, number % 2 == 0
+            axes.set(xlabel=PLACE[0] if last else "", ylabel=PLACE[1] if first else "")
+            axes.tick_params(labelbottom=last, labelleft=first)
             axes.spines[:].set_visible(False)
         return figure
 

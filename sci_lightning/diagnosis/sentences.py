@@ -56,7 +56,8 @@ def headline(report: Mapping[str, Any], left: Sequence[ResidualTest]) -> str:
     """
     gap = report["gap"]["after"]
     if report["verdict"] == "consistent":
-        return f"The captures agree with the ideal camera: held-out chi2 {_chi2_by_chance(gap)}, and {CLEAN}."
+        allowed = f" ({_chance(gap)})" if _by_chance(gap) else ""
+        return f"The captures agree with the ideal camera: held-out chi2 {chi2(gap['chi2'])}{allowed}, and {CLEAN}."
     if not report["effects"]:
         return f"{_disagreement(report)}: {_rest(report, left)}."
     described = [_admitting(effect) for effect in report["effects"]]
@@ -78,20 +79,21 @@ def improvement(report: Mapping[str, Any]) -> str:
     neither does, a weak effect is worth log-likelihood only.
     """
     before, after = report["gap"]["before"], report["gap"]["after"]
-    fall = f"chi2 {chi2(before['chi2'])} to {_chi2_by_chance(after)}"
+    reached = chi2(after["chi2"])
+    fall = f"chi2 {chi2(before['chi2'])} to {reached}"
     if overestimated := before["chi2"] < 2 - before["chi2_limit"]:
-        fall = f"chi2 {chi2(before['chi2'])}, below 1 because the noise was overestimated, to {_chi2_by_chance(after)}"
+        fall = f"from chi2 {chi2(before['chi2'])}, below 1 because the noise was overestimated, to {reached}"
+    allowed = f", where {_chance(after)}" if _by_chance(after) else ""
     if after["rmse_dn"] < (1 - VISIBLE) * before["rmse_dn"]:
-        rmse = [f"{each['rmse_dn']:.3g}" for each in (before, after)]
-        return f"the held-out RMS error falls from {rmse[0]} to {rmse[1]} DN ({'from ' if overestimated else ''}{fall})"
+        rmse = [f"{gap['rmse_dn']:.3g}" for gap in (before, after)]
+        return f"the held-out RMS error falls from {rmse[0]} to {rmse[1]} DN ({fall}{allowed})"
     if after["chi2"] < (1 - VISIBLE) * before["chi2"]:
-        return f"the held-out misfit falls from {fall}"
+        return f"the held-out misfit falls {fall if overestimated else f'from {fall}'}{allowed}"
     nats = (before["nll"] - after["nll"]) * after["pixels"]
-    if overestimated:
-        return f"held-out pixels become likelier by {nats:,.0f} nats (from {fall})"
     if nats >= 0.5:
-        return f"held-out pixels become likelier by {nats:,.0f} nats (chi2 {_chi2_by_chance(after)})"
-    return f"the held-out misfit stays at chi2 {_chi2_by_chance(after)}"
+        misfit = fall if overestimated else f"chi2 {reached}"
+        return f"held-out pixels become likelier by {nats:,.0f} nats ({misfit}{allowed})"
+    return f"the held-out misfit stays at chi2 {reached}{allowed}"
 
 
 def _disagreement(report: Mapping[str, Any]) -> str:
@@ -109,19 +111,16 @@ def _rest(report: Mapping[str, Any], left: Sequence[ResidualTest]) -> str:
     if left:
         names = ", ".join(test.name for test in left[:4]) + (", .." if len(left) > 4 else "")
         return f"the residuals are not noise yet ({names})"
-    limit = f"chi2 {chi2(gap['chi2'])} is more than the {chi2(gap['chi2_limit'])} that {_chance(gap)}"
-    return f"{limit}, and no test of the residuals says where it comes from"
+    return f"chi2 is {chi2(gap['chi2'])}, {_chance(gap)}, and no test of the residuals says where it comes from"
 
 
-def _chi2_by_chance(gap: Mapping[str, Any]) -> str:
-    """A chi2, with what makes it acceptable if it is above what is negligible anyhow."""
-    if not NEGLIGIBLE < gap["chi2"] <= gap["chi2_limit"]:
-        return chi2(gap["chi2"])
-    return f"{chi2(gap['chi2'])} (up to {chi2(gap['chi2_limit'])} {_chance(gap)})"
+def _by_chance(gap: Mapping[str, Any]) -> bool:
+    """Return whether a chi2 is acceptable only because there are few pixels."""
+    return bool(NEGLIGIBLE < gap["chi2"] <= gap["chi2_limit"])
 
 
 def _chance(gap: Mapping[str, Any]) -> str:
-    return f"chance can make of {gap['pixels']:,} pixels"
+    return f"chance alone reaches {chi2(gap['chi2_limit'])} with {gap['pixels']:,} pixels"
 
 
 def _admitting(effect: Mapping[str, Any]) -> str:

@@ -44,10 +44,7 @@ def chi2_limit(fitter: Fitter, fit: Fit, residual: torch.Tensor, which: torch.Te
         which: ``(N, H, W)`` bool, the pixels that chi2 is taken of.
     """
     count, fitted = float(which.sum()), float(fitter.use.sum())
-    squares = residual[which].double().square()
-    relative = (squares / squares.mean().clamp(min=1e-12)).clamp(max=FAR**2)
-    spread = max(EXACT, float(relative.var(correction=0)) if count > 1 else EXACT)
-    mean, variance = 1.0, spread / count
+    mean, variance = 1.0, variance_of_squares(residual[which]) / count
     if not (which & (fitter.use > 0)).any():
         mean += len(fit.free) / fitted
         variance += 2 * sum(fitter.model.known[effect].noise for effect, _ in fit.free) / fitted
@@ -56,8 +53,20 @@ def chi2_limit(fitter: Fitter, fit: Fit, residual: torch.Tensor, which: torch.Te
             part = torch.where(which, chart.jacobian.square() * chart.variance.float() / total, 0.0).double()
             shared = chart.gather(part).square() - chart.gather(part.square())
             variance += 2 * float(shared.sum()) / count**2
+    return max(NEGLIGIBLE, largest_by_chance(mean, variance))
+
+
+def variance_of_squares(residual: torch.Tensor) -> float:
+    """Return the variance of the squares of residuals ``(n,)`` relative to their mean; ``EXACT`` at least."""
+    squares = residual.double().square()
+    relative = (squares / squares.mean().clamp(min=1e-12)).clamp(max=FAR**2)
+    return max(EXACT, float(relative.var(correction=0)))
+
+
+def largest_by_chance(mean: float, variance: float) -> float:
+    """Return what a positive number of this mean and variance, gamma distributed, exceeds once in a thousand times."""
     freedom = 2 * mean**2 / variance
-    return max(NEGLIGIBLE, mean * float(chi2_distribution.isf(SIGNIFICANT, freedom)) / freedom)
+    return mean * float(chi2_distribution.isf(SIGNIFICANT, freedom)) / freedom
 
 
 def verdict(gaps: Mapping[str, Mapping[str, Any]], names: int, unnamed: int, structure: int) -> str:

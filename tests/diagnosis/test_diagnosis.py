@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from sci_lightning.captures import Captures, read_captures
+from sci_lightning.diagnosis.alternatives import Separation
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
+from sci_lightning.diagnosis.imagined_captures import imagined_captures
 from sci_lightning.diagnosis.report import describe, write_encoder
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, capture_session, write_captures
@@ -50,7 +54,33 @@ def test_alternatives(tmp_path: Path) -> None:
     only_flat = {"dark": 0, "all_on": 0, "all_off": 0, "pattern": 0, "static": 0, "dynamic": 0, "flat": 8}
     (effect,) = describe(diagnosed(tmp_path, {"gain": {"factor": 1.06}}, **only_flat))["effects"]
     assert {effect["name"], *effect["alternatives"]} >= {"gain", "mask_contrast"}
-    assert "from" in effect["tell_apart"] and "nats" in effect["tell_apart"]
+    assert re.match(r"To tell \w+ from \w+, record one capture of ", effect["tell_apart"])
+    assert effect["tell_apart"].endswith("15 are needed).")
+
+
+def test_what_is_to_be_recorded_tells(tmp_path: Path) -> None:
+    """A weak delay and a weak lag are the same to first order; the captures that are asked for tell them apart."""
+    vocabulary_ = {name: vocabulary()[name] for name in ("sync_offset", "mask_lag", "shot_noise", "read_noise")}
+    write_captures(tmp_path / "a.h5", capture_session(Session(size=(24, 24)), {"mask_lag": {"lag": 0.01}}, seed=3))
+    found = diagnose(read_captures(tmp_path / "a.h5"), vocabulary_)
+    (effect,) = describe(found)["effects"]
+    assert {effect["name"], *effect["alternatives"]} == {"mask_lag", "sync_offset"}
+    assert re.search(
+        r"record (one capture|\d+ captures) of an even scene that is lit in slot \d only", effect["tell_apart"]
+    )
+    assert len(imagined_captures(found.fitter.model.observation)) > 8
+
+
+def test_further_captures_tell_what_no_other_value_of_the_rival_makes_up_for() -> None:
+    """A rival that can be moved onto the truth is told only by what the captures at hand say against that."""
+    one, nothing = torch.tensor([[1.0]], dtype=torch.float64), torch.zeros(1, 1, dtype=torch.float64)
+    apart = Separation(4.0, 2 * one[0], one, nothing)
+    assert apart.nats(10) == pytest.approx(0.0)
+    held = Separation(4.0, 2 * one[0], one, 100 * one)
+    assert held.nats(1) == pytest.approx(0.5 * (4 - 4 / 101))
+    assert held.captures(15.0) == next(n for n in range(1, 50) if held.nats(n) >= 15)
+    assert (held + held).apart == 8.0
+    assert apart.captures(15.0) is None
 
 
 def test_one_capture(tmp_path: Path) -> None:

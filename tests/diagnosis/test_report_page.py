@@ -5,18 +5,22 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from sci_lightning.captures import read_captures
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
 from sci_lightning.diagnosis.leftover import Unnamed
-from sci_lightning.diagnosis.pictures import figures
+from sci_lightning.diagnosis.pictures import evidence_figure, example_figure, figures, gap_figure, residuals_figure
 from sci_lightning.diagnosis.report import describe
 from sci_lightning.diagnosis.report_page import report_page
+from sci_lightning.diagnosis.residual_tests.drawing import OWN
+from sci_lightning.diagnosis.search import Round
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, capture_session, write_captures
 
@@ -34,8 +38,15 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
 
 
 def page(found: Diagnosis, **more: Any) -> str:
-    report = describe(found) | {"runtime_s": 1.5} | more
+    source = {"captures": {"file": "a<b>.h5", "name": "Lab 1"}, "date": "2026-11-21T23:05:06+00:00", "runtime_s": 1.5}
+    report = describe(found) | source | more
     return report_page(found, report, figures(found), "python -m sci_lightning.diagnose captures='<a>.h5'")
+
+
+@pytest.fixture(scope="module")
+def text(found: Diagnosis) -> str:
+    """The page of ``found``."""
+    return page(found)
 
 
 class Tags(HTMLParser):
@@ -53,8 +64,7 @@ class Tags(HTMLParser):
         assert self.open.pop() == tag
 
 
-def test_it_is_well_formed_and_needs_nothing_else(found: Diagnosis) -> None:
-    text = page(found)
+def test_it_is_well_formed_and_needs_nothing_else(text: str) -> None:
     tags = Tags()
     tags.feed(text)
     assert not tags.open
@@ -63,26 +73,33 @@ def test_it_is_well_formed_and_needs_nothing_else(found: Diagnosis) -> None:
     assert "$" not in re.sub(r"<svg.*?</svg>", "", text, flags=re.DOTALL)
 
 
-def test_it_says_what_was_found(found: Diagnosis) -> None:
-    text = page(found)
+def test_it_says_what_was_found(found: Diagnosis, text: str) -> None:
     assert re.search(
-        r"<h1>The mask&#x27;s image is displaced by \(0\.6.* ± .*, \u22120\.3.* pixel and columns differ", text
+        r"<h1>The mask&#x27;s image is displaced by \(0\.61\d?( ± 0.\d+)?, \u22120\.35.* pixel and columns differ", text
     )
     command = "captures=&#x27;&lt;a&gt;.h5"
-    for words in ("column_noise", "95 % interval", "Estimated map of column_noise", command, "1.5 s"):
+    for words in (
+        "column_noise",
+        "statistical error (1 σ)",
+        "Uncertainties are statistical only",
+        "Estimated map of column_noise",
+        command,
+        "1.5 s",
+    ):
         assert words in text, words
     for test in found.where["after"]:
-        assert f"<td>{test.name}</td>" in text
+        assert f'<td data-label="name">{test.name}</td>' in text
 
 
 def test_what_is_left_and_what_to_do(found: Diagnosis) -> None:
     other = replace(found, unnamed=(Unnamed("ghost", "optics", "a second image", 1e-20, 99.0, torch.rand(32, 40)),))
     report = describe(other)
-    report["effects"][0] |= {"alternatives": ["mask_scale"], "tell_apart": "a single pattern"}
-    text = page(other, effects=report["effects"], next_captures=["a dark frame of four times the exposure"])
+    report["effects"][0] |= {"alternatives": ["mask_scale"], "tell_apart": "Record 3."}
+    text = page(other, effects=report["effects"], next_captures=["Record 3."])
     assert "optics: a second image (p 1e-20)" in text
     assert "cannot tell <b>mask_shift</b> from mask_scale" in text
-    assert "<li>a dark frame of four times the exposure</li>" in text
+    assert "(or it is mask_scale, which these captures cannot tell from it)" in text
+    assert "<li>Record 3.</li>" in text
     assert report["unnamed"][0]["picture"] == "unnamed_1.png"
 
 
@@ -92,6 +109,60 @@ def test_a_page_of_a_camera_in_which_nothing_is_hidden(tmp_path: Path) -> None:
     text = page(diagnose(read_captures(tmp_path / "a.h5"), few))
     assert "<h1>The captures agree with the ideal camera" in text
     assert "No effect is worth its parameters" in text
+
+
+def test_it_names_the_file_and_the_day(text: str) -> None:
+    assert "a&lt;b&gt;.h5 &middot; Lab 1 &middot; 2026-11-21 23:05 UTC</p>" in text
+    assert "<title>explained: mask_shift, column_noise · a&lt;b&gt;.h5 · 2026-11-21</title>" in text
+
+
+def test_what_files_contribute_is_shown_and_never_obeyed(found: Diagnosis) -> None:
+    evil = "<img src=x onerror=alert(1)>\x1b[31m\u202e&"
+    report = describe(found)
+    report["effects"][0] |= {"name": evil, "alternatives": [evil], "stage": evil}
+    named = {"captures": {"file": evil, "name": evil}, "effects": report["effects"], "next_captures": [evil]}
+    text = page(found, **named)
+    assert "<img" not in text and "\x1b" not in text and "\u202e" not in text
+    assert "&lt;img src=x onerror=alert(1)&gt;\\x1b[31m\\u202e&amp;" in text
+
+
+def test_tables_are_stacked_where_the_page_is_narrow(text: str) -> None:
+    """A table of many columns does not fit a telephone: its cells then carry their column's title."""
+    for table in re.findall(r'<table class="stack.*?</table>', text, flags=re.DOTALL):
+        assert not re.search(r"<td(?! data-label| class=\"n \w+\" data-label)[^>]*>[^<]", table)
+    assert text.count('<table class="stack') == 2
+
+
+def test_what_is_left_is_drawn_on_its_own_scale(found: Diagnosis) -> None:
+    """Residuals of 300 sigma before leave those of 1 sigma after white, or all of one purple."""
+    before, after = found.residuals["before"], found.residuals["after"]
+    loud = replace(before, raw=300 * after.raw)
+    for figure, alone in ((residuals_figure(loud, after), 2), (example_figure(loud, after), 1)):
+        panels = [axes for axes in figure.axes if axes.get_title(loc="left") == OWN]
+        assert len(panels) == alone
+        for axes in panels:
+            low, high = axes.images[0].get_clim()
+            assert high - low < 12
+    for figure in (residuals_figure(after, after), example_figure(after, after)):
+        assert OWN not in [axes.get_title(loc="left") for axes in figure.axes]
+
+
+@pytest.mark.parametrize("nats", [30.0, 3e3, 2e5, 3e7, 1e12])
+def test_labels_of_large_evidence_do_not_overlap(nats: float) -> None:
+    rounds = tuple(Round({"gain": nats, "prnu": 2.0}, {"gain": (nats, nats)}, "gain") for _ in range(2))
+    for figure in (evidence_figure(rounds, ("gain",)), gap_figure(gaps_of(nats))):
+        FigureCanvasAgg(figure).draw()
+        for axes in figure.axes:
+            low, high = axes.get_xlim()
+            labels = [tick.label1 for tick in axes.xaxis.get_major_ticks() if low <= tick.get_loc() <= high]
+            boxes = sorted((label.get_window_extent() for label in labels), key=lambda box: box.x0)
+            assert len(boxes) >= 2
+            assert all(left.x1 + 2 < right.x0 for left, right in pairwise(boxes))
+
+
+def gaps_of(chi2: float) -> dict[str, Any]:
+    before, after = ({"chi2": value, "by_kind": {"flat": {"chi2": value}}} for value in (chi2, 1.0))
+    return {"before": before, "after": after}
 
 
 def test_a_verdict_waits_for_the_residuals_to_be_noise(found: Diagnosis) -> None:

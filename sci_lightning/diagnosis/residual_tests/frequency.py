@@ -33,7 +33,7 @@ def spectrum(field: torch.Tensor, rings: int = RINGS) -> Answer:
     radius = torch.hypot(across, down).flatten()
     order = radius.argsort()
     ring = torch.empty_like(order)
-    ring[order] = (freedom.flatten()[order].cumsum(0) / freedom.sum() * rings).long().clamp(max=rings - 1)
+    ring[order] = (freedom.flatten()[order].cumsum(0) / freedom.sum().clamp(min=1) * rings).long().clamp(max=rings - 1)
     total, size = (
         torch.bincount(ring, each.flatten(), minlength=rings) for each in (power * (freedom / count), freedom)
     )

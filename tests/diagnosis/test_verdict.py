@@ -1,0 +1,114 @@
+"""What chance allows follows from how many pixels were held out; the verdict and its sentence never contradict."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import pytest
+import torch
+
+from sci_lightning.captures import read_captures
+from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
+from sci_lightning.diagnosis.gap import gap
+from sci_lightning.diagnosis.report import describe
+from sci_lightning.diagnosis.sentences import CLEAN, headline
+from sci_lightning.diagnosis.verdict import NEGLIGIBLE, largest_by_chance, variance_of_squares, verdict
+from sci_lightning.diagnosis.vocabulary import vocabulary
+from sci_lightning.virtual_camera import Session, capture_session, write_captures
+from tests.diagnosis.residual_tests.test_residual_test import with_p
+from tests.diagnosis.test_sentences import GHOST, SHIFT
+
+
+@pytest.mark.parametrize("count", [40, 300, 3000])
+def test_a_right_model_exceeds_the_limit_once_in_a_thousand_times(count: int) -> None:
+    """Of 20,000 right models about 20 do; fewer than 5 or more than 40 happen less than once in 10,000 times."""
+    random = torch.Generator().manual_seed(count)
+    chi2 = torch.cat([torch.randn(2000, count, generator=random).square().mean(1) for _ in range(10)])
+    assert 5 <= int((chi2 > largest_by_chance(1.0, 2 / count)).sum()) <= 40
+
+
+def test_of_many_pixels_only_what_is_negligible_is_allowed() -> None:
+    assert largest_by_chance(1.0, 2 / 500) > 1.2
+    assert largest_by_chance(1.0, 2 / 8000) < NEGLIGIBLE < largest_by_chance(1.0, 2 / 7000)
+
+
+def test_the_variance_is_that_of_the_statistic() -> None:
+    random = torch.Generator().manual_seed(0)
+    gaussian = torch.randn(20000, generator=random)
+    assert variance_of_squares(gaussian) == pytest.approx(2, abs=0.1)
+    assert variance_of_squares(3 * gaussian) == pytest.approx(variance_of_squares(gaussian))  # misfit earns no leniency
+    few_photons = (torch.poisson(torch.full((50000,), 4.0), generator=random) - 4) / 2
+    assert variance_of_squares(few_photons) == pytest.approx(2 + 1 / 4, abs=0.12)  # the excess kurtosis is 1 / mean
+    outlier = torch.cat((gaussian[:200], torch.tensor([50.0])))
+    assert variance_of_squares(outlier) < 3  # or it would widen the limit that it is to exceed
+
+
+@pytest.fixture(scope="module")
+def few(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+    """A right model of few pixels."""
+    path = tmp_path_factory.mktemp("few") / "a.h5"
+    session = Session(size=(16, 16), dark=1, flat=2, all_on=0, all_off=0, pattern=2, static=1, dynamic=2)
+    write_captures(path, capture_session(session, {}, seed=3))
+    return diagnose(read_captures(path), {name: vocabulary()[name] for name in ("gain", "shot_noise", "read_noise")})
+
+
+def test_few_pixels_whose_chi2_is_a_little_large_are_consistent(few: Diagnosis) -> None:
+    assert few.gaps["after"]["pixels"] < 1000 and 1.1 < few.gaps["after"]["chi2_limit"] < 1.6
+    other = replace(few, gaps={when: each | {"chi2": 1.065} for when, each in few.gaps.items()})
+    assert other.verdict == "consistent"
+    sentence = headline(describe(other), other.left)
+    assert sentence.startswith("The captures agree with the ideal camera: held-out chi2 1.065 (chance alone reaches 1.")
+
+
+def test_few_pixels_whose_chi2_is_too_large_are_not(few: Diagnosis) -> None:
+    other = replace(few, gaps={when: each | {"chi2": 1.9} for when, each in few.gaps.items()})
+    assert not other.left and other.verdict == "unexplained"
+    sentence = headline(describe(other), other.left)
+    assert sentence.startswith("The captures disagree with the ideal camera (held-out chi2 1.900)")
+    assert "no test of the residuals says where" in sentence and CLEAN not in sentence
+
+
+def test_estimated_parameters_and_maps_widen_the_limit(few: Diagnosis) -> None:
+    fitter, fit = few.fitter, few.after
+    free = fitter.fit(fit.hypothesis.having("gain", {"factor": 1.0}))
+    assert gap(fitter, free, 0)["chi2_limit"] > gap(fitter, replace(free, free=()), 0)["chi2_limit"]
+    fitter.model.known["prnu"] = vocabulary()["prnu"]
+    mapped = fitter.fit(free.hypothesis.having("prnu", {"std": 0.05}, fitter.model.blank_chart("prnu")), iterations=2)
+    uncertain = replace(mapped, charts={"prnu": replace(mapped.charts["prnu"], std=0.5)})
+    assert gap(fitter, uncertain, 0)["chi2_limit"] > gap(fitter, replace(mapped, charts={}), 0)["chi2_limit"] + 0.01
+
+
+def test_verdict_and_sentence_agree() -> None:
+    """Whether something is named, unnamed or left, whatever chi2 was before and is after, and if likelihood falls."""
+    shared = {"rmse_dn": 1.5, "pixels": 2000, "chi2_limit": 1.1}
+    for names, unnamed, structure, before, after, gained in product(
+        (0, 1, 5), (0, 1), (0, 2), (0.4, 1.0, 30.0), (0.98, 1.04, 1.08, 1.3), (0.5, -0.5)
+    ):
+        gaps = {"before": shared | {"chi2": before, "nll": 2 + gained}, "after": shared | {"chi2": after, "nll": 2.0}}
+        word = verdict(gaps, names, unnamed, structure)
+        report = {"verdict": word, "effects": [SHIFT] * names, "unnamed": [GHOST] * unnamed, "gap": gaps}
+        sentence = headline(report, [with_p(1e-9)] * structure)
+        assert ("captures agree with" in sentence) == (word == "consistent"), sentence
+        assert ("captures disagree with" in sentence) == (word == "unexplained"), sentence
+        assert (CLEAN in sentence) == (word in ("consistent", "explained")), sentence
+        assert (", but " in sentence) == (word == "partly_explained"), sentence
+        assert (word in ("consistent", "explained")) == (after <= 1.1 and not unnamed and not structure)
+        assert not names or "displaced" in sentence or "mask_shift" in sentence
+
+
+def test_a_name_counts_when_likelihood_rises_though_chi2_does_too() -> None:
+    """Noise that was overestimated brings chi2 below 1, whatever else is wrong."""
+    shared = {"rmse_dn": 1.0, "pixels": 2000, "chi2_limit": 1.1}
+    gaps = {"before": shared | {"chi2": 0.498, "nll": 3.0}, "after": shared | {"chi2": 1.008, "nll": 2.0}}
+    assert verdict(gaps, 1, 1, 0) == "partly_explained"
+
+
+def test_explained_by_many_pixels_means_at_most_the_negligible(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    write_captures(path, capture_session(Session(size=(48, 48)), {"gain": {"factor": 0.9}}, seed=3))
+    few = {name: vocabulary()[name] for name in ("gain", "shot_noise", "read_noise")}
+    found = diagnose(read_captures(path), few)
+    assert found.verdict == "explained"
+    assert found.gaps["after"]["chi2_limit"] == NEGLIGIBLE == 1.05 >= found.gaps["after"]["chi2"]
