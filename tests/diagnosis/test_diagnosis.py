@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import torch
 
 from sci_lightning.captures import Captures, read_captures
 from sci_lightning.diagnosis.alternatives import Separation
+from sci_lightning.diagnosis.camera_model import CameraModel, Hypothesis
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
 from sci_lightning.diagnosis.imagined_captures import imagined_captures
 from sci_lightning.diagnosis.report import describe, write_encoder
@@ -59,16 +61,47 @@ def test_alternatives(tmp_path: Path) -> None:
 
 
 def test_what_is_to_be_recorded_tells(tmp_path: Path) -> None:
-    """A weak delay and a weak lag are the same to first order; the captures that are asked for tell them apart."""
-    vocabulary_ = {name: vocabulary()[name] for name in ("sync_offset", "mask_lag", "shot_noise", "read_noise")}
-    write_captures(tmp_path / "a.h5", capture_session(Session(size=(24, 24)), {"mask_lag": {"lag": 0.01}}, seed=3))
-    found = diagnose(read_captures(tmp_path / "a.h5"), vocabulary_)
+    """A weak delay and a weak lag are the same to first order; with the captures that are asked for they are not."""
+    few = {name: vocabulary()[name] for name in ("sync_offset", "mask_lag", "shot_noise", "read_noise")}
+    captures = captured(tmp_path, {"mask_lag": {"lag": 0.015}})
+    found = diagnose(captures, few)
     (effect,) = describe(found)["effects"]
     assert {effect["name"], *effect["alternatives"]} == {"mask_lag", "sync_offset"}
-    assert re.search(
-        r"record (one capture|\d+ captures) of an even scene that is lit in slot \d only", effect["tell_apart"]
+    more = recorded(found, effect["tell_apart"], found.before.hypothesis.having("mask_lag", {"lag": 0.015}))
+    (effect,) = describe(diagnose(joined(captures, more), few))["effects"]
+    assert (effect["name"], effect["alternatives"], effect["tell_apart"]) == ("mask_lag", [], "")
+
+
+def recorded(found: Diagnosis, advice: str, truth: Hypothesis) -> Captures:
+    """What somebody records who follows the advice, with a camera of which the truth is known."""
+    amount = re.search(r"record (?:(\d+) captures|one capture) of", advice)
+    assert amount
+    random, parts = torch.Generator().manual_seed(1), []
+    for kind, seen in imagined_captures(found.fitter.model.observation).items():
+        if re.search(f" of {re.escape(kind)}(, and as many| \\(about| \\(more)", advice):
+            told = CameraModel(seen, found.fitter.model.known).predict(truth)
+            for _ in range(int(amount[1] or 1)):
+                noisy = told.mean + told.deviation * torch.randn(told.mean.shape, generator=random)
+                parts.append((seen, noisy.round().clamp(0, seen.full_scale)))
+    assert parts
+    shape = (found.fitter.model.observation.frames, *found.fitter.model.observation.size)
+    return Captures(
+        patterns=parts[0][0].patterns.numpy(),
+        sequence=torch.cat([seen.sequences for seen, _ in parts]).numpy(),
+        measurement=torch.cat([dn for _, dn in parts]).numpy().astype(np.uint8),
+        scene=torch.stack([seen.scene[0].expand(shape) for seen, _ in parts]).float().numpy(),
+        aperture=torch.cat([seen.aperture.flatten() for seen, _ in parts]).numpy(),
+        exposure=torch.cat([seen.exposure.flatten() for seen, _ in parts]).numpy(),
+        kind=("unknown",) * len(parts),
+        bit_depth=8,
     )
-    assert len(imagined_captures(found.fitter.model.observation)) > 8
+
+
+def joined(one: Captures, other: Captures) -> Captures:
+    """Two files of one camera as one."""
+    names = ("sequence", "measurement", "scene", "aperture", "exposure")
+    both = {name: np.concatenate((getattr(one, name), getattr(other, name))) for name in names}
+    return replace(one, kind=one.kind + other.kind, **both)
 
 
 def test_further_captures_tell_what_no_other_value_of_the_rival_makes_up_for() -> None:
