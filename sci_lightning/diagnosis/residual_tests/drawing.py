@@ -85,7 +85,8 @@ def limits(pictures: Sequence[Picture]) -> tuple[float, float]:
         far = float(torch.quantile(away.abs()[:: max(1, len(away) // 10**6)], 0.998))
         far = max(far, 3.0 if middle == 0 and pictures[0].unit == "standard errors" else 1e-6)
         return middle - far, middle + far
-    errors = [each.errors if each.errors is not None else torch.ones_like(each.values) for each in pictures]
+    own = 1.0 if pictures[0].unit == "standard errors" else 0.0
+    errors = [each.errors if each.errors is not None else torch.full_like(each.values, own) for each in pictures]
     spread = torch.cat([each.double().flatten() for each in errors]).nan_to_num(0.0)
     low, high = float((away - 2 * spread).min()), float((away + 2 * spread).max())
     room = 0.06 * max(high - low, 1e-9)
