@@ -95,7 +95,8 @@ def mutations(content: Any, keys: st.SearchStrategy[Any], most: int = 3) -> st.S
 
 def _mutated(content: Any, steps: list[tuple[int, str, Any, Any]]) -> Any:
     changed = copy.deepcopy(content)
-    for number, what, key, value in steps:
+    for number, what, key, drawn in steps:
+        value = copy.deepcopy(drawn)  # strategies hand out the same lists again
         slots: list[tuple[Any, Any]] = []
         _collect(changed, slots.append)
         if not slots:
