@@ -10,9 +10,11 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig
 from rich.progress import Progress
 
-from sci_lightning.command import CONF, PACKAGE, chosen, member, one_line, plain, run
+from sci_lightning.command import chosen, member, plain, run
+from sci_lightning.conf_folder import CONF, PACKAGE
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
+from sci_lightning.failure_line import one_line
 
 SETTINGS = ("frames", "precision", "compile", "warm_up", "repeats", "budget", "product")
 

@@ -14,16 +14,16 @@ from typing import Any
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.errors import HydraException, InstantiationException, MissingConfigException
 from omegaconf import DictConfig, OmegaConf, open_dict
-from omegaconf.errors import OmegaConfBaseException
 
 from sci_lightning.command_help import help_text
 from sci_lightning.command_settings import Refused, check_command_settings
+from sci_lightning.conf_folder import CONF
 from sci_lightning.console import PlainConsole
 from sci_lightning.continued_run import continued
 from sci_lightning.encoder_file import PLACES, EncoderFile, adapt_to_encoder_files, adopt_encoder_files
-from sci_lightning.errors import BadInput, as_machine_failure
+from sci_lightning.errors import BadInput
+from sci_lightning.failure_line import check_choices, exit_status, one_line, root_cause
 from sci_lightning.plain_text import one_printable_line
 from sci_lightning.run_folder import is_first_process, run_folder
 from sci_lightning.sweep import (
@@ -35,10 +35,6 @@ from sci_lightning.sweep import (
     refuse_uncomposed_row,
     scores_in,
 )
-
-PACKAGE = Path(__file__).parent
-CONF = next(folder for folder in (PACKAGE / "conf", PACKAGE.parent / "conf") if folder.is_dir())
-"""The configuration: inside an installed wheel, beside the package in a checkout."""
 
 Task = Callable[[DictConfig], Any]
 
@@ -104,6 +100,7 @@ def run(name: str, task: Task) -> None:
     try:
         os.environ["HYDRA_FULL_ERROR"] = "1"  # composition errors reach the lines below instead of Hydra's printer
         encoders = [path.stem for path in (CONF / "encoder").glob("*.yaml")]
+        check_choices(told[1:])
         arguments, earlier = continued(told[1:], encoders) if name == "train" else (told[1:], {})
         arguments, files = adopt_encoder_files(arguments, [*encoders, *earlier])
         files.update(earlier)
@@ -195,39 +192,6 @@ def built(cfg: DictConfig, part: str, **more: Any) -> Any:
     if not isinstance(node, DictConfig):
         raise BadInput(f"{part}={node}: expected a mapping with _target_, which names a class")
     return build(plain(node), part, **more)
-
-
-def root_cause(error: BaseException) -> BaseException:
-    """What made an instantiation fail, through Hydra's wrapping."""
-    while isinstance(error, InstantiationException) and error.__cause__ is not None:
-        error = error.__cause__
-    return error
-
-
-def one_line(error: BaseException) -> str:
-    """What is wrong and what would be right, in one line."""
-    cause = root_cause(error)
-    if isinstance(cause, BadInput):
-        return " ".join(str(cause).split())
-    if failure := as_machine_failure(cause):
-        return str(failure)
-    if isinstance(cause, MissingConfigException):
-        group, _, name = str(cause.missing_cfg_file).rpartition("/")
-        if options := cause.options or sorted(path.stem for path in (CONF / group).glob("*.yaml") if group):
-            return f"{group}={name}: no such {group}; choose one of {', '.join(options)}"
-    text = " ".join(str(cause).split()) or type(cause).__name__
-    if isinstance(cause, (HydraException, OmegaConfBaseException)):
-        return text.replace("Set hydra.verbose=true to see the full error", "").strip()
-    if isinstance(cause, OSError) and cause.strerror:
-        return f"{cause.filename}: {cause.strerror.lower()}" if cause.filename else cause.strerror
-    return f"{type(cause).__name__}: {text} (unforeseen; debug=true shows where)"
-
-
-def exit_status(error: BaseException) -> int:
-    """The exit status: 2 for bad input, 1 for a failing machine (a full disk) and for what is unforeseen."""
-    expected = (BadInput, HydraException, OmegaConfBaseException, OSError)
-    cause = root_cause(error)
-    return 2 if isinstance(cause, expected) and as_machine_failure(cause) is None else 1
 
 
 def _quieten() -> None:

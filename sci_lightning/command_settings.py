@@ -50,7 +50,7 @@ def check_command_settings(cfg: DictConfig, command: str) -> None:
     Raises:
         BadInput: see :func:`~sci_lightning.configuration.settings.check_settings`.
     """
-    from sci_lightning.command import CONF
+    from sci_lightning.conf_folder import CONF
 
     present = [str(key) for key in cfg if key in SETTINGS and not OmegaConf.is_missing(cfg, key)]
     settings = OmegaConf.to_container(OmegaConf.create({key: cfg[key] for key in present}))

@@ -7,7 +7,8 @@ from pathlib import Path
 from omegaconf import DictConfig
 from rich.progress import Progress
 
-from sci_lightning.command import CONF, chosen, run
+from sci_lightning.command import chosen, run
+from sci_lightning.conf_folder import CONF
 from sci_lightning.console import PlainConsole, styled, warn
 
 

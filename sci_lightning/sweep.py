@@ -26,6 +26,7 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError
 
 from sci_lightning.atomic_file import whole_file
 from sci_lightning.errors import BadInput, NoSuchCombination
+from sci_lightning.failure_line import one_line
 
 CHANGES_EVERYTHING = ("experiment", "scale")
 """Groups whose members set values anywhere in the configuration."""
@@ -184,8 +185,6 @@ class RowLoader(ConfigLoaderImpl):
 
 def _uncomposed(master: DictConfig, overrides: list[str], error: Exception) -> DictConfig:
     """The configuration of a row that only says why it has none, and leaves nothing on the disk."""
-    from sci_lightning.command import one_line  # which needs this module
-
     row = copy.deepcopy(master)
     OmegaConf.copy_cache(from_config=master, to_config=row)
     OmegaConf.set_readonly(row.hydra, False)

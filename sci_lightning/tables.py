@@ -9,7 +9,8 @@ from pathlib import Path
 import yaml
 from omegaconf import DictConfig
 
-from sci_lightning.command import PACKAGE, plain, run
+from sci_lightning.command import plain, run
+from sci_lightning.conf_folder import PACKAGE
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.plain_text import one_printable_line
 

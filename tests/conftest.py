@@ -15,7 +15,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig
 
 from sci_lightning import command as command_frame
-from sci_lightning.command import CONF
+from sci_lightning.conf_folder import CONF
 
 ROOT = Path(__file__).parents[1]
 SHARED = ROOT.parent / "shared"

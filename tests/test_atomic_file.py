@@ -21,8 +21,8 @@ from safetensors.torch import save_file
 
 from sci_lightning.atomic_file import ABANDONED_AFTER, whole_file
 from sci_lightning.captures import read_captures, write_captures
-from sci_lightning.command import exit_status, one_line
 from sci_lightning.errors import BadInput, MachineFailure
+from sci_lightning.failure_line import exit_status, one_line
 from tests.captures.conftest import write
 from tests.conftest import ROOT
 from tests.end_to_end.test_train import TINY

@@ -12,8 +12,8 @@ import pytest
 from omegaconf import OmegaConf
 
 from sci_lightning.__main__ import COMPLETION, PROGRAMS, main
-from sci_lightning.command import CONF
 from sci_lightning.command_help import first_comment, help_text, read_defaults, read_settings
+from sci_lightning.conf_folder import CONF
 from tests.conftest import ROOT, members
 
 Command = Callable[..., subprocess.CompletedProcess[str]]

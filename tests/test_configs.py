@@ -11,7 +11,8 @@ import torch
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf, open_dict
 
-from sci_lightning.command import CONF, plain
+from sci_lightning.command import plain
+from sci_lightning.conf_folder import CONF
 from sci_lightning.encoder import Encoder
 from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.system import LOSSES

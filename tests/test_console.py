@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from sci_lightning.command import PACKAGE
+from sci_lightning.conf_folder import PACKAGE
 from sci_lightning.console import PlainConsole, styled, warn
 from sci_lightning.plain_text import file_name, in_figure, in_latex, in_markdown, one_printable_line
 

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from sci_lightning.animation import write_frames, write_gif
-from sci_lightning.command import PACKAGE
+from sci_lightning.conf_folder import PACKAGE
 from sci_lightning.paper_tables.grid import Grid
 from sci_lightning.results import write_json
 

@@ -11,7 +11,7 @@ import torch
 
 class Throughput(L.Callback):
     """Logs ``train/clips_per_second`` (all processes together) and ``train/loading_share``, the part of a step spent
-    waiting for data, every ``every_n_steps`` batches and over them."""
+    waiting for data, every ``every_n_steps`` batches and over them; never where that is 0."""
 
     def __init__(self, every_n_steps: int = 10) -> None:
         self.every_n_steps = every_n_steps
@@ -38,7 +38,7 @@ class Throughput(L.Callback):
         self._ended = time.perf_counter()
         self._busy += self._ended - self._started
         self._clips += len(batch) * trainer.world_size
-        if (trainer.fit_loop.total_batch_idx + 1) % self.every_n_steps == 0:
+        if self.every_n_steps and (trainer.fit_loop.total_batch_idx + 1) % self.every_n_steps == 0:
             total = self._busy + self._waited
             pl_module.log("train/clips_per_second", self._clips / total)
             pl_module.log("train/loading_share", self._waited / total)

@@ -77,7 +77,7 @@ def main() -> None:
     except Exception as error:
         if os.environ.get("HYDRA_FULL_ERROR") == "1" or "debug=true" in sys.argv:
             raise
-        from sci_lightning.command import exit_status, one_line
+        from sci_lightning.failure_line import exit_status, one_line
 
         print(f"error: {one_printable_line(one_line(error))}", file=sys.stderr)
         sys.exit(exit_status(error))

@@ -11,6 +11,7 @@ from typing import Any
 from sci_lightning.configuration.arguments import check_arguments
 from sci_lightning.configuration.registry import class_for_file
 from sci_lightning.errors import BadInput, MachineFailure
+from sci_lightning.plain_text import excerpt
 
 Resolve = Callable[[str, Any], Callable[..., Any]]
 """From the place of a ``_target_`` and its value to what is to be called."""
@@ -83,7 +84,9 @@ def _build(
         raise BadInput(f"{key}: with these values it does not fit into this machine's memory") from error
     except Exception as error:  # every library has exceptions of its own for a value that it does not take
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise BadInput(f"{key}: {getattr(target, '__name__', target)} does not take these values ({reason})") from error
+        named = (name for name, value in arguments.items() if isinstance(value, str) and f"'{value}'" in reason)
+        culprit = next((f"{key}.{name}={excerpt(arguments[name], 60)}" for name in named), key)
+        raise BadInput(f"{culprit}: {getattr(target, '__name__', target)} does not take it ({reason})") from error
 
 
 def _value(value: Any, key: str, resolve: Resolve, special: tuple[str, ...]) -> Any:

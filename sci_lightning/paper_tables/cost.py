@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sci_lightning.command import CONF, member, plain
+from sci_lightning.command import member, plain
+from sci_lightning.conf_folder import CONF
 
 
 @dataclass(frozen=True)

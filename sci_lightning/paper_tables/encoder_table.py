@@ -6,7 +6,8 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from sci_lightning.command import CONF, member
+from sci_lightning.command import member
+from sci_lightning.conf_folder import CONF
 from sci_lightning.paper_tables.grid import Grid
 
 

@@ -11,8 +11,9 @@ import torch
 from matplotlib.figure import Figure
 
 from sci_lightning.checkpoint import read_checkpoint
-from sci_lightning.command import CONF, one_line
+from sci_lightning.conf_folder import CONF
 from sci_lightning.data import Synthetic
+from sci_lightning.failure_line import one_line
 from sci_lightning.figures import show_picture
 from sci_lightning.paper_tables.run import Run
 from sci_lightning.paper_tables.run_files import is_inside

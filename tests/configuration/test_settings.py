@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from omegaconf import DictConfig, OmegaConf
 
-from sci_lightning.command import CONF
 from sci_lightning.command_settings import check_command_settings
+from sci_lightning.conf_folder import CONF
 from sci_lightning.configuration.settings import SETTINGS, check_settings
 from sci_lightning.errors import BadInput
 

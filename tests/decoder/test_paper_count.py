@@ -14,7 +14,7 @@ from omegaconf import DictConfig
 from torch import nn
 from torch.nn import functional as F
 
-from sci_lightning.command import PACKAGE
+from sci_lightning.conf_folder import PACKAGE
 from sci_lightning.decoder import Decoder
 from sci_lightning.decoder.complexity import count_macs, count_parameters
 from sci_lightning.decoder.paper_count import count_as_paper

@@ -142,7 +142,8 @@ def checkpoint(refused: Refused, tmp_path: Path) -> Path:
     from hydra import compose, initialize_config_dir
     from hydra.utils import instantiate
 
-    from sci_lightning.command import CONF, plain
+    from sci_lightning.command import plain
+    from sci_lightning.conf_folder import CONF
     from sci_lightning.system import System
 
     with initialize_config_dir(str(CONF), version_base="1.3"):

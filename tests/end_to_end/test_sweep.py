@@ -18,7 +18,8 @@ import pytest
 import torch
 import yaml
 
-from sci_lightning.command import CONF, PACKAGE, plain
+from sci_lightning.command import plain
+from sci_lightning.conf_folder import CONF, PACKAGE
 from tests.conftest import ROOT, members
 
 Command = Callable[..., subprocess.CompletedProcess[str]]

@@ -20,8 +20,9 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sci_lightning.checkpoint import Checkpoint, read_checkpoint, write_weights
-from sci_lightning.command import CONF, built
+from sci_lightning.command import built
 from sci_lightning.command_settings import check_command_settings
+from sci_lightning.conf_folder import CONF
 from sci_lightning.configuration.build import build_from_file
 from sci_lightning.decoder import Decoder
 from sci_lightning.encoder import Encoder

@@ -11,7 +11,7 @@ import torch
 import yaml
 from PIL import Image
 
-from sci_lightning.command import PACKAGE
+from sci_lightning.conf_folder import PACKAGE
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.mask import LearnedStructural, RandomBinary
 from sci_lightning.encoder.sensor import ClipQuantise, Ideal

@@ -11,7 +11,7 @@ import pytest
 import yaml
 from PIL import Image
 
-from sci_lightning.command import CONF, PACKAGE
+from sci_lightning.conf_folder import CONF, PACKAGE
 from sci_lightning.paper_tables.claim_table import claim_table
 from sci_lightning.paper_tables.grid import Grid
 from sci_lightning.paper_tables.line import METRICS, lines_of

@@ -12,8 +12,8 @@ from multiprocessing import connection, get_context, resource_tracker
 from multiprocessing.connection import Connection
 from typing import Any
 
-from sci_lightning.command import one_line
 from sci_lightning.diagnosis.proving_ground.case import Case
+from sci_lightning.failure_line import one_line
 
 Record = dict[str, Any]
 
