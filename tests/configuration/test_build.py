@@ -84,7 +84,7 @@ def test_what_the_user_names() -> None:
         ("torch.nn.Nothing", "no such class"),
         ("torch", "expected the path of a class"),
         (5, "expected the path of a class"),
-        ("sci_lightning.command.PACKAGE", "not a class or a function"),
+        ("sci_lightning.conf_folder.PACKAGE", "not a class or a function"),
     ):
         with pytest.raises(BadInput, match=line):
             build({"_target_": target}, "decoder")
