@@ -10,7 +10,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from sci_lightning.command import plain, run, targets
+from sci_lightning.command import run, targets
 from sci_lightning.console import PlainConsole, styled
 
 
@@ -27,22 +27,20 @@ def diagnose(cfg: DictConfig) -> None:
     from sci_lightning.diagnosis.pictures import figures
     from sci_lightning.diagnosis.report import describe, write_encoder, write_page, write_pictures
     from sci_lightning.diagnosis.sentences import headline
-    from sci_lightning.diagnosis.settings import Settings
     from sci_lightning.diagnosis.terminal import print_report, searching
     from sci_lightning.diagnosis.vocabulary import vocabulary
     from sci_lightning.next_command import invocation, nearest, print_next
     from sci_lightning.results import write_json
 
     start, out, console = time.perf_counter(), Path(cfg.out), PlainConsole()
-    settings = Settings.read(plain(cfg))
-    captures = read_captures(settings.captures)
-    candidates = vocabulary(settings.candidates, targets("effect"))
-    with searching(console, settings.most) as told:
-        found = diagnose(captures, candidates, settings.seed, settings.most, settings.empirical, told)
+    captures = read_captures(cfg.captures)
+    candidates = vocabulary(cfg.candidates, targets("effect"))
+    with searching(console, cfg.most) as told:
+        found = diagnose(captures, candidates, cfg.seed, cfg.most, cfg.empirical, told)
         told("writing the report")
         drawn = figures(found)
         report = describe(found) | {
-            "captures": {"file": Path(settings.captures).name, "name": captures.name},
+            "captures": {"file": Path(cfg.captures).name, "name": captures.name},
             "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
             "runtime_s": time.perf_counter() - start,
         }
@@ -56,7 +54,7 @@ def diagnose(cfg: DictConfig) -> None:
     print_report(report, sentence, console)
     console.say(styled(out / "report.html"), "; beside it report.json, encoder.yaml and pictures")
     lines = [invocation("train", "experiment=quickstart", paths={"encoder": out / "encoder.yaml"})]
-    if (truth := Path(settings.captures).with_suffix(".truth.json")).is_file():
+    if (truth := Path(cfg.captures).with_suffix(".truth.json")).is_file():
         lines.append(invocation("virtual_camera.reveal", nearest(truth), nearest(out / "report.json")))
     print_next(console, *lines)
 

@@ -1,0 +1,66 @@
+"""Wrong values of the keys of ``diagnose`` end in one line that names the key; degenerate captures in a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from sci_lightning.captures import read_captures
+from sci_lightning.configuration.settings import check_settings
+from sci_lightning.diagnosis.diagnosis import diagnose
+from sci_lightning.diagnosis.report import describe
+from sci_lightning.diagnosis.sentences import headline
+from sci_lightning.diagnosis.vocabulary import vocabulary
+from sci_lightning.errors import BadInput
+from sci_lightning.virtual_camera import Session, capture_session, write_captures
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        *(("most", value) for value in (-1, 1.5, "abc", True, [1])),
+        *(("seed", value) for value in (-1, 2**63, 1e30, "abc")),
+        *(("empirical", value) for value in (7, "yes")),
+        *(("candidates", value) for value in (5, ["a"], "a", {"a": 5}, {"a": ""})),
+        *(("captures", value) for value in ("", ["a.h5"], {"a": 1}, True)),
+    ],
+)
+def test_a_wrong_value_is_refused_by_its_key(key: str, value: Any) -> None:
+    with pytest.raises(BadInput, match=f"^{key}"):
+        check_settings({key: value}, ())
+
+
+def test_the_command_ends_with_one_line(tmp_path: Path, refused: Callable[..., str]) -> None:
+    assert "most=-1: expected a whole number" in refused("diagnose", "captures=a.h5", "most=-1", f"out={tmp_path}/out")
+    write_captures(tmp_path / "a.h5", capture_session(Session(size=(16, 16)), {}, seed=3))
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        file.attrs["name"] = "[/red]\x1b[31m"
+        file["scene"][...] = np.nan
+    line = refused("diagnose", f"captures={tmp_path}/a.h5", f"out={tmp_path}/out")
+    assert "[/red]\\x1b[31m: none of the" in line and "\x1b" not in line
+
+
+@pytest.mark.parametrize("degenerate", ["one pixel", "one row", "no light", "all mirrors off", "constant"])
+def test_degenerate_captures_get_a_verdict(degenerate: str, tmp_path: Path) -> None:
+    session = Session(size=(16, 16), dark=1, flat=1, all_on=0, all_off=0, pattern=0, static=1, dynamic=1)
+    write_captures(tmp_path / "a.h5", capture_session(session, {}, seed=3))
+    captures = read_captures(tmp_path / "a.h5")
+    rows, columns = {"one pixel": (1, 1), "one row": (1, 16)}.get(degenerate, (16, 16))
+    changed = {name: getattr(captures, name)[..., :rows, :columns] for name in ("patterns", "measurement", "scene")}
+    if degenerate == "no light":
+        changed["scene"] = 0 * changed["scene"]
+    elif degenerate == "all mirrors off":
+        changed["patterns"] = 0 * changed["patterns"]
+    elif degenerate == "constant":
+        changed["measurement"] = np.full_like(changed["measurement"], 7)
+    few = {name: vocabulary()[name] for name in ("gain", "black_level", "prnu", "shot_noise", "read_noise")}
+    found = diagnose(replace(captures, **changed), few, most=2)
+    report = describe(found)
+    assert report["verdict"] in ("consistent", "explained", "partly_explained", "unexplained")
+    assert headline(report, found.left).endswith(".")
