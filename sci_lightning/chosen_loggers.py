@@ -28,7 +28,7 @@ def chosen_loggers(cfg: DictConfig, run_name: str) -> list[Logger]:
     Raises:
         BadInput: a logger whose package is not installed, or something that is no logger.
     """
-    return [_built(cfg, str(name), run_name) for name, settings in cfg.logger.items() if settings]
+    return [_built(cfg, str(name), run_name) for name, settings in (cfg.get("logger") or {}).items() if settings]
 
 
 def run_name(config: Mapping[str, Any]) -> str:
@@ -46,8 +46,8 @@ def _built(cfg: DictConfig, name: str, run_name: str) -> Logger:
     named = {key: run_name} if key in cfg.logger[name] and cfg.logger[name][key] is None else {}
     try:
         logger = built(cfg, f"logger.{name}", **named)
-    except ModuleNotFoundError as error:
-        if name not in EXTRAS:
+    except BadInput as error:
+        if name not in EXTRAS or not isinstance(error.__cause__, ImportError):
             raise
         raise BadInput(
             f"logger={name}: {name} is not installed; pip install 'sci-lightning[{name}]', or logger=tensorboard"

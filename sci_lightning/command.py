@@ -134,13 +134,13 @@ def _end_sweep(interrupted: bool = False) -> list[tuple[str, int]]:
     if not rows:
         return []
     from sci_lightning.next_command import invocation, nearest, print_next
-    from sci_lightning.sweep_table import sweep_table
+    from sci_lightning.sweep_table import row_names, sweep_table
 
     console = PlainConsole()
     console.print(sweep_table(rows))
-    for row in rows:
+    for row, name in zip(rows, row_names(rows), strict=True):
         if row.outcome == "skipped":
-            console.print(f"skipped: [{' '.join(row.overrides)}] {row.line}")
+            console.print(f"skipped: [{name}] {row.line}")
     if interrupted:
         return []
     if any(row.scores for row in rows):

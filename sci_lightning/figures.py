@@ -83,7 +83,7 @@ def _chosen(video: torch.Tensor) -> list[int]:
 def show_picture(axes: Axes, image: np.ndarray, title: str, high: float = 1.0, colours: str = "gray") -> None:
     """An image ``(H, W)`` from 0 to ``high`` under its title, pixel by pixel."""
     axes.imshow(image, cmap=colours, vmin=0, vmax=high, interpolation="nearest")
-    axes.set_title(in_figure(title))
+    axes.set_title(in_figure(title), fontsize=10)
     axes.set_axis_off()
 
 

@@ -136,7 +136,8 @@ def _train(cfg: DictConfig, stop: StopSignal) -> float:
                 logger.log_hyperparams(hparams(found), {f"test/{key}": value for key, value in found["mean"].items()})
         console = PlainConsole()
         print_results(found, console)
-        console.say(styled(out), ": metrics.json, checkpoints/last.ckpt, pictures/, tensorboard/")
+        folders = [f"{name}/" for name in ("pictures", *(cfg.get("logger") or {})) if (out / name).is_dir()]
+        console.say(styled(out), f": {', '.join(['metrics.json', 'checkpoints/last.ckpt', *folders])}")
         tested = ("benchmark", cfg.benchmark.root) if cfg.benchmark.root else (chosen("data"), cfg.data.get("root"))
         paths = {"ckpt_path": out / "checkpoints" / "last.ckpt"}
         trusted = [override("trusted", f"[{','.join(cfg.trusted)}]")] if cfg.trusted else []

@@ -11,6 +11,7 @@ import torch
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf, open_dict
 
+from sci_lightning.chosen_loggers import EXTRAS
 from sci_lightning.command import plain
 from sci_lightning.conf_folder import CONF
 from sci_lightning.encoder import Encoder
@@ -19,9 +20,11 @@ from sci_lightning.system import LOSSES
 from tests.conftest import members
 
 GROUPS = sorted(
-    str(path.parent.relative_to(CONF))
-    for path in CONF.rglob("*.yaml")
-    if path.parent != CONF and "hydra" not in str(path)
+    {
+        str(path.parent.relative_to(CONF))
+        for path in CONF.rglob("*.yaml")
+        if path.parent != CONF and "hydra" not in str(path.relative_to(CONF))
+    }
 )
 
 
@@ -55,6 +58,8 @@ def test_member_composes_and_instantiates(
         choice = ["experiment=denoiser_cpu" if scale == "slim" else f"scale={scale}", f"decoder={name}"]
     if group.startswith("scale/mask/"):
         choice = [f"scale={group.rpartition('/')[2]}", f"encoder/mask={name}"]
+    if group == "logger" and name in EXTRAS:
+        pytest.importorskip(name, reason=f"pip install sci-lightning[{name}]")
     cfg = configuration("train", *choice, "size=[64,64]", f"out={tmp_path}")
     with open_dict(cfg):
         if OmegaConf.is_missing(cfg.encoder.mask, "file"):

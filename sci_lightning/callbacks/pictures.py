@@ -50,7 +50,7 @@ class Pictures(L.Callback):
         bits = getattr(system.encoder.mask, "bits", None)
         depth = "" if bits is None else f", {bits} bit{'s' * (bits > 1)}"
         name = system.run_config.get("names", {}).get("encoder", "mask")
-        return mask_figure(system.encoder.mask(), bits, f"{name}{depth}, after {trainer.global_step} steps")
+        return mask_figure(system.encoder.mask(), bits, f"{name}{depth}, step {trainer.global_step}")
 
     @torch.no_grad()
     def _figures(self, trainer: L.Trainer, system: System) -> Iterator[tuple[str, Figure]]:
