@@ -10,12 +10,16 @@ import numpy as np
 import torch
 
 from sci_lightning.captures import Captures
+from sci_lightning.encoder.effects import ReadNoise, ShotNoise
 from sci_lightning.errors import BadInput
 
 BRIGHTEST = (1e-4, 1e-3, 0.01, 0.05)
 """Shares of the pixels that may be in a pile-up, hot pixels aside."""
 WIDTH = 4.0
 """DN around a pile-up that the readout's noise fills."""
+
+BEYOND = 1e6
+"""Light and exposure, relative to nominal, that no session can have."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,8 @@ def observe(captures: Captures) -> Observation:
     """Prepare captures for a diagnosis.
 
     Raises:
-        BadInput: no capture with a known scene, all pixels saturated, or all black.
+        BadInput: no capture with a known scene, all pixels saturated, or all black; light, exposure or datasheet values
+            that no camera can have.
     """
     known = [int(n) for n in np.flatnonzero(captures.known)]
     if not known:
@@ -94,6 +99,7 @@ def observe(captures: Captures) -> Observation:
     if (dn == 0).all() or (dn == captures.full_scale).all():
         word = "black (0 DN)" if (dn == 0).all() else f"saturated ({captures.full_scale} DN)"
         raise BadInput(f"{captures.name}: every pixel of every capture is {word}: change exposure or aperture")
+    _check_values(captures, known)
     kinds = captures.inferred_kind
     order = sorted(known, key=lambda n: (kinds[n], _digest(captures, n)))
     sequences, sequence = torch.unique(torch.from_numpy(captures.sequence[order]), dim=0, return_inverse=True)
@@ -111,6 +117,25 @@ def observe(captures: Captures) -> Observation:
         read_noise=captures.read_noise_dn,
         full_well=captures.full_well_e,
     )
+
+
+def _check_values(captures: Captures, known: list[int]) -> None:
+    """Refuse values that are in the format's range but no camera can have: nothing could be computed of them."""
+    for number in known:
+        light = float(captures.aperture[number]) * float(captures.scene[number].max())
+        for what, value in (("aperture times scene", light), ("exposure", float(captures.exposure[number]))):
+            if value > BEYOND:
+                raise BadInput(
+                    f"{captures.name}: {what} of capture {number} is {value:.3g}, expected at most {BEYOND:.0e} "
+                    "(1 fills the sensor's range, or is the nominal exposure)"
+                )
+    datasheet = (
+        ("read_noise_dn", captures.read_noise_dn, ReadNoise.about["std"]),
+        ("full_well_e", captures.full_well_e, ShotNoise.about["full_well"]),
+    )
+    for name, stated, about in datasheet:
+        if stated is not None:
+            about.read(f"{captures.name}: attribute '{name}'", stated)
 
 
 def _digest(captures: Captures, n: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 from sci_lightning.captures import read_captures
 from sci_lightning.configuration.settings import check_settings
 from sci_lightning.diagnosis.diagnosis import diagnose
+from sci_lightning.diagnosis.observation import observe
 from sci_lightning.diagnosis.report import describe
 from sci_lightning.diagnosis.sentences import headline
 from sci_lightning.diagnosis.vocabulary import vocabulary
@@ -64,3 +66,22 @@ def test_degenerate_captures_get_a_verdict(degenerate: str, tmp_path: Path) -> N
     report = describe(found)
     assert report["verdict"] in ("consistent", "explained", "partly_explained", "unexplained")
     assert headline(report, found.left).endswith(".")
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"aperture": np.float32(1e38)}, "aperture times scene of capture"),
+        ({"scene": np.float32(1e30)}, "aperture times scene of capture"),
+        ({"exposure": np.float32(1e38)}, "exposure of capture 0 is 1e+38, expected at most 1e+06"),
+        ({"read_noise_dn": 1e30}, "attribute 'read_noise_dn' must be a number from 0 to 1000 DN"),
+        ({"full_well_e": 1e-30}, "attribute 'full_well_e' must be a number from 1 to 1e"),
+    ],
+)
+def test_what_no_camera_can_have_is_refused(changed: dict[str, Any], words: str, tmp_path: Path) -> None:
+    write_captures(tmp_path / "a.h5", capture_session(Session(size=(16, 16), dark=1, flat=1), {}, seed=3))
+    captures = read_captures(tmp_path / "a.h5")
+    ((name, value),) = changed.items()
+    whole = value if isinstance(value, float) else np.full_like(getattr(captures, name), value)
+    with pytest.raises(BadInput, match=re.escape(words)):
+        observe(replace(captures, **{name: whole}))
