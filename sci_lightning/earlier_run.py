@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from sci_lightning.checkpoint import read_checkpoint
 from sci_lightning.errors import BadInput
 
 FREE = {"out", "debug", "resume", "ckpt_path", "names", "overrides", "trusted", "workers", "callbacks", "logger"}
@@ -50,6 +49,8 @@ def interrupted(out: Path, config: Mapping[str, Any]) -> str | None:
     path = out / "checkpoints" / "last.ckpt"
     if not path.is_file():
         return None
+    from sci_lightning.checkpoint import read_checkpoint  # commands that refuse their input do not load torch
+
     _check_same(path, read_checkpoint(path).config, config)
     return str(path)
 

@@ -99,3 +99,13 @@ def test_completion_in_bash(tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
     done = subprocess.run(["bash", "-c", script], env=environment, capture_output=True, text=True, cwd=tmp_path)
     assert done.stdout.splitlines() == ["evaluate", "decoder=e2e_cnn decoder=efficientsci decoder=elp_unfolding"]
+
+
+def test_what_answers_at_once_does_not_load_torch() -> None:
+    program = (
+        "import sys\n"
+        "import sci_lightning.command, sci_lightning.train, sci_lightning.evaluate, sci_lightning.diagnose\n"
+        "print([name for name in ('torch', 'lightning', 'scipy', 'matplotlib') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.strip() == "[]"
