@@ -40,7 +40,7 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
             continue
         starts = model.starts(other, without.hypothesis)[:STARTS]
         trials = [model.predict(model.adding(without.hypothesis, other, start)) for start in starts]
-        if any(trial.bits != without.prediction.bits for trial in trials):
+        if not trials or any(trial.bits != without.prediction.bits for trial in trials):
             continue
         changes = torch.stack([found, *(trial.mean - without.prediction.mean for trial in trials)])
         information = linear.gain(changes).information

@@ -54,6 +54,8 @@ def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
             found.append(Candidate(name, chart.evidence, start))
             continue
         starts = model.starts(name, base.hypothesis)
+        if not starts:  # a converter of one bit can lose none, a single slot cannot come late
+            continue
         found.append(
             max(
                 (

@@ -48,7 +48,9 @@ def test_the_command_ends_with_one_line(tmp_path: Path, refused: Callable[..., s
     assert "[/red]\\x1b[31m: none of the" in line and "\x1b" not in line
 
 
-@pytest.mark.parametrize("degenerate", ["one pixel", "one row", "no light", "all mirrors off", "constant"])
+@pytest.mark.parametrize(
+    "degenerate", ["one pixel", "one row", "no light", "all mirrors off", "constant", "one slot", "one bit"]
+)
 def test_degenerate_captures_get_a_verdict(degenerate: str, tmp_path: Path) -> None:
     session = Session(size=(16, 16), dark=1, flat=1, all_on=0, all_off=0, pattern=0, static=1, dynamic=1)
     write_captures(tmp_path / "a.h5", capture_session(session, {}, seed=3))
@@ -61,7 +63,13 @@ def test_degenerate_captures_get_a_verdict(degenerate: str, tmp_path: Path) -> N
         changed["patterns"] = 0 * changed["patterns"]
     elif degenerate == "constant":
         changed["measurement"] = np.full_like(changed["measurement"], 7)
-    few = {name: vocabulary()[name] for name in ("gain", "black_level", "prnu", "shot_noise", "read_noise")}
+    elif degenerate == "one slot":
+        changed |= {"sequence": captures.sequence[:, :1], "scene": changed["scene"][:, :1]}
+    elif degenerate == "one bit":
+        changed |= {"bit_depth": 1, "measurement": (changed["measurement"] > 60).astype(np.uint8)}
+    few = {
+        name: vocabulary()[name] for name in ("gain", "pattern_order", "bit_depth", "prnu", "shot_noise", "read_noise")
+    }
     found = diagnose(replace(captures, **changed), few, most=2)
     report = describe(found)
     assert report["verdict"] in ("consistent", "explained", "partly_explained", "unexplained")
