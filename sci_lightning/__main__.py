@@ -85,6 +85,9 @@ COMPLETION = r"""_sci_lightning() {
   local words=($COMP_LINE) word="${COMP_WORDS[COMP_CWORD]}" choices
   if (( COMP_CWORD < 2 )); then
     choices="$(sci-lightning commands)"
+  elif [[ ${words[1]} == captures ]]; then
+    choices=""
+    (( COMP_CWORD == 2 )) && choices="pack info"
   else
     choices="$(COMP_LINE="sci-lightning ${COMP_LINE#* * }" sci-lightning "${words[1]}" -sc query=bash 2>/dev/null)"
   fi

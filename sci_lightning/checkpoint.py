@@ -15,12 +15,20 @@ from lightning.fabric.plugins.io.torch_io import TorchCheckpointIO
 from torch import nn
 
 from sci_lightning.atomic_file import whole_file
-from sci_lightning.checkpoint_contents import check_archive, check_run_config, check_state
+from sci_lightning.checkpoint_archive import check_archive, check_values
+from sci_lightning.checkpoint_contents import check_run_config, check_state
 from sci_lightning.checkpoint_digest import checkpoint_digest
 from sci_lightning.configuration.build import build_from_file
 from sci_lightning.decoder import Decoder
 from sci_lightning.encoder import Encoder
+from sci_lightning.encoder.effects import Effect
+from sci_lightning.encoder.mask import Mask
+from sci_lightning.encoder.trial import check_recording
 from sci_lightning.errors import BadInput
+from sci_lightning.plain_text import excerpt
+
+NUMPY_NUMBERS = ("f2", "f4", "f8", "i4", "i8", "b1")
+"""Types of numpy's numbers in a checkpoint, as pickles call them."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +60,7 @@ class Checkpoint:
         if not isinstance(encoder, Encoder):
             raise BadInput(f"{self.path}: its encoder is a {type(encoder).__name__}, not an Encoder")
         self.fill("encoder", encoder)
+        check_recording(encoder, f"{self.path}: encoder")
         return encoder
 
     def decoder(self) -> Decoder:
@@ -68,6 +77,22 @@ class Checkpoint:
     def fill(self, part: str, module: nn.Module, name: str | None = None) -> None:
         """Load the state of ``part`` ("encoder", "encoder.mask", "decoder", ..) into ``module``, strictly."""
         module.load_state_dict(self.check_fit(part, module, name))
+        if part.startswith("encoder"):
+            self._check_encoder(part, module)
+
+    def _check_encoder(self, part: str, module: nn.Module) -> None:
+        """Hold what was filled in to the bounds of what a configuration may say: a blur's width is a loop's length."""
+        for name, value in module.state_dict().items():
+            if not torch.isfinite(value).all():
+                raise BadInput(f"{self.path}: '{part}.{name}' holds NaN or infinite values, expected finite numbers")
+        try:
+            for child in module.modules():
+                if isinstance(child, Effect):
+                    child.check()
+                elif isinstance(child, Mask) and not torch.all((child() >= 0) & (child() <= 1)):
+                    raise BadInput("a mask beyond 0 to 1 (transmittance)")
+        except BadInput as error:
+            raise BadInput(f"{self.path}: its {part} holds what no {part} has: {error}") from error
 
     def check_fit(self, part: str, module: nn.Module, name: str | None = None) -> dict[str, torch.Tensor]:
         """Check that the state of ``part`` fits ``module``, strictly, and return it."""
@@ -149,6 +174,7 @@ def load_file(path: Path) -> dict[str, Any]:
         check_archive(path)
         with torch.serialization.safe_globals(_numpy_scalars()):
             content = torch.load(path, map_location="cpu", weights_only=True)
+        check_values(path, content)
     except BadInput:
         raise
     except Exception as error:  # torch raises RuntimeError, EOFError, KeyError, .. on damaged archives
@@ -180,12 +206,27 @@ def _load_safetensors(path: Path) -> dict[str, Any]:
     return {"config": json.loads(about["config"]), "state_dict": state, "digest": about.get("digest")}
 
 
+class _NumpyType:
+    """A NumPy type as it stands in a pickle. A type of numbers only: a file may ask for one of a gigabyte."""
+
+    def __init__(self, name: object, *_: object) -> None:
+        if name not in NUMPY_NUMBERS:
+            raise pickle.UnpicklingError(f"{excerpt(name)} is no type of numbers")
+        self.type = np.dtype(str(name))
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        if state[1] == ">":
+            self.type = self.type.newbyteorder(">")
+
+
+def _numpy_number(kind: _NumpyType, content: bytes) -> Any:
+    return np.frombuffer(content, kind.type, 1)[0]
+
+
 def _numpy_scalars() -> list[Any]:
     """What a numpy number in a checkpoint is made of: published ones carry scores. Plain values, nothing to execute."""
-    make_scalar = np.float64(0).__reduce__()[0]
     modules = ("numpy.core.multiarray", "numpy._core.multiarray")  # before and since numpy 2
-    kinds = [type(np.dtype(kind)) for kind in ("float16", "float32", "float64", "int32", "int64", "bool")]
-    return [*((make_scalar, f"{module}.scalar") for module in modules), np.dtype, *kinds]
+    return [*((_numpy_number, f"{module}.scalar") for module in modules), (_NumpyType, "numpy.dtype")]
 
 
 def _misfit(state: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.Tensor]) -> str:

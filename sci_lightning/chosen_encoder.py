@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from omegaconf import DictConfig
 
 from sci_lightning.checkpoint import Checkpoint
 from sci_lightning.command import chosen, plain
 from sci_lightning.configuration.build import build
 from sci_lightning.encoder import Encoder
+from sci_lightning.encoder.trial import check_recording
 from sci_lightning.errors import BadInput
 
 
@@ -58,7 +61,9 @@ def _built(settings: DictConfig, named: str, checkpoint: Checkpoint) -> Encoder:
     encoder = build(plain(settings), named)
     if not isinstance(encoder, Encoder):
         raise BadInput(f"{named}: its _target_ is a {type(encoder).__name__}, not an Encoder")
-    mask = settings.mask
-    if mask._target_ == checkpoint.config["encoder"]["mask"]["_target_"] and mask.get("file") is None:
+    mask, trained = settings.mask, checkpoint.config["encoder"].get("mask")
+    alike = isinstance(trained, Mapping) and mask._target_ == trained.get("_target_")
+    if alike and mask.get("file") is None:
         checkpoint.fill("encoder.mask", encoder.mask)
+    check_recording(encoder, named)
     return encoder

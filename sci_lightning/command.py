@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import shlex
 import sys
 import warnings
 from collections.abc import Callable
@@ -133,7 +132,7 @@ def _end_sweep(interrupted: bool = False) -> list[tuple[str, int]]:
     rows = finished_rows()
     if not rows:
         return []
-    from sci_lightning.next_command import invocation, nearest, print_next
+    from sci_lightning.next_command import dashboard, invocation, print_next
     from sci_lightning.sweep_table import row_names, sweep_table
 
     console = PlainConsole()
@@ -149,7 +148,7 @@ def _end_sweep(interrupted: bool = False) -> list[tuple[str, int]]:
         print_next(
             console,
             invocation("tables", paths={"runs": folder}),
-            *([shlex.join(["tensorboard", "--logdir", nearest(folder)])] if dashboards else []),
+            *([dashboard(folder)] if dashboards else []),
         )
     failed = [(f"[{' '.join(row.overrides)}] {row.line}", row.status) for row in rows if row.outcome == "failed"]
     if unfinished := sum(row.outcome == "unfinished" for row in rows):

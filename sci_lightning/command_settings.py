@@ -57,5 +57,8 @@ def check_command_settings(cfg: DictConfig, command: str) -> None:
     assert isinstance(settings, dict)
     defaults = OmegaConf.load(CONF / f"{command}.yaml")
     assert isinstance(defaults, DictConfig)
+    for key in ("size", "crop"):
+        if isinstance(side := settings.get(key), int) and not isinstance(defaults.get(key), int):
+            raise BadInput(f"{key}={side}: expected [height,width]; of a square {key}=[{side},{side}]")
     nullable = [str(key) for key, value in defaults.items_ex(resolve=False) if value is None]
     check_settings({str(key): value for key, value in settings.items()}, nullable)

@@ -7,6 +7,7 @@ computed. None can name a class, a folder to write to or a reference that would 
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -58,6 +59,9 @@ TRAINER = {
 WRITTEN = {"data.store"}
 """Folders that data sources write to."""
 
+LONGEST_OVERRIDES = 20_000
+"""Characters of all overrides together."""
+
 KEY = re.compile(r"[a-z][a-z0-9_]*(\.[a-zA-Z0-9][a-zA-Z0-9_]*)*", re.ASCII)
 CHOICE = re.compile(r"[A-Za-z0-9][\w.+-]*", re.ASCII)
 
@@ -77,12 +81,12 @@ def continued(arguments: list[str], encoders: Iterable[str]) -> tuple[list[str],
     Raises:
         BadInput: a checkpoint that cannot be read, or overrides in it that a checkpoint may not hold.
     """
-    from sci_lightning.checkpoint import read_checkpoint
-
     given = {key.lstrip("+~"): value.strip("'\"") for key, _, value in (each.partition("=") for each in arguments)}
     path = _checkpoint(given)
     if path is None or {"-m", "--multirun"} & set(arguments):
         return arguments, {}
+    from sci_lightning.checkpoint import read_checkpoint  # torch is loaded when it is needed
+
     checkpoint = read_checkpoint(path)
     if not checkpoint.resumable:
         return arguments, {}
@@ -110,9 +114,31 @@ def continued(arguments: list[str], encoders: Iterable[str]) -> tuple[list[str],
         for key in VALUES
         if kept and key not in named and isinstance(config.get(key), (int, list))
     ]
-    if "out" not in given and path.name == "last.ckpt" and path.resolve().parent.name == "checkpoints":
-        before.append(f"out='{path.resolve().parent.parent}'")
+    folder = Path(os.path.abspath(path)).parent  # not resolved: what is named is written, wherever links lead
+    if "out" not in given and path.name == "last.ckpt" and folder.name == "checkpoints":
+        _check_folder(folder.parent)
+        before.append(f"out='{folder.parent}'")
     return [*before, *arguments], files
+
+
+def _check_folder(folder: Path) -> None:
+    """Check that a run's folder can be gone on with although nobody said ``out=``: it may be a stranger's.
+
+    Raises:
+        BadInput: it has a link that leads out of it, over which other files would be written, or a name that would be
+            obeyed.
+    """
+    if "${" in str(folder) or "'" in str(folder) or "\\" in str(folder):
+        raise BadInput(f"{folder}: a name with ${{, ' or \\ would be obeyed, not read; rename the folder")
+    real = folder.resolve()
+    for place, folders, files in os.walk(real):
+        for name in (*folders, *files):
+            path = Path(place) / name
+            if path.is_symlink() and not path.resolve().is_relative_to(real):
+                raise BadInput(
+                    f"{path}: a link that leads out of the run's folder, where other files would be overwritten; to "
+                    f"go on there all the same, say so: out={folder}"
+                )
 
 
 def recorded(overrides: Iterable[str]) -> list[str]:
@@ -135,6 +161,8 @@ def overrides_of(path: Path, config: Mapping[str, Any]) -> list[Override]:
     lines = config.get("overrides", [])
     if not isinstance(lines, list) or len(lines) > 1000 or not all(isinstance(line, str) for line in lines):
         raise BadInput(f"{path}: damaged: its overrides are not a list of texts")
+    if sum(map(len, lines)) > LONGEST_OVERRIDES:  # Hydra takes minutes for a million
+        raise BadInput(f"{path}: its overrides have more than {LONGEST_OVERRIDES:,} characters")
     return [_checked(path, line) for line in lines]
 
 
@@ -170,6 +198,8 @@ def _checked(path: str | Path, line: str) -> Override:
         )
     elif not KEY.fullmatch(key) or key in WRITTEN or not _is_plain(value):
         right = False
+    elif key == "trainer.devices" and isinstance(value, int):
+        right = value <= (os.cpu_count() or 1)  # every one is a process
     elif root == "trainer":
         right = rest.partition(".")[0] in TRAINER
     else:

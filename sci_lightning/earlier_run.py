@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from sci_lightning.configuration.plain_data import check_plain_data
 from sci_lightning.errors import BadInput
 
 FREE = {"out", "debug", "resume", "ckpt_path", "names", "overrides", "trusted", "workers", "callbacks", "logger"}
@@ -33,8 +34,10 @@ def finished(out: Path, config: Mapping[str, Any]) -> dict[str, Any] | None:
         return None
     try:
         found = json.loads(path.read_text())
-        earlier = found["config"]
-    except (ValueError, KeyError, TypeError) as error:
+        earlier = dict(found["config"])
+        float(found["mean"]["psnr"])
+        check_plain_data(path, earlier)
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise BadInput(f"{path}: not the metrics of a run; remove it, and the run is made again") from error
     _check_same(path, earlier, config)
     return dict(found)
@@ -46,10 +49,11 @@ def interrupted(out: Path, config: Mapping[str, Any]) -> str | None:
     Raises:
         BadInput: it is damaged, or of another configuration.
     """
+    from sci_lightning.checkpoint import read_checkpoint  # torch is loaded when it is needed
+
     path = out / "checkpoints" / "last.ckpt"
     if not path.is_file():
         return None
-    from sci_lightning.checkpoint import read_checkpoint  # commands that refuse their input do not load torch
 
     _check_same(path, read_checkpoint(path).config, config)
     return str(path)
@@ -113,10 +117,19 @@ def _differences(earlier: Mapping[str, Any], config: Mapping[str, Any]) -> Itera
 
 def _comparable(config: Mapping[str, Any]) -> dict[str, Any]:
     """What a run finds depends on, flat, wherever the run's folder is."""
-    parts = json.loads(json.dumps(config).replace(json.dumps(config.get("out", "OUT"))[1:-1], "OUT"))
+    parts = _without(json.loads(json.dumps(config)), config.get("out"))
     flat = _flat({key: value for key, value in parts.items() if key not in FREE})
     # binary masks have one bit; runs of earlier versions do not say so
     return {key: value for key, value in flat if not (key.endswith("mask.bits") and value == 1)}
+
+
+def _without(content: Any, out: Any) -> Any:
+    """Plain values with ``OUT`` in the place of the run's folder."""
+    if isinstance(content, dict):
+        return {key: _without(value, out) for key, value in content.items()}
+    if isinstance(content, list):
+        return [_without(value, out) for value in content]
+    return content.replace(out, "OUT") if isinstance(content, str) and isinstance(out, str) and out else content
 
 
 def _flat(content: Mapping[str, Any], above: str = "") -> list[tuple[str, Any]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -15,8 +16,10 @@ from omegaconf import DictConfig, OmegaConf
 from sci_lightning.bounds import Frames, Size
 from sci_lightning.configuration.arguments import check_value
 from sci_lightning.configuration.plain_data import check_plain_data
+from sci_lightning.configuration.settings import check_fields
 from sci_lightning.configuration.yaml_file import read_yaml
 from sci_lightning.errors import BadInput
+from sci_lightning.plain_text import excerpt
 
 PLACES = {"encoder": "encoder", "decoder.camera": "encoder@camera"}
 """What the command line says, and what Hydra calls it."""
@@ -84,7 +87,7 @@ def adopt_encoder_files(arguments: list[str], taken: Iterable[str] = ()) -> tupl
         bare = value.strip().strip("'\"")
         if not bare.endswith(".yaml"):
             return value
-        file = read_encoder_file(Path(bare).expanduser())
+        file = read_encoder_file(Path(os.path.expanduser(bare)))
         name = _name(file.path.resolve(), {*taken, *files})
         files[name] = file
         ConfigStore.instance().store(group="encoder", name=name, node=OmegaConf.create(file.content))
@@ -113,7 +116,7 @@ def read_encoder_file(path: Path) -> EncoderFile:
     if not isinstance(content, dict) or "_target_" not in content:
         raise BadInput(f"{path}: not an encoder; expected a mapping with _target_: sci_lightning.encoder.Encoder")
     check_plain_data(path, content, REFERENCES)
-    return EncoderFile(path, _anchored(content, path, path.resolve().parent))
+    return EncoderFile(path, _anchored(content, path, path.resolve().parent, bound=True))
 
 
 def checked_encoder(path: Path, content: Mapping[str, Any]) -> dict[str, Any]:
@@ -158,24 +161,38 @@ def adapt_to_encoder_files(cfg: DictConfig, files: Mapping[str, EncoderFile]) ->
         settings = OmegaConf.to_container(cfg[key], resolve=True)
         check_plain_data(file.path, settings)
         check_targets(file.path, settings, cfg.get("trusted") or [])
+        check_fields(settings, f"{file.path}: ")
         cfg[key] = settings
 
 
-def _anchored(content: Any, path: Path, folder: Path) -> Any:
-    """``content`` with its keys checked and relative ``file:`` entries taken from ``folder``."""
+def _anchored(content: Any, path: Path, folder: Path, bound: bool = False) -> Any:
+    """``content`` with its keys checked and relative ``file:`` entries taken from ``folder``.
+
+    ``bound``: they have to lie in it. An encoder file may be a stranger's, and what it names is read.
+    """
     if isinstance(content, list):
-        return [_anchored(value, path, folder) for value in content]
+        return [_anchored(value, path, folder, bound) for value in content]
     if not isinstance(content, dict):
         return content
     for key in content:
         if not KEY.fullmatch(key) or key in RESERVED:
             raise BadInput(f"{path}: the key '{key}' has no place in an encoder file")
     return {
-        key: str(folder / Path(value).expanduser())
+        key: _file(value, path, folder, bound)
         if key == "file" and isinstance(value, str) and value != "???"
-        else _anchored(value, path, folder)
+        else _anchored(value, path, folder, bound)
         for key, value in content.items()
     }
+
+
+def _file(name: str, path: Path, folder: Path, bound: bool) -> str:
+    file = folder / os.path.expanduser(name)
+    if bound and not os.path.realpath(file).startswith(os.path.join(os.path.realpath(folder), "")):
+        raise BadInput(
+            f"{path}: file: {excerpt(name)} lies outside of the encoder file's folder; copy it into {folder}, or name "
+            "it on the command line, as in encoder.mask.file=MASK.mat"
+        )
+    return str(file)
 
 
 def _times(known: Mapping[str, Any]) -> str:

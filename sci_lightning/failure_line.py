@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Iterator
+from difflib import get_close_matches
 
-from hydra.errors import HydraException, InstantiationException, MissingConfigException
-from omegaconf.errors import OmegaConfBaseException
+from hydra.errors import ConfigCompositionException, HydraException, InstantiationException, MissingConfigException
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 from yaml import YAMLError, safe_load
 
 from sci_lightning.conf_folder import CONF
@@ -30,7 +33,11 @@ def one_line(error: BaseException) -> str:
     if isinstance(cause, MissingConfigException):
         group, _, name = str(cause.missing_cfg_file).rpartition("/")
         if options := cause.options or sorted(path.stem for path in (CONF / group).glob("*.yaml") if group):
-            return f"{group}={name}: no such {group}; choose one of {', '.join(options)}"
+            return f"{group}={name}: no such {group}; {_nearest(name, options)}choose one of {', '.join(options)}"
+    if isinstance(cause, ConfigCompositionException) and (line := _unknown_setting(cause)):
+        return line
+    if isinstance(cause, MissingMandatoryValue) and cause.full_key:
+        return f"give {cause.full_key}=..; --help says what it is"
     text = " ".join(str(cause).split()) or type(cause).__name__
     if isinstance(cause, OmegaConfBaseException) and cause.full_key and cause.msg:
         return f"{cause.full_key}: {' '.join(str(cause.msg).split())}"
@@ -73,6 +80,44 @@ def check_choices(arguments: Iterable[str]) -> None:
         if kind not in (str, list):
             options = ", ".join(sorted(path.stem for path in (CONF / group).glob("*.yaml")))
             raise BadInput(f"{group}={excerpt(value)}: no such {group}; choose one of {options}")
+
+
+def _unknown_setting(error: ConfigCompositionException) -> str | None:
+    """What Hydra says of an override of a setting that does not exist, with the settings that do in its place."""
+    unknown = re.match(r"Could not override '(.+?)'", str(error))
+    if not unknown:
+        return None
+    key, line = unknown[1], f"{unknown[1]}: no such setting"
+    if effect := re.match(r"encoder\.effects\.(\w+)\.", key):
+        return f"{line}; effect=[{effect[1]}] puts that effect into the encoder"
+    above, _, name = key.rpartition(".")
+    node = getattr(error.__cause__, "parent_node", None)
+    exact = getattr(error.__cause__, "full_key", None) == key
+    beside = [str(other) for other in node or () if exact and not str(other).startswith("_")]
+    near = [f"{above}.{other}".lstrip(".") for other in get_close_matches(name, beside, n=1, cutoff=0.7)]
+    if not near and isinstance(node, DictConfig) and node._get_parent() is None:
+        near = [leaf for leaf in _leaves(node) if leaf.endswith(f".{key}")][:3]
+    if near:
+        return f"{line}; did you mean {' or '.join(near)}?"
+    if above == "trainer":
+        return f"{line} in conf/trainer; any other argument of Lightning's Trainer is added with +{key}=.."
+    return f"{line}; {above} has {', '.join(beside)}" if above and beside else f"{line}; --help lists all"
+
+
+def _leaves(node: DictConfig, above: str = "") -> Iterator[str]:
+    """The keys of all values below ``node``, Hydra's own left out."""
+    for key in map(str, node):
+        name, value = f"{above}{key}", None if OmegaConf.is_missing(node, key) else node._get_node(key)
+        if isinstance(value, DictConfig) and not (value._is_none() or value._is_interpolation()):
+            yield from _leaves(value, f"{name}.") if name != "hydra" else ()
+        elif not key.startswith("_"):
+            yield name
+
+
+def _nearest(name: str, names: Iterable[str]) -> str:
+    """``did you mean ..?`` before a list of names of which one is much like ``name``; else nothing."""
+    near = get_close_matches(name, list(names), n=1, cutoff=0.8)
+    return f"did you mean {near[0]}? Else " if near else ""
 
 
 def _is_misconfiguration(error: BaseException) -> bool:

@@ -20,8 +20,16 @@ from sci_lightning.errors import BadInput
 from sci_lightning.hdf5_heap import check_heaps
 from sci_lightning.memory_bound import LARGEST_RATIO, SMALL, UNCHECKED, check_stored, inflates_beyond
 
+LABELS = {1: "gzip", 2: "shuffle", 4: "szip", 5: "nbit", 6: "scaleoffset", 32000: "lzf"}
+SHUFFLE = h5py.h5z.FILTER_SHUFFLE
+CHAINS = [(*before, *last) for before in ((), (SHUFFLE,)) for last in ((), (h5py.h5z.FILTER_DEFLATE,), (32000,))]
+"""Chains of filters that are read: at most one that compresses, and what it compresses is what is stored."""
+
 MOST_OBJECTS = 10_000
 """Groups and datasets that are looked at in a file; captures files have nine, MATLAB files a few dozen."""
+
+MAX_DEPTH = 32
+"""Groups within groups; HDF5 looks for each from the top."""
 
 
 @contextmanager
@@ -54,21 +62,40 @@ def hdf5_datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
     """Return every dataset that lies in the file itself, in whichever group, by its path; links are passed over.
 
     Raises:
-        BadInput: more than :data:`MOST_OBJECTS` objects.
+        BadInput: more than :data:`MOST_OBJECTS` names, or groups that are nested deeper than :data:`MAX_DEPTH`.
     """
     datasets: dict[str, h5py.Dataset] = {}
+    seen = {h5py.h5o.get_info(file.id).addr}
     looked_at = 0
-
-    def keep(name: str, item: Any) -> None:
-        nonlocal looked_at
-        looked_at += 1
-        if looked_at > MOST_OBJECTS:
-            raise BadInput(f"{file.filename}: more than {MOST_OBJECTS} groups and datasets; expected a few")
-        if isinstance(item, h5py.Dataset):
-            datasets[name] = item
-
-    file.visititems(keep)  # visits hard links only
+    waiting: list[tuple[str, h5py.Group, int]] = [("", file, 0)]
+    while waiting:
+        place, group, depth = waiting.pop()
+        if depth > MAX_DEPTH:
+            raise BadInput(f"{file.filename}: groups within groups, more than {MAX_DEPTH} deep; expected a few")
+        for name in group:
+            looked_at += 1
+            if looked_at > MOST_OBJECTS:
+                raise BadInput(f"{file.filename}: more than {MOST_OBJECTS} groups and datasets; expected a few")
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                continue
+            item = group[name]
+            address = h5py.h5o.get_info(item.id).addr
+            if address in seen:  # a group may hold itself
+                continue
+            seen.add(address)
+            if isinstance(item, h5py.Group):
+                waiting.append((f"{place}{name}/", item, depth + 1))
+            elif isinstance(item, h5py.Dataset) and _has_dtype(item):
+                datasets[f"{place}{name}"] = item
     return datasets
+
+
+def _has_dtype(item: h5py.Dataset) -> bool:
+    """Whether NumPy has a name for the type of a dataset's values."""
+    try:
+        return item.dtype is not None
+    except TypeError:
+        return False
 
 
 def own_dataset(file: h5py.File, name: str, expected: str = "a dataset") -> h5py.Dataset | None:
@@ -88,6 +115,8 @@ def own_dataset(file: h5py.File, name: str, expected: str = "a dataset") -> h5py
     item = file[name]
     if not isinstance(item, h5py.Dataset):
         raise BadInput(f"'{name}' is a group, expected {expected}")
+    if not _has_dtype(item):
+        raise BadInput(f"'{name}' holds values of a type that is not read, expected {expected}")
     return item
 
 
@@ -119,17 +148,22 @@ def check_dataset(name: str, item: h5py.Dataset) -> int:
     unwritten = item.chunks is not None or not stored  # what nobody wrote is read as the fill value
     check_stored(f"'{name}' of shape {item.shape}", declared, stored, compressed=bool(filters) or unwritten)
     if item.chunks is not None:
-        _check_chunks(name, item, declared, sum(code == h5py.h5z.FILTER_DEFLATE for code, *_ in filters))
+        _check_chunks(name, item, declared, tuple(code for code, *_ in filters if code != h5py.h5z.FILTER_FLETCHER32))
     return declared
 
 
-def _check_chunks(name: str, item: h5py.Dataset, declared: int, deflated: int) -> None:
+def _check_chunks(name: str, item: h5py.Dataset, declared: int, filters: tuple[int, ...]) -> None:
     """Chunks are read whole: none may be much larger than its dataset, nor inflate to more than its own size."""
+    if filters not in CHAINS:  # others inflate more than once, or to what they say themselves
+        known = [LABELS.get(code, str(code)) for code in filters]
+        raise BadInput(
+            f"'{name}' is stored by the HDF5 filters {', '.join(known)}, expected shuffle and one of gzip and lzf at "
+            "most; save it with gzip or without compression"
+        )
+    deflated = h5py.h5z.FILTER_DEFLATE in filters
     size = math.prod(item.chunks) * item.id.get_type().get_size()
     if size > max(SMALL, 2 * declared):
         raise BadInput(f"'{name}' has chunks of shape {item.chunks}, larger than its shape {item.shape}")
-    if deflated > 1:
-        raise BadInput(f"'{name}' is compressed {deflated} times, expected once or not at all")
     # HDF5 inflates a chunk to whatever comes out of it, and only then looks at the size
     if deflated and LARGEST_RATIO * item.id.get_storage_size() > UNCHECKED:
         large: list[tuple[int, ...]] = []

@@ -90,6 +90,8 @@ def check_mask(measurement: torch.Tensor, mask: torch.Tensor) -> MaskCheck | Non
     if len(mask) > side * side // 3:
         return None
     blocks = _blocks(measurement, side)
+    if not blocks.numel():
+        return None
     usable = (blocks.amax(-1) < SATURATED * float(blocks.max().clamp(min=1))) & (blocks.amax(-1) > blocks.amin(-1))
     chosen = usable.nonzero()[:, 0]
     if len(chosen) < LEAST_BLOCKS:

@@ -7,7 +7,6 @@ Source: MathWorks, "MAT-File Format", version 5.
 
 from __future__ import annotations
 
-import io
 import math
 import os
 import struct
@@ -31,6 +30,15 @@ NUMBERS = ("float64", "float32", "int8", "uint8", "int16", "uint16", "int32", "u
 CLASSES = dict(enumerate(("cell", "struct", "object", "char", "sparse", *NUMBERS, "function", "opaque"), start=1))
 COMPLEX = 0x0800
 
+STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+"""How an element's numbers are stored, whatever the class of its matrix: doubles that are small and whole as bytes."""
+
+WIDTHS = (8, 4, 4, 2, 2, 1)
+"""Bytes of a number by the type's code in version 4."""
+SPARSE = 2
+MOST_MATRICES = 10_000
+"""In a file of version 4."""
+
 
 @dataclass(frozen=True)
 class _Element:
@@ -46,19 +54,24 @@ class _Element:
 
     def read(self) -> np.ndarray:
         """Read this variable alone, in MATLAB's order of axes."""
-        from scipy.io import loadmat
-
         largest = 8 * math.prod(self.shape)
         check_stored(f"'{self.name}' of shape {self.shape}", largest, self.length, compressed=True)
         with self.path.open("rb") as stream:
-            header = stream.read(HEADER)
-            stream.seek(self.start)
-            content = stream.read(8 + self.length)
-        suspicious = self.compressed and LARGEST_RATIO * self.length > UNCHECKED
-        if suspicious and inflates_beyond(memoryview(content)[8:], largest + BEGINNING):
-            raise BadInput(f"'{self.name}' of shape {self.shape} inflates to more than its numbers")
-        variables = loadmat(io.BytesIO(header + content))
-        return np.asarray(next(value for name, value in variables.items() if not name.startswith("__")))
+            order = "<" if stream.read(HEADER)[126:128] == b"IM" else ">"
+            stream.seek(self.start + 8)
+            content = stream.read(self.length)
+        if self.compressed:
+            if LARGEST_RATIO * self.length > UNCHECKED and inflates_beyond(content, largest + BEGINNING):
+                raise BadInput(f"'{self.name}' of shape {self.shape} inflates to more than its numbers")
+            content = zlib.decompress(content)[8:]
+        _, place = _part(content, 16, order)
+        _, place = _part(content, place, order)
+        (kind,) = struct.unpack_from(order + "I", content, place)
+        numbers, _ = _part(content, place, order)
+        dtype = STORED.get(kind & 0xFFFF if kind >> 16 else kind)
+        if dtype is None:  # SciPy would read what is no numbers, and crash over some
+            raise ValueError(f"'{self.name}' of class {self.dtype} holds elements of type {kind}, expected numbers")
+        return np.frombuffer(numbers, order + dtype).reshape(self.shape, order="F").astype(dtype)
 
 
 def matlab5_arrays(path: Path) -> dict[str, StoredArray]:
@@ -75,6 +88,8 @@ def matlab4_arrays(path: Path) -> dict[str, StoredArray]:
     """List the matrices of a MATLAB file of version 4, which knows neither compression nor a third dimension."""
     from scipy.io import loadmat, whosmat
 
+    _check_matlab4(path)
+
     def stored(name: str, shape: tuple[int, ...], dtype: str) -> StoredArray:
         def read() -> np.ndarray:
             check_stored(f"'{name}' of shape {shape}", math.prod(shape), path.stat().st_size, compressed=False)
@@ -83,6 +98,27 @@ def matlab4_arrays(path: Path) -> dict[str, StoredArray]:
         return StoredArray(shape, dtype, dtype not in ("char", "sparse"), read)
 
     return {name: stored(name, shape, dtype) for name, shape, dtype in whosmat(path)}
+
+
+def _check_matlab4(path: Path) -> None:
+    """Follow the chain of matrices to the end of the file: SciPy follows one that leads back for ever."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        place, count = 0, 0
+        while place < size:
+            count += 1
+            if count > MOST_MATRICES:
+                raise ValueError(f"more than {MOST_MATRICES} matrices")
+            stream.seek(place)
+            header = stream.read(20)
+            order = "<" if 0 <= struct.unpack("<i", header[:4])[0] <= 5000 else ">"
+            kind, rows, columns, imaginary, name = struct.unpack(order + "5i", header)
+            if not 0 <= kind <= 5000 or min(rows, columns, name) < 0 or kind // 10 % 10 >= len(WIDTHS):
+                raise ValueError(f"a matrix of {rows} x {columns} at byte {place}")
+            parts = 2 if imaginary == 1 and kind % 10 != SPARSE else 1
+            place += 20 + name + parts * rows * columns * WIDTHS[kind // 10 % 10]
+        if place > size:
+            raise ValueError(f"{size} bytes, a matrix ends at {place}")
 
 
 def is_matlab4(path: Path) -> bool:

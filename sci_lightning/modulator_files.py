@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import numpy as np
 import torch
+from annotated_types import Interval, MaxLen
 from PIL import Image
 
 from sci_lightning.atomic_file import whole_file
+from sci_lightning.bounds import Bits, Frames, Pixels, Size
+from sci_lightning.configuration.arguments import check_value
 from sci_lightning.errors import BadInput
+from sci_lightning.memory_bound import check_memory
+from sci_lightning.paper_tables.json_fields import read_json
+from sci_lightning.paper_tables.run_files import is_inside
 
 SHEET = "planes.json"
 
@@ -127,13 +135,17 @@ def read_planes(folder: str | Path) -> torch.Tensor:
     """
     folder = Path(folder)
     try:
-        about = json.loads((folder / SHEET).read_text())
+        about = _sheet(folder / SHEET)
         layout = Layout(_pair(about["size"]), about["repeat"], _pair(about["canvas"]))
+        check_memory(f"{about['frames']} slots of {layout.canvas}", 16 * about["frames"] * math.prod(layout.canvas))
         levels = torch.zeros(about["frames"], *layout.size, dtype=torch.int64)
         for plane in about["planes"]:
-            levels[plane["slot"]] += layout.cut_out(_read_png(folder / plane["file"], layout.canvas)) << plane["bit"]
+            path = folder / plane["file"]
+            if not is_inside(path, folder):
+                raise ValueError(f"{plane['file']} is no file in this folder")
+            levels[plane["slot"]] += layout.cut_out(_read_png(path, layout.canvas)) << plane["bit"]
         return levels.float() / about["full_level"]
-    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+    except (OSError, ValueError, KeyError, TypeError, IndexError, SyntaxError, Image.DecompressionBombError) as error:
         raise BadInput(
             f"{folder}: not the planes of a mask ({error}); give the folder that export_mask wrote"
         ) from error
@@ -173,12 +185,26 @@ def _write_png(path: Path, picture: Image.Image) -> None:
         picture.save(temporary)
 
 
+def _sheet(path: Path) -> dict[str, Any]:
+    """``planes.json``, its numbers within the bounds of a modulator."""
+    about: dict[str, Any] = read_json(path).content
+    numbers = {"frames": Frames, "size": Size, "canvas": Size, "repeat": Pixels, "bits": Bits}
+    for name, kind in numbers.items():
+        check_value(name, about.get(name), kind)
+    check_value("full_level", about.get("full_level"), Annotated[int, Interval(ge=1, le=256)])
+    check_value("planes", about.get("planes"), Annotated[list[dict[str, Any]], MaxLen(about["frames"] * about["bits"])])
+    for plane in about["planes"]:
+        check_value("planes.file", plane.get("file"), str)
+        check_value("planes.slot", plane.get("slot"), Annotated[int, Interval(ge=0, lt=about["frames"])])
+        check_value("planes.bit", plane.get("bit"), Annotated[int, Interval(ge=0, lt=about["bits"])])
+    return about
+
+
 def _read_png(path: Path, canvas: tuple[int, int]) -> torch.Tensor:
-    with Image.open(path) as picture:
+    with Image.open(path, formats=["PNG"]) as picture:
         if picture.mode != "1" or picture.size != canvas[::-1]:
             raise ValueError(f"{path.name} is {picture.mode} {picture.size}, expected 1-bit {canvas[::-1]}")
-        flat = torch.tensor(list(picture.convert("L").tobytes()), dtype=torch.int64)
-    return (flat > 0).long().reshape(canvas)
+        return torch.from_numpy(np.array(picture)).long()
 
 
 def _pair(value: Sequence[int]) -> tuple[int, int]:

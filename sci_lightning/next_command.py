@@ -46,6 +46,13 @@ def browser(path: str | Path) -> str:
     return shlex.join([_python(), "-m", "webbrowser", Path(path).absolute().as_uri()])
 
 
+def dashboard(folder: str | Path) -> str:
+    """Return a command line that shows a folder's logs in TensorBoard: the one of the Python that runs this process."""
+    own = Path(sys.executable).absolute().parent / "tensorboard"
+    program = nearest(own) if shutil.which("tensorboard") is None and own.is_file() else "tensorboard"
+    return shlex.join([program, "--logdir", nearest(folder)])
+
+
 def print_next(console: PlainConsole, *lines: str) -> None:
     """Print command lines under the word ``next``, one a line; nothing in the rows of a sweep."""
     from sci_lightning.sweep import present_row  # loads Hydra, which not every command needs before its end

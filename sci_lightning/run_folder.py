@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import re
 import socket
+import stat
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -61,7 +63,7 @@ def lock(folder: Path) -> None:
     path = folder / ".lock"
     while folder not in _locks:
         folder.mkdir(parents=True, exist_ok=True)
-        file = path.open("a+")
+        file = _lock_file(path)
         try:
             fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # unlike flock: not inherited by workers that live on
         except (BlockingIOError, PermissionError) as error:
@@ -82,6 +84,20 @@ def lock(folder: Path) -> None:
         file.write(f"process {os.getpid()} on {socket.gethostname()}, since {datetime.now():%Y-%m-%d %H:%M:%S},\n")
         file.flush()
         _locks[folder] = file
+
+
+def _lock_file(path: Path) -> IO[str]:
+    """Open the lock file; never what a link of that name leads to, which would be emptied."""
+    try:
+        number = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
+        if not stat.S_ISREG(os.fstat(number).st_mode):
+            os.close(number)
+            raise OSError(errno.EEXIST, "not a file")
+    except OSError as error:
+        if error.errno in (errno.ELOOP, errno.EEXIST, errno.EISDIR, errno.ENXIO):
+            raise BadInput(f"{path}: a link or no file, expected the lock of a run; remove it") from error
+        raise
+    return os.fdopen(number, "r+")
 
 
 def remove_leftovers(checkpoints: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import signal
 import sys
 from pathlib import Path
@@ -44,7 +43,9 @@ def train(cfg: DictConfig) -> float:
         if not last.is_file():
             print("stopped before the first step was finished; nothing is lost", file=sys.stderr)
         else:
-            print(f"stopped; go on with:\n  python -m sci_lightning.train ckpt_path={last}", file=sys.stderr)
+            from sci_lightning.next_command import invocation
+
+            print(f"stopped; go on with:\n  {invocation('train', paths={'ckpt_path': last})}", file=sys.stderr)
         sys.exit(STATUS)
 
 
@@ -60,7 +61,8 @@ def _train(cfg: DictConfig, stop: StopSignal) -> float:
     from sci_lightning.data.loader import ClipLoader, scene_loader
     from sci_lightning.decoder.complexity import count_parameters
     from sci_lightning.earlier_run import check_same_run, finished, interrupted
-    from sci_lightning.next_command import invocation, nearest, override, print_next
+    from sci_lightning.encoder.trial import check_recording
+    from sci_lightning.next_command import dashboard, invocation, override, print_next
     from sci_lightning.results import hparams, print_results, results, write_json
     from sci_lightning.training_checkpoint import TrainingCheckpointIO, remove_slurm_checkpoints
 
@@ -76,6 +78,7 @@ def _train(cfg: DictConfig, stop: StopSignal) -> float:
         cfg.ckpt_path = cfg.ckpt_path or interrupted(out, config)
     torch.manual_seed(cfg.seed)  # the decoder's first weights
     encoder, decoder = built(cfg, "encoder"), built(cfg, "decoder")
+    check_recording(encoder, f"encoder={names['encoder']}")
     if not count_parameters(decoder):
         raise BadInput(f"decoder={names['decoder']} has nothing to learn: evaluate and reconstruct take it untrained")
     overrides = recorded(HydraConfig.get().overrides.task)
@@ -148,7 +151,7 @@ def _train(cfg: DictConfig, stop: StopSignal) -> float:
             invocation("export_mask", *trusted, paths=paths),
         ]
         if (out / "tensorboard").is_dir():
-            lines.append(shlex.join(["tensorboard", "--logdir", nearest(out)]))
+            lines.append(dashboard(out))
         print_next(console, *lines)
     return float(found["mean"]["psnr"])
 

@@ -150,7 +150,7 @@ def _is_plain(value: Any) -> bool:
 
 def _is_number(value: Any) -> bool:
     """Whether a value is one finite number."""
-    return type(value) in (int, float) and math.isfinite(value)
+    return type(value) in (int, float) and abs(value) < 2**1000 and math.isfinite(value)
 
 
 def _like(value: Any, shape: tuple[int, ...] | torch.Size) -> bool:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import struct
 import zlib
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -187,3 +189,68 @@ def test_bounds() -> None:
         check_memory("a", memory_bound() + 1)
     with pytest.raises(BadInput, match="a declares 100 bytes, the file holds 99 of them"):
         check_stored("a", 100, 99, compressed=False)
+
+
+@pytest.mark.parametrize("columns", [-25, -10])
+def test_a_matrix_of_version_4_that_leads_back(tmp_path: Path, columns: int) -> None:
+    (tmp_path / "a.mat").write_bytes(struct.pack("<5i", 50, 1, columns, 0, 5) + b"mask\0")
+    with pytest.raises(BadInput, match=f"a matrix of 1 x {columns} at byte 0"):
+        read_array(tmp_path / "a.mat", prefer="mask", dimensions=2)
+
+
+@pytest.mark.parametrize("kind", [14, 15, 16, 99])
+def test_a_matrix_of_numbers_that_holds_none(tmp_path: Path, kind: int) -> None:
+    """SciPy crashes over some of these."""
+    path = matlab5(tmp_path / "a.mat", matrix(b"mask", (4, 4, 2), struct.pack("<II", kind, 32) + bytes(32)))
+    with pytest.raises(BadInput, match=f"holds elements of type {kind}, expected numbers"):
+        read_array(path, prefer="mask", dimensions=3)
+
+
+@pytest.mark.parametrize(
+    ("filters", "named"),
+    [
+        (((1, (9,)), (2, (1,))), "gzip, shuffle"),
+        (((32000, (4, 0x0105, 8)), (32000, (4, 0x0105, 8))), "lzf, lzf"),
+        (((1, (9,)), (1, (9,))), "gzip, gzip"),
+    ],
+)
+def test_chains_of_filters_that_could_hide_a_bomb(tmp_path: Path, filters: Any, named: str) -> None:
+    """Shuffled after deflate, what inflates cannot be seen; twice compressed, it inflates a million times."""
+    plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    plist.set_chunk((2, 2, 2))
+    for code, values_ in filters:
+        plist.set_filter(code, 0, values_)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        space = h5py.h5s.create_simple((2, 2, 2))
+        h5py.h5d.create(file.id, b"mask", h5py.h5t.NATIVE_UINT8, space, plist).write_direct_chunk((0, 0, 0), b"x" * 8)
+    with pytest.raises(BadInput, match=f"stored by the HDF5 filters {named}"):
+        read_array(tmp_path / "a.h5", prefer="mask", dimensions=3)
+
+
+def test_filters_that_say_themselves_how_much_comes_out(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("mask", data=np.ones((2, 2, 2), "i4"), chunks=(2, 2, 2), scaleoffset=0)
+    with pytest.raises(BadInput, match="scaleoffset"):
+        read_array(tmp_path / "a.h5", prefer="mask", dimensions=3)
+
+
+@pytest.mark.parametrize("compression", [None, "gzip", "lzf"])
+@pytest.mark.parametrize("shuffle", [False, True])
+def test_usual_chains_of_filters(tmp_path: Path, compression: str | None, shuffle: bool) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        more = {"compression": compression, "shuffle": shuffle, "fletcher32": True}
+        file.create_dataset("mask", data=values(2, 4, 4), chunks=(1, 4, 4), **more)
+    assert np.array_equal(read_array(tmp_path / "a.h5", prefer="mask", dimensions=3), values(2, 4, 4))
+
+
+def test_groups_that_are_nested_deeply_or_in_circles(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["mask"] = values(2, 4, 4)
+        file["circle/back"] = file["/"]
+    assert read_array(tmp_path / "a.h5", prefer="mask", dimensions=3).shape == (2, 4, 4)
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        group = file
+        for _ in range(40):
+            group = group.create_group("g")
+    with pytest.raises(BadInput, match="more than 32 deep"):
+        read_array(tmp_path / "a.h5", prefer="mask", dimensions=3)

@@ -60,6 +60,21 @@ def test_help_in_a_process_of_its_own(command: Command) -> None:
     assert cut.stderr == "" and cut.stdout.count("\n") == 1
 
 
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_help_and_completion_need_no_torch(name: str) -> None:
+    """They answer at once, and importing torch and Lightning takes seconds."""
+    show = "import sys; from runpy import run_module\n"
+    for words in (["--help"], ["-sc", "query=bash"]):
+        if name in ("captures", "virtual_camera.reveal") and words != ["--help"]:
+            continue
+        show += f"sys.argv = ['', *{words}]\n"
+        show += f"try: run_module('sci_lightning.{name}', run_name='__main__')\nexcept SystemExit: pass\n"
+    show += "print('loaded', *{'torch', 'lightning'} & sys.modules.keys())"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COMP_LINE": f"{name} "}
+    done = subprocess.run([sys.executable, "-c", show], env=environment, capture_output=True, text=True)
+    assert done.stdout.splitlines()[-1] == "loaded", done.stdout[-300:] + done.stderr
+
+
 def called(monkeypatch: pytest.MonkeyPatch, *words: str) -> None:
     monkeypatch.setattr(sys, "argv", ["sci-lightning", *words])
     main()
@@ -92,13 +107,17 @@ def test_completion_in_bash(tmp_path: Path) -> None:
     program.write_text(f"#!{sys.executable}\nfrom sci_lightning.__main__ import main\nmain()\n")
     program.chmod(0o755)
     script = 'eval "$(sci-lightning completion)"\n'
-    for line in ("sci-lightning ev", "sci-lightning train decoder=e"):
+    for line in ("sci-lightning ev", "sci-lightning train decoder=e", "sci-lightning captures i"):
         words = line.split()
         script += f'COMP_LINE="{line}" COMP_CWORD={len(words) - 1} COMP_WORDS=({line})\n'
         script += '_sci_lightning\necho "${COMPREPLY[@]}"\n'
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
     done = subprocess.run(["bash", "-c", script], env=environment, capture_output=True, text=True, cwd=tmp_path)
-    assert done.stdout.splitlines() == ["evaluate", "decoder=e2e_cnn decoder=efficientsci decoder=elp_unfolding"]
+    assert done.stdout.splitlines() == [
+        "evaluate",
+        "decoder=e2e_cnn decoder=efficientsci decoder=elp_unfolding",
+        "info",
+    ]
 
 
 def test_what_answers_at_once_does_not_load_torch() -> None:

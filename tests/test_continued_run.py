@@ -170,3 +170,25 @@ def test_checkpoints_from_before(refused: Ran, unfinished: Path) -> None:
     line = refused("train", f"ckpt_path={rewritten(unfinished, lambda config: config.pop('overrides'))}")
     assert "before checkpoints kept their overrides: repeat those in" in line and ".hydra/overrides.yaml" in line
     assert OmegaConf.load(unfinished.parents[1] / ".hydra" / "overrides.yaml")
+
+
+def test_overrides_that_hydra_would_read_for_minutes() -> None:
+    with pytest.raises(BadInput, match=r"more than 20,000 characters"):
+        overrides_of(Path("a.ckpt"), {"overrides": ["seed=" + "1" * 18_000] * 2})
+    with pytest.raises(BadInput, match="not one that a checkpoint may hold"):
+        overrides_of(Path("a.ckpt"), {"overrides": ["trainer.devices=10000"]})
+
+
+def test_the_folder_of_a_stranger_leads_nowhere_else(refused: Ran, unfinished: Path, tmp_path: Path) -> None:
+    """Gone on with by its checkpoint alone, a run is written where the checkpoint lies, and nowhere else."""
+    (tmp_path / "thesis.tex").write_text("precious")
+    link = tmp_path / "RUN" / "train.log"
+    link.unlink(missing_ok=True)
+    link.symlink_to(tmp_path / "thesis.tex")
+    assert "a link that leads out of the run's folder" in refused("train", f"ckpt_path={unfinished}")
+    assert (tmp_path / "thesis.tex").read_text() == "precious"
+    link.unlink()
+    (tmp_path / "RUN").rename(tmp_path / "${oc.env:HOME}")
+    (tmp_path / "RUN").symlink_to("${oc.env:HOME}")
+    arguments, _ = continued(["ckpt_path=" + str(unfinished)], ["lsw_sr"])
+    assert f"out='{tmp_path / 'RUN'}'" in arguments

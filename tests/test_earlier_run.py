@@ -11,7 +11,7 @@ import torch
 from omegaconf import DictConfig
 
 from sci_lightning.command import plain
-from sci_lightning.earlier_run import finished, interrupted
+from sci_lightning.earlier_run import check_same_run, finished, interrupted
 from sci_lightning.errors import BadInput
 
 Configuration = Callable[..., DictConfig]
@@ -55,3 +55,18 @@ def test_interrupted(configuration: Configuration, tmp_path: Path) -> None:
     path.write_bytes(b"damaged")
     with pytest.raises(BadInput, match="damaged"):
         interrupted(tmp_path, config)
+
+
+@pytest.mark.parametrize(
+    "content", ["[" * 100_000, "[1]", '{"config": 5}', '{"config": {}}', '{"config": {}, "mean": 5}']
+)
+def test_metrics_that_are_none(configuration: Configuration, tmp_path: Path, content: str) -> None:
+    (tmp_path / "metrics.json").write_text(content)
+    with pytest.raises(BadInput, match="not the metrics of a run"):
+        finished(tmp_path, plain(configuration()))
+
+
+@pytest.mark.parametrize("out", ["", ",", '"', None, 5, [1]])
+def test_a_run_whose_folder_has_an_odd_name(configuration: Configuration, out: object) -> None:
+    config = {**plain(configuration()), "names": {}}
+    assert check_same_run("a.ckpt", {**config, "out": out}, config) == []

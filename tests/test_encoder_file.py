@@ -156,3 +156,30 @@ def test_frames_and_size_must_agree(tmp_path: Path, refused: Callable[..., str])
     assert "no such encoder file" in refused("reconstruct", "encoder=nowhere/encoder.yaml")
     line = refused("train", "effect=[gain,fog]")
     assert "effect=fog: no such effect" in line and "mask_shift" in line
+
+
+@pytest.mark.parametrize(
+    "name", ["/tmp/patterns.npy", "../patterns.npy", "link.npy", "~/patterns.npy", "~nobody/a.npy"]
+)
+def test_files_outside_of_the_folder_are_not_read(tmp_path: Path, name: str) -> None:
+    path = encoder_file(tmp_path / "camera", text=TEXT.replace("patterns.npy", name))
+    np.save(tmp_path / "patterns.npy", np.ones((8, 32, 32)))
+    (path.parent / "link.npy").symlink_to(tmp_path / "patterns.npy")
+    if name == "~nobody/a.npy":  # no such user: a name like any other
+        adopt_encoder_files([f"encoder={path}"])
+        return
+    with pytest.raises(BadInput, match="outside of the encoder file's folder"):
+        adopt_encoder_files([f"encoder={path}"])
+
+
+@pytest.mark.parametrize(
+    ("more", "line"),
+    [
+        ("zz: {" + ",".join(f"{n:x}" for n in range(130_000)) + "}", "more than 100,000 keys"),
+        ("zz: 0x" + "f" * 20_000, "whole number of 80000 bits"),
+        ("0x" + "f" * 20_000 + ": 1", "whole number of 80000 bits"),
+    ],
+)
+def test_yaml_that_would_take_hours(tmp_path: Path, more: str, line: str) -> None:
+    with pytest.raises(BadInput, match=line):
+        adopt_encoder_files([f"encoder={encoder_file(tmp_path, text=TEXT + more)}"])

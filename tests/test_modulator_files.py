@@ -85,3 +85,41 @@ def test_the_command(configuration: Callable[..., DictConfig], ran: Callable[...
     assert "8 slots of 3 bit" in printed and "too fast" in printed
     assert torch.equal(read_planes(tmp_path / "out"), mask().detach())
     assert len(list((tmp_path / "out" / "planes").glob("*.png"))) == 24
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("frames", 10**9),
+        ("frames", "4"),
+        ("size", [float("inf"), 1]),
+        ("canvas", [10**9, 10**9]),
+        ("full_level", 0),
+        ("planes", [{"file": "../outside.png", "slot": 0, "bit": 0}]),
+        ("planes", [{"file": "link.png", "slot": 0, "bit": 0}]),
+        ("planes", [{"file": "page.png", "slot": 0, "bit": 0}]),
+        ("planes", [{"file": "planes/slot01_bit0.png", "slot": 0, "bit": 10**30}]),
+        ("planes", [{"file": "planes/slot01_bit0.png", "slot": -1, "bit": 0}]),
+        ("planes", [{"file": "planes/slot01_bit0.png", "slot": 0, "bit": 0}] * 1000),
+    ],
+)
+def test_planes_of_a_stranger(tmp_path: Path, key: str, value: object) -> None:
+    """Nothing outside of the folder is read, and nothing but PNG: Pillow would hand PostScript to an interpreter."""
+    folder = tmp_path / "planes of somebody"
+    layout = Layout((4, 4), 1, (4, 4))
+    write_planes(torch.ones(2, 4, 4), 1, folder, layout, {})
+    picture = (folder / "planes/slot01_bit0.png").read_bytes()
+    (tmp_path / "outside.png").write_bytes(picture)
+    (folder / "link.png").symlink_to(tmp_path / "outside.png")
+    page = '%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 4 4\n%%EndComments\n%ImageData: 4 4 1 1 0 1 1 "x"\n%%EOF\n'
+    (folder / "page.png").write_text(page)
+    about = json.loads((folder / "planes.json").read_text())
+    (folder / "planes.json").write_text(json.dumps({**about, key: value}))
+    with pytest.raises(BadInput, match="not the planes of a mask"):
+        read_planes(folder)
+
+
+def test_a_sheet_that_is_nested_without_end(tmp_path: Path) -> None:
+    (tmp_path / "planes.json").write_text("[" * 100_000)
+    with pytest.raises(BadInput, match="nested too deeply"):
+        read_planes(tmp_path)

@@ -12,7 +12,7 @@ import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from sci_lightning.console import PlainConsole
-from sci_lightning.next_command import browser, invocation, override, print_next
+from sci_lightning.next_command import browser, dashboard, invocation, override, print_next
 from tests.conftest import ROOT
 from tests.end_to_end.test_train import TINY
 
@@ -37,6 +37,19 @@ def test_lines(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPat
     assert next_lines(capsys.readouterr().out) == [line, "second"]
 
 
+def test_a_dashboard_is_that_of_the_running_python(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    programs = tmp_path / ".venv" / "bin"
+    programs.mkdir(parents=True)
+    monkeypatch.setattr("sys.executable", str(programs / "python"))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert dashboard("a run") == "tensorboard --logdir 'a run'"
+    (programs / "tensorboard").touch(0o755)
+    assert dashboard(tmp_path / "run") == ".venv/bin/tensorboard --logdir run"
+    monkeypatch.setenv("PATH", str(programs))
+    assert dashboard("run") == "tensorboard --logdir run"
+
+
 def test_what_is_printed_runs(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
     """From a training and from a virtual camera on, in folders whose names need quotes."""
 
@@ -52,7 +65,8 @@ def test_what_is_printed_runs(command: Callable[..., subprocess.CompletedProcess
     evaluate, export, board = next_lines(trained.stdout)
     assert (tmp_path / "a run" / "csv" / "metrics.csv").read_text().startswith("epoch,")
     assert (tmp_path / "a run" / "tensorboard" / "lsw_sr_4bit_e2e_cnn").is_dir()
-    assert shlex.split(board) == ["tensorboard", "--logdir", "a run"]
+    program, *words = shlex.split(board)
+    assert Path(program).name == "tensorboard" and words == ["--logdir", "a run"]
     assert "sci_lightning.reconstruct" in next_lines(follow(export))[0]
     assert "sci_lightning.tables" in next_lines(follow(evaluate))[0]
     camera = ["size=[32,32]", "flat=1", "static=1", "dynamic=1", "pattern=1", "dark=1", "all_on=1", "all_off=1"]

@@ -102,3 +102,16 @@ def test_leftovers_of_killed_writers_are_removed(tmp_path: Path) -> None:
     assert {path.name for path in checkpoints.iterdir()} == {*kept, ".last-linklink.ckpt"}
     assert elsewhere.exists()
     remove_leftovers(tmp_path / "absent")
+
+
+def test_the_lock_is_never_a_link(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("precious")
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / ".lock").symlink_to(tmp_path / "thesis.tex")
+    with pytest.raises(BadInput, match="expected the lock of a run"), run_folder(tmp_path / "run"):
+        pass
+    assert (tmp_path / "thesis.tex").read_text() == "precious"
+    (tmp_path / "run" / ".lock").unlink()
+    os.mkfifo(tmp_path / "run" / ".lock")
+    with pytest.raises(BadInput, match="expected the lock of a run"), run_folder(tmp_path / "run"):
+        pass

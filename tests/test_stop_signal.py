@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -62,7 +63,10 @@ def test_the_step_is_finished_and_kept(tmp_path: Path) -> None:
     done = stopped(tmp_path, "batch", signal.SIGTERM)
     last = tmp_path / "run" / "checkpoints" / "last.ckpt"
     assert done.returncode == 130, done.stderr
-    assert f"go on with:\n  python -m sci_lightning.train ckpt_path={last}\n" in done.stderr
+    program, *words = shlex.split(done.stderr.rpartition("go on with:\n  ")[2])
+    assert words == ["-m", "sci_lightning.train", "ckpt_path=run/checkpoints/last.ckpt"]
+    starts = subprocess.run([program, "-c", "import torch"], cwd=tmp_path, capture_output=True, text=True)
+    assert starts.returncode == 0, f"{program} is not the Python that was interrupted: {starts.stderr}"
     assert "Traceback" not in done.stderr
     assert torch.load(last, weights_only=True)["global_step"] == 4
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import lightning as L
@@ -13,12 +14,33 @@ from sci_lightning.decoder.iterative import Iteration, Iterative
 class Progress(RichProgressBar):
     """Lightning's Rich progress bar with loss and PSNR, without the logger's version number.
 
-    In a test it shows how far a decoder that iterates is, and the residual.
+    In a test it shows how far a decoder that iterates is, and the residual. A file, such as the log of a job, shows no
+    bar: there a training writes a line every so many seconds, and one after each validation.
+
+    Args:
+        line_seconds: between the lines in a file.
     """
+
+    def __init__(self, line_seconds: float = 60.0) -> None:
+        super().__init__()
+        self.line_seconds = line_seconds
+        self._last_line = time.monotonic()
 
     def get_metrics(self, trainer: L.Trainer, pl_module: L.LightningModule) -> dict[str, Any]:
         metrics = super().get_metrics(trainer, pl_module)
         return {name: value for name, value in metrics.items() if name != "v_num"}
+
+    def on_train_batch_end(
+        self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int
+    ) -> None:
+        super().on_train_batch_end(trainer, pl_module, outputs, batch, batch_idx)
+        if time.monotonic() - self._last_line >= self.line_seconds:
+            self._write_line(trainer, pl_module)
+
+    def on_validation_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        super().on_validation_end(trainer, pl_module)
+        if trainer.state.fn == "fit" and not trainer.sanity_checking:
+            self._write_line(trainer, pl_module)
 
     def on_test_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
         super().on_test_start(trainer, pl_module)
@@ -29,6 +51,14 @@ class Progress(RichProgressBar):
         super().on_test_end(trainer, pl_module)
         if isinstance(decoder := pl_module.decoder, Iterative):
             decoder.watch = None
+
+    def _write_line(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        """Write how far the training is, unless a terminal shows it."""
+        if self.progress is None or self.progress.console.is_terminal:
+            return
+        self._last_line = time.monotonic()
+        values = ", ".join(f"{name} {value:.4g}" for name, value in self.get_metrics(trainer, pl_module).items())
+        self.progress.console.print(f"epoch {trainer.current_epoch}, step {trainer.global_step}: {values}")
 
     def _show(self, iteration: Iteration) -> None:
         if self.progress is not None and self.test_progress_bar_id is not None:

@@ -45,6 +45,7 @@ def pack_captures(
     assert bit_depth is not None  # the recipe would have refused it
     patterns, words, level = _patterns(recipe)
     frames = _frames(recipe, len(patterns) - len(words))
+    check_memory(f"{recipe.top.where}{len(recipe.entries)} entries of {frames} slots", 8 * len(recipe.entries) * frames)
     packed: list[Entry] = []
     for node in recipe.entries:
         measurement = _measurement(recipe.folder, node, bit_depth, patterns.shape[1:])
@@ -169,15 +170,10 @@ def _stacks(folder: Path, node: Node, key: str, names: list[str], prefer: str) -
     """(K, H, W) of each file, in the order of the list and, within a glob, in natural order."""
     stacks: list[np.ndarray] = []
     for name in names:
-        # a file of that very name goes before its meaning as a glob: brackets are legal in names
-        found = (
-            [str(folder / name)] if (folder / name).is_file() else glob.glob(str(Path(glob.escape(str(folder)), name)))
-        )
-        if not found:
-            raise node.refusal(key, f"no file fits '{name}' in {folder}")
-        for path in sorted(found, key=_natural):
+        for path in _files(folder, node, key, name):
             try:
                 array = read_pictures(path, prefer=prefer)
+                check_memory(f"{path} with those before it", sum(stack.nbytes for stack in stacks) + array.nbytes)
             except BadInput as error:
                 raise node.refusal(key, str(error)) from error
             stacks.append(array if array.ndim == 3 else array[None])
@@ -186,6 +182,25 @@ def _stacks(folder: Path, node: Node, key: str, names: list[str], prefer: str) -
     if not stacks:
         raise node.refusal(key, f"no file is named; {FILE} needs at least one")
     return stacks
+
+
+def _files(folder: Path, node: Node, key: str, name: str) -> list[str]:
+    """The files of the folder that a name or a glob fits; what lies outside of it is refused, also behind a link."""
+    if Path(name).is_absolute() or ".." in Path(name).parts:
+        raise node.refusal(key, f"'{name}' leads out of {folder}; copy the file into this folder")
+    try:
+        # a file of that very name goes before its meaning as a glob: brackets are legal in names
+        found = (
+            [str(folder / name)] if (folder / name).is_file() else glob.glob(str(Path(glob.escape(str(folder)), name)))
+        )
+    except ValueError:  # a name that no file can have
+        found = []
+    if not found:
+        raise node.refusal(key, f"no file fits '{name}' in {folder}")
+    for path in found:
+        if not Path(path).resolve().is_relative_to(folder.resolve()):
+            raise node.refusal(key, f"{path} is a link out of {folder}; copy the file into this folder")
+    return sorted(found, key=_natural)
 
 
 def _natural(path: str) -> list[tuple[int, str]]:

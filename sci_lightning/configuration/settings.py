@@ -6,7 +6,7 @@ top of ``conf/<command>.yaml`` is checked here. One key means the same in every 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Annotated, Any
 
 from annotated_types import DocInfo, Interval, MinLen
@@ -139,3 +139,42 @@ def check_field(frames: int | None, size: Sequence[int] | int | None, where: str
             f"{where}frames={frames} size=[{height},{width}]: one video takes {needed / 2**30:.1f} GiB in float32, "
             f"this machine has room for {limit / 2**30:.1f} GiB; give fewer frames or a smaller size"
         )
+
+
+def check_fields(content: Any, where: str = "") -> None:
+    """Refuse an encoder whose masks and maps together do not fit into this machine's memory.
+
+    Args:
+        content: its plain configuration: in every mapping ``size`` and ``tile`` are (H, W) in pixels, of ``frames``
+            frames, of one where it names none.
+        where: what says so, for the message.
+
+    Raises:
+        BadInput: more than a quarter of the memory.
+    """
+    needed = 0
+    for section in _mappings(content):
+        frames = section.get("frames")
+        frames = frames if isinstance(frames, int) else 1
+        sides = [section[key] for key in ("size", "tile") if _is_size(section.get(key))]
+        for height, width in sides:
+            check_field(frames, (height, width), where)
+        needed += max((4 * frames * height * width for height, width in sides), default=0)
+    if needed > (limit := memory_bound() // 2):
+        raise BadInput(
+            f"{where}its masks and maps take {needed / 2**30:.1f} GiB, this machine has room for {limit / 2**30:.1f} "
+            "GiB; give fewer of them, or smaller ones"
+        )
+
+
+def _is_size(value: Any) -> bool:
+    return isinstance(value, (list, tuple)) and len(value) == 2 and all(isinstance(side, int) for side in value)
+
+
+def _mappings(content: Any) -> Iterator[Mapping[str, Any]]:
+    if isinstance(content, Mapping):
+        yield content
+        content = list(content.values())
+    if isinstance(content, (list, tuple)):
+        for value in content:
+            yield from _mappings(value)

@@ -23,6 +23,12 @@ from sci_lightning.npy_file import npy_header
 IMAGES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"})
 VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v"})
 
+FORMATS = ("PNG", "JPEG", "TIFF", "BMP")
+"""Of images, whatever their names end with: Pillow would hand PostScript to an interpreter."""
+
+CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,avi,matroska,webm"
+"""Of videos, whatever their names end with: FFmpeg would follow a playlist to other files and to the network."""
+
 SLACK = 5
 """Frames by which a video may end before its header says: some writers round, or drop the last ones."""
 
@@ -150,7 +156,9 @@ def _read_images(folder: Path) -> Iterator[np.ndarray]:
     for file in frame_files(folder):
         with _naming(file), warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
-            image = Image.open(file)
+            if not file.is_file():  # a pipe would wait for ever
+                raise BadInput(f"{file}: not a file")
+            image = Image.open(file, formats=FORMATS)
         with _naming(file), image:
             if image.mode.startswith(("I", "F")):
                 raise BadInput(f"{file}: its pixels are of kind {image.mode}; expected 8-bit images")
@@ -167,7 +175,7 @@ def _read_video(path: Path) -> Iterator[np.ndarray]:
 
     size, declared = path.stat().st_size, declared_bytes(path)
     count, seconds = 0, 0.0
-    with av.open(str(path)) as container:
+    with av.open(str(path), options={"format_whitelist": CONTAINERS, "protocol_whitelist": "file"}) as container:
         if not container.streams.video:
             raise BadInput(f"{path}: holds no video stream")
         stream = container.streams.video[0]

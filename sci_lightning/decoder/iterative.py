@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import chain, repeat
 from typing import NamedTuple
 
 import torch
@@ -79,8 +80,8 @@ class Iterative(Decoder):
         self.denoiser = denoiser
         names = tuple((pattern, rf"denoiser.{place}") for pattern, place in denoiser.published_names)
         self.published_names = names  # type: ignore[misc]  # those of a class elsewhere; here of what it holds
-        self.strengths = [each for each, number in zip(strengths, iterations, strict=True) for _ in range(number)]
-        """Of every iteration."""
+        self.plan = tuple(zip(strengths, iterations, strict=True))
+        """Strengths, and for how many iterations."""
         self.tolerance = tolerance
         self.start = start
         self.motion = motion
@@ -94,7 +95,12 @@ class Iterative(Decoder):
         self.denoiser.reset()
         if self.motion is not None:
             self.motion.reset()
-        return enumerate(self.strengths)
+        return enumerate(chain.from_iterable(repeat(strength, number) for strength, number in self.plan))
+
+    @property
+    def iterations(self) -> int:
+        """All of them together."""
+        return sum(number for _, number in self.plan)
 
     def denoised(self, video: torch.Tensor, strength: float) -> torch.Tensor:
         """``(N, T, H, W)``, with less noise."""
@@ -112,9 +118,9 @@ class Iterative(Decoder):
         rms = float(residual.detach().square().mean((-2, -1)).sqrt().max())
         if not rms < float("inf"):  # also false for NaN
             raise BadInput(
-                f"{type(self).__name__} iteration {iteration + 1} of {len(self.strengths)}: the residual became {rms}: "
+                f"{type(self).__name__} iteration {iteration + 1} of {self.iterations}: the residual became {rms}: "
                 "stopped; look for values in measurement and mask that are not finite, or change decoder.strengths"
             )
         if self.watch:
-            self.watch(Iteration(iteration + 1, len(self.strengths), rms))
+            self.watch(Iteration(iteration + 1, self.iterations, rms))
         return self.tolerance is not None and rms < self.tolerance

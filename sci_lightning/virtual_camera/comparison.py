@@ -80,7 +80,7 @@ def _judge(effect: str, parameter: str, unit: str, truth: Value, found: Mapping[
     if found is None:
         return Compared(effect, parameter, unit, truth, None, 0.0, "not found")
     value, std = found["value"], float(found["std"])
-    if isinstance(truth, float):
+    if isinstance(truth, float) and not isinstance(value, str):
         error = float(value) - truth
         error = math.remainder(error, 2 * math.pi) if unit == "rad" else error
         answer = "within 95 %" if abs(error) <= 1.96 * std else "outside 95 %"

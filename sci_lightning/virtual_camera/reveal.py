@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
-from typing import Any
 
 from rich.table import Table
 
@@ -13,6 +11,7 @@ from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
 from sci_lightning.next_command import invocation, print_next
 from sci_lightning.plain_text import one_printable_line
+from sci_lightning.virtual_camera.answer_files import read_report, read_truth
 from sci_lightning.virtual_camera.comparison import Compared, compare, verdict
 from sci_lightning.virtual_camera.parameter import Value
 
@@ -26,10 +25,10 @@ def reveal(truth: str, report: str) -> None:
     Raises:
         BadInput: a file that is missing, or is something else.
     """
-    hidden, found = _read(truth, "sci-captures-truth"), _read(report, "sci-diagnosis")
+    hidden, found = read_truth(truth), read_report(report)
     table = Table(title="what was hidden, and what was found", title_justify="left")
     for name in ("effect", "parameter", "hidden", "found", ""):
-        table.add_column(name, justify="right" if name in ("hidden", "found") else "left", no_wrap=True)
+        table.add_column(name, justify="right" if name in ("hidden", "found") else "left", no_wrap=name != "parameter")
     colours = {"within 95 %": "green", "right": "green"}
     for row in compare(hidden, found):
         colour = colours.get(row.answer, "red")
@@ -55,19 +54,6 @@ def main() -> None:
     except BadInput as error:
         print(f"error: {one_printable_line(str(error))}", file=sys.stderr)
         sys.exit(2)
-
-
-def _read(path: str, form: str) -> dict[str, Any]:
-    try:
-        content = json.loads(Path(path).read_text())
-    except OSError as error:
-        raise BadInput(f"{path}: {(error.strerror or 'unreadable').lower()}; expected JSON of format {form}") from error
-    except ValueError as error:
-        raise BadInput(f"{path}: not JSON ({error}); expected format {form}") from error
-    told = content.get("format") if isinstance(content, dict) else None
-    if told != form or content.get("format_version") != 1:
-        raise BadInput(f"{path}: format {told!r}, expected {form!r}, format_version 1")
-    return content
 
 
 def _number(value: Value | None) -> str:

@@ -259,3 +259,14 @@ def test_no_file_of_a_folder_may_name_another(folder, tmp_path, key, how):
     else:
         recipe(folder, {**SHOT, key: "theirs.mat"})
     refused(folder, tmp_path, "theirs.mat: 'values' is kept in another file", str(folder / "captures.yaml"))
+
+
+@pytest.mark.parametrize(
+    "name", ["/tmp/scene.npy", "../scene.npy", "../sc*.npy", "link.npy", "lin*.npy", "a/../../scene.npy"]
+)
+def test_nothing_outside_of_the_folder_is_read(folder, tmp_path, name):
+    np.save(tmp_path / "scene.npy", np.full((4, 6), 0.5))
+    (folder / "link.npy").symlink_to(tmp_path / "scene.npy")
+    recipe(folder, {"measurement": "m.npy", "scene": name})
+    with pytest.raises(BadInput, match=r"scene: .* out of .*; copy the file into this folder"):
+        pack_captures(folder, tmp_path / "a.h5")

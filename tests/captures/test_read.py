@@ -306,3 +306,11 @@ def test_strings_without_end(file, tmp_path, index, length):
     whole[first + 8 : first + 16] = length.to_bytes(8, "little")
     path.write_bytes(whole)
     assert "its strings are damaged (an object of" in hostile_files.refusal(READ, path)
+
+
+def test_a_type_that_numpy_has_no_name_for(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.attrs.update({"format": "sci-captures", "format_version": 1, "bit_depth": 8})
+        h5py.h5d.create(file.id, b"measurement", h5py.h5t.UNIX_D32LE, h5py.h5s.create_simple((1, 2, 2)))
+    with pytest.raises(BadInput, match="'measurement' holds values of a type that is not read"):
+        read_captures(tmp_path / "a.h5")

@@ -241,3 +241,23 @@ def test_other_arrays_of_an_npz_are_not_inflated(tmp_path):
     assert read_clip(tmp_path / "a.npz").shape == (2, 3, 4)
     assert tracemalloc.get_traced_memory()[1] < 2**24
     tracemalloc.stop()
+
+
+def test_pictures_of_other_formats_are_refused(tmp_path):
+    """Pillow goes by the content and would hand PostScript to an interpreter."""
+    for number in range(2):
+        page = "%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 4 4\n%%EndComments\n%%EOF\n"
+        (tmp_path / f"{number}.png").write_text(page)
+    with pytest.raises(BadInput, match="cannot identify image file"):
+        read_clip(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["clip.mp4", "clip.mov", "clip.avi"])
+def test_playlists_are_not_followed(tmp_path, noise, name):
+    """FFmpeg goes by the content and would read other files, or fetch them."""
+    pytest.importorskip("av")
+    save_video(tmp_path / "other.mkv", noise[:8])
+    lines = ("#EXTM3U", "#EXT-X-TARGETDURATION:10", "#EXTINF:10,", str(tmp_path / "other.mkv"), "#EXT-X-ENDLIST", "")
+    (tmp_path / name).write_text("\n".join(lines))
+    with pytest.raises(BadInput, match="cannot be read"):
+        read_clip(tmp_path / name)

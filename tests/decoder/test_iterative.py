@@ -148,3 +148,9 @@ def test_settings_that_are_refused(algorithm: type[Iterative], settings: dict[st
 def test_gamma() -> None:
     with pytest.raises(BadInput, match=r"decoder.gamma=0: must be positive"):
         ADMM(TotalVariation(), [0.1], [5], gamma=0)
+
+
+def test_a_long_plan_takes_no_memory() -> None:
+    decoder = GAP(TotalVariation(), [0.1, 0.2], [10**9, 1])
+    assert decoder.iterations == 10**9 + 1
+    assert next(decoder.schedule()) == (0, 0.1)

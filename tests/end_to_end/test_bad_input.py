@@ -53,6 +53,47 @@ def test_unknown_key(refused: Refused) -> None:
     assert "encoder.mask.bits" in refused("train", "encoder=rbw_sr", "encoder.mask.bits=3")
 
 
+@pytest.mark.parametrize(
+    ("override", "answer"),
+    [
+        ("encoder.mask.bit=3", "did you mean encoder.mask.bits?"),
+        ("encodr=lsw_sr", "did you mean encoder?"),
+        ("mask.bits=3", "did you mean encoder.mask.bits?"),
+        ("lr=0.1", "did you mean system.lr?"),
+        ("data.root=clips", "data has frames, size, "),
+        ("decoder.dim.wide=3", "--help lists all"),
+        ("encoder.effects.prnu.std=0.1", "effect=[prnu] puts that effect into the encoder"),
+        ("trainer.limit_test_batches=1", "is added with +trainer.limit_test_batches=.."),
+    ],
+)
+def test_a_setting_that_does_not_exist_is_told_from_those_that_do(refused: Refused, override: str, answer: str) -> None:
+    line = refused("train", override)
+    assert f"{override.partition('=')[0]}: no such setting" in line and answer in line
+
+
+def test_a_name_that_is_nearly_right(refused: Refused) -> None:
+    assert "no such decoder; did you mean res2former? Else choose one of" in refused("train", "decoder=res3former")
+    assert "did you mean" not in refused("train", "decoder=transformer")
+
+
+def test_a_setting_of_a_choice_that_has_no_default(refused: Refused) -> None:
+    assert "error: give data.root=..; --help says what it is" in refused("train", "data=folder")
+    assert "error: give data.root=..; --help says what it is" in refused("evaluate", "decoder=gap_tv", "data=benchmark")
+
+
+def test_a_size_that_is_one_number(refused: Refused) -> None:
+    for command, *more in (("train",), ("train", "crop=[64,64]"), ("evaluate", "decoder=gap_tv"), ("virtual_camera",)):
+        line = refused(command, "size=64", *more)
+        assert "size=64: expected [height,width]; of a square size=[64,64]" in line
+    assert "crop=[32,32]" in refused("train", "size=[64,64]", "crop=32")
+
+
+@pytest.mark.parametrize("name", ["wandb", "mlflow"])
+def test_a_logger_whose_package_is_missing(refused: Refused, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.setattr("sci_lightning.chosen_loggers.find_spec", lambda _: None)
+    assert f"pip install 'sci-lightning[{name}]'" in refused("train", *TINY, f"logger={name}")
+
+
 WRONG = """
 decoder.channels=abc decoder.channels=0 decoder.channels=null decoder.blocks=-1 decoder=null data=null
 batch_size=1.5 batch_size=0 workers=-1 seed=1e30 seed=-1 crop=null frames=8.5 size=[32]

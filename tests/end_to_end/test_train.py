@@ -47,7 +47,17 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     assert done.returncode == 0, done.stderr
     assert str(out) in done.stdout and "mean measurement" in done.stdout
+    assert "checkpoints/last.ckpt, pictures/, tensorboard/\n" in done.stdout
+    lines = re.findall(r"^epoch (\d), step (\d): train/loss \S+, val/psnr \S+$", done.stdout, re.MULTILINE)
+    assert lines == [("0", "4"), ("1", "8")], "a file shows no bar, but a line after each validation"
     return out
+
+
+def test_what_a_file_shows_of_a_training_without_a_logger(command: Command, tmp_path: Path) -> None:
+    done = command("train", *TINY, "out=run", "logger=none", "callbacks.progress.line_seconds=0", "metrics.qscore=null")
+    assert done.returncode == 0, done.stderr
+    assert set(re.findall(r"^epoch \d, step (\d)", done.stdout, re.MULTILINE)) == set("12345678")
+    assert "checkpoints/last.ckpt, pictures/\n" in done.stdout
 
 
 def test_metrics_file(run: Path) -> None:

@@ -10,7 +10,9 @@ import sys
 
 import pytest
 
+from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera import Session, capture_session, write_captures
+from sci_lightning.virtual_camera.answer_files import read_report, read_truth
 from sci_lightning.virtual_camera.comparison import compare, verdict
 
 GHOST = {"fraction": 0.1, "dx": 5.0, "dy": 5.0}
@@ -124,3 +126,46 @@ def test_command(tmp_path):
         (line,) = done.stderr.splitlines()
         assert line.startswith("error: ") and message in line
     assert reveal().returncode == 2 and "TRUTH REPORT" in reveal("--help").stdout
+
+
+TRUTH = {"format": "sci-captures-truth", "format_version": 1, **truth(gain={"factor": 1.1})}
+GAIN = TRUTH["effects"][0]
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        ("[" * 100_000, "nested too deeply"),
+        ({**TRUTH, "effects": 5}, "effects: expected a list"),
+        ({**TRUTH, "effects": ["gain"]}, r"effects\[0\]: expected an object"),
+        ({**TRUTH, "effects": [{**GAIN, "name": [1]}]}, r"effects\[0\].name: expected a text"),
+        ({**TRUTH, "effects": [{**GAIN, "units": {}}]}, "one for every parameter"),
+        ({**TRUTH, "effects": [{**GAIN, "parameters": {"factor": float("inf")}}]}, "expected a finite number"),
+        ({**TRUTH, "effects": [{**GAIN, "parameters": {"factor": 10**400}}]}, "expected a finite number"),
+        ({**TRUTH, "effects": [GAIN] * 2000}, "at most 1000"),
+        (" " * 9_000_000, "larger than"),
+    ],
+)
+def test_a_truth_of_a_stranger(tmp_path, content, line):
+    path = tmp_path / "t.json"
+    path.write_text(content if isinstance(content, str) else json.dumps(content))
+    with pytest.raises(BadInput, match=line):
+        read_truth(path)
+
+
+def test_a_report_of_a_stranger(tmp_path):
+    right = report(gain={"factor": (1.1, 0.1)})
+    gain = right["effects"][0]
+    for wrong in (
+        {**right, "gap": {}},
+        {**right, "unnamed": [5]},
+        {**right, "effects": [{**gain, "alternatives": None}]},
+        {**right, "effects": [{**gain, "parameters": {"factor": {"value": [1], "std": 0.1, "unit": "1"}}}]},
+        {**right, "effects": [{**gain, "parameters": {"factor": {"value": 1.0, "std": "x", "unit": "1"}}}]},
+    ):
+        (tmp_path / "r.json").write_text(json.dumps(wrong))
+        with pytest.raises(BadInput, match=r"r\.json: "):
+            read_report(tmp_path / "r.json")
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(BadInput, match="not a file"):
+        read_report(tmp_path / "pipe")

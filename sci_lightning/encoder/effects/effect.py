@@ -14,6 +14,9 @@ from sci_lightning.encoder.relay import Pose
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput
 
+ROUNDING = 1e-6
+"""Of a number that is kept in single precision, relative."""
+
 STAGES = ("modulator", "relay", "exposure", "optics", "sensor")
 
 
@@ -63,6 +66,14 @@ class Effect(nn.Module):
         """Every parameter's value by name."""
         found = {name: getattr(self, name) for name in self.about}
         return {name: value.item() if isinstance(value, torch.Tensor) else value for name, value in found.items()}
+
+    def check(self) -> None:
+        """Raise BadInput where a value is out of its range, which a state that was loaded may be."""
+        for name, value in self.values.items():
+            about = self.about[name]
+            nearest = min(max(value, about.low), about.high) if isinstance(value, float) else value
+            rounded = isinstance(value, float) and abs(value - float(nearest)) <= ROUNDING * max(1.0, abs(value))
+            about.read(f"{self.name}.{name}", nearest if rounded else value)
 
     @classmethod
     def starts(cls, frames: int, size: tuple[int, int], bit_depth: int) -> list[dict[str, Value]]:
