@@ -63,10 +63,10 @@ def test_interrupted(configuration: Configuration, tmp_path: Path) -> None:
 def test_metrics_that_are_none(configuration: Configuration, tmp_path: Path, content: str) -> None:
     (tmp_path / "metrics.json").write_text(content)
     with pytest.raises(BadInput, match="not the metrics of a run"):
-        finished(tmp_path, plain(configuration()))
+        finished(tmp_path, plain(configuration("train")))
 
 
 @pytest.mark.parametrize("out", ["", ",", '"', None, 5, [1]])
 def test_a_run_whose_folder_has_an_odd_name(configuration: Configuration, out: object) -> None:
-    config = {**plain(configuration()), "names": {}}
+    config = {**plain(configuration("train")), "names": {}}
     assert check_same_run("a.ckpt", {**config, "out": out}, config) == []

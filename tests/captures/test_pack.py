@@ -267,6 +267,6 @@ def test_no_file_of_a_folder_may_name_another(folder, tmp_path, key, how):
 def test_nothing_outside_of_the_folder_is_read(folder, tmp_path, name):
     np.save(tmp_path / "scene.npy", np.full((4, 6), 0.5))
     (folder / "link.npy").symlink_to(tmp_path / "scene.npy")
-    recipe(folder, {"measurement": "m.npy", "scene": name})
+    recipe(folder, {"measurement": "shot0.tif", "scene": name})
     with pytest.raises(BadInput, match=r"scene: .* out of .*; copy the file into this folder"):
         pack_captures(folder, tmp_path / "a.h5")
