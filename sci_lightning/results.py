@@ -31,6 +31,7 @@ def results(system: System, names: Mapping[str, str], config: Mapping[str, Any])
     mask = system.encoder.mask
     trained = [name for name, effect in (config["encoder"].get("effects") or {}).items() if effect is not None]
     tested: list[str] = [] if config.get("evaluate", {}).get("captures") else system.encoder.path.names
+    trained.sort(key=lambda name: tested.index(name) if name in tested else len(tested))  # as the light meets them
     effects = {"effects": trained, "test_effects": tested}
     return {
         "format": "sci-metrics",

@@ -133,6 +133,12 @@ def test_tables_are_stacked_where_the_page_is_narrow(text: str) -> None:
     assert text.count('<table class="stack') == 2
 
 
+def test_a_wide_figure_scrolls_by_itself_where_the_page_is_narrow(text: str) -> None:
+    """A column of a grid is as wide as its content, unless it is told that it may be narrower."""
+    narrow = text[text.index("@media (max-width: 34rem)") :]
+    assert ".tests { grid-template-columns: minmax(0, 1fr); }" in narrow and ".wide svg { min-width" in narrow
+
+
 def test_what_is_left_is_drawn_on_its_own_scale(found: Diagnosis) -> None:
     """Residuals of 300 sigma before leave those of 1 sigma after white, or all of one purple."""
     before, after = found.residuals["before"], found.residuals["after"]
