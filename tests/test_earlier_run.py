@@ -68,5 +68,5 @@ def test_metrics_that_are_none(configuration: Configuration, tmp_path: Path, con
 
 @pytest.mark.parametrize("out", ["", ",", '"', None, 5, [1]])
 def test_a_run_whose_folder_has_an_odd_name(configuration: Configuration, out: object) -> None:
-    config = {**plain(configuration("train")), "names": {}}
-    assert check_same_run("a.ckpt", {**config, "out": out}, config) == []
+    config = {**plain(configuration("train")), "names": {}, "out": out}
+    assert check_same_run("a.ckpt", config, config) == []

@@ -79,7 +79,8 @@ def test_damaged_planes(tmp_path: Path) -> None:
 
 def test_the_command(configuration: Callable[..., DictConfig], ran: Callable[..., str], tmp_path: Path) -> None:
     mask = LearnedStructural(3, 8, (16, 24), seed=1)
-    config = {**plain(configuration("train", "encoder.mask.bits=3", "size=[16,24]")), "names": {"encoder": "lsw_sr"}}
+    names = {"encoder": "lsw_sr", "decoder": "res2former"}
+    config = {**plain(configuration("train", "encoder.mask.bits=3", "size=[16,24]")), "names": names}
     write_weights(tmp_path / "a.ckpt", config, {"encoder.mask.weight": mask.weight.detach()})
     printed = ran("export_mask", "ckpt_path=a.ckpt", "repeat=2", "canvas=[768,1024]", "out=out", "frame_rate=600")
     assert "8 slots of 3 bit" in printed and "too fast" in printed

@@ -59,7 +59,7 @@ def test_refused(refused: Run) -> None:
     assert "decoder=e2e_cnn has 817,608 parameters to learn: train it first" in line
     assert "no such checkpoint" in refused("evaluate", "decoder=gap_tv", "ckpt_path=no.ckpt", *SCENE)
     line = refused("evaluate", "decoder=gap_tv", "decoder.strengths=[0]", *SCENE)
-    assert "decoder.strengths=[0]: must be positive" in line
+    assert "decoder.strengths=[0]: expected a list of numbers above 0" in line
     line = refused("evaluate", "decoder=gap_tv", "decoder.motion=5", *SCENE)
     assert "decoder.motion=5: give null, or override its settings" in line
     assert "decoder=gap_tv has nothing to learn" in refused("train", "decoder=gap_tv")

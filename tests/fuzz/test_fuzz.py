@@ -151,31 +151,31 @@ BYTES = (
 )
 
 
-@settings(SHORT, max_examples=150)
+@settings(SHORT, max_examples=100)
 @given(mutations({**content(), "config": CONFIG}, KEYS))
 def test_mutated_checkpoint(alone: Path, changed: Any) -> None:
     mutated_checkpoint(alone, changed)
 
 
-@settings(SHORT, max_examples=150)
+@settings(SHORT, max_examples=100)
 @given(mutations(CONFIG, KEYS))
 def test_mutated_configuration(alone: Path, changed: Any) -> None:
     mutated_checkpoint(alone, {**content(), "config": changed})
 
 
-@settings(SHORT, max_examples=150)
+@settings(SHORT, max_examples=100)
 @given(*BYTES)
 def test_damaged_checkpoint(alone: Path, name: str, place: int, change: bytes, cut: bool) -> None:
     damaged_checkpoint(alone, name, place, change, cut)
 
 
-@settings(SHORT, max_examples=40)
+@settings(SHORT, max_examples=25)
 @given(mutations(CAMERA, KEYS))
 def test_mutated_encoder_file(alone: Path, changed: Any) -> None:
     mutated_encoder_file(alone, changed)
 
 
-@settings(SHORT, max_examples=40)
+@settings(SHORT, max_examples=25)
 @given(OVERRIDES, values())
 def test_wrong_override(alone: Path, key: str, value: Any) -> None:
     wrong_override(alone, key, value)

@@ -13,10 +13,13 @@ import sci_lightning.virtual_camera as package
 
 FILES = sorted(Path(package.__file__).parent.glob("*.py"))
 LIBRARIES = {"numpy", "scipy", "h5py", "skimage"}
-OWN = {"sci_lightning.errors", "sci_lightning.atomic_file"}
+OWN = {"sci_lightning.errors", "sci_lightning.atomic_file", "sci_lightning.hdf5_file", "sci_lightning.npy_file"}
+"""How files are read and written, and errors; nothing of the physics."""
+PRINTING = {"sci_lightning.console", "sci_lightning.next_command", "sci_lightning.plain_text", "rich.table"}
+READING = {"sci_lightning.paper_tables.json_fields"}
 COMMANDS = {
-    "__main__": {"sci_lightning.command", "omegaconf", "rich.console"},
-    "reveal": {"rich.console", "rich.table"},
+    "__main__": {"sci_lightning.command", "omegaconf", *PRINTING},
+    "reveal": PRINTING | READING,
 }
 
 
