@@ -21,6 +21,15 @@ ROOT = Path(__file__).parents[1]
 SHARED = ROOT.parent / "shared"
 
 
+LONGEST = ("test_readme.py", "test_sweep.py", "test_bad_input.py")
+"""Files that take minutes: begun first, so that no process is left with one of them when the others are done."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files that take longest; the order is otherwise as collected."""
+    items.sort(key=lambda item: item.path.name not in LONGEST)
+
+
 def members(group: str) -> list[str]:
     """The names in a group of the configuration, found by listing it: a new member is tested by being there."""
     return sorted(path.stem for path in (CONF / group).glob("*.yaml"))

@@ -71,6 +71,7 @@ def test_the_step_is_finished_and_kept(tmp_path: Path) -> None:
     assert torch.load(last, weights_only=True)["global_step"] == 4
 
 
+@pytest.mark.slow
 def test_in_validation(tmp_path: Path) -> None:
     done = stopped(tmp_path, "validation")
     last = tmp_path / "run" / "checkpoints" / "last.ckpt"
@@ -78,6 +79,7 @@ def test_in_validation(tmp_path: Path) -> None:
     assert torch.load(last, weights_only=True)["position"] == {"steps": 4, "batches_per_epoch": 4, "validated": False}
 
 
+@pytest.mark.slow
 def test_in_the_test_after_training(tmp_path: Path) -> None:
     done = stopped(tmp_path, "test")
     assert done.returncode == 130 and "go on with" in done.stderr

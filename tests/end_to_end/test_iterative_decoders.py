@@ -61,7 +61,7 @@ def test_refused(refused: Run) -> None:
     line = refused("evaluate", "decoder=gap_tv", "decoder.strengths=[0]", *SCENE)
     assert "decoder.strengths=[0]: expected a list of numbers above 0" in line
     line = refused("evaluate", "decoder=gap_tv", "decoder.motion=5", *SCENE)
-    assert "decoder.motion=5: give null, or override its settings" in line
+    assert "decoder.motion=5: expected a MotionFilter or null" in line
     assert "decoder=gap_tv has nothing to learn" in refused("train", "decoder=gap_tv")
 
 
