@@ -1,0 +1,142 @@
+"""Ten fixed cases, five diagnoses and five decoders, give the figures that were recorded before the code was rearranged.
+
+``same_figures.json`` was recorded by ``python -m tests.end_to_end.test_same_figures``, with the processor and the
+version of torch beside it. On that processor and version every bit agrees; elsewhere sums are taken in another order,
+and the figures agree to rounding.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from sci_lightning import decoder as decoders
+
+RECORD = Path(__file__).with_name("same_figures.json")
+
+DECODERS: dict[str, dict[str, Any]] = {
+    "Res2former": {"dim": 32, "depths": [1, 1], "groups": [2, 4], "heads": 2},
+    "STFormer": {"frames": 8, "dim": 16, "units": 1},
+    "RevSCI": {"blocks": 3, "channels": 32},
+    "E2ECNN": {"frames": 8, "channels": 32, "blocks": 2},
+    "GAP": {},
+}
+
+DIAGNOSES: dict[str, list[str]] = {
+    "nothing": ["effects=none", "seed=1"],
+    "mask_shift": ["effects=[{name:mask_shift,dx:0.61,dy:-0.35}]", "seed=2"],
+    "gain_and_black_level": ["effects=[{name:gain,factor:0.9},{name:black_level,offset:0.02}]", "seed=3"],
+    "prnu": ["effects=[{name:prnu,std:0.03}]", "seed=4"],
+    "outside": ["effects=outside", "seed=6"],
+}
+
+FAST = ("gain_and_black_level",)
+"""Diagnoses in every run of the tests; the others take minutes."""
+
+
+def processor() -> str:
+    """The processor's model and the version of torch, on which the last bits of a sum depend."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
+    model = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
+    return f"{model}, torch {torch.__version__}"
+
+
+def decode(name: str) -> dict[str, Any]:
+    """A digest over the bits of one reconstruction, and some of its values."""
+    torch.manual_seed(0)
+    torch.set_num_threads(1)
+    decoder = build_decoder(name).eval()
+    mask = torch.rand(8, 32, 32)
+    measurement = (mask * torch.rand(2, 8, 32, 32)).sum(1) / 8
+    with torch.no_grad():
+        video = decoder(measurement, mask)
+    digest = hashlib.sha256(video.contiguous().numpy().tobytes()).hexdigest()
+    return {"digest": digest, "values": [float(value) for value in video.flatten()[::1009]]}
+
+
+def build_decoder(name: str) -> torch.nn.Module:
+    """The decoder of this name, reduced; the iterative one has total variation for a denoiser."""
+    if name == "GAP":
+        from sci_lightning.decoder.denoiser import TotalVariation
+
+        return decoders.GAP(TotalVariation(), strengths=[0.1], iterations=[10])
+    decoder: torch.nn.Module = getattr(decoders, name)(**DECODERS[name])
+    return decoder
+
+
+def diagnose(name: str, folder: Path) -> dict[str, Any]:
+    """What ``report.json`` says of captures that the virtual camera takes, without times and paths."""
+    camera = [f"out={folder}/captures.h5", "size=[32,32]", *DIAGNOSES[name]]
+    for command, words in (
+        ("virtual_camera", camera),
+        ("diagnose", [f"captures={folder}/captures.h5", f"out={folder}/out"]),
+    ):
+        subprocess.run([sys.executable, "-m", f"sci_lightning.{command}", *words], check=True, capture_output=True)
+    report = json.loads((folder / "out" / "report.json").read_text())
+    return {key: report[key] for key in ("verdict", "effects", "gap", "unnamed")}
+
+
+def numbers(content: Any, path: str = "") -> dict[str, Any]:
+    """Every number and word in nested data by its place, without the names of pictures."""
+    if isinstance(content, dict):
+        return {
+            key: value
+            for part, inner in content.items()
+            if part != "picture"
+            for key, value in numbers(inner, f"{path}/{part}").items()
+        }
+    if isinstance(content, list):
+        return {
+            key: value
+            for index, inner in enumerate(content)
+            for key, value in numbers(inner, f"{path}/{index}").items()
+        }
+    return {path: content}
+
+
+def check(now: dict[str, Any], then: dict[str, Any], same_processor: bool) -> None:
+    """Compare bit by bit on the processor of the record, to rounding elsewhere."""
+    now, then = numbers(now), numbers(then)
+    if same_processor:
+        assert now == then
+        return
+    now.pop("/digest", None), then.pop("/digest", None)
+    assert now.keys() == then.keys()
+    for place, value in then.items():
+        if isinstance(value, float):
+            assert now[place] == pytest.approx(value, rel=1e-3, abs=1e-4), place
+        elif not isinstance(value, int):
+            assert now[place] == value, place
+
+
+@pytest.mark.parametrize("name", DECODERS)
+def test_decoder(name: str) -> None:
+    record = json.loads(RECORD.read_text())
+    check(decode(name), record["decoders"][name], record["processor"] == processor())
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in FAST else pytest.mark.slow) for name in DIAGNOSES]
+)
+def test_diagnosis(name: str, tmp_path: Path) -> None:
+    record = json.loads(RECORD.read_text())
+    check(diagnose(name, tmp_path), record["diagnoses"][name], record["processor"] == processor())
+
+
+if __name__ == "__main__":
+    outputs = {name: decode(name) for name in DECODERS}
+    diagnoses = {}
+    for case in DIAGNOSES:
+        with tempfile.TemporaryDirectory() as scratch:
+            diagnoses[case] = diagnose(case, Path(scratch))
+    content = {"processor": processor(), "decoders": outputs, "diagnoses": diagnoses}
+    RECORD.write_text(json.dumps(content, indent=1) + "\n")
