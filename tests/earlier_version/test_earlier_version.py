@@ -63,6 +63,7 @@ def test_encoder_file(files: Path, ran: Callable[..., str]) -> None:
         "decoder.channels=[4,8,16]",
         "decoder.stages=1",
         "data=synthetic",
+        "metrics.qscore=null",
         "trainer.max_steps=1",
         f"out={files}/trained",
     )
