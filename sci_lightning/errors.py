@@ -70,6 +70,14 @@ def _failure(path: str | Path | None, reason: str) -> MachineFailure:
     )
 
 
+class OtherSize(BadInput):
+    """Scenes of another size than the mask's; ``size`` is theirs, height and width in pixels."""
+
+    def __init__(self, line: str, size: tuple[int, ...]) -> None:
+        super().__init__(line)
+        self.size = size
+
+
 class NoSuchCombination(BadInput):
     """Two settings that are right by themselves do not go together, such as four bits and a binary mask.
 
