@@ -171,10 +171,10 @@ def load_file(path: Path) -> dict[str, Any]:
     try:
         if path.suffix == ".safetensors":
             return _load_safetensors(path)
-        check_archive(path)
+        room = check_archive(path)
         with torch.serialization.safe_globals(_numpy_scalars()):
             content = torch.load(path, map_location="cpu", weights_only=True)
-        check_values(path, content)
+        check_values(path, content, room)
     except BadInput:
         raise
     except Exception as error:  # torch raises RuntimeError, EOFError, KeyError, .. on damaged archives

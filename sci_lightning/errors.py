@@ -47,6 +47,8 @@ def as_machine_failure(error: BaseException, path: str | Path | None = None) -> 
         passed.append(seen)
         if isinstance(seen, MachineFailure):
             return seen
+        if isinstance(seen, BadInput):  # whoever raised it has judged its cause: a file that lies about its size
+            return None
         if isinstance(seen, MemoryError):
             return MachineFailure(
                 "this machine's memory is exhausted; give a smaller size, fewer frames or a smaller batch"
