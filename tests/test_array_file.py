@@ -279,9 +279,6 @@ def test_lzf_that_inflates_again_and_again(tmp_path: Path) -> None:
         space = h5py.h5s.create_simple((160, 256, 256))
         item = h5py.h5d.create(file.id, b"mask", h5py.h5t.NATIVE_UINT8, space, plist)
         item.write_direct_chunk((0, 0, 0), b"\x00a" + b"\xe0\xff\x00" * 950_000)
-    read = (
-        "from sci_lightning.array_file import read_array\ndef read(path): read_array(path, prefer='mask', dimensions=3)"
-    )
     assert "inflates to more than its 1048576 bytes" in hostile_files.refusal(READ, path)
     whole = path.read_bytes()
     at = whole.index(struct.pack("<II", 261, 2**20)) + 4  # version of LZF, bytes of a chunk
