@@ -13,7 +13,9 @@ from typing import Annotated, TypeAlias
 
 from annotated_types import Interval, Len
 
-Frames: TypeAlias = Annotated[int, Interval(ge=2, le=4096)]
+MOST_FRAMES = 4096
+
+Frames: TypeAlias = Annotated[int, Interval(ge=2, le=MOST_FRAMES)]
 """T, the number of time slots of a snapshot."""
 
 Pixels: TypeAlias = Annotated[int, Interval(ge=1, le=65536)]
@@ -32,7 +34,23 @@ Depth: TypeAlias = Annotated[int, Interval(ge=1, le=1024)]
 """How often something is repeated in a network: blocks, stages, heads, groups."""
 
 Repeats: TypeAlias = Annotated[int, Interval(ge=1, le=10**9)]
-"""How often something is done, at least once: clips of an epoch, calls, iterations."""
+"""How often something is done, at least once: clips of an epoch, calls."""
+
+MOST_ITERATIONS = 10_000
+"""A hundred times as many as published iterative decoders make. More would keep a machine busy for days, and a
+checkpoint or an encoder file of a stranger says how many there are."""
+
+Iterations: TypeAlias = Annotated[int, Interval(ge=1, le=MOST_ITERATIONS)]
+"""Iterations of a decoder, for one measurement."""
+
+Steps: TypeAlias = Annotated[int, Interval(ge=1, le=1000)]
+"""Steps within an iteration."""
+
+Reach: TypeAlias = Annotated[int, Interval(ge=0, le=64)]
+"""How far something is looked for, in pixels or frames: time grows with its square."""
+
+Scenes: TypeAlias = Annotated[int, Interval(ge=1, le=100_000)]
+"""Scenes and snapshots that are made up for a test."""
 
 Seed: TypeAlias = Annotated[int, Interval(ge=0, lt=2**63)]
 """The start of a random generator."""

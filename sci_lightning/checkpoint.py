@@ -25,7 +25,7 @@ from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.mask import Mask
 from sci_lightning.encoder.trial import check_recording
 from sci_lightning.errors import BadInput
-from sci_lightning.plain_text import excerpt
+from sci_lightning.plain_text import excerpt, with_article
 
 NUMPY_NUMBERS = ("f2", "f4", "f8", "i4", "i8", "b1")
 """Types of numpy's numbers in a checkpoint, as pickles call them."""
@@ -58,7 +58,7 @@ class Checkpoint:
         config = _without_files(self.config["encoder"])
         encoder = build_from_file(config, self.path, "encoder", self.trusted)
         if not isinstance(encoder, Encoder):
-            raise BadInput(f"{self.path}: its encoder is a {type(encoder).__name__}, not an Encoder")
+            raise BadInput(f"{self.path}: its encoder is {with_article(type(encoder).__name__)}, not an Encoder")
         self.fill("encoder", encoder)
         check_recording(encoder, f"{self.path}: encoder")
         return encoder
@@ -70,7 +70,7 @@ class Checkpoint:
         self.check_fit("decoder", sketch)
         decoder = build_from_file(self.config["decoder"], self.path, "decoder", self.trusted)
         if not isinstance(decoder, Decoder):
-            raise BadInput(f"{self.path}: its decoder is a {type(decoder).__name__}, not a Decoder")
+            raise BadInput(f"{self.path}: its decoder is {with_article(type(decoder).__name__)}, not a Decoder")
         self.fill("decoder", decoder)
         return decoder
 
@@ -171,10 +171,10 @@ def load_file(path: Path) -> dict[str, Any]:
     try:
         if path.suffix == ".safetensors":
             return _load_safetensors(path)
-        check_archive(path)
+        room = check_archive(path)
         with torch.serialization.safe_globals(_numpy_scalars()):
             content = torch.load(path, map_location="cpu", weights_only=True)
-        check_values(path, content)
+        check_values(path, content, room)
     except BadInput:
         raise
     except Exception as error:  # torch raises RuntimeError, EOFError, KeyError, .. on damaged archives
@@ -185,7 +185,7 @@ def load_file(path: Path) -> dict[str, Any]:
             ) from error
         raise BadInput(f"{path}: not a readable checkpoint, damaged or truncated ({type(error).__name__})") from error
     if not isinstance(content, dict):
-        raise BadInput(f"{path}: not a checkpoint (it holds a {type(content).__name__}, expected a dictionary)")
+        raise BadInput(f"{path}: not a checkpoint (it is {with_article(type(content).__name__)}, not a dictionary)")
     return content
 
 

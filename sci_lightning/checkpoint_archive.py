@@ -13,13 +13,13 @@ import pickletools
 import struct
 import zipfile
 from collections import Counter, OrderedDict
-from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
 
 import torch
 
 from sci_lightning.errors import BadInput
+from sci_lightning.pickle_cost import PickleCost
 from sci_lightning.plain_text import excerpt
 
 ARCHIVE = b"PK\x03\x04"
@@ -44,9 +44,18 @@ MOST_VALUES = 2_000_000
 """Values in a checkpoint, every list counted as often as it is referred to."""
 MAX_DEPTH = 100
 
+MOST_STEPS = 5_000_000
+"""Operations of a pickle, and values that are passed to what it calls. A tensor takes thirty."""
 
-def check_archive(path: Path) -> None:
+MOST_KEYS = 1000
+"""Keys in a checkpoint whose hash is no secret; those that trainings write are texts and small numbers."""
+
+
+def check_archive(path: Path) -> int:
     """Check sizes and checksums of torch's archive, and what the pickle in it calls.
+
+    Returns:
+        how many bytes of the file are left for the values of tensors.
 
     Raises:
         BadInput: an entry that is compressed or larger than the file, or whose bytes are not those that were written;
@@ -56,7 +65,7 @@ def check_archive(path: Path) -> None:
         if stream.read(len(ARCHIVE)) != ARCHIVE:
             stream.seek(0)
             _check_pickles(path, stream, PICKLES)
-            return
+            return path.stat().st_size - stream.tell()
         if not _has_one_table(stream, path.stat().st_size):
             raise BadInput(f"{path}: damaged or truncated: torch's archive does not end with its one table of contents")
     with zipfile.ZipFile(path) as archive:
@@ -71,18 +80,25 @@ def check_archive(path: Path) -> None:
             if entry.filename.endswith("data.pkl"):
                 with archive.open(entry) as pickled:
                     _check_pickles(path, pickled, 1)
+    return path.stat().st_size
 
 
-def check_values(path: Path, content: Any) -> None:
+def check_values(path: Path, content: Any, room: int) -> None:
     """Check all that came out of a checkpoint, and take off the attributes that it set on its values.
 
-    An ``OrderedDict`` or a tensor out of a file may carry attributes that stand in the place of its methods.
+    An ``OrderedDict`` or a tensor out of a file may carry attributes that stand in the place of its methods. Of a
+    tensor whose values are missing in the format from before 2020 torch makes one of whatever the memory holds.
+
+    Args:
+        path: the file, for messages.
+        content: what came out.
+        room: bytes that are left for tensors, see :func:`check_archive`.
 
     Raises:
         BadInput: tensors that are no ordinary ones or not in the file; lists that refer to themselves, or unfold into
             more than :data:`MOST_VALUES`.
     """
-    room, storages = path.stat().st_size, {}
+    storages: dict[int, int] = {}
     budget = MOST_VALUES
     waiting: list[tuple[str, Any, int]] = [("", content, 0)]
     while waiting:
@@ -142,23 +158,30 @@ def _bytes_at(stream: IO[bytes], place: int, count: int) -> bytes:
 def _check_pickles(path: Path, stream: IO[bytes], count: int) -> None:
     """Look through pickles without obeying them; what is no pickle is left to torch, which says so."""
     names: set[str] = set()
-    longest = 0
+    longest = steps = 0
     for _ in range(count):
+        cost = PickleCost()
         try:
-            for name, argument in _operations(stream):
-                if name == "GLOBAL":
-                    names.add(argument.replace("__builtin__", "builtins"))
+            for operation, argument, _ in pickletools.genops(stream):
+                if operation.name == "GLOBAL":
+                    names.add(str(argument).replace("__builtin__", "builtins"))
                 elif isinstance(argument, str):
                     longest = max(longest, len(argument))
-        except (ValueError, UnicodeDecodeError, IndexError, struct.error):
+                cost.follow(operation.name, argument)
+                if steps + cost.steps > MOST_STEPS:
+                    raise BadInput(f"{path}: too large for a checkpoint (over {MOST_STEPS:,} steps to unpickle it)")
+                if cost.keys > MOST_KEYS:
+                    raise BadInput(
+                        f"{path}: has over {MOST_KEYS:,} keys that are huge numbers or tuples, which trainings do not "
+                        "write and which can keep a dictionary busy for hours; expected texts and small numbers"
+                    )
+        except BadInput:
+            raise
+        except (ValueError, LookupError, struct.error):
             break
+        steps += cost.steps
     if MAKES_BYTES in names or (ENCODES in names and longest > LONGEST_ENCODED):
         raise BadInput(
             f"{path}: holds Python objects other than tensors and plain values, which would fill the memory; refused, "
             "nothing was executed; have whoever wrote it save a state_dict instead"
         )
-
-
-def _operations(stream: IO[bytes]) -> Iterator[tuple[str, Any]]:
-    for operation, argument, _ in pickletools.genops(stream):
-        yield operation.name, argument

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from omegaconf import DictConfig
 
 from sci_lightning.checkpoint import Checkpoint
 from sci_lightning.command import chosen, plain
+from sci_lightning.conf_folder import CONF
 from sci_lightning.configuration.build import build
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.trial import check_recording
 from sci_lightning.errors import BadInput
+from sci_lightning.plain_text import with_article
 
 
 def chosen_encoder(cfg: DictConfig, checkpoint: Checkpoint) -> tuple[Encoder, str]:
@@ -57,10 +59,26 @@ def chosen_camera(cfg: DictConfig, checkpoint: Checkpoint) -> Encoder | None:
     return _built(cfg.camera, f"decoder.camera={chosen('encoder@camera')}", checkpoint)
 
 
+def resized(checkpoint: Checkpoint, size: Sequence[int]) -> str:
+    """Say which overrides test a checkpoint on scenes of another size (height, width), ready to paste.
+
+    A mask that can be tiled is repeated; in the place of another one comes a random one.
+    """
+    config = checkpoint.config
+    name, mask, (height, width) = config["names"]["encoder"], config["encoder"].get("mask") or {}, size
+    words = [f"size=[{height},{width}]"]
+    if "tile" not in mask or not (CONF / "encoder" / f"{name}.yaml").is_file():
+        return f"to test with a random mask add {words[0]} encoder=rbw_sr"
+    tile = mask["tile"] or config["size"]
+    words += [f"encoder={name}", f"encoder.mask.tile=[{tile[0]},{tile[1]}]"]
+    words += [f"encoder.mask.bits={mask['bits']}"] if "bits" in mask else []
+    return f"to test with the trained mask, repeated, add {' '.join(words)}"
+
+
 def _built(settings: DictConfig, named: str, checkpoint: Checkpoint) -> Encoder:
     encoder = build(plain(settings), named)
     if not isinstance(encoder, Encoder):
-        raise BadInput(f"{named}: its _target_ is a {type(encoder).__name__}, not an Encoder")
+        raise BadInput(f"{named}: its _target_ is {with_article(type(encoder).__name__)}, not an Encoder")
     mask, trained = settings.mask, checkpoint.config["encoder"].get("mask")
     alike = isinstance(trained, Mapping) and mask._target_ == trained.get("_target_")
     if alike and mask.get("file") is None:

@@ -10,6 +10,7 @@ from omegaconf import DictConfig
 
 from sci_lightning.command import built
 from sci_lightning.errors import BadInput
+from sci_lightning.plain_text import with_article
 
 RUN_NAME = {"tensorboard": "version", "wandb": "name", "mlflow": "run_name"}
 """What the loggers call a run's name."""
@@ -53,5 +54,5 @@ def _built(cfg: DictConfig, name: str, run_name: str) -> Logger:
             f"logger={name}: {name} is not installed; pip install 'sci-lightning[{name}]', or logger=tensorboard"
         ) from error
     if not isinstance(logger, Logger):
-        raise BadInput(f"logger.{name}: its _target_ is a {type(logger).__name__}, not a Logger of Lightning")
+        raise BadInput(f"logger.{name}: its _target_ is {with_article(type(logger).__name__)}, not a Logger")
     return logger

@@ -7,6 +7,7 @@ from omegaconf import DictConfig
 from sci_lightning.command import built
 from sci_lightning.errors import BadInput
 from sci_lightning.metrics.frame_metric import FrameMetric
+from sci_lightning.plain_text import with_article
 
 
 def chosen_metrics(cfg: DictConfig) -> dict[str, FrameMetric]:
@@ -22,7 +23,7 @@ def chosen_metrics(cfg: DictConfig) -> dict[str, FrameMetric]:
     metrics = {str(name): built(cfg, f"metrics.{name}") for name, metric in cfg.get("metrics", {}).items() if metric}
     for name, metric in metrics.items():
         if not isinstance(metric, FrameMetric):
-            raise BadInput(f"metrics.{name}: its _target_ is a {type(metric).__name__}, not a FrameMetric")
+            raise BadInput(f"metrics.{name}: its _target_ is {with_article(type(metric).__name__)}, not a FrameMetric")
         if min(cfg.size) < metric.smallest:
             raise BadInput(
                 f"size={list(cfg.size)}: metrics.{name} needs frames of at least {metric.smallest} x {metric.smallest} "

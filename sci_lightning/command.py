@@ -22,9 +22,9 @@ from sci_lightning.console import PlainConsole
 from sci_lightning.continued_run import continued
 from sci_lightning.encoder_file import PLACES, EncoderFile, adapt_to_encoder_files, adopt_encoder_files
 from sci_lightning.errors import BadInput
-from sci_lightning.failure_line import check_choices, exit_status, one_line, root_cause
+from sci_lightning.failure_line import check_choices, check_words, exit_status, one_line, root_cause
 from sci_lightning.plain_text import one_printable_line
-from sci_lightning.run_folder import is_first_process, run_folder
+from sci_lightning.run_folder import is_first_process, remove_if_refused, run_folder
 from sci_lightning.sweep import (
     Row,
     defer_to_rows,
@@ -84,6 +84,8 @@ def run(name: str, task: Task) -> None:
                 files_of_rows, number, overrides = row
                 outcome = "skipped" if is_skipped(root_cause(error)) else "failed"
                 files_of_rows.write(Row(number, overrides, outcome, one_line(error), exit_status(error)))
+            elif in_folder and exit_status(error) == 2:
+                remove_if_refused(cfg.out, HydraConfig.get().job.name)
             if debug:
                 raise
             if row is None:
@@ -99,8 +101,10 @@ def run(name: str, task: Task) -> None:
     try:
         os.environ["HYDRA_FULL_ERROR"] = "1"  # composition errors reach the lines below instead of Hydra's printer
         encoders = [path.stem for path in (CONF / "encoder").glob("*.yaml")]
-        check_choices(told[1:])
-        arguments, earlier = continued(told[1:], encoders) if name == "train" else (told[1:], {})
+        words = sorted(told[1:], key=lambda word: word not in ("-m", "--multirun"))  # wherever among the settings
+        check_words(name, words)
+        check_choices(words)
+        arguments, earlier = continued(words, encoders) if name == "train" else (words, {})
         arguments, files = adopt_encoder_files(arguments, [*encoders, *earlier])
         files.update(earlier)
         sys.argv = [told[0], *defer_to_rows(arguments)]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +19,13 @@ from hydra.core.override_parser.types import Override, OverrideType, QuotedStrin
 from hydra.errors import HydraException
 from omegaconf import OmegaConf
 
+from sci_lightning.console import PlainConsole, styled
 from sci_lightning.earlier_run import another_training
 from sci_lightning.encoder_file import EncoderFile, checked_encoder
 from sci_lightning.errors import BadInput
-from sci_lightning.plain_text import excerpt
+from sci_lightning.next_command import override as quoted
+from sci_lightning.plain_text import excerpt, one_printable_line
+from sci_lightning.run_folder import is_first_process
 
 GROUPS = {"encoder", "effect", "decoder", "data", "metric", "system", "trainer", "scale", "experiment"}
 """Groups of ``conf/`` whose members say what is computed; the others say where it is written and shown."""
@@ -59,6 +62,9 @@ TRAINER = {
 WRITTEN = {"data.store"}
 """Folders that data sources write to."""
 
+PATHS = {"root", "val_root", "file"}
+"""What settings that name files or folders to read are called."""
+
 LONGEST_OVERRIDES = 20_000
 """Characters of all overrides together."""
 
@@ -79,7 +85,8 @@ def continued(arguments: list[str], encoders: Iterable[str]) -> tuple[list[str],
         encoder of the run by its name, if it is not in ``conf/``.
 
     Raises:
-        BadInput: a checkpoint that cannot be read, or overrides in it that a checkpoint may not hold.
+        BadInput: a checkpoint that cannot be read, overrides in it that a checkpoint may not hold, or files to read
+            that lie neither in the current folder nor in the run's and that the arguments do not repeat.
     """
     given = {key.lstrip("+~"): value.strip("'\"") for key, _, value in (each.partition("=") for each in arguments)}
     path = _checkpoint(given)
@@ -98,7 +105,8 @@ def continued(arguments: list[str], encoders: Iterable[str]) -> tuple[list[str],
         if kept and group in was and now not in ("", was[group]) and not now.endswith(".yaml"):
             raise BadInput(another_training(path, group, was[group], now))
     files: dict[str, EncoderFile] = {}
-    before = []
+    before: list[str] = []
+    named_paths: list[tuple[str, str]] = []
     for override in kept:
         key = override.key_or_group
         if key in given or (key == "encoder" and "encoder" in given):
@@ -107,7 +115,10 @@ def continued(arguments: list[str], encoders: Iterable[str]) -> tuple[list[str],
             name = str(_bare(override.value()))
             files[name] = EncoderFile(path, checked_encoder(path, config["encoder"]))
             ConfigStore.instance().store(group="encoder", name=name, node=OmegaConf.create(files[name].content))
+            named_paths += _paths("encoder", files[name].content)
+        named_paths += _paths(key, override.value())
         before.append(str(override.input_line))
+    _check_paths(path, [(key, value) for key, value in named_paths if key not in given])
     named = {override.key_or_group for override in kept} | given.keys()
     before += [
         f"{key}={str(config[key]).replace(' ', '')}"
@@ -139,6 +150,61 @@ def _check_folder(folder: Path) -> None:
                     f"{path}: a link that leads out of the run's folder, where other files would be overwritten; to "
                     f"go on there all the same, say so: out={folder}"
                 )
+
+
+def _paths(key: str, value: Any) -> Iterator[tuple[str, str]]:
+    """Settings that name files to read, and what they name: by what they are called, and whatever looks like a path."""
+    if isinstance(value, Mapping):
+        for name, entry in value.items():
+            yield from _paths(f"{key}.{_bare(name)}", entry)
+    elif isinstance(value, list):
+        for entry in value:
+            yield from _paths(key, entry)
+    elif isinstance(text := _bare(value), str) and (
+        key.rpartition(".")[2] in PATHS or "/" in text or "\\" in text or text.startswith((".", "~"))
+    ):
+        yield key, text
+
+
+def _check_paths(path: Path, named: list[tuple[str, str]]) -> None:
+    """Check the files and folders that a checkpoint names, and show them: it may be a stranger's, and they are read.
+
+    Raises:
+        BadInput: one that lies neither in the current folder nor in that of the run. Links count as what they lead to.
+    """
+    if elsewhere := _elsewhere(path, named):
+        raise BadInput(
+            f"{path}: this training read files that lie neither in the current folder nor in the run's; if they are "
+            f"yours, say so by repeating: {' '.join(map(one_printable_line, elsewhere))}"
+        )
+    if named and is_first_process():
+        shown = ", ".join(f"{key}={excerpt(value)}" for key, value in named)
+        PlainConsole().say("as recorded in ", styled(path), f": reads {shown}")
+
+
+def _elsewhere(path: Path, named: Iterable[tuple[str, str]]) -> list[str]:
+    """Those of the files that a checkpoint names which have to be repeated, as overrides."""
+    own = [Path.cwd().resolve(), path.resolve().parent.parent]
+    return [
+        quoted(key, value)
+        for key, value in dict(named).items()
+        if not any(Path(os.path.expanduser(value)).resolve().is_relative_to(folder) for folder in own)
+    ]
+
+
+def repeated(path: Path, overrides: Iterable[str], encoder: Mapping[str, Any]) -> list[str]:
+    """Return what has to stand beside ``ckpt_path=`` to go on with one's own run: files that lie elsewhere.
+
+    Args:
+        path: of the checkpoint.
+        overrides: of the run.
+        encoder: its configuration.
+    """
+    named = list(_paths("encoder", encoder))
+    for line in recorded(overrides):
+        override = _checked(path, line)
+        named += _paths(override.key_or_group, override.value())
+    return _elsewhere(path, named)
 
 
 def recorded(overrides: Iterable[str]) -> list[str]:

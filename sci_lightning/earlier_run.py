@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -21,6 +22,38 @@ EXTENDABLE = re.compile(
 
 TESTED = re.compile(r"(benchmark|metrics|test_encoders)(\..*)?")
 """Settings of the test that follows the training."""
+
+
+RESULTS = ("metrics.json", "checkpoints/last.ckpt", "checkpoints/best.ckpt")
+"""What a training would overwrite in the folder of an earlier run."""
+
+
+def check_nothing_lost(out: Path, training: bool, resume: bool = False, ckpt_path: str | None = None) -> None:
+    """Check that a command overwrites no training in its folder; its own earlier reports it may replace.
+
+    Args:
+        out: the folder, which need not exist.
+        training: whether the command is ``train``.
+        resume: of ``train``.
+        ckpt_path: of ``train``, which goes on in its own folder with the last checkpoint there.
+
+    Raises:
+        BadInput: there is a training that would be lost, in whole or in part.
+    """
+    found = [name for name in RESULTS if os.path.lexists(out / name)]
+    if not training:
+        if checkpoints := [name for name in found if name.startswith("checkpoints/")]:
+            raise BadInput(
+                f"{out}: holds a training ({checkpoints[0]}), part of it would be overwritten; give another out="
+            )
+        return
+    last = out / "checkpoints" / "last.ckpt"
+    own = ckpt_path is not None and last.is_file() and Path(ckpt_path).exists() and last.samefile(ckpt_path)
+    if found and not (resume or own or any(out.glob("hpc_ckpt_*.ckpt"))):  # Slurm starts the same command line again
+        raise BadInput(
+            f"{out}: holds an earlier run ({found[0]}), which would be overwritten; resume=true keeps it and goes on "
+            "where it stopped, another out= starts a new one"
+        )
 
 
 def finished(out: Path, config: Mapping[str, Any]) -> dict[str, Any] | None:

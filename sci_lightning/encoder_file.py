@@ -186,6 +186,8 @@ def _anchored(content: Any, path: Path, folder: Path, bound: bool = False) -> An
 
 
 def _file(name: str, path: Path, folder: Path, bound: bool) -> str:
+    if not name.isprintable():
+        raise BadInput(f"{path}: file: {excerpt(name)} is no name of a file; expected printable text")
     file = folder / os.path.expanduser(name)
     if bound and not os.path.realpath(file).startswith(os.path.join(os.path.realpath(folder), "")):
         raise BadInput(

@@ -47,6 +47,8 @@ def as_machine_failure(error: BaseException, path: str | Path | None = None) -> 
         passed.append(seen)
         if isinstance(seen, MachineFailure):
             return seen
+        if isinstance(seen, BadInput):  # whoever raised it has judged its cause: a file that lies about its size
+            return None
         if isinstance(seen, MemoryError):
             return MachineFailure(
                 "this machine's memory is exhausted; give a smaller size, fewer frames or a smaller batch"
@@ -68,6 +70,14 @@ def _failure(path: str | Path | None, reason: str) -> MachineFailure:
         f"{where}{reason[0].lower()}{reason[1:]}; free some space or write to another disk "
         "(what was there before is unchanged)"
     )
+
+
+class OtherSize(BadInput):
+    """Scenes of another size than the mask's; ``size`` is theirs, height and width in pixels."""
+
+    def __init__(self, line: str, size: tuple[int, ...]) -> None:
+        super().__init__(line)
+        self.size = size
 
 
 class NoSuchCombination(BadInput):

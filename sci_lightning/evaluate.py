@@ -28,10 +28,11 @@ def evaluate(cfg: DictConfig) -> float:
     from sci_lightning.callbacks import Progress, ScenePictures
     from sci_lightning.captures import read_captures
     from sci_lightning.chosen_checkpoint import chosen_checkpoint
-    from sci_lightning.chosen_encoder import chosen_camera, chosen_encoder
+    from sci_lightning.chosen_encoder import chosen_camera, chosen_encoder, resized
     from sci_lightning.chosen_metrics import chosen_metrics
     from sci_lightning.data.captured import CapturedSnapshots
     from sci_lightning.data.loader import scene_loader
+    from sci_lightning.errors import BadInput, OtherSize
     from sci_lightning.next_command import invocation, print_next
     from sci_lightning.results import print_results, results, with_effects, write_json
     from sci_lightning.system import System
@@ -45,7 +46,10 @@ def evaluate(cfg: DictConfig) -> float:
     camera = chosen_camera(cfg, checkpoint) or encoder
     loader: DataLoader[Any]
     if cfg.captures is None:
-        loader = scene_loader(built(cfg, "data").scenes())
+        try:
+            loader = scene_loader(built(cfg, "data").scenes())
+        except OtherSize as error:
+            raise BadInput(f"{error}; {resized(checkpoint, error.size)}") from error
     else:
         captures = read_captures(cfg.captures)
         loader, test_encoder = DataLoader(CapturedSnapshots(captures, camera.mask())), captures.name

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
+from typing import NoReturn
 
-from hydra.errors import ConfigCompositionException, HydraException, InstantiationException, MissingConfigException
+from hydra._internal.utils import get_args_parser
+from hydra.errors import (
+    ConfigCompositionException,
+    HydraException,
+    InstantiationException,
+    MissingConfigException,
+    OverrideParseException,
+)
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 from yaml import YAMLError, safe_load
@@ -36,6 +44,10 @@ def one_line(error: BaseException) -> str:
             return f"{group}={name}: no such {group}; {_nearest(name, options)}choose one of {', '.join(options)}"
     if isinstance(cause, ConfigCompositionException) and (line := _unknown_setting(cause)):
         return line
+    if isinstance(cause, OverrideParseException):
+        reason = re.sub(r"\s*See https?://\S+.*", "", str(cause.message), flags=re.DOTALL)
+        written = "lists are [a,b], mappings {a: b} without quotes around keys"
+        return f"{excerpt(cause.override)}: cannot be read ({excerpt(reason)}); {written}"
     if isinstance(cause, MissingMandatoryValue) and cause.full_key:
         return f"give {cause.full_key}=..; --help says what it is"
     text = " ".join(str(cause).split()) or type(cause).__name__
@@ -57,6 +69,36 @@ def exit_status(error: BaseException) -> int:
     return (
         2 if (isinstance(cause, expected) or _is_misconfiguration(cause)) and as_machine_failure(cause) is None else 1
     )
+
+
+def check_words(command: str, arguments: Sequence[str]) -> None:
+    """Check that a command line has no options but Hydra's, which would print its usage and no reason.
+
+    Args:
+        command: its name, for the message.
+        arguments: of the command line.
+
+    Raises:
+        BadInput: an option that is none, or a word that is no ``key=value``.
+    """
+    parser = get_args_parser()
+
+    def error(message: str) -> NoReturn:
+        raise BadInput(f"{message}; sci_lightning.{command} --help lists settings, --hydra-help options")
+
+    parser.error = error  # type: ignore[method-assign]  # its own prints the usage
+    given, unknown = parser.parse_known_args(list(arguments))
+    if options := [word for word in unknown if word.startswith("-")]:
+        place = list(arguments).index(options[0])
+        name, equals, value = options[0].lstrip("-").partition("=")
+        following = [] if equals else [word for word in arguments[place + 1 : place + 2] if not word.startswith("-")]
+        right = f"{name.replace('-', '_')}={value or (following or ['..'])[0]}"
+        raise BadInput(f"{options[0]}: no such option; settings are written without dashes, {right}; --help lists them")
+    if unknown:
+        raise BadInput(f"{excerpt(unknown[0])}: write options, which begin with dashes, before all settings")
+    for word in given.overrides:
+        if "=" not in word and not word.startswith("~"):
+            raise BadInput(f"{excerpt(word)}: expected key=value; --help lists the settings")
 
 
 def check_choices(arguments: Iterable[str]) -> None:
@@ -88,6 +130,10 @@ def _unknown_setting(error: ConfigCompositionException) -> str | None:
     if not unknown:
         return None
     key, line = unknown[1], f"{unknown[1]}: no such setting"
+    if key == "candidates" or key.startswith("candidates."):
+        names = ", ".join(sorted(path.stem for path in (CONF / "effect").glob("*.yaml")))
+        own = "one of your own is added with +candidates.mine=my_module.Mine"
+        return f"{line}; {own}; candidates without that are {names}"
     if effect := re.match(r"encoder\.effects\.(\w+)\.", key):
         return f"{line}; effect=[{effect[1]}] puts that effect into the encoder"
     above, _, name = key.rpartition(".")

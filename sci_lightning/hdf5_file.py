@@ -18,11 +18,21 @@ import numpy as np
 
 from sci_lightning.errors import BadInput
 from sci_lightning.hdf5_heap import check_heaps
-from sci_lightning.memory_bound import LARGEST_RATIO, SMALL, UNCHECKED, check_stored, inflates_beyond
+from sci_lightning.memory_bound import (
+    LARGEST_RATIO,
+    SMALL,
+    UNCHECKED,
+    check_stored,
+    inflates_beyond,
+    lzf_inflates_beyond,
+)
 
 LABELS = {1: "gzip", 2: "shuffle", 4: "szip", 5: "nbit", 6: "scaleoffset", 32000: "lzf"}
+LZF = 32000
+LZF_UNCHECKED = 8 * 2**20
+"""Bytes of a dataset, and a sixteenth of them in the file, of which the worst takes seconds to inflate."""
 SHUFFLE = h5py.h5z.FILTER_SHUFFLE
-CHAINS = [(*before, *last) for before in ((), (SHUFFLE,)) for last in ((), (h5py.h5z.FILTER_DEFLATE,), (32000,))]
+CHAINS = [(*before, *last) for before in ((), (SHUFFLE,)) for last in ((), (h5py.h5z.FILTER_DEFLATE,), (LZF,))]
 """Chains of filters that are read: at most one that compresses, and what it compresses is what is stored."""
 
 MOST_OBJECTS = 10_000
@@ -148,12 +158,14 @@ def check_dataset(name: str, item: h5py.Dataset) -> int:
     unwritten = item.chunks is not None or not stored  # what nobody wrote is read as the fill value
     check_stored(f"'{name}' of shape {item.shape}", declared, stored, compressed=bool(filters) or unwritten)
     if item.chunks is not None:
-        _check_chunks(name, item, declared, tuple(code for code, *_ in filters if code != h5py.h5z.FILTER_FLETCHER32))
+        _check_chunks(name, item, declared, [(code, values) for code, _, values, _ in filters])
     return declared
 
 
-def _check_chunks(name: str, item: h5py.Dataset, declared: int, filters: tuple[int, ...]) -> None:
+def _check_chunks(name: str, item: h5py.Dataset, declared: int, chain: list[tuple[int, tuple[int, ...]]]) -> None:
     """Chunks are read whole: none may be much larger than its dataset, nor inflate to more than its own size."""
+    codes = [code for code, _ in chain]
+    filters = tuple(code for code in codes if code != h5py.h5z.FILTER_FLETCHER32)
     if filters not in CHAINS:  # others inflate more than once, or to what they say themselves
         known = [LABELS.get(code, str(code)) for code in filters]
         raise BadInput(
@@ -164,6 +176,8 @@ def _check_chunks(name: str, item: h5py.Dataset, declared: int, filters: tuple[i
     size = math.prod(item.chunks) * item.id.get_type().get_size()
     if size > max(SMALL, 2 * declared):
         raise BadInput(f"'{name}' has chunks of shape {item.chunks}, larger than its shape {item.shape}")
+    if LZF in filters:
+        _check_lzf(name, item, declared, size, chain)
     # HDF5 inflates a chunk to whatever comes out of it, and only then looks at the size
     if deflated and LARGEST_RATIO * item.id.get_storage_size() > UNCHECKED:
         large: list[tuple[int, ...]] = []
@@ -177,6 +191,33 @@ def _check_chunks(name: str, item: h5py.Dataset, declared: int, filters: tuple[i
             _, content = item.id.read_direct_chunk(offset)
             if inflates_beyond(content, size):
                 raise BadInput(f"'{name}' has a chunk that inflates to more than its {size} bytes, expected its values")
+
+
+def _check_lzf(
+    name: str, item: h5py.Dataset, declared: int, size: int, chain: list[tuple[int, tuple[int, ...]]]
+) -> None:
+    """Check chunks of ``size`` bytes that are compressed by LZF.
+
+    Its filter begins with as much memory as the file says, and begins again with a little more until a chunk fits: one
+    that inflates to 88 times what is stored takes four thousand times the work.
+    """
+    codes = [code for code, _ in chain]
+    place, checksum = codes.index(LZF), h5py.h5z.FILTER_FLETCHER32
+    begins_with = chain[place][1][2:3]
+    if declared > LZF_UNCHECKED and (not begins_with or begins_with[0] < size):
+        raise BadInput(
+            f"'{name}' is stored by the HDF5 filter lzf without the size of its chunks, which takes minutes to read; "
+            "save it with gzip or without compression"
+        )
+    if item.id.get_storage_size() <= LZF_UNCHECKED // 16:
+        return
+    chunks: list[tuple[int, ...]] = []
+    item.id.chunk_iter(lambda chunk: chunks.append(chunk.chunk_offset))
+    last = -4 if checksum in codes[place + 1 :] else None  # four bytes behind what is compressed, or within it
+    for offset in chunks:
+        skipped, content = item.id.read_direct_chunk(offset)
+        if not skipped >> place & 1 and lzf_inflates_beyond(content[:last], size + 4 * (checksum in codes)):
+            raise BadInput(f"'{name}' has a chunk that inflates to more than its {size} bytes, expected its values")
 
 
 def read_dataset(name: str, item: h5py.Dataset, dtype: Any = None) -> np.ndarray:

@@ -32,6 +32,10 @@ UNCHECKED = 4 * SMALL
 BLOCK = 2**20
 """Bytes that are inflated at a time to see how many there are."""
 
+LZF_MADE = [c + 1 if c < 32 else (c >> 5) + 2 for c in range(256)]
+LZF_TAKEN = [c + 2 if c < 32 else 2 if c < 224 else 3 for c in range(256)]
+"""Bytes that come out of an LZF instruction, and bytes that it takes, by its first."""
+
 CGROUP_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 
 
@@ -100,6 +104,25 @@ def inflates_beyond(content: bytes | memoryview, size: int) -> bool:
     except zlib.error:
         pass
     return False
+
+
+def lzf_inflates_beyond(content: bytes | memoryview, size: int) -> bool:
+    """Whether bytes compressed by LZF inflate to more than ``size``, found without inflating them.
+
+    Source: Lehmann, "LibLZF", lzf_d.c: a byte below 32 is followed by so many and one more bytes as they are; any other
+    one holds a length in its upper three bits (7: and in the next byte), and is followed by a place to copy from.
+    """
+    place = total = 0
+    try:
+        while total <= size:
+            control = content[place]
+            total += LZF_MADE[control]
+            place += LZF_TAKEN[control]
+            if control >= 224:
+                total += content[place - 2]
+    except IndexError:  # the end
+        pass
+    return total > size
 
 
 def readable_bytes(count: int) -> str:

@@ -15,11 +15,25 @@ import numpy as np
 
 from sci_lightning.array_file import ENDINGS, read_array
 from sci_lightning.errors import BadInput
-from sci_lightning.memory_bound import LARGEST_RATIO, SMALL, UNCHECKED, check_stored, inflates_beyond
+from sci_lightning.memory_bound import (
+    LARGEST_RATIO,
+    SMALL,
+    UNCHECKED,
+    check_memory,
+    check_stored,
+    inflates_beyond,
+    readable_bytes,
+)
 
 PICTURES = (".tif", ".tiff", ".png")
-MOST_PAGES = 100_000
-"""Pages of a TIFF stack, as many as captures of a file."""
+MOST_PAGES = 20_000
+"""Pages of a TIFF stack, which are looked at one by one. A stack of ImageJ is one page, of any number of pictures."""
+
+LARGEST_PICTURE_RATIO = 100
+"""Bytes of pictures of more than :data:`UNCHECKED` bytes per byte that is stored: those of a camera are below 10."""
+
+COPIES = 4
+"""Of a compressed picture while it is read: as it comes out, predicted, put together, returned."""
 
 
 def read_pictures(path: str | Path, *, prefer: str, key: str | None = None) -> np.ndarray:
@@ -96,6 +110,12 @@ def _tiff(path: Path) -> np.ndarray:
             compressed=compressed or expands,
         )
         if compressed:
+            if declared > max(UNCHECKED, LARGEST_PICTURE_RATIO * sum(sum(page.databytecounts) for page in file.pages)):
+                raise BadInput(
+                    f"its pictures of {readable_bytes(declared)} are stored in {readable_bytes(path.stat().st_size)}, "
+                    f"fewer than 1 byte for {LARGEST_PICTURE_RATIO}; save pictures of that size without compression"
+                )
+            check_memory("its compressed picture", COPIES * declared)
             _check_segments(path, file.pages)
         return np.asarray(file.asarray() if one else file.asarray(key=slice(None)))
 
@@ -113,7 +133,10 @@ def _check_pages(path: Path) -> None:
         while place:
             pages += 1
             if pages > MOST_PAGES:
-                raise BadInput(f"more than {MOST_PAGES} pages, or pages that follow each other in a circle")
+                raise BadInput(
+                    f"more than {MOST_PAGES} pages, or pages that follow each other in a circle; save them as several "
+                    "files, or as one .npy"
+                )
             stream.seek(place)
             (entries,) = struct.unpack(order + count, stream.read(struct.calcsize(count)))
             stream.seek(entry * entries, os.SEEK_CUR)

@@ -36,6 +36,11 @@ def excerpt(text: object, longest: int = 200) -> str:
     return line if len(line) <= longest else f"{line[: longest - 2]}.."
 
 
+def with_article(noun: str) -> str:
+    """Return a noun after ``a`` or ``an``, whichever its first letter asks for."""
+    return f"{'an' if noun[:1].lower() in set('aeiou') else 'a'} {noun}"
+
+
 def file_name(text: str, longest: int = 60) -> str:
     """Return a name for a file in a folder of ours: letters, digits and ``_ - +``, dots only inside, never empty."""
     return re.sub(r"[^A-Za-z0-9_.+-]+", "_", text)[:longest].strip(".") or "unnamed"

@@ -19,6 +19,7 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
 from sci_lightning.command_settings import Refused
+from sci_lightning.earlier_run import check_nothing_lost
 from sci_lightning.errors import BadInput
 
 RANKS = ("RANK", "LOCAL_RANK", "SLURM_PROCID")
@@ -26,6 +27,9 @@ RANKS = ("RANK", "LOCAL_RANK", "SLURM_PROCID")
 
 _locks: dict[Path, IO[str]] = {}
 """Lock files of this process, by folder."""
+
+_made: dict[Path, list[Path]] = {}
+"""What this process has made, by the folder that it needed: that folder itself, then those above it."""
 
 
 def is_first_process() -> bool:
@@ -52,17 +56,48 @@ def run_folder(out: str | Path) -> Iterator[None]:
         remove_leftovers(folder / "checkpoints")
         yield
     finally:
-        file = _locks.pop(folder, None)
-        if file is not None:
-            (folder / ".lock").unlink(missing_ok=True)
-            file.close()
+        unlock(folder)
+
+
+def unlock(folder: Path) -> None:
+    """Give a folder free that this process has locked; nothing happens to others."""
+    file = _locks.pop(folder, None)
+    if file is not None:
+        (folder / ".lock").unlink(missing_ok=True)
+        file.close()
+
+
+def remove_if_refused(out: str | Path, job: str) -> None:
+    """Remove the folder of a command that was refused, if this process made it and only Hydra has written into it.
+
+    Args:
+        out: the folder; those above it that this process made go with it when they are empty.
+        job: the command's name, which is that of its log file.
+    """
+    folder = Path(out).resolve()
+    if not is_first_process() or folder not in _made:
+        return
+    unlock(folder)
+    written = [path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir()]
+    of_hydra = {folder / ".hydra" / f"{name}.yaml" for name in ("config", "hydra", "overrides")} | {
+        folder / f"{job}.log"
+    }
+    if not of_hydra.issuperset(written):
+        return
+    for path in written:
+        path.unlink(missing_ok=True)
+    for path in (*sorted(filter(Path.is_dir, folder.rglob("*")), reverse=True), *_made.pop(folder)):
+        try:
+            path.rmdir()
+        except OSError:  # somebody else's files, or another run's folder beside it
+            return
 
 
 def lock(folder: Path) -> None:
     """Lock a folder until the end of :func:`run_folder` or of the process; raises as that does."""
     path = folder / ".lock"
     while folder not in _locks:
-        folder.mkdir(parents=True, exist_ok=True)
+        _make(folder, exist_ok=True)
         file = _lock_file(path)
         try:
             fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # unlike flock: not inherited by workers that live on
@@ -114,22 +149,28 @@ class OwnFolder(Callback):
     the next.
 
     Raises:
-        Refused: another process writes there.
+        Refused: another process writes there, or a training lies there that would be overwritten.
     """
 
     def on_run_start(self, config: DictConfig, **kwargs: Any) -> None:
         if not is_first_process():
             return
         try:
-            while _is_new(config) and not _made(config):
+            while _is_new(config) and not _made_for(config):
                 time.sleep(0.1)
                 OmegaConf.clear_cache(config)  # which keeps the time
-            lock(Path(config.hydra.run.dir).resolve())
+            folder = Path(config.hydra.run.dir).resolve()
+            lock(folder)
+            try:
+                check_folder(folder, config)
+            except BadInput:
+                unlock(folder)
+                raise
         except Exception as error:
             raise Refused from error
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
-        if _is_new(config) and not _made(config):
+        if _is_new(config) and not _made_for(config):
             raise Refused from BadInput(f"{config.out}: another sweep was started in this second; start it again")
 
 
@@ -139,10 +180,24 @@ def _is_new(config: DictConfig) -> bool:
     return isinstance(content, dict) and "${now:" in str(content["out"])
 
 
-def _made(config: DictConfig) -> bool:
+def _made_for(config: DictConfig) -> bool:
     """Make a command's folder; False if it is there."""
     try:
-        Path(config.out).mkdir(parents=True)
+        _make(Path(config.out).resolve())
     except FileExistsError:
         return False
     return True
+
+
+def _make(folder: Path, exist_ok: bool = False) -> None:
+    """Make a folder and those above it, and note which were not there."""
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    folder.mkdir(parents=True, exist_ok=exist_ok)
+    _made.setdefault(folder, missing) if missing else None
+
+
+def check_folder(folder: Path, config: DictConfig) -> None:
+    """Check that a command with this configuration overwrites no training; raises as ``check_nothing_lost`` does."""
+    training = "resume" in config
+    settings = {"resume": bool(config.resume), "ckpt_path": config.ckpt_path} if training else {}
+    check_nothing_lost(folder, training, **settings)

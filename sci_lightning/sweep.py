@@ -21,12 +21,13 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf, flag_override
+from omegaconf import DictConfig, OmegaConf, flag_override, open_dict, read_write
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError
 
 from sci_lightning.atomic_file import whole_file
 from sci_lightning.errors import BadInput, NoSuchCombination
 from sci_lightning.failure_line import one_line
+from sci_lightning.run_folder import check_folder, is_first_process
 
 CHANGES_EVERYTHING = ("experiment", "scale")
 """Groups whose members set values anywhere in the configuration."""
@@ -176,11 +177,26 @@ class RowLoader(ConfigLoaderImpl):
             self.planned.append(list(sweep_overrides))
         try:
             row = super().load_sweep_config(master_config, sweep_overrides)
+            if is_first_process() and list(sweep_overrides) in self.planned:
+                check_folder(_folder(row, self.planned.index(list(sweep_overrides))), row)
         except Exception as error:
             row = _uncomposed(master_config, sweep_overrides, error)
         with flag_override(row.hydra, "struct", False):
             row.hydra.callbacks.sweep.folder = folder
         return row
+
+
+def _folder(row: DictConfig, number: int) -> Path:
+    """Where a row will write, which may depend on its number."""
+    present, row_then = HydraConfig.instance().cfg, copy.deepcopy(row)  # what is set in Hydra's state is made read-only
+    OmegaConf.copy_cache(from_config=row, to_config=row_then)
+    with read_write(row_then.hydra.job), open_dict(row_then.hydra.job):
+        row_then.hydra.job.num = number
+    try:
+        HydraConfig.instance().set_config(row_then)
+        return Path(row_then.hydra.sweep.dir, row_then.hydra.sweep.subdir).resolve()
+    finally:
+        HydraConfig.instance().cfg = present
 
 
 def _uncomposed(master: DictConfig, overrides: list[str], error: Exception) -> DictConfig:

@@ -51,7 +51,7 @@ def tables(cfg: DictConfig) -> None:
     grids.append(run_table(runs))
     for grid in grids:
         grid.write(out)
-        console.print(grid.as_table())
+        console.print(grid.as_table(console.width))
     figures = {
         "cost": cost_figure(paper["tables"]["table4"], runs, paper["decoders"]),
         "dynamic_range_map": dynamic_range_figure(recorded),

@@ -11,7 +11,7 @@ from omegaconf import DictConfig
 
 from sci_lightning.command import built, chosen, plain, run
 from sci_lightning.console import PlainConsole, styled
-from sci_lightning.continued_run import recorded
+from sci_lightning.continued_run import recorded, repeated
 from sci_lightning.errors import BadInput
 from sci_lightning.lost_process import lost_process
 from sci_lightning.run_folder import is_first_process
@@ -45,7 +45,9 @@ def train(cfg: DictConfig) -> float:
         else:
             from sci_lightning.next_command import invocation
 
-            print(f"stopped; go on with:\n  {invocation('train', paths={'ckpt_path': last})}", file=sys.stderr)
+            words = repeated(last, HydraConfig.get().overrides.task, plain(cfg)["encoder"])
+            line = invocation("train", *words, paths={"ckpt_path": last})
+            print(f"stopped; go on with:\n  {line}", file=sys.stderr)
         sys.exit(STATUS)
 
 

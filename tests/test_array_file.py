@@ -254,3 +254,33 @@ def test_groups_that_are_nested_deeply_or_in_circles(tmp_path: Path) -> None:
             group = group.create_group("g")
     with pytest.raises(BadInput, match="more than 32 deep"):
         read_array(tmp_path / "a.h5", prefer="mask", dimensions=3)
+
+
+@pytest.mark.parametrize("shuffle", [False, True])
+@pytest.mark.parametrize("fletcher32", [False, True])
+def test_lzf_of_every_kind(tmp_path: Path, shuffle: bool, fletcher32: bool) -> None:
+    random = np.random.default_rng(0)
+    noise = random.integers(0, 2**15, (2, 600, 700)).astype(np.uint16)  # stored as it is: nothing is gained
+    ramp = random.integers(0, 4, (4, 600, 700)).cumsum(2).astype(np.uint16)
+    for name, values in (("noise", noise), ("ramp", ramp), ("even", 0 * ramp)):
+        with h5py.File(tmp_path / f"{name}.h5", "w") as file:
+            kept = {"compression": "lzf", "shuffle": shuffle, "fletcher32": fletcher32}
+            file.create_dataset("mask", data=values, chunks=(1, 600, 700), **kept)
+        np.testing.assert_array_equal(read_array(tmp_path / f"{name}.h5", prefer="mask", dimensions=3), values)
+
+
+def test_lzf_that_inflates_again_and_again(tmp_path: Path) -> None:
+    """Without a check 2.9 MB take a minute: the filter begins again with a little more memory 88 times."""
+    path = tmp_path / "a.h5"
+    plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    plist.set_chunk((16, 256, 256))
+    plist.set_filter(h5py.h5z.FILTER_LZF, h5py.h5z.FLAG_OPTIONAL)
+    with h5py.File(path, "w") as file:
+        space = h5py.h5s.create_simple((160, 256, 256))
+        item = h5py.h5d.create(file.id, b"mask", h5py.h5t.NATIVE_UINT8, space, plist)
+        item.write_direct_chunk((0, 0, 0), b"\x00a" + b"\xe0\xff\x00" * 950_000)
+    assert "inflates to more than its 1048576 bytes" in hostile_files.refusal(READ, path)
+    whole = path.read_bytes()
+    at = whole.index(struct.pack("<II", 261, 2**20)) + 4  # version of LZF, bytes of a chunk
+    path.write_bytes(whole[:at] + struct.pack("<I", 1) + whole[at + 4 :])
+    assert "lzf without the size of its chunks" in hostile_files.refusal(READ, path)

@@ -103,7 +103,7 @@ CALL = {"_target_": "pathlib.Path.touch", "self": "executed"}
         ("decoder", {**CONFIG["decoder"], "channels": 60_000}, "does not fit"),
         ("decoder", {**CONFIG["decoder"], "channels": 10**12}, "decoder.channels"),
         ("encoder", {**CONFIG["encoder"], "mask": {**CONFIG["encoder"]["mask"], "size": [60_000] * 2}}, "GiB"),
-        ("encoder", {**CONFIG["encoder"], "mask": CONFIG["decoder"]}, "encoder.mask=a E2ECNN: expected a Mask"),
+        ("encoder", {**CONFIG["encoder"], "mask": CONFIG["decoder"]}, "encoder.mask=an E2ECNN: expected a Mask"),
         (5, 5, "not plain text"),
     ],
 )

@@ -5,7 +5,9 @@ from __future__ import annotations
 import io
 import pickle
 import struct
+import sys
 import zipfile
+from collections import Counter, OrderedDict
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,7 @@ import torch
 
 from sci_lightning.checkpoint import load_file, read_checkpoint
 from sci_lightning.errors import BadInput
+from sci_lightning.failure_line import exit_status, one_line
 from tests.test_checkpoint import CONFIG, content, saved
 
 Change = Callable[[Path], None]
@@ -192,3 +195,98 @@ def test_an_encoder_that_cannot_record(tmp_path: Path) -> None:
     encoder = {**CONFIG["encoder"], "effects": {"ghost": ghost}}
     with pytest.raises(BadInput, match="cannot record with these settings"):
         read_checkpoint(saved(tmp_path / "a.ckpt", config={**CONFIG, "encoder": encoder})).encoder()
+
+
+def huge(number: int) -> bytes:
+    written = number.to_bytes((number.bit_length() + 8) // 8, "little")
+    return b"\x8a" + bytes([len(written)]) + written
+
+
+COLLIDING = [huge(number * sys.hash_info.modulus) for number in range(1, 40_000)]
+SET = b"cbuiltins\nset\n"
+
+
+@pytest.mark.parametrize(
+    "flood",
+    [
+        b"}(" + b"".join(key + b"N" for key in COLLIDING) + b"u",
+        b"}(" + b"".join(key + b"\x85N" for key in COLLIDING) + b"u",
+        SET + b"](" + b"".join(COLLIDING) + b"e\x85R",
+        b"]q\x01\x85q\x02(h\x01(" + b"".join(COLLIDING) + b"e" + SET + b"h\x02Rt",
+    ],
+    ids=["numbers", "tuples", "set", "set of a list that grew"],
+)
+def test_keys_of_one_hash(tmp_path: Path, flood: bytes) -> None:
+    """Such a file of half a megabyte keeps a dictionary busy for minutes."""
+    with pytest.raises(BadInput, match="over 1,000 keys that are huge numbers or tuples"):
+        load_file(pickled(tmp_path / "a.ckpt", b"}(", text("a"), flood, b"u"))
+
+
+def test_keys_that_trainings_write(tmp_path: Path) -> None:
+    whole = {
+        "states": OrderedDict((str(n), torch.zeros(2, 3)) for n in range(400)),
+        "optimizer": {n: {"step": torch.tensor(1.0)} for n in range(3000)},
+        "seeds": {2**64 - n: n for n in range(50)},
+        "milestones": Counter(dict.fromkeys(range(3000), 1)),
+    }
+    torch.save(whole, tmp_path / "a.ckpt")
+    assert load_file(tmp_path / "a.ckpt")["seeds"] == whole["seeds"]
+
+
+def test_a_large_argument_for_every_call(tmp_path: Path) -> None:
+    words = b"](" + b"".join(text(str(number)) for number in range(10_000)) + b"e\x85q\x01"
+    path = pickled(tmp_path / "a.ckpt", b"}(", text("a"), words, text("b"), b"](" + (SET + b"h\x01R") * 1000 + b"eu")
+    with pytest.raises(BadInput, match="steps to unpickle"):
+        load_file(path)
+
+
+def test_missing_values_in_the_format_from_before_2020(tmp_path: Path) -> None:
+    torch.save({"x": torch.ones(100)}, tmp_path / "a.ckpt", _use_new_zipfile_serialization=False)
+    whole = (tmp_path / "a.ckpt").read_bytes()
+    keys = whole.rindex(b"\x80\x02]")
+    for end in (pickle.dumps([], 2), whole[keys : keys + 3], whole[keys:-9]):
+        (tmp_path / "b.ckpt").write_bytes(whole[:keys] + end)
+        with pytest.raises(BadInput) as caught:
+            load_file(tmp_path / "b.ckpt")
+        assert "\n" not in str(caught.value) and exit_status(caught.value) == 2
+
+
+def test_a_file_that_lies_is_no_failure_of_the_machine() -> None:
+    """A machine that is full or out of memory is status 1; whoever raises BadInput has judged the cause."""
+    for cause in (MemoryError(), RuntimeError("[enforce fail at inline_container.cc:144] . file not found")):
+        lie = BadInput("a.ckpt: damaged")
+        lie.__cause__ = cause
+        assert (exit_status(lie), one_line(lie)) == (2, "a.ckpt: damaged")
+        assert exit_status(cause) == 1
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (
+            {"strengths": [0.1], "iterations": [10**9]},
+            r"decoder\.iterations=\[1000000000\]: expected .* from 1 to 10000",
+        ),
+        (
+            {"strengths": [0.1] * 2, "iterations": [9000] * 2},
+            r"decoder\.iterations: 18000 in all; expected at most 10000",
+        ),
+        ({"steps": 10**9}, r"decoder\.denoiser\.steps=1000000000: expected a whole number from 1 to 1000"),
+        ({"reach": 10**4}, r"decoder\.motion\.reach=10000: expected a whole number from 0 to 64"),
+    ],
+)
+def test_decoders_without_end(tmp_path: Path, settings: dict[str, Any], message: str) -> None:
+    places = "sci_lightning.decoder."
+    denoiser = {"_target_": f"{places}denoiser.TotalVariation", "steps": settings.get("steps", 1)}
+    motion = (
+        {"_target_": f"{places}motion_filter.MotionFilter", "reach": settings["reach"]} if "reach" in settings else None
+    )
+    decoder = {
+        "_target_": f"{places}GAP",
+        "denoiser": denoiser,
+        "strengths": settings.get("strengths", [0.1]),
+        "iterations": settings.get("iterations", [1]),
+        "motion": motion,
+    }
+    with pytest.raises(BadInput, match=message):
+        read_checkpoint(saved(tmp_path / "a.ckpt", config={**CONFIG, "decoder": decoder})).decoder()

@@ -12,7 +12,7 @@ import torch
 from omegaconf import OmegaConf
 
 from sci_lightning.checkpoint_digest import checkpoint_digest
-from sci_lightning.continued_run import continued, overrides_of, recorded
+from sci_lightning.continued_run import continued, overrides_of, recorded, repeated
 from sci_lightning.errors import BadInput
 from tests.end_to_end.test_train import TINY
 from tests.test_encoder_file import encoder_file
@@ -192,3 +192,36 @@ def test_the_folder_of_a_stranger_leads_nowhere_else(refused: Ran, unfinished: P
     (tmp_path / "RUN").symlink_to("${oc.env:HOME}")
     arguments, _ = continued(["ckpt_path=" + str(unfinished)], ["lsw_sr"])
     assert f"out='{tmp_path / 'RUN'}'" in arguments
+
+
+def test_files_that_lie_elsewhere_have_to_be_named_again(refused: Ran, unfinished: Path, tmp_path: Path) -> None:
+    """Whoever wrote a checkpoint must not choose which of the reader's files become training data."""
+    secret = tmp_path.parent / "secret"
+    rewritten(unfinished, lambda config: config["overrides"].append(f"benchmark.root={secret}"))
+    line = refused("train", f"ckpt_path={unfinished}")
+    assert "neither in the current folder nor in the run's" in line and f"benchmark.root={secret}" in line
+    assert continued([f"ckpt_path={unfinished}", f"benchmark.root={secret}"], ["lsw_sr"])[0]
+    (tmp_path / "RUN" / "link").symlink_to(secret)
+    rewritten(unfinished, lambda config: config["overrides"].pop())
+    for text in ("benchmark.root=RUN/link", "metrics.x.place=../secret", "effects.prnu={file: '~/a.npy'}"):
+        rewritten(unfinished, lambda config, text=text: config["overrides"].append(text))
+        assert "neither in the current folder" in refused("train", f"ckpt_path={unfinished}")
+        rewritten(unfinished, lambda config: config["overrides"].pop())
+
+
+def test_what_is_read_from_the_own_folders_is_shown(
+    unfinished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rewritten(unfinished, lambda config: config["overrides"].append("benchmark.root=SCENES"))
+    arguments, _ = continued([f"ckpt_path={unfinished}"], ["lsw_sr"])
+    assert "benchmark.root=SCENES" in arguments
+    assert "reads benchmark.root=SCENES" in " ".join(capsys.readouterr().out.split())
+
+
+def test_the_line_to_go_on_with_names_files_that_lie_elsewhere(tmp_path: Path) -> None:
+    last = tmp_path / "RUN" / "checkpoints" / "last.ckpt"
+    outside = str(tmp_path.parent / "masks" / "mask.mat")
+    encoder = {"mask": {"_target_": "x.Measured", "file": outside}}
+    overrides = [f"encoder.mask.file={outside}", f"benchmark.root={tmp_path / 'RUN' / 'scenes'}", "out=/elsewhere"]
+    assert repeated(last, overrides, encoder) == [f"encoder.mask.file={outside}"]
+    assert repeated(last, ["seed=3"], {"mask": {"file": None}}) == []

@@ -11,7 +11,7 @@ import torch
 from omegaconf import DictConfig
 
 from sci_lightning.command import plain
-from sci_lightning.earlier_run import check_same_run, finished, interrupted
+from sci_lightning.earlier_run import check_nothing_lost, check_same_run, finished, interrupted
 from sci_lightning.errors import BadInput
 
 Configuration = Callable[..., DictConfig]
@@ -70,3 +70,32 @@ def test_metrics_that_are_none(configuration: Configuration, tmp_path: Path, con
 def test_a_run_whose_folder_has_an_odd_name(configuration: Configuration, out: object) -> None:
     config = {**plain(configuration("train")), "names": {}, "out": out}
     assert check_same_run("a.ckpt", config, config) == []
+
+
+@pytest.mark.parametrize("name", ["metrics.json", "checkpoints/last.ckpt", "checkpoints/best.ckpt"])
+def test_a_training_is_not_overwritten(tmp_path: Path, name: str) -> None:
+    check_nothing_lost(tmp_path / "absent", training=True)
+    (tmp_path / "notes.txt").touch()  # somebody else's files do not stand in the way
+    check_nothing_lost(tmp_path, training=True)
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).touch()
+    with pytest.raises(BadInput, match=rf"\({name}\).*resume=true .*another out="):
+        check_nothing_lost(tmp_path, training=True)
+    check_nothing_lost(tmp_path, training=True, resume=True)
+    if name == "metrics.json":  # evaluate replaces its own
+        check_nothing_lost(tmp_path, training=False)
+    else:
+        with pytest.raises(BadInput, match=r"holds a training .* another out="):
+            check_nothing_lost(tmp_path, training=False)
+
+
+def test_a_training_goes_on_in_its_own_folder_with_its_last_checkpoint(tmp_path: Path) -> None:
+    checkpoints = tmp_path / "checkpoints"
+    checkpoints.mkdir()
+    for name in ("last", "best"):
+        (checkpoints / f"{name}.ckpt").touch()
+    check_nothing_lost(tmp_path, training=True, ckpt_path=str(checkpoints / "last.ckpt"))
+    with pytest.raises(BadInput, match="resume=true"):  # what came after the best one would be lost
+        check_nothing_lost(tmp_path, training=True, ckpt_path=str(checkpoints / "best.ckpt"))
+    (tmp_path / "hpc_ckpt_1.ckpt").touch()
+    check_nothing_lost(tmp_path, training=True)

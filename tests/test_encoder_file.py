@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hydra.core.config_store import ConfigStore
 
+from sci_lightning.encoder.mask.measured import read_mask
 from sci_lightning.encoder_file import adopt_encoder_files
 from sci_lightning.errors import BadInput
 from tests.end_to_end.test_train import TINY
@@ -183,3 +184,24 @@ def test_files_outside_of_the_folder_are_not_read(tmp_path: Path, name: str) -> 
 def test_yaml_that_would_take_hours(tmp_path: Path, more: str, line: str) -> None:
     with pytest.raises(BadInput, match=line):
         adopt_encoder_files([f"encoder={encoder_file(tmp_path, text=TEXT + more)}"])
+
+
+@pytest.mark.parametrize(
+    ("mask", "message"),
+    [
+        ('{_target_: sci_lightning.encoder.mask.Measured, file: "a\\0b.npy"}', "is no name of a file"),
+        ('{_target_: sci_lightning.encoder.mask.Measured, file: "\\ud800.npy"}', "is no name of a file"),
+        ("{_target_: sci_lightning.encoder.mask.Mask, frames: 4, size: [16, 16]}", "which is not a module"),
+    ],
+    ids=["nul", "surrogate", "base class"],
+)
+def test_masks_that_are_none(refused: Callable[..., str], tmp_path: Path, mask: str, message: str) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text(f"_target_: sci_lightning.encoder.Encoder\nmask: {mask}\nsensor: null\n")
+    assert message in refused("evaluate", f"encoder={file}", "decoder=gap_tv", "data=synthetic")
+
+
+def test_a_mask_of_more_slots_than_any(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.ones((5000, 2, 2), np.uint8))
+    with pytest.raises(BadInput, match="expected at most 4096 time slots"):
+        read_mask(tmp_path / "a.npy")

@@ -165,3 +165,16 @@ def test_png_that_is_no_grey_picture(tmp_path: Path) -> None:
 def test_png_that_declares_too_much(tmp_path: Path) -> None:
     path = png(tmp_path / "a.png", 2**15, 2**15, 16, zlib.compress(bytes(1000)))
     assert "a.png: not a readable picture, damaged or truncated (Decompression" in hostile_files.refusal(READ, path)
+
+
+def test_pictures_that_are_stored_in_next_to_nothing(tmp_path: Path) -> None:
+    path = tiff(tmp_path / "a.tif", 2**14, 2**15, zeros(512), 8)
+    assert "pictures of 512.0 MiB are stored in" in hostile_files.refusal(READ, path)
+
+
+def test_more_pages_than_anybody_reads(tmp_path: Path) -> None:
+    one = tiff(tmp_path / "a.tif", 1, 1, bytes(4), 1).read_bytes()[12:-4]
+    size = len(one) + 4
+    pages = b"".join(one + struct.pack("<I", 12 + (number + 1) * size) for number in range(25_000))
+    (tmp_path / "a.tif").write_bytes(b"II*\0" + struct.pack("<I", 12) + bytes(4) + pages[:-4] + bytes(4))
+    assert "more than 20000 pages" in hostile_files.refusal(READ, tmp_path / "a.tif")

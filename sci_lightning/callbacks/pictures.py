@@ -10,6 +10,7 @@ import torch
 from lightning.pytorch.loggers import TensorBoardLogger
 from matplotlib.figure import Figure
 
+from sci_lightning.atomic_file import whole_file
 from sci_lightning.figures import mask_figure, reconstruction_figure
 from sci_lightning.system import System
 
@@ -41,7 +42,8 @@ class Pictures(L.Callback):
         self.folder.mkdir(parents=True, exist_ok=True)
         boards = [logger.experiment for logger in trainer.loggers if isinstance(logger, TensorBoardLogger)]
         for name, figure in figures:
-            figure.savefig(self.folder / f"{name.replace('/', '_')}.png", dpi=110)
+            with whole_file(self.folder / f"{name.replace('/', '_')}.png") as temporary:  # never through a link
+                figure.savefig(temporary, dpi=110)
             for board in boards:
                 board.add_figure(name, figure, trainer.global_step)
 

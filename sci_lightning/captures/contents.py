@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import h5py
@@ -11,6 +12,7 @@ import numpy as np
 
 from sci_lightning.errors import BadInput
 from sci_lightning.hdf5_file import check_dataset, own_dataset, read_dataset
+from sci_lightning.hdf5_heap import longest_string, longest_strings
 from sci_lightning.memory_bound import SMALL
 
 TYPES = {"ui": "integers", "buif": "numbers"}
@@ -95,6 +97,12 @@ class Contents:
             return None
         if h5py.check_string_dtype(item.dtype) is None:
             raise self.refusal(f"'{name}' is {_type(item)}, expected strings")
+        if item.id.get_type().is_variable_str():
+            longest = longest_strings(Path(self.file.filename), item)
+            if longest is None:
+                raise self.refusal(f"'{name}' is compressed or compact, expected strings that are stored as they are")
+            if longest > 4 * LONGEST_STRING:
+                raise self.refusal(f"'{name}' holds strings of more than {LONGEST_STRING} characters, expected labels")
         # strings of any length lie anywhere in the file, and many may be one and the same: so many at a time that
         # they fit into memory even if each is as long as the file
         step = max(1, SMALL // max(1, self.file.id.get_filesize()))
@@ -124,6 +132,10 @@ class Contents:
             shape = stored.shape or ()
             if stored.get_type().get_size() > SMALL:
                 raise self.refusal(f"attribute '{name}' declares {stored.get_type().get_size()} bytes, expected a few")
+            if h5py.check_string_dtype(stored.dtype) is not None and stored.get_type().is_variable_str():
+                length = longest_string(Path(self.file.filename), name)
+                if length > LONGEST_STRING:
+                    raise self.refusal(f"attribute '{name}' declares {length} bytes, expected a few")
             if math.prod(shape) > 1:  # not read: it may be of any size
                 raise self.refusal(f"attribute '{name}' is an array of shape {shape}, expected a string or one number")
             value = self.file.attrs[name]

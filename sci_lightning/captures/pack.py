@@ -19,6 +19,12 @@ from sci_lightning.errors import BadInput
 from sci_lightning.memory_bound import check_memory
 from sci_lightning.picture_file import read_pictures
 
+MOST_SLOTS = 5_000_000
+"""Of all entries together, which are looked at one by one."""
+
+COPIES = 3
+"""Of an array while it is checked and put together with others."""
+
 
 def pack_captures(
     folder: str | Path, out: str | Path, *, on_warning: Callable[[str], object] = warnings.warn
@@ -46,10 +52,17 @@ def pack_captures(
     patterns, words, level = _patterns(recipe)
     frames = _frames(recipe, len(patterns) - len(words))
     check_memory(f"{recipe.top.where}{len(recipe.entries)} entries of {frames} slots", 8 * len(recipe.entries) * frames)
+    if len(recipe.entries) * frames > MOST_SLOTS:
+        raise BadInput(
+            f"{recipe.top.where}{len(recipe.entries)} entries of {frames} slots, expected at most {MOST_SLOTS:,} slots "
+            "in all; several captures can be one entry"
+        )
     packed: list[Entry] = []
     for node in recipe.entries:
         measurement = _measurement(recipe.folder, node, bit_depth, patterns.shape[1:])
         packed.append(_pack(recipe.folder, node, measurement, patterns, words, frames))
+        taken = sum(entry.measurement.nbytes for entry in packed)
+        check_memory(f"{node.where}all measurements so far", COPIES * taken)
     check_entries(packed)
     for line in suspicions(recipe.top, packed, patterns, len(patterns) - len(words), bit_depth, level):
         on_warning(line)
@@ -173,7 +186,9 @@ def _stacks(folder: Path, node: Node, key: str, names: list[str], prefer: str) -
         for path in _files(folder, node, key, name):
             try:
                 array = read_pictures(path, prefer=prefer)
-                check_memory(f"{path} with those before it", sum(stack.nbytes for stack in stacks) + array.nbytes)
+                check_memory(
+                    f"{path} with those before it", COPIES * (sum(stack.nbytes for stack in stacks) + array.nbytes)
+                )
             except BadInput as error:
                 raise node.refusal(key, str(error)) from error
             stacks.append(array if array.ndim == 3 else array[None])
@@ -210,5 +225,6 @@ def _natural(path: str) -> list[tuple[int, str]]:
 def _normalised(node: Node, key: str, stacks: list[np.ndarray]) -> np.ndarray:
     """Float32 with 1.0 at ``key``, or at the largest value of an integer type."""
     levels = node.number(key, low=0, above=True)
-    scaled = [stack / (levels or (np.iinfo(stack.dtype).max if stack.dtype.kind in "ui" else 1.0)) for stack in stacks]
-    return np.concatenate(scaled).astype(np.float32)
+    check_memory(f"{node.where}its numbers", 4 * COPIES * sum(stack.size for stack in stacks))
+    scaled = (stack / (levels or (np.iinfo(stack.dtype).max if stack.dtype.kind in "ui" else 1.0)) for stack in stacks)
+    return np.concatenate([stack.astype(np.float32) for stack in scaled])

@@ -34,9 +34,13 @@ from typing import Any
 from sci_lightning.captures.kind import KINDS
 from sci_lightning.configuration.yaml_file import read_yaml
 from sci_lightning.errors import BadInput
+from sci_lightning.plain_text import excerpt
 
 FILE = "captures.yaml"
 WORDS = ("all_off", "all_on")
+LONGEST_TEXT = 200
+"""Characters of a name."""
+
 TOP = ("bit_depth", "name", "read_noise_dn", "full_well_e", "frames", "patterns", "pattern_levels", "captures")
 ENTRY = ("measurement", "kind", "aperture", "exposure", "sequence", "scene", "scene_levels")
 
@@ -77,6 +81,8 @@ class Node:
             raise self.refusal(
                 key, f"expected {'one of ' + ', '.join(choices) if choices else 'a text'}, got {value!r}"
             )
+        if value is not None and (not value.isprintable() or len(value) > LONGEST_TEXT):
+            raise self.refusal(key, f"expected at most {LONGEST_TEXT} printable characters, got {excerpt(value, 60)}")
         return value
 
     def files(self, key: str) -> list[str]:

@@ -8,6 +8,8 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from annotated_types import DocInfo, Interval, Len
 
+from sci_lightning.plain_text import with_article
+
 PLAIN = {int: "a whole number", float: "a number", str: "text", bool: "true or false", types.NoneType: "null"}
 SEQUENCES = (list, tuple, set, collections.abc.Sequence, collections.abc.Iterable)
 
@@ -32,7 +34,7 @@ def in_words(annotation: Any) -> str:
         return "a mapping"
     if annotation in PLAIN:
         return PLAIN[annotation]
-    return f"a {getattr(annotation, '__name__', str(annotation))}"
+    return with_article(getattr(annotation, "__name__", str(annotation)))
 
 
 def _bound(bound: Any) -> str:
@@ -51,4 +53,4 @@ def _plural(phrase: str) -> str:
     for one, many in (("a whole number", "whole numbers"), ("a number", "numbers"), ("text", "texts")):
         if phrase.startswith(one):
             return many + phrase.removeprefix(one)
-    return f"{phrase.removeprefix('a ')}s"
+    return f"{phrase.removeprefix('an ').removeprefix('a ')}s"

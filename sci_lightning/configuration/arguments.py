@@ -16,7 +16,7 @@ from pydantic import ConfigDict, PydanticUserError, TypeAdapter, ValidationError
 from sci_lightning.configuration.annotation import in_words
 from sci_lightning.configuration.library_bounds import LIBRARY_BOUNDS
 from sci_lightning.errors import BadInput
-from sci_lightning.plain_text import excerpt
+from sci_lightning.plain_text import excerpt, with_article
 
 
 def check_arguments(target: Callable[..., Any], arguments: Mapping[str, Any], key: str) -> None:
@@ -138,4 +138,4 @@ def _shown(value: Any) -> str:
     if value is None or isinstance(value, bool):
         return "null" if value is None else str(value).lower()
     plain = isinstance(value, (str, int, float, list, tuple, Mapping))
-    return excerpt(value, 60) if plain else f"a {type(value).__name__}"
+    return excerpt(value, 60) if plain else with_article(type(value).__name__)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from sci_lightning.errors import BadInput
-from sci_lightning.plain_text import excerpt
+from sci_lightning.plain_text import excerpt, with_article
 
 MAX_VALUES = 20_000
 """More values than this is no configuration of a camera or a training. It also ends the walk through nested references
@@ -57,7 +57,7 @@ def check_plain_data(path: str | Path, content: Any, references: Mapping[str, st
         elif isinstance(value, int) and abs(value) >= 2**63:
             raise BadInput(f"{path}: {_at(place)}a whole number of {value.bit_length()} bits; at most 63")
         elif value is not None and not isinstance(value, (bool, int, float)):
-            raise BadInput(f"{path}: {_at(place)}holds a {type(value).__name__}, expected plain values")
+            raise BadInput(f"{path}: {_at(place)}holds {with_article(type(value).__name__)}, expected plain values")
 
 
 def _at(place: str) -> str:

@@ -27,6 +27,9 @@ PACKAGES = (
 )
 """Everything that these packages export can be part of an encoder or a decoder in a file."""
 
+BASES = ("Mask", "Decoder", "Denoiser")
+"""What the others are made from, and what does nothing by itself."""
+
 NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII)
 
 
@@ -40,7 +43,7 @@ def registered_classes() -> dict[str, type[nn.Module]]:
         module = importlib.import_module(package)
         for name in module.__all__:
             member = getattr(module, name)
-            if inspect.isclass(member) and issubclass(member, nn.Module):
+            if inspect.isclass(member) and issubclass(member, nn.Module) and name not in BASES:
                 classes[f"{package}.{name}"] = member
                 classes[f"{member.__module__}.{member.__qualname__}"] = member
     return classes

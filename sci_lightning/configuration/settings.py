@@ -71,7 +71,7 @@ SETTINGS: Mapping[str, Any] = {
     # diagnose
     "most": Count,
     "empirical": bool,
-    "candidates": Mapping[str, Name],
+    "candidates": Annotated[Mapping[str, Name], DocInfo("effects of your own, +candidates.mine=my_module.Mine")],
     # virtual_camera
     "effects": Any,
     "number": Count,

@@ -9,6 +9,7 @@ from typing import Any
 
 import yaml
 
+from sci_lightning.bounded_file import read_bounded
 from sci_lightning.errors import BadInput
 
 MAX_BYTES = 1_000_000
@@ -57,15 +58,7 @@ def read_yaml(path: str | Path) -> Any:
             repeated keys.
     """
     path = Path(path)
-    if not path.is_file():  # nor a pipe, which would wait for ever
-        raise BadInput(f"{path}: no such file")
-    try:
-        with path.open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read ({(error.strerror or str(error)).lower()})") from error
-    if len(content) > MAX_BYTES:
-        raise BadInput(f"{path}: larger than {MAX_BYTES:,} bytes; not a file that this program writes or reads")
+    content = read_bounded(path, MAX_BYTES, "no file that this program writes or reads")
     try:
         return yaml.load(content.decode("utf-8"), _PlainLoader)
     except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:

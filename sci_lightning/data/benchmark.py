@@ -11,7 +11,7 @@ import torch
 from sci_lightning.bounds import Frames, Size
 from sci_lightning.data.matlab import read_matlab_video
 from sci_lightning.data.source import Clips, Scene
-from sci_lightning.errors import BadInput
+from sci_lightning.errors import BadInput, OtherSize
 
 LENGTHS = {"kobe": 32, "traffic": 48, "runner": 8, "drop": 8, "crash": 32, "aerial": 32}
 """How many frames of each scene papers use."""
@@ -77,7 +77,8 @@ class Benchmark:
                 shorter.append(f"{file.name} has {len(video)}")
                 continue
             if video.shape[1:] != self.size:
-                raise BadInput(f"{file}: frames of {video.shape[1:]} pixels; the mask's size is {self.size}")
+                line = f"{file}: frames of {video.shape[1:]} pixels; the mask's size is {self.size}"
+                raise OtherSize(line, video.shape[1:])
             groups = length // self.frames
             video = video[: groups * self.frames].reshape(groups, self.frames, *self.size)
             return torch.from_numpy(video)

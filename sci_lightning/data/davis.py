@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,6 +12,10 @@ from sci_lightning.data.source import Clips, Scene
 from sci_lightning.data.store import ClipStore
 from sci_lightning.data.stored_clips import StoredClips, stored_scenes
 from sci_lightning.errors import BadInput
+from sci_lightning.plain_text import excerpt
+
+NAME = re.compile(r"\w[\w.-]{0,99}", re.ASCII)
+"""What a sequence is called: a folder beside the others, nothing above or beyond."""
 
 
 class Davis:
@@ -83,7 +88,14 @@ def _sequences(folder: Path, subset: str) -> list[Path]:
     names = folder / "ImageSets" / "2017" / f"{subset}.txt"
     if not names.is_file():
         raise BadInput(f"{names}: no such file; it lists the {subset} sequences of DAVIS 2017")
-    sequences = [folder / "JPEGImages" / "480p" / name for name in names.read_text().split()]
+    try:
+        listed = names.read_text().split()
+    except ValueError as error:
+        raise BadInput(f"{names}: not text; it should list the {subset} sequences of DAVIS 2017") from error
+    for name in listed:
+        if not NAME.fullmatch(name):
+            raise BadInput(f"{names}: '{excerpt(name)}' is no name of a sequence; expected such as 'bmx-bumps'")
+    sequences = [folder / "JPEGImages" / "480p" / name for name in listed]
     if not sequences:
         raise BadInput(f"{names}: is empty; it should list the {subset} sequences of DAVIS 2017")
     for sequence in sequences:

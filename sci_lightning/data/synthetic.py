@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from sci_lightning.bounds import Frames, Repeats, Seed, Size
+from sci_lightning.bounds import Frames, Repeats, Scenes, Seed, Size
 from sci_lightning.data.moving_scene import MovingScene
 from sci_lightning.data.photographs import HELD_OUT, TRAINING, Photograph, load_photographs
 from sci_lightning.data.source import Clips, Scene
@@ -40,8 +40,8 @@ class Synthetic:
         seed: Seed = 0,
         *,
         clips_per_epoch: Repeats = 1000,
-        scenes_count: Repeats = 4,
-        snapshots_per_scene: Repeats = 2,
+        scenes_count: Scenes = 4,
+        snapshots_per_scene: Scenes = 2,
     ) -> None:
         self.frames = frames
         self.size = size

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import torch
 
-from sci_lightning.bounds import Repeats
+from sci_lightning.bounds import Iterations
 from sci_lightning.decoder.data_step import data_step, snapshot
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
@@ -36,7 +36,7 @@ class ADMM(Iterative):
         self,
         denoiser: Denoiser,
         strengths: Sequence[float],
-        iterations: Sequence[Repeats],
+        iterations: Sequence[Iterations],
         tolerance: float | None = None,
         start: Decoder | None = None,
         motion: MotionFilter | None = None,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import torch
 
-from sci_lightning.bounds import Positive, Repeats
+from sci_lightning.bounds import MOST_ITERATIONS, Iterations, Positive
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
 from sci_lightning.decoder.initial_estimate import mean_video
@@ -58,7 +58,7 @@ class Iterative(Decoder):
         self,
         denoiser: Denoiser,
         strengths: Sequence[Positive],
-        iterations: Sequence[Repeats],
+        iterations: Sequence[Iterations],
         tolerance: Positive | None = None,
         start: Decoder | None = None,
         motion: MotionFilter | None = None,
@@ -73,6 +73,8 @@ class Iterative(Decoder):
             raise BadInput(f"decoder.strengths={list(strengths)}: must be positive")
         if not all(number > 0 for number in iterations):
             raise BadInput(f"decoder.iterations={list(iterations)}: must be at least 1 each")
+        if sum(iterations) > MOST_ITERATIONS:
+            raise BadInput(f"decoder.iterations: {sum(iterations)} in all; expected at most {MOST_ITERATIONS}")
         if tolerance is not None and not tolerance > 0:
             raise BadInput(f"decoder.tolerance={tolerance}: must be positive, or null to iterate to the end")
         if not isinstance(motion, MotionFilter | None):

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import torch
+from annotated_types import Interval
 from torch import nn
 from torch.nn import functional as F
 
+from sci_lightning.bounds import Pixels, Reach, Repeats
 from sci_lightning.errors import BadInput
 
 SMOOTH = 3
@@ -55,12 +57,12 @@ class MotionFilter(nn.Module):
 
     def __init__(
         self,
-        frames: int = 2,
-        reach: int = 6,
-        block: int = 8,
+        frames: Reach = 2,
+        reach: Reach = 6,
+        block: Pixels = 8,
         deviation: float = 0.03,
-        after: int = 10,
-        every: int = 10,
+        after: Annotated[int, Interval(ge=0, le=10**9)] = 10,
+        every: Repeats = 10,
     ) -> None:
         super().__init__()
         for name, value, least in (

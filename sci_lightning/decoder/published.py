@@ -11,7 +11,7 @@ import torch
 
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.errors import BadInput
-from sci_lightning.plain_text import excerpt
+from sci_lightning.plain_text import excerpt, with_article
 
 STATES = ("state_dict", "model_state_dict", "color_SCI_backward_dict")
 """What the authors call the state inside the dictionary that they save; without one the dictionary is the state."""
@@ -65,11 +65,11 @@ def unpack(content: Mapping[str, Any]) -> tuple[dict[str, torch.Tensor], Publish
         content = content[inside]
     for key, value in [*content.items(), *([] if real is None else [("continuous_mask", real)])]:
         if not isinstance(value, torch.Tensor):
-            raise BadInput(f"'{excerpt(key)}' is a {type(value).__name__}, expected a tensor; is it a network's state?")
+            kind = with_article(type(value).__name__)
+            raise BadInput(f"'{excerpt(key)}' is {kind}, expected a tensor; is it a network's state?")
         if not isinstance(key, str):
-            raise BadInput(
-                f"the name {excerpt(key)} is a {type(key).__name__}, expected a text; is it a network's state?"
-            )
+            kind = with_article(type(key).__name__)
+            raise BadInput(f"the name {excerpt(key)} is {kind}, expected a text; is it a network's state?")
     weights = _unwrapped(content)
     if "encoder.weight" not in weights and not all(key.startswith("decoder.") for key in weights):
         return weights, None

@@ -22,6 +22,8 @@ SHOWN = 8
 """Candidates of a round that are drawn."""
 DECADES = 5
 """Labels at most on a logarithmic axis."""
+PANEL = 3.3
+"""Width of one map of residuals, in inches."""
 MEAN, SIZE = "mean (standard errors)", "RMS (σ; noise: 1)"
 
 
@@ -34,9 +36,12 @@ def residuals_figure(before: Residuals, after: Residuals) -> Figure:
     sizes = [each.raw.square().mean(0).sqrt() for each in (before, after)]
     spans = [(0.0, max(float(torch.quantile(size, 0.998)), 1.5)) for size in (torch.stack(sizes), sizes[1])]
     own = hidden_by(means[0], means[1])
+    rows = 3 if own else 2
+    height, width = before.raw.shape[1:]
+    tall = PANEL * min(max(height / width, 0.5), 1.5)  # room left beside an image would be taken from its labels
     with style():
-        figure = Figure(figsize=(8.8, 10.8 if own else 7.2), layout="constrained")
-        grid = figure.subplots(3 if own else 2, 2, sharex=True, sharey=True)
+        figure = Figure(figsize=(8.8, rows * (tall + 0.45) + 0.3), layout="constrained")
+        grid = figure.subplots(rows, 2, sharex=True, sharey=True)
         for column, when in enumerate(("before: the ideal camera", "after: with what was found")):
             mean: Any = draw_map(grid[0, column], means[column], *limits(means))
             size = _sizes(grid[1, column], sizes[column], spans[0])
@@ -62,7 +67,7 @@ def _sizes(axes: Any, values: torch.Tensor, span: tuple[float, float]) -> Any:
 
 
 def _colour_bar(figure: Figure, image: Any, axes: list[Any], label: str) -> None:
-    figure.colorbar(image, ax=axes, shrink=0.85, label=label).outline.set_visible(False)
+    figure.colorbar(image, ax=axes, aspect=25, label=label).outline.set_visible(False)
 
 
 def example_figure(before: Residuals, after: Residuals) -> Figure:

@@ -95,7 +95,7 @@ def write_pictures(drawn: Mapping[str, Figure], out: str | Path) -> None:
     """PNG files by name."""
     for name, figure in drawn.items():
         with whole_file(Path(out) / name) as temporary:
-            figure.savefig(temporary, dpi=150, facecolor="white")
+            figure.savefig(temporary, dpi=150, facecolor="white", bbox_inches="tight")  # no label is cut off
 
 
 def write_page(

@@ -8,6 +8,7 @@ from typing import Any
 import torch
 
 from sci_lightning.diagnosis.observation import Observation
+from sci_lightning.errors import BadInput
 
 BLOCK = 16
 """Pixels along the side of a block."""
@@ -64,4 +65,7 @@ def split(observation: Observation) -> Split:
     column = torch.arange(width)[None] // side
     turn = torch.arange(len(kinds))[:, None, None]
     blocks = (row * 5 + column * 3 + turn * 7) % ONE_IN**2 == 0
-    return Split(~(blocks | held[:, None, None]), tuple(sorted(observation.number[held].tolist())), held)
+    fitted = ~(blocks | held[:, None, None])
+    if not fitted.any():
+        raise BadInput(f"captures of {height} x {width} pixels: none is left to fit; expected at least 4 x 4 pixels")
+    return Split(fitted, tuple(sorted(observation.number[held].tolist())), held)

@@ -47,7 +47,7 @@ def style() -> Iterator[None]:
 def svg(figure: Figure, label: str) -> str:
     """The figure as an ``<svg>`` element that fits its column; ``label`` says what it shows to those who cannot see."""
     with io.StringIO() as file, style():
-        figure.savefig(file, format="svg", transparent=True, metadata={"Date": None})
+        figure.savefig(file, format="svg", transparent=True, bbox_inches="tight", metadata={"Date": None})
         text = file.getvalue()
     text = text[text.index("<svg") :].replace(INK, "currentColor")
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +18,14 @@ MOST_PANELS = 8
 """Settings of ours that are drawn, in the order of the lines; the tables hold all."""
 AREA = 700.0
 """Of the circle of a panel's largest network, in square points; the others' go with their parameters."""
+PANEL = (320.0, 260.0)
+"""Width and height of a panel's axes, roughly, in points."""
+MARGIN = 0.25
+"""Room beside the outermost circles, as a part of what lies between them."""
+FONT = 7.0
+
+Box = tuple[float, float, float, float]
+"""Left, bottom, right, top, in points."""
 
 
 def cost_figure(table: Mapping[str, Any], runs: Sequence[Run], paper: Mapping[str, Mapping[str, Any]]) -> Figure:
@@ -63,23 +72,72 @@ def _point(line: Line) -> Point:
 
 
 def _draw(axes: Axes, points: Sequence[Point], columns: Sequence[str]) -> None:
-    """Circles coloured by column; each network's name once, with its parameters: above its best, in a crowd below."""
+    """Circles coloured by column; each network's name once, with its parameters, beside its best."""
     largest = max(point.parameters for point in points)
-    span = max(point.psnr for point in points) - min(point.psnr for point in points)
-    best = {point.row: point for point in sorted(points, key=lambda point: point.psnr)}
     for point in points:
         area = AREA * point.parameters / largest
-        colour = f"C{columns.index(point.column)}"
-        axes.scatter([point.macs], [point.psnr], s=area, color=colour, alpha=0.6)
-        if best[point.row] is point:
-            label = f"{in_figure(point.row)}, {point.parameters:.3g} M"
-            over = (other for other in best.values() if 0 < other.psnr - point.psnr < 0.06 * span)
-            below = any(0.3 < other.macs / point.macs < 3 for other in over)
-            away = (0, (-1 if below else 1) * (area**0.5 / 2 + 2))
-            side: dict[str, Any] = {"ha": "center", "va": "top" if below else "bottom"}
-            axes.annotate(label, (point.macs, point.psnr), away, textcoords="offset points", fontsize=7, **side)
+        axes.scatter([point.macs], [point.psnr], s=area, color=f"C{columns.index(point.column)}", alpha=0.6)
     axes.set(xscale="log", xlabel="multiply-accumulates (G)", ylabel="PSNR (dB)")
-    axes.margins(0.25)
+    axes.margins(MARGIN)
     axes.grid(alpha=0.3)
+    best = {point.row: point for point in sorted(points, key=lambda point: point.psnr)}
+    for row, (text, (x, y)) in _places(points, best, largest).items():
+        side: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": FONT}
+        axes.annotate(text, (best[row].macs, best[row].psnr), (x, y), textcoords="offset points", **side)
     handles = [axes.scatter([], [], color=f"C{number}", alpha=0.6) for number in range(len(columns))]
     axes.legend(handles, columns, fontsize=8, loc="lower right")
+
+
+def _places(
+    points: Sequence[Point], best: Mapping[str, Point], largest: float
+) -> dict[str, tuple[str, tuple[float, float]]]:
+    """Each network's label and where its middle lies from its circle's, in points: where it covers the least.
+
+    Left and right of the circle come before above and below, where a label may be taken for that of another circle.
+    """
+    x, y = (
+        _spread([math.log10(point.macs) for point in points], PANEL[0]),
+        _spread([point.psnr for point in points], PANEL[1]),
+    )
+    radius = [(AREA * point.parameters / largest) ** 0.5 / 2 for point in points]
+    taken = [(a - r, b - r, a + r, b + r) for a, b, r in zip(x, y, radius, strict=True)]
+    found = {}
+    for row, point in best.items():
+        text = f"{in_figure(row)}, {point.parameters:.3g} M"
+        number = next(number for number, other in enumerate(points) if other is point)
+        width, height, away = 0.56 * FONT * len(text), 1.3 * FONT, radius[number] + 2
+        across, up = away + width / 2, away + height / 2
+        middles = [(-across, 0.0), (across, 0.0), (0.0, up), (0.0, -up)]
+        boxes = [
+            (
+                x[number] + a - width / 2,
+                y[number] + b - height / 2,
+                x[number] + a + width / 2,
+                y[number] + b + height / 2,
+            )
+            for a, b in middles
+        ]
+        covered = [sum(_overlap(box, other) for other in taken) + _beyond(box) for box in boxes]
+        chosen = covered.index(min(covered))
+        taken.append(boxes[chosen])
+        found[row] = text, middles[chosen]
+    return found
+
+
+def _spread(values: Sequence[float], length: float) -> list[float]:
+    """Where values come to lie on an axis of that length with margins."""
+    low, high = min(values), max(values)
+    span = (high - low) * (1 + 2 * MARGIN) or 1.0
+    return [length * ((value - (low + high) / 2) / span + 0.5) for value in values]
+
+
+def _overlap(one: Box, other: Box) -> float:
+    """The area that two boxes share."""
+    return max(0.0, min(one[2], other[2]) - max(one[0], other[0])) * max(
+        0.0, min(one[3], other[3]) - max(one[1], other[1])
+    )
+
+
+def _beyond(box: Box) -> float:
+    """The area of a box that lies outside of the panel."""
+    return (box[2] - box[0]) * (box[3] - box[1]) - _overlap(box, (0.0, 0.0, *PANEL))

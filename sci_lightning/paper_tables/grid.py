@@ -45,15 +45,29 @@ class Grid:
         write_figure(self.as_figure(), folder / f"{name}.png")
         return [folder / f"{name}.{ending}" for ending in (*texts, "png")]
 
-    def as_table(self) -> Table:
-        """For the terminal."""
+    def as_table(self, width: int | None = None) -> Table:
+        """For a terminal of so many columns; where a row's words do not fit side by side, its cells are listed."""
         caption = "\n".join(self.notes) or None
         table = Table(title=self.title, title_justify="left", caption=caption, caption_justify="left", box=box.SIMPLE)
+        if width is not None and self._narrowest() > width:
+            table.show_header = False
+            table.add_column(no_wrap=True)
+            table.add_column(overflow="fold")
+            for row in self.rows:
+                for text, cell in zip(self.heading, row, strict=True):
+                    table.add_row(text, cell)
+                table.add_section()
+            return table
         for text in self.heading:
             table.add_column(text)
         for row in self.rows:
             table.add_row(*row)
         return table
+
+    def _narrowest(self) -> int:
+        """How wide the table is when every cell is folded between its words: with a margin on either side."""
+        columns = zip(self.heading, *self.rows, strict=True)
+        return sum(3 + max(len(word) for cell in column for word in cell.split() or [""]) for column in columns)
 
     def as_markdown(self) -> str:
         """For a README."""

@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+from sci_lightning.bounded_file import read_bounded
 from sci_lightning.errors import BadInput
 from sci_lightning.plain_text import printable
 
@@ -99,15 +100,7 @@ def read_json(path: str | Path, largest: int = LARGEST_FILE) -> Fields:
             stands twice in one object, a number that is not finite, or no object.
     """
     path = Path(path)
-    if not path.is_file():  # a pipe or a device would wait for ever
-        raise BadInput(f"{path}: not a readable file")
-    try:
-        with path.open("rb") as file:
-            raw = file.read(largest + 1)
-    except OSError as error:
-        raise BadInput(f"{path}: {(error.strerror or 'not readable').lower()}") from error
-    if len(raw) > largest:
-        raise BadInput(f"{path}: larger than {largest / 2**20:.0f} MiB, which no metrics of a run are")
+    raw = read_bounded(path, largest, "no file that a run leaves")
     try:
         content = json.loads(raw.decode("utf-8"), object_pairs_hook=_once, parse_constant=_finite, parse_float=_finite)
     except (ValueError, RecursionError) as error:

@@ -270,3 +270,26 @@ def test_nothing_outside_of_the_folder_is_read(folder, tmp_path, name):
     recipe(folder, {"measurement": "shot0.tif", "scene": name})
     with pytest.raises(BadInput, match=r"scene: .* out of .*; copy the file into this folder"):
         pack_captures(folder, tmp_path / "a.h5")
+
+
+@pytest.mark.parametrize("name", ["a\0b", "\x1b[2J", "x" * 500])
+def test_names_that_nobody_can_write(folder, tmp_path, name):
+    recipe(folder, {"measurement": "shot0.tif"}, name=name)
+    with pytest.raises(BadInput, match="name: expected at most 200 printable characters"):
+        pack_captures(folder, tmp_path / "a.h5")
+
+
+def test_more_slots_than_anybody_packs(folder, tmp_path):
+    words = ["masks.tif", "all_off"]
+    entries = [{"measurement": "shot0.tif", "sequence": "all_off"} for _ in range(100)]
+    recipe(folder, *entries, patterns=words, frames=100_000)
+    with pytest.raises(BadInput, match="100 entries of 100000 slots, expected at most 5,000,000 slots"):
+        pack_captures(folder, tmp_path / "a.h5")
+
+
+def test_a_file_that_is_named_again_and_again(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("sci_lightning.memory_bound.memory_bound", lambda: 8 * SHOTS[0].nbytes)
+    for entries in ([{"measurement": ["shot0.tif"] * 4}], [{"measurement": "shot0.tif"} for _ in range(4)]):
+        recipe(folder, *entries)
+        with pytest.raises(BadInput, match="this machine's memory"):
+            pack_captures(folder, tmp_path / "a.h5")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import struct
 import subprocess
 import sys
 
@@ -314,3 +315,30 @@ def test_a_type_that_numpy_has_no_name_for(tmp_path):
         h5py.h5d.create(file.id, b"measurement", h5py.h5t.UNIX_D32LE, h5py.h5s.create_simple((1, 2, 2)))
     with pytest.raises(BadInput, match="'measurement' holds values of a type that is not read"):
         read_captures(tmp_path / "a.h5")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"sci-captures", "attribute 'format' declares 4294967295 bytes"),
+        (b"dark", "'kind' holds strings of more than 1000 characters"),
+    ],
+)
+def test_strings_that_declare_gigabytes(file, text, message):
+    """HDF5 allocates what a string declares, and looks for the string afterwards."""
+    path = file(kind=["dark"] * 3)
+    whole = bytearray(path.read_bytes())
+    heap = struct.pack("<Q", whole.index(b"GCOL"))
+    place = whole.index(struct.pack("<I", len(text)) + heap)
+    whole[place : place + 4] = b"\xff" * 4
+    path.write_bytes(whole)
+    assert message in hostile_files.refusal(READ, path)
+
+
+def test_strings_that_are_compressed(file):
+    path = file()
+    with h5py.File(path, "r+") as stored:
+        del stored["kind"]
+        stored.create_dataset("kind", data=["dark"] * 3, dtype=h5py.string_dtype(), chunks=(3,), compression="gzip")
+    with pytest.raises(BadInput, match="'kind' is compressed or compact, expected strings that are stored as they are"):
+        read_captures(path)

@@ -89,5 +89,5 @@ def test_yaml_numbers(tmp_path: Path) -> None:
 
 def test_a_pipe_is_no_file(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a.yaml")
-    with pytest.raises(BadInput, match="no such file"):
+    with pytest.raises(BadInput, match="not a readable file"):
         read_yaml(tmp_path / "a.yaml")

@@ -64,3 +64,10 @@ def test_a_sequence_without_frames_is_named(make, davis):
         frame.unlink()
     with pytest.raises(BadInput, match="bus: holds no frames"):
         make().clips()
+
+
+@pytest.mark.parametrize("name", ["../x", "/etc", "..", "a/../../x", "\x1b[2J"])
+def test_a_list_of_sequences_leads_nowhere_else(make, davis, name):
+    (davis / "DAVIS" / "ImageSets" / "2017" / "val.txt").write_text(f"goat\n{name}\n")
+    with pytest.raises(BadInput, match=r"val\.txt: '.*' is no name of a sequence"):
+        make()

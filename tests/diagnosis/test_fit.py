@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import torch
@@ -13,6 +15,7 @@ from sci_lightning.diagnosis.camera_model import CameraModel, Hypothesis
 from sci_lightning.diagnosis.fit import Fit, Fitter
 from sci_lightning.diagnosis.observation import observe
 from sci_lightning.diagnosis.split import split
+from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera import Session, capture_session, write_captures
 
 VOCABULARY = {effect.name: effect for name in effects.__all__ if hasattr(effect := getattr(effects, name), "name")}
@@ -73,3 +76,9 @@ def test_the_order_of_the_captures_does_not_matter(tmp_path: Path) -> None:
     one, other = observe(captures), observe(captures.take(list(range(len(captures)))[::-1]))
     assert torch.equal(one.dn, other.dn)
     assert torch.equal(split(one).fitted, split(other).fitted)
+
+
+def test_captures_of_one_pixel() -> None:
+    observation: Any = SimpleNamespace(kinds=("flat",), size=(1, 1), number=torch.zeros(1))
+    with pytest.raises(BadInput, match="captures of 1 x 1 pixels: none is left to fit"):
+        split(observation)

@@ -153,6 +153,20 @@ def test_what_is_left_is_drawn_on_its_own_scale(found: Diagnosis) -> None:
         assert OWN not in [axes.get_title(loc="left") for axes in figure.axes]
 
 
+@pytest.mark.parametrize("shape", [(32, 32), (32, 40), (64, 32)])
+def test_no_label_of_the_residuals_is_cut_off(found: Diagnosis, shape: tuple[int, int]) -> None:
+    after = replace(found.residuals["after"], raw=torch.randn(8, *shape))
+    for before in (after, replace(after, raw=300 * after.raw)):
+        figure = residuals_figure(before, after)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        width, height = canvas.get_width_height()
+        for axes in figure.axes:
+            for label in (axes.xaxis.label, axes.yaxis.label):
+                box = label.get_window_extent()
+                assert not label.get_text() or (box.x0 >= 0 and box.y0 >= 0 and box.x1 <= width and box.y1 <= height)
+
+
 @pytest.mark.parametrize("nats", [30.0, 3e3, 2e5, 3e7, 1e12])
 def test_labels_of_large_evidence_do_not_overlap(nats: float) -> None:
     rounds = tuple(Round({"gain": nats, "prnu": 2.0}, {"gain": (nats, nats)}, "gain") for _ in range(2))

@@ -68,4 +68,4 @@ def test_bad_input(refused: Run) -> None:
     assert "decoder=res3former: no such decoder" in refused("benchmark", "decoder=res3former")
     assert "32-true, bf16-mixed" in refused("benchmark", "precision=fp8")
     assert "choose auto, cpu" in refused("benchmark", "device=tpu")
-    assert "at least one" in refused("benchmark", "repeats=0")
+    assert "a whole number from 1" in refused("benchmark", "repeats=0")

@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from matplotlib.figure import Figure
 from PIL import Image
 
-from sci_lightning.callbacks import ScenePictures
+from sci_lightning.callbacks import Pictures, ScenePictures
 from sci_lightning.data.source import Scene
 from sci_lightning.results import with_effects
 
@@ -61,3 +64,14 @@ def test_names_of_scenes_are_file_names_and_titles(names: list[str], tmp_path: P
     written = sorted(tmp_path.rglob("*.png"))
     assert len(written) == 3 and all(path.parent == tmp_path / "out" / "pictures" for path in written)
     assert with_effects("lsw_sr", []) == "lsw_sr"
+
+
+def test_pictures_of_a_training_replace_links(tmp_path: Path) -> None:
+    """A picture is not written through a link that leads out of the folder."""
+    (tmp_path / "thesis.tex").write_text("precious")
+    (tmp_path / "pictures").mkdir()
+    (tmp_path / "pictures" / "mask.png").symlink_to(tmp_path / "thesis.tex")
+    trainer: Any = SimpleNamespace(loggers=[], global_step=0)
+    Pictures(str(tmp_path / "pictures"))._show(trainer, [("mask", Figure())])
+    assert (tmp_path / "thesis.tex").read_text() == "precious"
+    assert (tmp_path / "pictures" / "mask.png").read_bytes().startswith(b"\x89PNG")

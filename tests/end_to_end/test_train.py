@@ -157,6 +157,12 @@ def test_evaluate_on_the_benchmark(run: Path, command: Command, tmp_path: Path, 
     done = command("evaluate", f"ckpt_path={run}/checkpoints/last.ckpt", f"data.root={shared_data}/benchmark")
     assert done.returncode == 2
     assert "(256, 256)" in done.stderr and "(32, 32)" in done.stderr
+    right = "add size=[256,256] encoder=lsw_sr encoder.mask.tile=[32,32] encoder.mask.bits=4"
+    assert done.stderr.endswith(f"{right}\n")
+    few = ["data=benchmark", "data.scenes=[drop]", "metrics.qscore=null", "pictures=0"]
+    few += [f"ckpt_path={run}/checkpoints/last.ckpt", f"data.root={shared_data}/benchmark"]
+    done = command("evaluate", *few, *right.split()[1:])
+    assert done.returncode == 0, done.stderr
     tiled = [*TINY, "size=[256,256]", "crop=[32,32]", "encoder.mask.tile=[32,32]", "data.scenes_count=1"]
     limits = [f"benchmark.root={shared_data}/benchmark", "benchmark.scenes=[runner,drop]", "trainer.max_epochs=1"]
     done = command("train", *tiled, *limits, "data.snapshots_per_scene=1", "out=run")

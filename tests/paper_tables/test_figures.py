@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import torch
 import yaml
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from sci_lightning.conf_folder import PACKAGE
@@ -69,3 +70,19 @@ def test_mosaics_of_trained_runs(ran: Callable[..., str], tmp_path: Path) -> Non
         assert picture.height > 400
     ran("tables", "runs=runs", "out=none", "mosaic=0")
     assert not list((tmp_path / "none").glob("mosaic*"))
+
+
+def test_a_network_stands_beside_its_own_circle() -> None:
+    figure = cost_figure(PAPER["tables"]["table4"], [], PAPER["decoders"])
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    (axes,) = figure.axes
+    labels = {text.get_text().split(",")[0]: text for text in axes.texts}
+    boxes = {name: text.get_window_extent() for name, text in labels.items()}
+    assert len(labels) == 5
+    for name, text in labels.items():
+        x, y = axes.transData.transform(text.xy)
+        box = boxes[name]
+        assert not any(other.overlaps(box) for key, other in boxes.items() if key != name)
+        beside, above = abs(box.y0 + box.y1 - 2 * y) < 4, abs(box.x0 + box.x1 - 2 * x) < 4
+        assert beside or (above and not name.startswith("Res2former"))

@@ -96,7 +96,7 @@ def test_a_wrong_value_is_one_line(made: Made, keys: tuple[str, ...], value: Any
         (b'{"a": ' + b"9" * 5000 + b"}", "not readable as JSON"),
         (b"\xff\xfe{}", "not readable as JSON"),
         (b'{"a": "\\ud800"}', "expected format sci-metrics 1"),
-        (b" " * (LARGEST_FILE + 1), "larger than 8 MiB"),
+        (b" " * (LARGEST_FILE + 1), "larger than 8,388,608 bytes"),
         (b"", "not readable as JSON"),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -12,10 +13,12 @@ import yaml
 from PIL import Image
 
 from sci_lightning.conf_folder import CONF, PACKAGE
+from sci_lightning.console import PlainConsole
 from sci_lightning.paper_tables.claim_table import claim_table
 from sci_lightning.paper_tables.grid import Grid
 from sci_lightning.paper_tables.line import METRICS, lines_of
 from sci_lightning.paper_tables.run import find_runs
+from sci_lightning.paper_tables.run_table import run_table
 from sci_lightning.paper_tables.score_table import score_table
 from tests.conftest import SHARED
 from tests.paper_tables.conftest import Made
@@ -189,3 +192,15 @@ def test_the_papers_figures_are_the_papers() -> None:
         assert (
             f"{figures['macs_G']:.2f}" in source.read_text() and f"{figures['parameters_M']:.2f}" in source.read_text()
         )
+
+
+def test_names_are_whole_on_a_narrow_terminal(made: Made, tmp_path: Path) -> None:
+    effects = {name: {} for name in ("mask_shift", "column_noise", "response_gamma", "veiling_glare")}
+    made("a", "lsw_sr", "elp_unfolding", 30.0, test="rbw_sr", effects=effects)
+    grid = run_table(find_runs([tmp_path])[0])
+    for width in (60, 80, 200):
+        console = PlainConsole(width=width, record=True, file=io.StringIO())
+        console.print(grid.as_table(width))
+        text = console.export_text()
+        assert "…" not in text and all(name in text for name in (*effects, *grid.heading, "elp_unfolding"))
+        assert max(map(len, text.splitlines())) <= width

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.bounds import Repeats
+from sci_lightning.bounds import Steps
 from sci_lightning.decoder.denoiser.denoiser import Denoiser
 from sci_lightning.errors import BadInput
 
@@ -31,7 +31,7 @@ class TotalVariation(Denoiser):
     Source: Chambolle, "An algorithm for total variation minimization and applications", J. Math. Imaging Vis. 2004.
     """
 
-    def __init__(self, steps: Repeats = 5) -> None:
+    def __init__(self, steps: Steps = 5) -> None:
         super().__init__()
         if steps < 1:
             raise BadInput(f"decoder.denoiser.steps={steps}: must be at least 1")

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import torch
+from annotated_types import Interval
 from torch.nn import functional as F
 
-from sci_lightning.bounds import Depth, Positive, Repeats
+from sci_lightning.bounds import Depth, Positive, Reach, Repeats
 from sci_lightning.decoder.denoiser.denoiser import Denoiser
 from sci_lightning.errors import BadInput
+
+Side = Annotated[int, Interval(ge=1, le=64)]
+"""Of a patch, in pixels."""
 
 FAR = 1e3
 """Stands beyond the border: no patch that holds it is near any other."""
@@ -38,9 +44,9 @@ class WNNM(Denoiser):
 
     def __init__(
         self,
-        patch: Depth = 8,
-        step: Depth = 5,
-        reach: Depth = 7,
+        patch: Side = 8,
+        step: Side = 5,
+        reach: Reach = 7,
         neighbours: Depth = 20,
         every: Repeats = 8,
         weight: Positive = 2.8,

@@ -9,7 +9,7 @@ from pathlib import Path
 import torch
 
 from sci_lightning.array_file import read_array
-from sci_lightning.bounds import Frames, Size
+from sci_lightning.bounds import MOST_FRAMES, Frames, Size
 from sci_lightning.encoder.mask.mask import Mask
 from sci_lightning.errors import BadInput
 
@@ -64,6 +64,11 @@ class Measured(Mask):
 def read_mask(file: str | Path, key: str | None = None) -> torch.Tensor:
     """Read a mask file into float32 ``(T, H, W)`` in [0, 1]; see :class:`Measured` for formats and errors."""
     array = read_array(file, key=key, prefer="mask", dimensions=3)
+    if len(array) > MOST_FRAMES:
+        raise BadInput(
+            f"{file}: the mask is {_times(array.shape)} (T x H x W), expected at most {MOST_FRAMES} time slots; are "
+            "its axes in another order?"
+        )
     mask = torch.from_numpy(array.astype("float32"))
     low, high = float(mask.min()), float(mask.max())
     if not (low >= 0 and high <= 1):  # also false for NaN

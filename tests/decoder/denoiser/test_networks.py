@@ -48,5 +48,5 @@ def test_cost(name: str, facts: str, share: float, configuration: Callable[..., 
     with torch.device("meta"):
         decoder = instantiate(configuration("train", f"decoder=pnp_{name}").decoder, _convert_="all")
     assert count_parameters(decoder) == told["parameters"]["total"]
-    one = count_macs(decoder, 8, 256, 256) / len(decoder.strengths)
+    one = count_macs(decoder, 8, 256, 256) / sum(iterations for _, iterations in decoder.plan)
     assert one == share * told["macs"]["exact_conv_linear_matmul"]
