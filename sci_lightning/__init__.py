@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from sci_lightning.checkpoint import Checkpoint
+    from sci_lightning.runs.checkpoint import Checkpoint
 
 __all__ = ["__version__", "load_checkpoint"]
 
@@ -30,6 +30,6 @@ def load_checkpoint(path: str | Path, trusted: Iterable[str] = ()) -> Checkpoint
     Raises:
         BadInput: missing, damaged or not a checkpoint of this project.
     """
-    from sci_lightning.checkpoint import read_checkpoint  # torch is loaded when it is needed
+    from sci_lightning.runs.checkpoint import read_checkpoint  # torch is loaded when it is needed
 
     return read_checkpoint(path, trusted)

@@ -8,8 +8,8 @@ from typing import Any
 
 from omegaconf import DictConfig, open_dict
 
-from sci_lightning.command import built, chosen, member, plain, run
-from sci_lightning.console import PlainConsole, styled
+from sci_lightning.cli.command import built, chosen, member, plain, run
+from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
 
 
@@ -19,8 +19,8 @@ def convert(cfg: DictConfig) -> None:
     Args:
         cfg: ``conf/convert.yaml``, composed.
     """
-    from sci_lightning.checkpoint import load_file, read_checkpoint, write_weights
-    from sci_lightning.next_command import invocation, print_next
+    from sci_lightning.cli.next_command import invocation, print_next
+    from sci_lightning.runs.checkpoint import load_file, read_checkpoint, write_weights
 
     path, console = Path(cfg.checkpoint), PlainConsole()
     content = load_file(path)

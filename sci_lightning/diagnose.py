@@ -10,8 +10,8 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from sci_lightning.command import run, targets
-from sci_lightning.console import PlainConsole, styled
+from sci_lightning.cli.command import run, targets
+from sci_lightning.cli.console import PlainConsole, styled
 
 
 def diagnose(cfg: DictConfig) -> None:
@@ -21,16 +21,16 @@ def diagnose(cfg: DictConfig) -> None:
         cfg: ``conf/diagnose.yaml``, composed.
     """
     from sci_lightning.captures import read_captures
-    from sci_lightning.chosen_loggers import chosen_loggers
-    from sci_lightning.diagnosis.dashboard import log
+    from sci_lightning.cli.loggers import chosen_loggers
+    from sci_lightning.cli.next_command import invocation, nearest, print_next
     from sci_lightning.diagnosis.diagnosis import diagnose
-    from sci_lightning.diagnosis.pictures import figures
-    from sci_lightning.diagnosis.report import describe, write_encoder, write_page, write_pictures
-    from sci_lightning.diagnosis.sentences import headline
-    from sci_lightning.diagnosis.terminal import print_report, searching
+    from sci_lightning.diagnosis.report.dashboard import log
+    from sci_lightning.diagnosis.report.pictures import figures
+    from sci_lightning.diagnosis.report.report import describe, write_encoder, write_page, write_pictures
+    from sci_lightning.diagnosis.report.sentences import headline
+    from sci_lightning.diagnosis.report.terminal import print_report, searching
     from sci_lightning.diagnosis.vocabulary import vocabulary
-    from sci_lightning.next_command import invocation, nearest, print_next
-    from sci_lightning.results import write_json
+    from sci_lightning.runs.results import write_json
 
     start, out, console = time.perf_counter(), Path(cfg.out), PlainConsole()
     captures = read_captures(cfg.captures)

@@ -7,15 +7,15 @@ from typing import Any
 
 from omegaconf import DictConfig
 
-from sci_lightning.command import built, plain, run
-from sci_lightning.console import PlainConsole, styled
+from sci_lightning.cli.command import built, plain, run
+from sci_lightning.cli.console import PlainConsole, styled
 
 
 def evaluate(cfg: DictConfig) -> float:
     """Test, write ``metrics.json`` and pictures of the scenes, and print a table; returns the mean PSNR in dB.
 
-    ``encoder=`` replaces the encoder of the training, see :func:`~sci_lightning.chosen_encoder.chosen_encoder`, and
-    ``decoder=`` takes the place of a checkpoint, see :func:`~sci_lightning.chosen_checkpoint.chosen_checkpoint`.
+    ``encoder=`` replaces the encoder of the training, see :func:`~sci_lightning.cli.tested_encoder.chosen_encoder`, and
+    ``decoder=`` takes the place of a checkpoint, see :func:`~sci_lightning.cli.trained_decoder.chosen_checkpoint`.
     ``captures=`` tests on what a camera recorded of known scenes instead of recording the data's scenes.
     ``decoder.camera=`` is the encoder that the decoder takes the camera for, without it the encoder itself.
 
@@ -25,17 +25,17 @@ def evaluate(cfg: DictConfig) -> float:
     import lightning as L
     from torch.utils.data import DataLoader
 
-    from sci_lightning.callbacks import Progress, ScenePictures
     from sci_lightning.captures import read_captures
-    from sci_lightning.chosen_checkpoint import chosen_checkpoint
-    from sci_lightning.chosen_encoder import chosen_camera, chosen_encoder, resized
-    from sci_lightning.chosen_metrics import chosen_metrics
+    from sci_lightning.cli.metrics import chosen_metrics
+    from sci_lightning.cli.next_command import invocation, print_next
+    from sci_lightning.cli.tested_encoder import chosen_camera, chosen_encoder, resized
+    from sci_lightning.cli.trained_decoder import chosen_checkpoint
     from sci_lightning.data.captured import CapturedSnapshots
     from sci_lightning.data.loader import scene_loader
     from sci_lightning.errors import BadInput, OtherSize
-    from sci_lightning.next_command import invocation, print_next
-    from sci_lightning.results import print_results, results, with_effects, write_json
-    from sci_lightning.system import System
+    from sci_lightning.runs.results import print_results, results, with_effects, write_json
+    from sci_lightning.training.callbacks import Progress, ScenePictures
+    from sci_lightning.training.system import System
 
     out = Path(cfg.out)
     checkpoint = chosen_checkpoint("evaluate", cfg)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from sci_lightning.command import run
-from sci_lightning.console import PlainConsole, styled
+from sci_lightning.cli.command import run
+from sci_lightning.cli.console import PlainConsole, styled
 
 
 def export_mask(cfg: DictConfig) -> None:
@@ -18,10 +18,10 @@ def export_mask(cfg: DictConfig) -> None:
     """
     import torch
 
-    from sci_lightning.checkpoint import read_checkpoint
+    from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.errors import BadInput
-    from sci_lightning.modulator_files import Layout, read_planes, timing_of, write_planes
-    from sci_lightning.next_command import invocation, print_next
+    from sci_lightning.files.modulator_files import Layout, read_planes, timing_of, write_planes
+    from sci_lightning.runs.checkpoint import read_checkpoint
 
     out, console = Path(cfg.out), PlainConsole()
     module = read_checkpoint(cfg.ckpt_path, cfg.trusted).encoder().mask

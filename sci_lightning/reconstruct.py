@@ -7,9 +7,9 @@ from pathlib import Path
 from omegaconf import DictConfig
 from rich.progress import Progress
 
-from sci_lightning.command import chosen, run
-from sci_lightning.conf_folder import CONF
-from sci_lightning.console import PlainConsole, styled, warn
+from sci_lightning.cli.command import chosen, run
+from sci_lightning.cli.console import PlainConsole, styled, warn
+from sci_lightning.configuration.conf_folder import CONF
 
 
 def reconstruct(cfg: DictConfig) -> None:
@@ -23,17 +23,17 @@ def reconstruct(cfg: DictConfig) -> None:
     import numpy as np
     import torch
 
-    from sci_lightning.animation import write_frames, write_gif
-    from sci_lightning.atomic_file import whole_file
-    from sci_lightning.chosen_checkpoint import chosen_checkpoint
-    from sci_lightning.chosen_encoder import chosen_camera, chosen_encoder
+    from sci_lightning.cli.next_command import browser, print_next
+    from sci_lightning.cli.tested_encoder import chosen_camera, chosen_encoder
+    from sci_lightning.cli.trained_decoder import chosen_checkpoint
     from sci_lightning.decoder.iterative import Iterative
-    from sci_lightning.device import chosen_device
     from sci_lightning.encoder.mask import Measured
     from sci_lightning.errors import BadInput
-    from sci_lightning.mask_check import mask_warning
-    from sci_lightning.next_command import browser, print_next
-    from sci_lightning.snapshot import read_snapshot
+    from sci_lightning.files.atomic_file import whole_file
+    from sci_lightning.imaging.animation import write_frames, write_gif
+    from sci_lightning.imaging.mask_check import mask_warning
+    from sci_lightning.imaging.snapshot import read_snapshot
+    from sci_lightning.runs.device import chosen_device
 
     out, console, frames = Path(cfg.out), PlainConsole(), cfg.frames
     checkpoint = chosen_checkpoint("reconstruct", cfg)

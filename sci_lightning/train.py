@@ -9,13 +9,13 @@ from pathlib import Path
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
-from sci_lightning.command import built, chosen, plain, run
-from sci_lightning.console import PlainConsole, styled
-from sci_lightning.continued_run import recorded, repeated
+from sci_lightning.cli.command import built, chosen, plain, run
+from sci_lightning.cli.console import PlainConsole, styled
+from sci_lightning.cli.continued_run import recorded, repeated
 from sci_lightning.errors import BadInput
-from sci_lightning.lost_process import lost_process
-from sci_lightning.run_folder import is_first_process
-from sci_lightning.stop_signal import STATUS, Stopped, StopSignal
+from sci_lightning.runs.run_folder import is_first_process
+from sci_lightning.training.lost_process import lost_process
+from sci_lightning.training.stop_signal import STATUS, Stopped, StopSignal
 
 
 def train(cfg: DictConfig) -> float:
@@ -43,7 +43,7 @@ def train(cfg: DictConfig) -> float:
         if not last.is_file():
             print("stopped before the first step was finished; nothing is lost", file=sys.stderr)
         else:
-            from sci_lightning.next_command import invocation
+            from sci_lightning.cli.next_command import invocation
 
             words = repeated(last, HydraConfig.get().overrides.task, plain(cfg)["encoder"])
             line = invocation("train", *words, paths={"ckpt_path": last})
@@ -56,17 +56,17 @@ def _train(cfg: DictConfig, stop: StopSignal) -> float:
     from lightning.fabric.plugins.environments.slurm import SLURMEnvironment
     from lightning.pytorch.loggers import TensorBoardLogger
 
-    from sci_lightning.callbacks import LastCheckpoint
-    from sci_lightning.checkpoint import read_checkpoint
-    from sci_lightning.chosen_loggers import chosen_loggers, run_name
-    from sci_lightning.chosen_metrics import chosen_metrics
+    from sci_lightning.cli.loggers import chosen_loggers, run_name
+    from sci_lightning.cli.metrics import chosen_metrics
+    from sci_lightning.cli.next_command import dashboard, invocation, override, print_next
     from sci_lightning.data.loader import ClipLoader, scene_loader
     from sci_lightning.decoder.complexity import count_parameters
-    from sci_lightning.earlier_run import check_same_run, finished, interrupted
     from sci_lightning.encoder.trial import check_recording
-    from sci_lightning.next_command import dashboard, invocation, override, print_next
-    from sci_lightning.results import hparams, print_results, results, write_json
-    from sci_lightning.training_checkpoint import TrainingCheckpointIO, remove_slurm_checkpoints
+    from sci_lightning.runs.checkpoint import read_checkpoint
+    from sci_lightning.runs.results import hparams, print_results, results, write_json
+    from sci_lightning.runs.resume import check_same_run, finished, interrupted
+    from sci_lightning.training.callbacks import LastCheckpoint
+    from sci_lightning.training.training_checkpoint import TrainingCheckpointIO, remove_slurm_checkpoints
 
     out = Path(cfg.out)
     if any(part > full for part, full in zip(cfg.crop, cfg.size, strict=True)):

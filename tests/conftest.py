@@ -14,8 +14,8 @@ import torch
 from hydra import compose, initialize_config_dir
 from omegaconf import DictConfig
 
-from sci_lightning import command as command_frame
-from sci_lightning.conf_folder import CONF
+from sci_lightning.cli import command as command_frame
+from sci_lightning.configuration.conf_folder import CONF
 
 ROOT = Path(__file__).parents[1]
 SHARED = ROOT.parent / "shared"
@@ -95,7 +95,10 @@ def ran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
         monkeypatch.setattr(sys, "argv", [name, *overrides])
         monkeypatch.delenv("HYDRA_FULL_ERROR", raising=False)
         capsys.readouterr()
-        command_frame.run(name, getattr(import_module(f"sci_lightning.{name}"), name))
+        module = import_module(f"sci_lightning.{name}")
+        if hasattr(module, "__path__"):  # a package, whose command is in its __main__
+            module = import_module(f"sci_lightning.{name}.__main__")
+        command_frame.run(name, getattr(module, name))
         return capsys.readouterr().out
 
     return run

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from sci_lightning.animation import write_frames, write_gif
-from sci_lightning.conf_folder import PACKAGE
-from sci_lightning.paper_tables.grid import Grid
-from sci_lightning.results import write_json
+from sci_lightning.configuration.conf_folder import PACKAGE
+from sci_lightning.imaging.animation import write_frames, write_gif
+from sci_lightning.runs.results import write_json
+from sci_lightning.tables.grid import Grid
 
 NOTEBOOK = (
     "animation.py array_file.py figures.py modulator_files.py picture_file.py results.py snapshot.py data/reader.py "

@@ -10,7 +10,7 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 
 from sci_lightning.decoder.complexity import count_parameters
-from sci_lightning.system import System
+from sci_lightning.training.system import System
 from tests.conftest import members
 
 Configuration = Callable[..., DictConfig]

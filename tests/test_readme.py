@@ -20,11 +20,11 @@ from skimage.io import imsave
 
 from sci_lightning.captures import pack_captures
 from sci_lightning.decoder import Res2former
+from tests.cli.test_encoder_file import encoder_file
 from tests.conftest import ROOT
 from tests.decoder.test_published import as_published
 from tests.end_to_end.test_train import TINY
 from tests.test_configs import clips
-from tests.test_encoder_file import encoder_file
 
 README = (ROOT / "README.md").read_text()
 BLOCKS = re.findall(r"```bash\n(.*?)```", README, re.DOTALL)
@@ -90,7 +90,7 @@ def test_command(command: str, place: Path) -> None:
 
 def reduced(arguments: list[str]) -> list[str]:
     """A command of the README made small by overrides; of a sweep, the first value of each choice."""
-    if arguments[1] == "sci_lightning.diagnosis.proving_ground":
+    if arguments[1] == "sci_lightning.proving_ground":
         return [*arguments, "suites=[nothing]", "cases=1", "seeds=1", "size=[32,32]", "frames=4", "workers=1"]
     if arguments[1] == "sci_lightning.benchmark":
         every = ["only=[e2e_cnn]"] if "decoder=all" in arguments else []

@@ -9,10 +9,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import NoReturn
 
-from sci_lightning.console import PlainConsole, styled, warn
+from sci_lightning.cli.console import PlainConsole, styled, warn
+from sci_lightning.cli.next_command import invocation, print_next
 from sci_lightning.errors import BadInput
-from sci_lightning.next_command import invocation, print_next
-from sci_lightning.plain_text import one_printable_line
+from sci_lightning.files.plain_text import one_printable_line
 
 CONSOLE = PlainConsole()
 
@@ -77,7 +77,7 @@ def main() -> None:
     except Exception as error:
         if os.environ.get("HYDRA_FULL_ERROR") == "1" or "debug=true" in sys.argv:
             raise
-        from sci_lightning.failure_line import exit_status, one_line
+        from sci_lightning.cli.failure_line import exit_status, one_line
 
         print(f"error: {one_printable_line(one_line(error))}", file=sys.stderr)
         sys.exit(exit_status(error))

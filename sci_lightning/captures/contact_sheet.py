@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from sci_lightning.atomic_file import whole_file
 from sci_lightning.captures.captures import Captures
+from sci_lightning.files.atomic_file import whole_file
 
 MOST = 60
 """Thumbnails at most; of larger files every kind is shown, its captures evenly chosen."""

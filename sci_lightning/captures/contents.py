@@ -11,9 +11,9 @@ import h5py
 import numpy as np
 
 from sci_lightning.errors import BadInput
-from sci_lightning.hdf5_file import check_dataset, own_dataset, read_dataset
-from sci_lightning.hdf5_heap import longest_string, longest_strings
-from sci_lightning.memory_bound import SMALL
+from sci_lightning.files.hdf5_file import check_dataset, own_dataset, read_dataset
+from sci_lightning.files.hdf5_heap import longest_string, longest_strings
+from sci_lightning.files.memory_bound import SMALL
 
 TYPES = {"ui": "integers", "buif": "numbers"}
 LONGEST_STRING = 1000
@@ -41,7 +41,7 @@ class Contents:
 
         Raises:
             BadInput: missing, no dataset, other dimensions or lengths, or what
-                :func:`~sci_lightning.hdf5_file.check_dataset` refuses: kept in another file, too large, ...
+                :func:`~sci_lightning.files.hdf5_file.check_dataset` refuses: kept in another file, too large, ...
         """
         letters = f"({', '.join(shape)}{',' if len(shape) == 1 else ''})"
         try:

@@ -16,8 +16,8 @@ from sci_lightning.captures.plausibility import Entry, check_entries, suspicions
 from sci_lightning.captures.recipe import FILE, WORDS, Node, Recipe, as_number, read_recipe
 from sci_lightning.captures.write import write_captures
 from sci_lightning.errors import BadInput
-from sci_lightning.memory_bound import check_memory
-from sci_lightning.picture_file import read_pictures
+from sci_lightning.files.memory_bound import check_memory
+from sci_lightning.files.picture_file import read_pictures
 
 MOST_SLOTS = 5_000_000
 """Of all entries together, which are looked at one by one."""

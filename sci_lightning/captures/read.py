@@ -12,8 +12,8 @@ from sci_lightning.captures.captures import Captures
 from sci_lightning.captures.contents import Contents
 from sci_lightning.captures.kind import KINDS, infer_kinds
 from sci_lightning.errors import BadInput
-from sci_lightning.hdf5_file import open_hdf5
-from sci_lightning.memory_bound import check_memory
+from sci_lightning.files.hdf5_file import open_hdf5
+from sci_lightning.files.memory_bound import check_memory
 
 FORMAT, FORMAT_VERSION = "sci-captures", 1
 MOST_CAPTURES = 100_000

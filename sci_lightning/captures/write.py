@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from sci_lightning.atomic_file import whole_file
 from sci_lightning.captures.captures import Captures
 from sci_lightning.captures.read import FORMAT, FORMAT_VERSION, read_captures
 from sci_lightning.errors import BadInput
-from sci_lightning.hdf5_file import write_hdf5
+from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.hdf5_file import write_hdf5
 
 ENDINGS = (".h5", ".hdf5")
 

@@ -1,7 +1,7 @@
 """Arguments of a class, checked against its signature: names, types and ranges.
 
 The annotations of ``__init__`` are the schema: ``channels: Width`` says that a value must be a whole number and which
-ones are allowed (:mod:`sci_lightning.bounds`). pydantic does the checking.
+ones are allowed (:mod:`sci_lightning.configuration.bounds`). pydantic does the checking.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pydantic import ConfigDict, PydanticUserError, TypeAdapter, ValidationError
 from sci_lightning.configuration.annotation import in_words
 from sci_lightning.configuration.library_bounds import LIBRARY_BOUNDS
 from sci_lightning.errors import BadInput
-from sci_lightning.plain_text import excerpt, with_article
+from sci_lightning.files.plain_text import excerpt, with_article
 
 
 def check_arguments(target: Callable[..., Any], arguments: Mapping[str, Any], key: str) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from sci_lightning.configuration.arguments import check_arguments
 from sci_lightning.configuration.registry import class_for_file
 from sci_lightning.errors import BadInput, MachineFailure
-from sci_lightning.plain_text import excerpt
+from sci_lightning.files.plain_text import excerpt
 
 Resolve = Callable[[str, Any], Callable[..., Any]]
 """From the place of a ``_target_`` and its value to what is to be called."""
@@ -42,7 +42,7 @@ def build_from_file(config: Mapping[str, Any], path: str | Path, key: str, trust
     :func:`~sci_lightning.configuration.registry.class_for_file` at the moment of building.
 
     Args:
-        config: plain data (:func:`~sci_lightning.configuration.plain_data.check_plain_data`).
+        config: plain data (:func:`~sci_lightning.files.plain_data.check_plain_data`).
         path: the file, for messages.
         key: where in the file it stands.
         trusted: packages beside this one.

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from annotated_types import Interval
 
-from sci_lightning.bounds import NonNegative, Repeats
+from sci_lightning.configuration.bounds import NonNegative, Repeats
 
 Limit = Annotated[int, Interval(ge=-1, le=10**12)] | None
 """A number of steps or epochs; -1 and None: no limit."""

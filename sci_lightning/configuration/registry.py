@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sci_lightning.errors import BadInput
-from sci_lightning.plain_text import excerpt
+from sci_lightning.files.plain_text import excerpt
 
 if TYPE_CHECKING:  # commands that only answer --help do not load torch
     from torch import nn
@@ -46,6 +46,8 @@ def registered_classes() -> dict[str, type[nn.Module]]:
             if inspect.isclass(member) and issubclass(member, nn.Module) and name not in BASES:
                 classes[f"{package}.{name}"] = member
                 classes[f"{member.__module__}.{member.__qualname__}"] = member
+                module_name = member.__module__.rpartition(".")[2]  # files written before effects lay in stages
+                classes[f"{package}.{module_name}.{member.__qualname__}"] = member
     return classes
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import torch
 
-from sci_lightning.bounds import Frames, Size
+from sci_lightning.configuration.bounds import Frames, Size
 from sci_lightning.data.matlab import read_matlab_video
 from sci_lightning.data.source import Clips, Scene
 from sci_lightning.errors import BadInput, OtherSize

@@ -6,13 +6,13 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from sci_lightning.bounds import Frames, Repeats, Seed, Size
+from sci_lightning.configuration.bounds import Frames, Repeats, Seed, Size
 from sci_lightning.data.augmentation import Augmentation
 from sci_lightning.data.source import Clips, Scene
 from sci_lightning.data.store import ClipStore
 from sci_lightning.data.stored_clips import StoredClips, stored_scenes
 from sci_lightning.errors import BadInput
-from sci_lightning.plain_text import excerpt
+from sci_lightning.files.plain_text import excerpt
 
 NAME = re.compile(r"\w[\w.-]{0,99}", re.ASCII)
 """What a sequence is called: a folder beside the others, nothing above or beyond."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sci_lightning.bounds import Frames, Repeats, Seed, Share, Size
+from sci_lightning.configuration.bounds import Frames, Repeats, Seed, Share, Size
 from sci_lightning.data.augmentation import Augmentation
 from sci_lightning.data.reader import find_clips
 from sci_lightning.data.source import Clips, Scene

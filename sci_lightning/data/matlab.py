@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sci_lightning.array_file import read_array
 from sci_lightning.errors import BadInput
+from sci_lightning.files.array_file import read_array
 
 
 def read_matlab_video(path: str | Path, key: str) -> np.ndarray:

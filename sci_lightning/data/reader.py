@@ -17,8 +17,8 @@ from numpy.lib import format as npy
 
 from sci_lightning.data.container_end import declared_bytes
 from sci_lightning.errors import BadInput
-from sci_lightning.memory_bound import check_memory, check_stored
-from sci_lightning.npy_file import npy_header
+from sci_lightning.files.memory_bound import check_memory, check_stored
+from sci_lightning.files.npy_file import npy_header
 
 IMAGES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"})
 VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v"})

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.lib import format as npy
 from rich.progress import track
 
-from sci_lightning.atomic_file import whole_file
-from sci_lightning.console import PlainConsole
+from sci_lightning.cli.console import PlainConsole
 from sci_lightning.data.reader import frame_files, read_frames
 from sci_lightning.errors import BadInput, as_machine_failure
-from sci_lightning.npy_file import npy_header
+from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.npy_file import npy_header
 
 TRAILER = struct.Struct("<8sII")
 MARK = b"SCI-CRC\n"

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from sci_lightning.bounds import Frames, Repeats, Scenes, Seed, Size
+from sci_lightning.configuration.bounds import Frames, Repeats, Scenes, Seed, Size
 from sci_lightning.data.moving_scene import MovingScene
 from sci_lightning.data.photographs import HELD_OUT, TRAINING, Photograph, load_photographs
 from sci_lightning.data.source import Clips, Scene

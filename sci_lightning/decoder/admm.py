@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import torch
 
-from sci_lightning.bounds import Iterations
-from sci_lightning.decoder.data_step import data_step, snapshot
+from sci_lightning.configuration.bounds import Iterations
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
-from sci_lightning.decoder.initial_estimate import mask_total
 from sci_lightning.decoder.iterative import Iterative
+from sci_lightning.decoder.layers.data_step import data_step, snapshot
+from sci_lightning.decoder.layers.initial_estimate import mask_total
 from sci_lightning.decoder.motion_filter import MotionFilter
 from sci_lightning.errors import BadInput
 

@@ -7,10 +7,10 @@ from collections import OrderedDict
 import torch
 from torch import nn
 
-from sci_lightning.bounds import Frames, Width
+from sci_lightning.configuration.bounds import Frames, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.initial_estimate import mean_frame
-from sci_lightning.decoder.named_block import named_block
+from sci_lightning.decoder.layers.initial_estimate import mean_frame
+from sci_lightning.decoder.layers.named_block import named_block
 from sci_lightning.errors import BadInput
 
 

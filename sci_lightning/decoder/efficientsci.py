@@ -5,11 +5,11 @@ from __future__ import annotations
 import torch
 from torch import nn
 
-from sci_lightning.bounds import Depth, Width
-from sci_lightning.decoder.convolution3d import Conv3d, one_channel, shuffle_up
+from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.initial_estimate import mean_frame
-from sci_lightning.decoder.temporal_attention import TemporalAttention
+from sci_lightning.decoder.kernels.convolution3d import Conv3d, one_channel, shuffle_up
+from sci_lightning.decoder.layers.initial_estimate import mean_frame
+from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.errors import BadInput
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import torch
 from torch import nn
 
-from sci_lightning.bounds import Depth, Frames, Width
-from sci_lightning.decoder.data_step import data_step, snapshot
+from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.initial_estimate import mask_total, mean_frame
-from sci_lightning.decoder.named_block import named_block
+from sci_lightning.decoder.layers.data_step import data_step, snapshot
+from sci_lightning.decoder.layers.initial_estimate import mask_total, mean_frame
+from sci_lightning.decoder.layers.named_block import named_block
 from sci_lightning.errors import BadInput
 
 Features = list[torch.Tensor]

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import torch
 
-from sci_lightning.bounds import Depth, Frames, Width
-from sci_lightning.decoder.data_step import data_step
+from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.initial_estimate import mask_total
-from sci_lightning.decoder.unet import UNet
+from sci_lightning.decoder.layers.data_step import data_step
+from sci_lightning.decoder.layers.initial_estimate import mask_total
+from sci_lightning.decoder.layers.unet import UNet
 
 
 class GAPNet(Decoder):

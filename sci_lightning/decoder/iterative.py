@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import torch
 
-from sci_lightning.bounds import MOST_ITERATIONS, Iterations, Positive
+from sci_lightning.configuration.bounds import MOST_ITERATIONS, Iterations, Positive
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
-from sci_lightning.decoder.initial_estimate import mean_video
+from sci_lightning.decoder.layers.initial_estimate import mean_video
 from sci_lightning.decoder.motion_filter import MotionFilter
 from sci_lightning.errors import BadInput
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import torch
 from torch import nn
 
-from sci_lightning.bounds import Depth, Frames, Width
+from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.initial_estimate import mean_frame
+from sci_lightning.decoder.layers.initial_estimate import mean_frame
 
 
 class ResidualBlock(nn.Module):

@@ -9,7 +9,7 @@ from annotated_types import Interval
 from torch import nn
 from torch.nn import functional as F
 
-from sci_lightning.bounds import Pixels, Reach, Repeats
+from sci_lightning.configuration.bounds import Pixels, Reach, Repeats
 from sci_lightning.errors import BadInput
 
 SMOOTH = 3

@@ -7,10 +7,10 @@ from typing import Any
 import torch
 from torch import nn
 
-from sci_lightning.bounds import Depth, Width
-from sci_lightning.decoder.convolution3d import Conv3d, Doubling, one_channel
+from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.initial_estimate import mean_frame
+from sci_lightning.decoder.kernels.convolution3d import Conv3d, Doubling, one_channel
+from sci_lightning.decoder.layers.initial_estimate import mean_frame
 
 
 class ReversibleBlock(nn.Module):

@@ -8,11 +8,11 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from sci_lightning.bounds import Depth, Width
-from sci_lightning.decoder.data_step import data_step, snapshot
+from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.initial_estimate import mask_total
-from sci_lightning.decoder.named_block import named_block
+from sci_lightning.decoder.layers.data_step import data_step, snapshot
+from sci_lightning.decoder.layers.initial_estimate import mask_total
+from sci_lightning.decoder.layers.named_block import named_block
 
 Maps = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
 

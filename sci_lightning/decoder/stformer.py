@@ -8,15 +8,15 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from sci_lightning.bounds import Depth, Frames, Width
-from sci_lightning.decoder.chain import Chain
-from sci_lightning.decoder.convolution3d import Conv3d, Doubling, one_channel
-from sci_lightning.decoder.data_step import data_step
+from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.initial_estimate import mask_total
-from sci_lightning.decoder.named_block import named_block
-from sci_lightning.decoder.temporal_attention import TemporalAttention
-from sci_lightning.decoder.window_attention import WindowAttention
+from sci_lightning.decoder.kernels.convolution3d import Conv3d, Doubling, one_channel
+from sci_lightning.decoder.layers.chain import Chain
+from sci_lightning.decoder.layers.data_step import data_step
+from sci_lightning.decoder.layers.initial_estimate import mask_total
+from sci_lightning.decoder.layers.named_block import named_block
+from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
+from sci_lightning.decoder.layers.window_attention import WindowAttention
 
 WINDOW = 7
 
@@ -71,7 +71,7 @@ class STFormer(Decoder):
         frames: T.
         dim: C, width at full resolution after the first layer; 4C, of 4 heads, in the blocks (64; small: 16).
         units: pairs of blocks (4; large: 8).
-        checkpoint: train on less memory; see :class:`~sci_lightning.decoder.chain.Chain`.
+        checkpoint: train on less memory; see :class:`~sci_lightning.decoder.layers.chain.Chain`.
 
     Parameters: 19,490,177 with the defaults at T = 8.
     Source: Wang, Cao, Zhong and Yuan, "Spatial-temporal transformer for video snapshot compressive imaging", TPAMI

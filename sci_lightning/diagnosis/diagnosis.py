@@ -8,18 +8,18 @@ from functools import cached_property
 from typing import Any
 
 from sci_lightning.captures import Captures
-from sci_lightning.diagnosis.camera_model import CameraModel
-from sci_lightning.diagnosis.explain import explain
-from sci_lightning.diagnosis.fit import Fit, Fitter
-from sci_lightning.diagnosis.gap import gap
-from sci_lightning.diagnosis.leftover import IMPRECISE, Unnamed
-from sci_lightning.diagnosis.noise import stated
-from sci_lightning.diagnosis.observation import observe
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.gap import gap
+from sci_lightning.diagnosis.fit.split import split
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.noise import stated
+from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
-from sci_lightning.diagnosis.search import Round
-from sci_lightning.diagnosis.split import split
+from sci_lightning.diagnosis.residual_tests.where import ask
+from sci_lightning.diagnosis.search.explain import explain
+from sci_lightning.diagnosis.search.remaining_misfit import IMPRECISE, Unnamed
+from sci_lightning.diagnosis.search.search import Round
 from sci_lightning.diagnosis.verdict import verdict
-from sci_lightning.diagnosis.where import ask
 from sci_lightning.encoder.effects import Effect
 
 CERTAIN = 1e-4
@@ -56,7 +56,7 @@ class Diagnosis:
 
     @property
     def verdict(self) -> str:
-        """consistent, explained, partly_explained or unexplained; see :func:`~sci_lightning.diagnosis.verdict`."""
+        """consistent, explained, partly_explained or unexplained: :func:`~sci_lightning.diagnosis.verdict.verdict`."""
         return verdict(self.gaps, len(self.names), len(self.unnamed), len(self.left))
 
     @cached_property

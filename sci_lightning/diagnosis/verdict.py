@@ -9,7 +9,7 @@ from typing import Any
 import torch
 from scipy.stats import chi2 as chi2_distribution
 
-from sci_lightning.diagnosis.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.residual_tests.residual_test import SIGNIFICANT
 
 NEGLIGIBLE = 1.05
@@ -78,7 +78,7 @@ def verdict(gaps: Mapping[str, Mapping[str, Any]], names: int, unnamed: int, str
     chi2, because chi2 rises towards 1 where the noise had been overestimated.
 
     Args:
-        gaps: ``before`` and ``after``, see :func:`~sci_lightning.diagnosis.gap.gap`.
+        gaps: ``before`` and ``after``, see :func:`~sci_lightning.diagnosis.fit.gap.gap`.
         names: how many effects were named.
         unnamed: how many deviations without a name were found.
         structure: how many residual tests find more than noise.

@@ -8,12 +8,12 @@ made here as well.
     write_captures("captures.h5", captures)      # and captures.truth.json, for after the diagnosis
 """
 
-from sci_lightning.virtual_camera.camera import VirtualCamera
 from sci_lightning.virtual_camera.captures import Captures, capture_session, write_captures
 from sci_lightning.virtual_camera.choice import choose
+from sci_lightning.virtual_camera.hardware.camera import VirtualCamera
+from sci_lightning.virtual_camera.hardware.vocabulary import EFFECTS, OUTSIDE, VOCABULARY
 from sci_lightning.virtual_camera.session import Session
 from sci_lightning.virtual_camera.shots import Shots
-from sci_lightning.virtual_camera.vocabulary import EFFECTS, OUTSIDE, VOCABULARY
 
 __all__ = [
     "EFFECTS",

@@ -7,8 +7,8 @@ from typing import Any
 
 from omegaconf import DictConfig
 
-from sci_lightning.command import plain, run
-from sci_lightning.console import PlainConsole, styled
+from sci_lightning.cli.command import plain, run
+from sci_lightning.cli.console import PlainConsole, styled
 
 
 def virtual_camera(cfg: DictConfig) -> None:
@@ -17,7 +17,7 @@ def virtual_camera(cfg: DictConfig) -> None:
     Args:
         cfg: ``conf/virtual_camera.yaml``, composed.
     """
-    from sci_lightning.next_command import invocation, print_next
+    from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.virtual_camera import Session, capture_session, write_captures
 
     given = plain(cfg)

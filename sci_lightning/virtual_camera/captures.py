@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from sci_lightning.atomic_file import whole_file
 from sci_lightning.errors import BadInput
-from sci_lightning.hdf5_file import write_hdf5
-from sci_lightning.virtual_camera.camera import VirtualCamera
+from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.hdf5_file import write_hdf5
 from sci_lightning.virtual_camera.choice import choose
-from sci_lightning.virtual_camera.effect import Effect
 from sci_lightning.virtual_camera.evidence import log_likelihood_gains
+from sci_lightning.virtual_camera.hardware.camera import VirtualCamera
+from sci_lightning.virtual_camera.hardware.effect import Effect
+from sci_lightning.virtual_camera.hardware.vocabulary import VOCABULARY
 from sci_lightning.virtual_camera.session import Session
 from sci_lightning.virtual_camera.shots import Shots
-from sci_lightning.virtual_camera.vocabulary import VOCABULARY
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sci_lightning.errors import BadInput
-from sci_lightning.virtual_camera.effect import Effect
 from sci_lightning.virtual_camera.evidence import weak
+from sci_lightning.virtual_camera.hardware.effect import Effect
+from sci_lightning.virtual_camera.hardware.vocabulary import EFFECTS, OUTSIDE, VOCABULARY
 from sci_lightning.virtual_camera.session import Session
 from sci_lightning.virtual_camera.stream import stream
-from sci_lightning.virtual_camera.vocabulary import EFFECTS, OUTSIDE, VOCABULARY
 
 LOTS = {"random": VOCABULARY, "outside": OUTSIDE}
 

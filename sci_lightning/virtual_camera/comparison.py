@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sci_lightning.virtual_camera.parameter import Value
+from sci_lightning.virtual_camera.hardware.parameter import Value
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from scipy.special import log_ndtr
 
-from sci_lightning.virtual_camera.camera import VirtualCamera
-from sci_lightning.virtual_camera.converter import BitDepth, ReadNoise
-from sci_lightning.virtual_camera.effect import Effect
+from sci_lightning.virtual_camera.hardware.camera import VirtualCamera
+from sci_lightning.virtual_camera.hardware.converter import BitDepth, ReadNoise
+from sci_lightning.virtual_camera.hardware.effect import Effect
 from sci_lightning.virtual_camera.session import Session
 from sci_lightning.virtual_camera.shots import Shots
 from sci_lightning.virtual_camera.stream import stream

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from sci_lightning.errors import BadInput
-from sci_lightning.npy_file import npy_array
+from sci_lightning.files.npy_file import npy_array
 
 
 def structural(random: np.random.Generator, frames: int, size: tuple[int, int], bits: int) -> np.ndarray:

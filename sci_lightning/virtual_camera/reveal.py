@@ -7,13 +7,13 @@ from pathlib import Path
 
 from rich.table import Table
 
-from sci_lightning.console import PlainConsole, styled
+from sci_lightning.cli.console import PlainConsole, styled
+from sci_lightning.cli.next_command import invocation, print_next
 from sci_lightning.errors import BadInput
-from sci_lightning.next_command import invocation, print_next
-from sci_lightning.plain_text import one_printable_line
+from sci_lightning.files.plain_text import one_printable_line
 from sci_lightning.virtual_camera.answer_files import read_report, read_truth
 from sci_lightning.virtual_camera.comparison import Compared, compare, verdict
-from sci_lightning.virtual_camera.parameter import Value
+from sci_lightning.virtual_camera.hardware.parameter import Value
 
 
 def reveal(truth: str, report: str) -> None:

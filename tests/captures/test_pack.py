@@ -288,7 +288,7 @@ def test_more_slots_than_anybody_packs(folder, tmp_path):
 
 
 def test_a_file_that_is_named_again_and_again(folder, tmp_path, monkeypatch):
-    monkeypatch.setattr("sci_lightning.memory_bound.memory_bound", lambda: 8 * SHOTS[0].nbytes)
+    monkeypatch.setattr("sci_lightning.files.memory_bound.memory_bound", lambda: 8 * SHOTS[0].nbytes)
     for entries in ([{"measurement": ["shot0.tif"] * 4}], [{"measurement": "shot0.tif"} for _ in range(4)]):
         recipe(folder, *entries)
         with pytest.raises(BadInput, match="this machine's memory"):

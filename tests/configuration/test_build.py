@@ -84,7 +84,7 @@ def test_what_the_user_names() -> None:
         ("torch.nn.Nothing", "no such class"),
         ("torch", "expected the path of a class"),
         (5, "expected the path of a class"),
-        ("sci_lightning.conf_folder.PACKAGE", "not a class or a function"),
+        ("sci_lightning.configuration.conf_folder.PACKAGE", "not a class or a function"),
     ):
         with pytest.raises(BadInput, match=line):
             build({"_target_": target}, "decoder")
@@ -106,12 +106,12 @@ ATTACKS = [
     "numpy.load",
     "sympy.sympify",
     "torch.nn.Linear",
-    "sci_lightning.checkpoint.Path.touch",
-    "sci_lightning.checkpoint.torch.load",
-    "sci_lightning.command.run",
+    "sci_lightning.runs.checkpoint.Path.touch",
+    "sci_lightning.runs.checkpoint.torch.load",
+    "sci_lightning.cli.command.run",
     "sci_lightning.decoder.decoder.nn.Identity",
     "sci_lightning.encoder.mask.measured.read_mask",
-    "sci_lightning.system.System",
+    "sci_lightning.training.system.System",
     "sci_lightning.decoder.E2ECNN.__init__.__globals__",
     "sci_lightning.data.Folder",
     "..os.system",

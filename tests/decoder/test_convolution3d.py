@@ -6,8 +6,8 @@ import pytest
 import torch
 from torch.nn import functional as F
 
-from sci_lightning.decoder.convolution3d import Conv3d, Doubling, one_channel
-from sci_lightning.decoder.winograd import winograd
+from sci_lightning.decoder.kernels.convolution3d import Conv3d, Doubling, one_channel
+from sci_lightning.decoder.kernels.winograd import winograd
 
 CASES = {  # channels, outputs, kernel, stride; shape (N, T, H, W)
     "tiles": ((32, 48, 3, 1), (1, 8, 13, 17)),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.decoder.data_step import data_step, snapshot
-from sci_lightning.decoder.initial_estimate import mask_total
+from sci_lightning.decoder.layers.data_step import data_step, snapshot
+from sci_lightning.decoder.layers.initial_estimate import mask_total
 
 
 def test_projection_explains_the_measurement() -> None:

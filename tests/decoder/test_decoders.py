@@ -11,7 +11,7 @@ from omegaconf import DictConfig
 
 from sci_lightning.decoder import Decoder, Res2former
 from sci_lightning.decoder.complexity import count_macs, count_parameters
-from sci_lightning.decoder.initial_estimate import mean_video
+from sci_lightning.decoder.layers.initial_estimate import mean_video
 from sci_lightning.errors import BadInput
 from tests.conftest import members
 

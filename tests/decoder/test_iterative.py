@@ -9,10 +9,10 @@ import torch
 from torch.nn.functional import interpolate
 
 from sci_lightning.decoder import ADMM, GAP
-from sci_lightning.decoder.data_step import snapshot
 from sci_lightning.decoder.denoiser import WNNM, Denoiser, TotalVariation
-from sci_lightning.decoder.initial_estimate import mean_video
 from sci_lightning.decoder.iterative import Iterative
+from sci_lightning.decoder.layers.data_step import snapshot
+from sci_lightning.decoder.layers.initial_estimate import mean_video
 from sci_lightning.errors import BadInput
 
 BOTH = pytest.mark.parametrize("algorithm", [GAP, ADMM])

@@ -9,8 +9,8 @@ import torch
 from torch.nn.functional import interpolate
 
 from sci_lightning.decoder import GAP, MotionFilter
-from sci_lightning.decoder.data_step import snapshot
 from sci_lightning.decoder.denoiser import TotalVariation
+from sci_lightning.decoder.layers.data_step import snapshot
 from sci_lightning.errors import BadInput
 
 

@@ -14,14 +14,14 @@ from omegaconf import DictConfig
 from torch import nn
 from torch.nn import functional as F
 
-from sci_lightning.conf_folder import PACKAGE
+from sci_lightning.configuration.conf_folder import PACKAGE
 from sci_lightning.decoder import Decoder
 from sci_lightning.decoder.complexity import count_macs, count_parameters
 from sci_lightning.decoder.paper_count import count_as_paper
 from sci_lightning.errors import BadInput
 from tests.conftest import members
 
-PAPER = yaml.safe_load((PACKAGE / "paper_figures.yaml").read_text())["decoders"]
+PAPER = yaml.safe_load((PACKAGE / "tables" / "paper_figures.yaml").read_text())["decoders"]
 FILES = {"admm_net": "admmnet", "gap_net": "gapnet"}
 """Decoders whose reference file bears another name."""
 

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from sci_lightning.decoder import ADMMNet, GAPNet
-from sci_lightning.decoder.data_step import snapshot
-from sci_lightning.decoder.unet import UNet
+from sci_lightning.decoder.layers.data_step import snapshot
+from sci_lightning.decoder.layers.unet import UNet
 
 SIZE = (4, 12, 16)
 

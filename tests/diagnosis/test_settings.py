@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from sci_lightning.captures import read_captures
-from sci_lightning.configuration.settings import check_settings
+from sci_lightning.cli.settings import check_settings
 from sci_lightning.diagnosis.diagnosis import diagnose
-from sci_lightning.diagnosis.observation import observe
-from sci_lightning.diagnosis.report import describe
-from sci_lightning.diagnosis.sentences import headline
+from sci_lightning.diagnosis.model.observation import observe
+from sci_lightning.diagnosis.report.report import describe
+from sci_lightning.diagnosis.report.sentences import headline
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera import Session, capture_session, write_captures

@@ -11,14 +11,14 @@ import torch
 
 from sci_lightning.captures import read_captures
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
-from sci_lightning.diagnosis.gap import gap
-from sci_lightning.diagnosis.report import describe
-from sci_lightning.diagnosis.sentences import CLEAN, headline
+from sci_lightning.diagnosis.fit.gap import gap
+from sci_lightning.diagnosis.report.report import describe
+from sci_lightning.diagnosis.report.sentences import CLEAN, headline
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE, largest_by_chance, variance_of_squares, verdict
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, capture_session, write_captures
+from tests.diagnosis.report.test_sentences import GHOST, SHIFT
 from tests.diagnosis.residual_tests.test_residual_test import with_p
-from tests.diagnosis.test_sentences import GHOST, SHIFT
 
 
 @pytest.mark.parametrize("count", [40, 300, 3000])

@@ -17,7 +17,7 @@ from sci_lightning.encoder.effects import Gain, MaskShift, OpticalBlur, Prnu, Sh
 from sci_lightning.encoder.mask import LearnedStructural, RandomStructural
 from sci_lightning.encoder.sensor import ClipQuantise, Ideal
 from sci_lightning.errors import BadInput
-from sci_lightning.system import System
+from sci_lightning.training.system import System
 
 
 def camera(*effects: object, learned: bool = False, size: tuple[int, int] = (16, 16)) -> Encoder:

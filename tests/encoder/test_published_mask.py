@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from sci_lightning.encoder.mask import LearnedStructural, Measured, published_mask
-from sci_lightning.encoder.structure import structure
+from sci_lightning.encoder.mask.structure import structure
 from sci_lightning.errors import BadInput
 
 

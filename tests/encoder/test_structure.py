@@ -8,8 +8,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sci_lightning.encoder.mask.structure import structure
 from sci_lightning.encoder.rounding import round_half_up, straight_through
-from sci_lightning.encoder.structure import structure
 from sci_lightning.errors import BadInput
 
 

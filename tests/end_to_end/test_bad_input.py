@@ -12,9 +12,9 @@ import pytest
 import torch
 from scipy.io import savemat
 
-from sci_lightning.checkpoint import read_checkpoint
 from sci_lightning.decoder import E2ECNN
 from sci_lightning.errors import BadInput
+from sci_lightning.runs.checkpoint import read_checkpoint
 from tests.conftest import members
 from tests.end_to_end.test_train import TINY
 from tests.test_configs import clips
@@ -179,9 +179,9 @@ def checkpoint(refused: Refused, tmp_path: Path) -> Path:
     from hydra import compose, initialize_config_dir
     from hydra.utils import instantiate
 
-    from sci_lightning.command import plain
-    from sci_lightning.conf_folder import CONF
-    from sci_lightning.system import System
+    from sci_lightning.cli.command import plain
+    from sci_lightning.configuration.conf_folder import CONF
+    from sci_lightning.training.system import System
 
     with initialize_config_dir(str(CONF), version_base="1.3"):
         cfg = compose("train", overrides=TINY)
@@ -220,7 +220,7 @@ def test_checkpoints_that_would_execute(refused: Refused, checkpoint: Path, tmp_
         assert "refused" in refused("evaluate", f"ckpt_path={name}", "data=synthetic")
         assert "refused" in refused("reconstruct", f"ckpt_path={name}", "measurement=x.npy")
     content = torch.load(checkpoint, weights_only=True)
-    for target in ("os.system", "pathlib.Path", "sci_lightning.checkpoint.Path.touch", "sci_lightning.command.run"):
+    for target in ("os.system", "pathlib.Path", "sci_lightning.runs.checkpoint.Path.touch", "sci_lightning.train.run"):
         content["config"]["decoder"] = {"_target_": target, "_args_": [str(tmp_path / "executed")]}
         torch.save(content, tmp_path / "c.ckpt")
         assert "not a module of sci_lightning" in refused("evaluate", "ckpt_path=c.ckpt", "data=synthetic")

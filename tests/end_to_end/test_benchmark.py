@@ -11,7 +11,8 @@ from typing import Any
 
 import pytest
 
-from sci_lightning import benchmark, decoder_cost
+from sci_lightning.benchmark import __main__ as benchmark
+from sci_lightning.benchmark import decoder_cost
 from sci_lightning.errors import BadInput
 from tests.conftest import members
 

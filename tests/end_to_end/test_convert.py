@@ -12,9 +12,9 @@ import torch
 from safetensors import safe_open
 from safetensors.torch import save_file
 
-from sci_lightning.checkpoint import read_checkpoint
 from sci_lightning.decoder import E2ECNN
-from sci_lightning.encoder.structure import structure
+from sci_lightning.encoder.mask.structure import structure
+from sci_lightning.runs.checkpoint import read_checkpoint
 from tests.decoder.test_published import as_published, random_state
 from tests.end_to_end.test_train import TINY
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import torch
 
-from sci_lightning.checkpoint import read_checkpoint
+from sci_lightning.runs.checkpoint import read_checkpoint
+from tests.cli.test_encoder_file import encoder_file
 from tests.end_to_end.test_train import TINY
-from tests.test_encoder_file import encoder_file
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 SMALL = [*TINY, "trainer.max_epochs=1", "data.scenes_count=1", "callbacks.pictures=null", "logger=none"]

@@ -14,10 +14,10 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from sci_lightning.captures import Captures, read_captures
-from sci_lightning.checkpoint import write_weights
-from sci_lightning.command import plain
+from sci_lightning.cli.command import plain
 from sci_lightning.decoder import GAPNet
 from sci_lightning.metrics.psnr import psnr
+from sci_lightning.runs.checkpoint import write_weights
 from sci_lightning.virtual_camera import Session, capture_session, write_captures
 
 Run = Callable[..., str]

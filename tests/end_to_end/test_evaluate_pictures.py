@@ -14,9 +14,9 @@ import torch
 from matplotlib.figure import Figure
 from PIL import Image
 
-from sci_lightning.callbacks import Pictures, ScenePictures
 from sci_lightning.data.source import Scene
-from sci_lightning.results import with_effects
+from sci_lightning.runs.results import with_effects
+from sci_lightning.training.callbacks import Pictures, ScenePictures
 
 QUICK = ["decoder=gap_tv", "decoder.iterations=[2]", "data=synthetic", "size=[32,32]", "metrics.qscore=null"]
 QUICK += ["trainer.accelerator=cpu"]
@@ -54,7 +54,7 @@ def test_names_of_scenes_are_file_names_and_titles(names: list[str], tmp_path: P
     from sci_lightning.encoder.mask import RandomBinary
     from sci_lightning.encoder.sensor import Ideal
     from sci_lightning.metrics import PSNR
-    from sci_lightning.system import System
+    from sci_lightning.training.system import System
 
     encoder = Encoder(RandomBinary(2, (16, 16)), Ideal())
     system = System(encoder, GAP(TotalVariation(), strengths=[0.1], iterations=[1]), metrics={"psnr": PSNR()})

@@ -11,14 +11,14 @@ import torch
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
-from sci_lightning.checkpoint import read_checkpoint, write_weights
-from sci_lightning.command import plain
+from sci_lightning.cli.command import plain
 from sci_lightning.data.loader import ClipLoader, scene_loader
 from sci_lightning.data.source import Clips, Scene
 from sci_lightning.decoder.complexity import count_parameters
 from sci_lightning.metrics import PSNR
-from sci_lightning.system import System
-from sci_lightning.training_checkpoint import TrainingCheckpointIO
+from sci_lightning.runs.checkpoint import read_checkpoint, write_weights
+from sci_lightning.training.system import System
+from sci_lightning.training.training_checkpoint import TrainingCheckpointIO
 from tests.conftest import members
 from tests.decoder.test_decoders import SMALL
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import torch
 
-from sci_lightning.checkpoint import load_file
+from sci_lightning.runs.checkpoint import load_file
 from tests.conftest import ROOT
 from tests.end_to_end.test_train import TINY
 
@@ -73,7 +73,7 @@ def test_killed_while_a_checkpoint_is_written(tmp_path: Path) -> None:
     path = tmp_path / "last.ckpt"
     script = f"""
 import os, signal, torch
-from sci_lightning.checkpoint import SafeCheckpointIO
+from sci_lightning.runs.checkpoint import SafeCheckpointIO
 first = {{"config": {{}}, "state_dict": {{"x": torch.ones(1000)}}}}
 SafeCheckpointIO().save_checkpoint(first, {str(path)!r})
 whole = torch.save

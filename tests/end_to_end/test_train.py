@@ -14,7 +14,7 @@ import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from tensorboard.plugins.custom_scalar.layout_pb2 import Layout
 
-from sci_lightning.checkpoint import read_checkpoint
+from sci_lightning.runs.checkpoint import read_checkpoint
 from tests.test_configs import clips
 
 Command = Callable[..., subprocess.CompletedProcess[str]]

@@ -24,15 +24,15 @@ TARGETS = (
     "sympy.sympify",
     "builtins.open",
     "builtins.eval",
-    "sci_lightning.checkpoint.Path.touch",
-    "sci_lightning.command.run",
+    "sci_lightning.runs.checkpoint.Path.touch",
+    "sci_lightning.cli.command.run",
     "sci_lightning.encoder.mask.measured.read_mask",
     "sci_lightning.encoder.mask.Measured",
     "sci_lightning.encoder.Encoder",
     "sci_lightning.encoder.effects.Prnu",
     "sci_lightning.decoder.E2ECNN",
     "sci_lightning.decoder.GAP",
-    "sci_lightning.system.System",
+    "sci_lightning.training.system.System",
     "torch.nn.Linear",
 )
 RESOLVED = (

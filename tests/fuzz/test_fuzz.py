@@ -19,18 +19,18 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from sci_lightning.checkpoint import Checkpoint, read_checkpoint, write_weights
-from sci_lightning.command import built
-from sci_lightning.command_settings import check_command_settings
-from sci_lightning.conf_folder import CONF
+from sci_lightning.cli.command import built
+from sci_lightning.cli.encoder_file import adopt_encoder_files
+from sci_lightning.cli.settings_check import check_command_settings
 from sci_lightning.configuration.build import build_from_file
+from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.decoder import Decoder
 from sci_lightning.encoder import Encoder
-from sci_lightning.encoder_file import adopt_encoder_files
 from sci_lightning.errors import BadInput
+from sci_lightning.runs.checkpoint import Checkpoint, read_checkpoint, write_weights
 from tests.end_to_end.test_train import TINY
 from tests.fuzz.hostile import mutations, values
-from tests.test_checkpoint import CONFIG, content
+from tests.runs.test_checkpoint import CONFIG, content
 
 SHORT = settings(
     deadline=None,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sci_lightning.virtual_camera import Session, Shots, VirtualCamera, choose
-from sci_lightning.virtual_camera.effect import Effect
+from sci_lightning.virtual_camera.hardware.effect import Effect
 
 SMALL = Session(size=(32, 32), frames=4, flat=2, all_on=1, all_off=1, dark=2, static=2, dynamic=2)
 

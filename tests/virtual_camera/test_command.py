@@ -8,7 +8,7 @@ import sys
 import h5py
 import pytest
 
-from sci_lightning import command as command_frame
+from sci_lightning.cli import command as command_frame
 from sci_lightning.virtual_camera.__main__ import virtual_camera
 
 SMALL = ("size=[16,20]", "frames=4", "seed=3")

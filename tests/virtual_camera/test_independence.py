@@ -11,14 +11,24 @@ import pytest
 
 import sci_lightning.virtual_camera as package
 
-FILES = sorted(Path(package.__file__).parent.glob("*.py"))
+FILES = sorted(Path(package.__file__).parent.rglob("*.py"))
 LIBRARIES = {"numpy", "scipy", "h5py", "skimage"}
-OWN = {"sci_lightning.errors", "sci_lightning.atomic_file", "sci_lightning.hdf5_file", "sci_lightning.npy_file"}
+OWN = {
+    "sci_lightning.errors",
+    "sci_lightning.files.atomic_file",
+    "sci_lightning.files.hdf5_file",
+    "sci_lightning.files.npy_file",
+}
 """How files are read and written, and errors; nothing of the physics."""
-PRINTING = {"sci_lightning.console", "sci_lightning.next_command", "sci_lightning.plain_text", "rich.table"}
-READING = {"sci_lightning.paper_tables.json_fields"}
+PRINTING = {
+    "sci_lightning.cli.console",
+    "sci_lightning.cli.next_command",
+    "sci_lightning.files.plain_text",
+    "rich.table",
+}
+READING = {"sci_lightning.files.json_fields"}
 COMMANDS = {
-    "__main__": {"sci_lightning.command", "omegaconf", *PRINTING},
+    "__main__": {"sci_lightning.cli.command", "omegaconf", *PRINTING},
     "reveal": PRINTING | READING,
 }
 

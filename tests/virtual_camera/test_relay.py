@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from sci_lightning.virtual_camera.relay import Relay
+from sci_lightning.virtual_camera.hardware.relay import Relay
 from tests.virtual_camera.conftest import SMALL, shots
 from tests.virtual_camera.test_effects import one_mirror
 

@@ -8,7 +8,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from sci_lightning.bounds import Depth, Width
+from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.denoiser.denoiser import Denoiser
 from sci_lightning.decoder.denoiser.fixed_norm import FixedNorm, keep_scale
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.bounds import Steps
+from sci_lightning.configuration.bounds import Steps
 from sci_lightning.decoder.denoiser.denoiser import Denoiser
 from sci_lightning.errors import BadInput
 

@@ -8,7 +8,7 @@ import torch
 from annotated_types import Interval
 from torch.nn import functional as F
 
-from sci_lightning.bounds import Depth, Positive, Reach, Repeats
+from sci_lightning.configuration.bounds import Depth, Positive, Reach, Repeats
 from sci_lightning.decoder.denoiser.denoiser import Denoiser
 from sci_lightning.errors import BadInput
 

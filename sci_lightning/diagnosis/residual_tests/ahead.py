@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import torch
 
-from sci_lightning.diagnosis.camera_model import Prediction
-from sci_lightning.diagnosis.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.model.camera_model import Prediction
 
 
 def predict_ahead(fitter: Fitter, fit: Fit) -> Prediction:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 
-from sci_lightning.diagnosis.chart_check import p_value_of
 from sci_lightning.diagnosis.residual_tests.position import PLACE
 from sci_lightning.diagnosis.residual_tests.residual_test import Answer, Picture
 from sci_lightning.diagnosis.residual_tests.residuals import Residuals
+from sci_lightning.diagnosis.search.map_check import p_value_of
 
 LEAST = 0.1
 """Of a value, the part of its width that the captures must have told, for it to be drawn in full size."""
 
 
 def chart(residuals: Residuals, name: str) -> Answer:
-    """An estimated map against what it should be; see :func:`~sci_lightning.diagnosis.chart_check.p_value_of`.
+    """An estimated map against what it should be; see :func:`~sci_lightning.diagnosis.search.map_check.p_value_of`.
 
     A map takes up whatever stays at its place: dust or a dead line too, which do not look like that.
     """

@@ -7,10 +7,10 @@ from functools import cached_property
 
 import torch
 
-from sci_lightning.diagnosis.camera_model import Prediction
-from sci_lightning.diagnosis.fit import Fit, Fitter
-from sci_lightning.diagnosis.likelihood import quantile_residuals
-from sci_lightning.diagnosis.observation import Observation
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.model.camera_model import Prediction
+from sci_lightning.diagnosis.model.likelihood import quantile_residuals
+from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.residual_tests.ahead import predict_ahead
 
 FAR = 6.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sci_lightning.encoder.effects.chart_effect import ChartEffect
+from sci_lightning.encoder.effects.map_effect import ChartEffect
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.signal import Signal
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import torch
 
-from sci_lightning.bounds import Depth
+from sci_lightning.configuration.bounds import Depth
 from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.errors import BadInput

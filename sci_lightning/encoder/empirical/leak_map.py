@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.encoder.effects.chart_effect import ChartEffect
+from sci_lightning.encoder.effects.map_effect import ChartEffect
 from sci_lightning.encoder.effects.parameter import Parameter
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import torch
 from torch import nn
 
-from sci_lightning.bounds import Bits, Frames, Seed, Size
+from sci_lightning.configuration.bounds import Bits, Frames, Seed, Size
 from sci_lightning.encoder.mask.mask import Mask, uniform
+from sci_lightning.encoder.mask.structure import check_binary
 from sci_lightning.encoder.rounding import round_half_up, straight_through
-from sci_lightning.encoder.structure import check_binary
 
 
 class LearnedBinary(Mask):

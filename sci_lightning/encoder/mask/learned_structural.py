@@ -5,9 +5,9 @@ from __future__ import annotations
 import torch
 from torch import nn
 
-from sci_lightning.bounds import Bits, Frames, Positive, Seed, Size
+from sci_lightning.configuration.bounds import Bits, Frames, Positive, Seed, Size
 from sci_lightning.encoder.mask.mask import Mask, uniform
-from sci_lightning.encoder.structure import check_bits, structure
+from sci_lightning.encoder.mask.structure import check_bits, structure
 from sci_lightning.errors import BadInput
 
 

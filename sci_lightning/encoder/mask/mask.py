@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import torch
 from torch import nn
 
-from sci_lightning.bounds import Frames, Size
+from sci_lightning.configuration.bounds import Frames, Size
 from sci_lightning.errors import BadInput
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import torch
 
-from sci_lightning.array_file import read_array
-from sci_lightning.bounds import MOST_FRAMES, Frames, Size
+from sci_lightning.configuration.bounds import MOST_FRAMES, Frames, Size
 from sci_lightning.encoder.mask.mask import Mask
 from sci_lightning.errors import BadInput
+from sci_lightning.files.array_file import read_array
 
 
 class Measured(Mask):

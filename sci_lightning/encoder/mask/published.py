@@ -8,7 +8,7 @@ from torch.nn.functional import one_hot
 from sci_lightning.encoder.mask.learned_structural import LearnedStructural
 from sci_lightning.encoder.mask.mask import Mask
 from sci_lightning.encoder.mask.measured import Measured
-from sci_lightning.encoder.structure import structure
+from sci_lightning.encoder.mask.structure import structure
 from sci_lightning.errors import BadInput
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.bounds import Bits, Frames, Seed, Size
+from sci_lightning.configuration.bounds import Bits, Frames, Seed, Size
 from sci_lightning.encoder.mask.mask import Mask, uniform
-from sci_lightning.encoder.structure import structure
+from sci_lightning.encoder.mask.structure import structure
 
 
 class RandomStructural(Mask):
@@ -15,7 +15,7 @@ class RandomStructural(Mask):
     Args:
         bits: mask bit depth, 1 to 8 (1: one open slot per pixel).
         frames, size, tile: see :class:`~sci_lightning.encoder.mask.Mask`.
-        seed: of the uniform draw that :func:`~sci_lightning.encoder.structure.structure` makes discrete.
+        seed: of the uniform draw that :func:`~sci_lightning.encoder.mask.structure.structure` makes discrete.
     """
 
     pattern: torch.Tensor

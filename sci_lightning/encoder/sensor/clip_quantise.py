@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import nn
 
-from sci_lightning.bounds import NonNegative, Positive
+from sci_lightning.configuration.bounds import NonNegative, Positive
 from sci_lightning.encoder.rounding import round_half_up, straight_through
 from sci_lightning.errors import BadInput
 

@@ -16,7 +16,7 @@ import torch
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 
-from sci_lightning.conf_folder import CONF
+from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.decoder.complexity import count_macs
 from tests.decoder.plain.birnat import birnat
 from tests.decoder.plain.e2e_cnn import e2e_cnn

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from sci_lightning.diagnosis.noise import stated
+from sci_lightning.diagnosis.model.noise import stated
 from sci_lightning.diagnosis.residual_tests import Residuals
-from tests.diagnosis.test_fit import NOISE, fitter
+from tests.diagnosis.fit.test_fit import NOISE, fitter
 
 
 @pytest.fixture(scope="module")

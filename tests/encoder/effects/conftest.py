@@ -9,7 +9,7 @@ import torch
 from hydra import compose, initialize_config_dir
 from hydra.utils import get_class
 
-from sci_lightning.conf_folder import CONF
+from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.mask import Mask, RandomStructural

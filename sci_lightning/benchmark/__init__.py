@@ -1,0 +1,1 @@
+"""What decoding costs: parameters, multiply-accumulates, seconds and memory."""

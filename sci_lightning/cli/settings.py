@@ -1,0 +1,180 @@
+"""The commands' own settings: type and range of every key that is not a group of choices.
+
+What a class takes is checked against its signature (:mod:`sci_lightning.configuration.arguments`); what stands at the
+top of ``conf/<command>.yaml`` is checked here. One key means the same in every command.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Annotated, Any
+
+from annotated_types import DocInfo, Interval, MinLen
+
+from sci_lightning.configuration.arguments import check_value
+from sci_lightning.configuration.bounds import Frames, NonNegative, Positive, Repeats, Seed, Size
+from sci_lightning.errors import BadInput
+from sci_lightning.files.memory_bound import memory_bound
+
+Name = Annotated[str, MinLen(1), DocInfo("a name")]
+Place = Annotated[str, MinLen(1), DocInfo("the path of a file or a folder")]
+Workers = Annotated[int, Interval(ge=0, le=1024)]
+Count = Annotated[int, Interval(ge=0, le=10**9)]
+
+SETTINGS: Mapping[str, Any] = {
+    # several commands
+    "out": Place,
+    "debug": bool,
+    "seed": Seed,
+    "frames": Frames,
+    "size": Size | Annotated[int, Interval(ge=1, le=65536)],
+    "crop": Size,
+    "ckpt_path": Place,
+    "trusted": Sequence[Name],
+    "captures": Place,
+    "device": Name,
+    "workers": Workers,
+    # train
+    "batch_size": Repeats,
+    "resume": bool,
+    "scale": Name,
+    "test_encoders": Mapping[str, Any],
+    # evaluate
+    "pictures": Count,
+    # reconstruct
+    "measurement": Place,
+    "key": Name,
+    "mask": Place,
+    "full_scale": Positive,
+    "aperture": Positive | str,
+    "fps": Annotated[float, Interval(gt=0, le=1000)],
+    # convert
+    "checkpoint": Place,
+    # tables
+    "runs": Place | Sequence[Place],
+    "mosaic": Count,
+    "sensor": Mapping[str, Positive | None],
+    # export_mask
+    "repeat": Repeats,
+    "canvas": Size,
+    "frame_rate": Positive,
+    "binary_rate": Positive,
+    "gray_rate": Positive,
+    # benchmark
+    "only": Sequence[Name],
+    "precision": Name,
+    "compile": bool,
+    "warm_up": Count,
+    "repeats": Repeats,
+    "budget": NonNegative,
+    "product": Annotated[int, Interval(ge=0, le=65536)],
+    # diagnose
+    "most": Count,
+    "empirical": bool,
+    "candidates": Annotated[Mapping[str, Name], DocInfo("effects of your own, +candidates.mine=my_module.Mine")],
+    # virtual_camera
+    "effects": Any,
+    "number": Count,
+    "magnitude": Name,
+    "bit_depth": Annotated[int, Interval(ge=1, le=16)],
+    "bits": Annotated[int, Interval(ge=1, le=8)],
+    "dark": Count,
+    "flat": Count,
+    "all_on": Count,
+    "all_off": Count,
+    "pattern": Count,
+    "static": Count,
+    "dynamic": Count,
+    "unknown": Count,
+    "dark_exposures": Sequence[Positive],
+    "full_well_e": Positive,
+    "read_noise_dn": NonNegative,
+    "datasheet": bool,
+    "oversampling": Repeats,
+    "surround": Name,
+    # proving_ground
+    "suites": Sequence[Name],
+    "seeds": Repeats,
+    "cases": Repeats,
+    "masks": Sequence[Name],
+    "bit_depths": Sequence[Annotated[int, Interval(ge=1, le=16)]],
+    "threads": Repeats,
+    "run": bool,
+}
+
+
+def check_settings(settings: Mapping[str, Any], nullable: Iterable[str]) -> None:
+    """Check a command's own settings.
+
+    Args:
+        settings: resolved values by key; keys that are not in :data:`SETTINGS` are groups and checked elsewhere.
+        nullable: keys that may be None, because that is what the command's file says where the user says nothing.
+
+    Raises:
+        BadInput: a value of another type or out of its range; a snapshot that no machine of this size could hold.
+    """
+    free = set(nullable)
+    for key, value in settings.items():
+        if key in SETTINGS:
+            check_value(key, value, SETTINGS[key] | None if key in free and SETTINGS[key] is not Any else SETTINGS[key])
+    check_field(settings.get("frames"), settings.get("size"))
+
+
+def check_field(frames: int | None, size: Sequence[int] | int | None, where: str = "") -> None:
+    """Refuse T frames of H x W pixels of which a few copies do not fit into this machine's memory.
+
+    Args:
+        frames, size: T and (H, W) in pixels, or the side of a square; None: not known.
+        where: what says so, for the message.
+
+    Raises:
+        BadInput: more than a quarter of the memory.
+    """
+    if frames is None or size is None:
+        return
+    height, width = (size, size) if isinstance(size, int) else size
+    needed, limit = 4 * frames * height * width, memory_bound() // 2
+    if needed > limit:
+        raise BadInput(
+            f"{where}frames={frames} size=[{height},{width}]: one video takes {needed / 2**30:.1f} GiB in float32, "
+            f"this machine has room for {limit / 2**30:.1f} GiB; give fewer frames or a smaller size"
+        )
+
+
+def check_fields(content: Any, where: str = "") -> None:
+    """Refuse an encoder whose masks and maps together do not fit into this machine's memory.
+
+    Args:
+        content: its plain configuration: in every mapping ``size`` and ``tile`` are (H, W) in pixels, of ``frames``
+            frames, of one where it names none.
+        where: what says so, for the message.
+
+    Raises:
+        BadInput: more than a quarter of the memory.
+    """
+    needed = 0
+    for section in _mappings(content):
+        frames = section.get("frames")
+        frames = frames if isinstance(frames, int) else 1
+        sides = [section[key] for key in ("size", "tile") if _is_size(section.get(key))]
+        for height, width in sides:
+            check_field(frames, (height, width), where)
+        needed += max((4 * frames * height * width for height, width in sides), default=0)
+    if needed > (limit := memory_bound() // 2):
+        raise BadInput(
+            f"{where}its masks and maps take {needed / 2**30:.1f} GiB, this machine has room for {limit / 2**30:.1f} "
+            "GiB; give fewer of them, or smaller ones"
+        )
+
+
+def _is_size(value: Any) -> bool:
+    return isinstance(value, (list, tuple)) and len(value) == 2 and all(isinstance(side, int) for side in value)
+
+
+def _mappings(content: Any) -> Iterator[Mapping[str, Any]]:
+    if isinstance(content, Mapping):
+        yield content
+        content = list(content.values())
+    if isinstance(content, (list, tuple)):
+        for value in content:
+            yield from _mappings(value)

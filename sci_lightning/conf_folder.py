@@ -1,8 +1,0 @@
-"""Where the configuration lies: inside an installed wheel, beside the package in a checkout."""
-
-from __future__ import annotations
-
-from pathlib import Path
-
-PACKAGE = Path(__file__).parent
-CONF = next(folder for folder in (PACKAGE / "conf", PACKAGE.parent / "conf") if folder.is_dir())

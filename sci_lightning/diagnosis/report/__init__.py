@@ -1,0 +1,1 @@
+"""The report of a diagnosis: verdict, sentences, pictures and files."""

@@ -1,0 +1,268 @@
+"""Pictures of a diagnosis, for the report's page, for files beside it and for dashboards."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import torch
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+from sci_lightning.diagnosis.diagnosis import Diagnosis
+from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, FAINT, style
+from sci_lightning.diagnosis.residual_tests import Picture, Residuals, ResidualTest
+from sci_lightning.diagnosis.residual_tests.drawing import OWN, draw_map, draw_test, hidden_by, limits
+from sci_lightning.diagnosis.residual_tests.position import PLACE
+from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
+from sci_lightning.diagnosis.search.search import Round
+
+SHOWN = 8
+"""Candidates of a round that are drawn."""
+DECADES = 5
+"""Labels at most on a logarithmic axis."""
+PANEL = 3.3
+"""Width of one map of residuals, in inches."""
+MEAN, SIZE = "mean (standard errors)", "RMS (σ; noise: 1)"
+
+
+def residuals_figure(before: Residuals, after: Residuals) -> Figure:
+    """Where they disagree: mean and root mean square of the residuals of every pixel over all captures.
+
+    If what is left cannot be seen on the scale of what there was, a third row shows it on its own scale.
+    """
+    means = [Picture("map", each.raw.mean(0) * len(each.raw) ** 0.5, axes=PLACE) for each in (before, after)]
+    sizes = [each.raw.square().mean(0).sqrt() for each in (before, after)]
+    spans = [(0.0, max(float(torch.quantile(size, 0.998)), 1.5)) for size in (torch.stack(sizes), sizes[1])]
+    own = hidden_by(means[0], means[1])
+    rows = 3 if own else 2
+    height, width = before.raw.shape[1:]
+    tall = PANEL * min(max(height / width, 0.5), 1.5)  # room left beside an image would be taken from its labels
+    with style():
+        figure = Figure(figsize=(8.8, rows * (tall + 0.45) + 0.3), layout="constrained")
+        grid = figure.subplots(rows, 2, sharex=True, sharey=True)
+        for column, when in enumerate(("before: the ideal camera", "after: with what was found")):
+            mean: Any = draw_map(grid[0, column], means[column], *limits(means))
+            size = _sizes(grid[1, column], sizes[column], spans[0])
+            grid[0, column].set_title(when, loc="left")
+        _colour_bar(figure, mean, list(grid[0]), MEAN)
+        _colour_bar(figure, size, list(grid[1]), SIZE)
+        if own:
+            mean = draw_map(grid[2, 0], means[1], *limits(means[1:]))
+            size = _sizes(grid[2, 1], sizes[1], spans[1])
+            for axes, image, label in ((grid[2, 0], mean, MEAN), (grid[2, 1], size, SIZE)):
+                axes.set_title(OWN, loc="left")
+                _colour_bar(figure, image, [axes], label)
+        for number, axes in enumerate(grid.ravel()):  # label_outer() no longer knows the places beside colour bars
+            last, first = number >= grid.size - 2, number % 2 == 0
+            axes.set(xlabel=PLACE[0] if last else "", ylabel=PLACE[1] if first else "")
+            axes.tick_params(labelbottom=last, labelleft=first)
+            axes.spines[:].set_visible(False)
+        return figure
+
+
+def _sizes(axes: Any, values: torch.Tensor, span: tuple[float, float]) -> Any:
+    return axes.imshow(values.numpy(), vmin=span[0], vmax=span[1], interpolation="nearest")
+
+
+def _colour_bar(figure: Figure, image: Any, axes: list[Any], label: str) -> None:
+    figure.colorbar(image, ax=axes, aspect=25, label=label).outline.set_visible(False)
+
+
+def example_figure(before: Residuals, after: Residuals) -> Figure:
+    """The held-out capture that the ideal camera misses most: as recorded, and its residuals before and after."""
+    seen = before.seen
+    held = before.fitter.split.held_capture
+    misfit = before.raw.square().mean((1, 2))
+    number = int(torch.where(held, misfit, -1.0).argmax() if held.any() else misfit.argmax())
+    pictures = [Picture("map", each.raw[number], axes=PLACE) for each in (before, after)]
+    own = hidden_by(*pictures)
+    titles = [f"capture {int(seen.number[number])} ({seen.kinds[number]})", "residual before", "residual after", OWN]
+    with style():
+        figure = Figure(figsize=(13.2 if own else 10.4, 3.1), layout="constrained")
+        grid = figure.subplots(1, 4 if own else 3, sharey=True)
+        recorded: Any = grid[0].imshow(seen.dn[number].numpy(), cmap="gray", vmin=0, interpolation="nearest")
+        for axes, picture in zip(grid[1:3], pictures, strict=True):
+            residual: Any = draw_map(axes, picture, *limits(pictures))
+        _colour_bar(figure, recorded, [grid[0]], "DN")
+        _colour_bar(figure, residual, list(grid[1:3]), "residual (σ)")
+        if own:
+            _colour_bar(figure, draw_map(grid[3], pictures[1], *limits(pictures[1:])), [grid[3]], "residual (σ)")
+        for axes, title in zip(grid, titles, strict=False):
+            axes.set_title(title, loc="left")
+            axes.set(xlabel=PLACE[0], ylabel=PLACE[1])
+            axes.label_outer()
+            axes.spines[:].set_visible(False)
+        return figure
+
+
+def histogram_figure(before: Residuals, after: Residuals) -> Figure:
+    """Residuals against the standard normal that they follow when the model is right."""
+    with style():
+        figure = Figure(figsize=(5.4, 3.4), layout="constrained")
+        axes = figure.subplots()
+        edges = np.linspace(-8, 8, 81)
+        middle = (edges[1:] + edges[:-1]) / 2
+        least = 0.3 / before.raw.numel() / (edges[1] - edges[0])
+        for each, colour, label in ((before, BEFORE, "before"), (after, AFTER, "after")):
+            count, _ = np.histogram(each.raw.clamp(-7.99, 7.99).numpy(), edges, density=True)
+            axes.stairs(count.clip(least), edges, color=colour, linewidth=1.4, label=label, baseline=least)
+        axes.plot(middle, np.exp(-(middle**2) / 2) / np.sqrt(2 * np.pi), "--", color=FAINT, label="standard normal")
+        axes.set(yscale="log", ylim=(least, 1), xlabel="residual (σ; all beyond 8 at 8)", ylabel="density")
+        axes.legend(loc="lower center")
+        return figure
+
+
+def evidence_figure(rounds: tuple[Round, ...], names: tuple[str, ...]) -> Figure:
+    """What every round considered: nats that each candidate would gain at a glance, and in a joint fit.
+
+    Args:
+        rounds: of the search.
+        names: effects that are in the model in the end.
+    """
+    with style():
+        columns = min(2, max(1, len(rounds)))
+        rows = max(1, -(-len(rounds) // columns))
+        figure = Figure(figsize=(4.6 * columns + 0.4, 0.8 + 2.5 * rows), layout="constrained")
+        grid = figure.subplots(rows, columns, squeeze=False, sharex=True).ravel()
+        for number, (axes, each) in enumerate(zip(grid, rounds, strict=False), start=1):
+            gains = {name: max(gain, each.fitted.get(name, (0.0, 0.0))[0]) for name, gain in each.screened.items()}
+            shown = sorted(gains, key=gains.__getitem__, reverse=True)[:SHOWN][::-1]
+            place = np.arange(len(shown))
+            screened = [max(each.screened[name], 0.1) for name in shown]
+            fitted = [max(each.fitted.get(name, (0.0, 0.0))[0], 0.1) for name in shown]
+            colours = [AFTER if name == each.added else FAINT for name in shown]
+            axes.barh(place, fitted, height=0.62, color=colours, label="joint fit")
+            axes.plot(screened, place, "|", color=BEFORE, markersize=9, markeredgewidth=1.6, label="at a glance")
+            axes.set_yticks(place, shown)
+            axes.set_xscale("log")
+            axes.set_xlim(left=1)
+            _label_decades(axes)
+            axes.tick_params(labelbottom=True)
+            dropped = " (dropped later)" if each.added and each.added not in names else ""
+            axes.set_title(f"round {number}: {each.added or 'nothing is worth its parameters'}{dropped}", loc="left")
+        for axes in grid[len(rounds) :]:
+            axes.set_axis_off()
+        if len(rounds):
+            figure.supxlabel("gain in log-likelihood (nats)", fontsize=9)
+            figure.legend(*grid[0].get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize=8)
+        return figure
+
+
+def _label_decades(axes: Any) -> None:
+    """Few enough labels on a logarithmic horizontal axis, and short enough ones, that none overlaps another."""
+    axes.xaxis.set_major_locator(LogLocator(numticks=DECADES))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: short(value)))
+
+
+def short(value: float) -> str:
+    """A number with at most a few digits, in thousands (k), millions (M) or thousand millions (G) if it is large."""
+    for factor, letter in ((1e9, "G"), (1e6, "M"), (1e4, "k")):
+        if value >= factor:
+            return f"{value / (1e3 if letter == 'k' else factor):.4g}{letter}"
+    return f"{value:.4g}"
+
+
+def gap_figure(gaps: dict[str, dict[str, Any]]) -> Figure:
+    """Reduced chi2 of every kind of capture, before and after."""
+    kinds = list(gaps["before"]["by_kind"])[::-1]
+    with style():
+        figure = Figure(figsize=(5.4, 0.9 + 0.34 * (len(kinds) + 1)), layout="constrained")
+        axes = figure.subplots()
+        pairs = [(when["chi2"], then["chi2"]) for when, then in ((gaps["before"], gaps["after"]),)]
+        pairs = [(gaps["before"]["by_kind"][k]["chi2"], gaps["after"]["by_kind"][k]["chi2"]) for k in kinds] + pairs
+        for place, (before, after) in enumerate(pairs):
+            axes.plot((before, after), (place, place), color=FAINT, linewidth=1, zorder=1)
+        for values, colour, label in zip(zip(*pairs, strict=True), (BEFORE, AFTER), ("before", "after"), strict=True):
+            axes.scatter(values, range(len(pairs)), s=34, color=colour, label=label, zorder=2)
+        axes.axvline(1, color=FAINT, linewidth=0.8, linestyle="--")
+        axes.set_yticks(range(len(pairs)), [*kinds, "all"])
+        axes.set_xscale("log")
+        low, high = min(min(pair) for pair in pairs), max(max(pair) for pair in pairs)
+        axes.set_xlim(min(0.8, 0.9 * low), max(1.3, 1.2 * high))
+        _label_decades(axes)
+        if high < 8:
+            axes.set_xticks([tick for tick in (0.8, 1, 1.2, 1.5, 2, 3, 5) if tick <= max(1.3, 1.2 * high)])
+        axes.set_xlabel("reduced chi2 on held-out pixels (1 = noise)")
+        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
+        return figure
+
+
+def correlation_figure(names: list[str], correlation: torch.Tensor) -> Figure:
+    """How the parameters trade off against each other."""
+    with style():
+        side = 1.6 + 0.42 * len(names)
+        figure = Figure(figsize=(side + 1.2, side), layout="constrained")
+        axes = figure.subplots()
+        others = correlation.clone().fill_diagonal_(math.nan)
+        image = axes.imshow(others.numpy(), cmap="RdBu_r", vmin=-1, vmax=1)
+        axes.set_xticks(range(len(names)), names, rotation=40, ha="right")
+        axes.set_yticks(range(len(names)), names)
+        axes.spines[:].set_visible(False)
+        for row, column in ((r, c) for r in range(len(names)) for c in range(len(names)) if r != c):
+            value = float(correlation[row, column])
+            colour = "white" if abs(value) > 0.6 else "black"
+            axes.text(column, row, f"{round(value, 2) + 0.0:.2f}", ha="center", va="center", fontsize=8, color=colour)
+        figure.colorbar(image, ax=axes, shrink=0.8, label="correlation").outline.set_visible(False)
+        return figure
+
+
+def chart_figure(values: torch.Tensor, unit: str) -> Figure:
+    """An estimated map: an image, or a profile along rows or columns."""
+    with style():
+        if min(values.shape) == 1:
+            figure = Figure(figsize=(6.4, 2.4), layout="constrained")
+            axes = PLACE[values.shape[0] > 1], unit
+            line = Picture("curve", values.flatten(), unit, tuple(map(float, range(values.numel()))), axes[:1])
+            draw_test(figure, [line], [""], [AFTER])
+        else:
+            figure = Figure(figsize=(4.6, 3.6), layout="constrained")
+            draw_test(figure, [Picture("map", values, unit, axes=PLACE)], [""], [AFTER])
+        return figure
+
+
+def unnamed_figure(unnamed: Unnamed) -> Figure:
+    """What no name explains: how much of the signal it is, and where."""
+    with style():
+        figure = Figure(figsize=(5, 3.6 if unnamed.picture.ndim == 2 else 2.6), layout="constrained")
+        axes = figure.subplots()
+        values = unnamed.picture.numpy()
+        if values.ndim == 2:
+            image = axes.imshow(values, vmin=min(0, values.min()), interpolation="nearest")
+            axes.set(xlabel=PLACE[0], ylabel=PLACE[1])
+            axes.spines[:].set_visible(False)
+            label = "RMS change of the signal (DN)"
+            figure.colorbar(image, ax=axes, shrink=0.85, label=label).outline.set_visible(False)
+        else:
+            axes.plot(values, color=AFTER, marker=".")
+            axes.axhline(0, color=FAINT, linewidth=0.8)
+        axes.set_title(f"{unnamed.stage}: {unnamed.where}", loc="left")
+        return figure
+
+
+def test_figure(before: ResidualTest | None, after: ResidualTest) -> Figure:
+    """A question's picture before and after; of a map that there was not before, after alone."""
+    asked = [("before", BEFORE, before)] if before else []
+    asked.append(("after", AFTER, after))
+    names, colours, tests = zip(*asked, strict=True)
+    own = before is not None and hidden_by(before.picture, after.picture)
+    with style():
+        height = 2.5 if after.picture.kind == "map" else 2.1
+        figure = Figure(figsize=(2.8 * (len(tests) + own) + 0.8, height), layout="constrained")
+        draw_test(figure, [each.picture for each in tests], names, colours, own)
+        return figure
+
+
+def figures(found: Diagnosis) -> dict[str, Figure]:
+    """The pictures that lie beside the report, by file name."""
+    before, after = found.residuals["before"], found.residuals["after"]
+    pictures = {
+        "residuals.png": residuals_figure(before, after),
+        "example.png": example_figure(before, after),
+        "histogram.png": histogram_figure(before, after),
+        "gap.png": gap_figure(found.gaps),
+        "evidence.png": evidence_figure(found.rounds, found.names),
+    }
+    return pictures | {f"unnamed_{n}.png": unnamed_figure(each) for n, each in enumerate(found.unnamed, start=1)}

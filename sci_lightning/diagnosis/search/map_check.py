@@ -1,0 +1,79 @@
+"""Does an estimated map look like what its name promises? Pixels that differ at random, each on its own."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from scipy.stats import chi2, norm
+
+from sci_lightning.diagnosis.model.fixed_pattern_map import Chart
+
+NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0))
+
+
+def p_value_of(chart: Chart) -> float:
+    """Of the hypothesis that the map's values are independent and Gaussian, corrected for the questions asked.
+
+    Hot pixels are few and may have any value; of them only the places are asked: none should prefer company.
+
+    The values are taken without the prior's pull, each with its own uncertainty, so that they are standard normal
+    numbers under the hypothesis.
+    """
+    if chart.kind == "hot":
+        return _company(chart.values > 0)
+    raw = chart.values + chart.slope / chart.weight.clamp(min=1e-12)
+    known = chart.weight > 1e-3 * chart.weight.median()
+    spread = (chart.std**2 + 1 / chart.weight.clamp(min=1e-12)).sqrt()
+    values = torch.where(known, raw / spread, 0.0)
+    count = int(known.sum())
+    if count < 16:
+        return 1.0
+    values = torch.where(known, (values - values[known].mean()) / values[known].std(), 0.0)
+    p_values = [_neighbours(values), _largest(values[known])]
+    if chart.kind not in ("row", "column"):
+        p_values += [_sums(values.sum(0), known.sum(0)), _sums(values.sum(1), known.sum(1)), _blocks(values, known)]
+    if count >= 200:
+        kurtosis = float((values[known] ** 4).mean()) - 3
+        p_values.append(2 * float(norm.sf(abs(kurtosis) / math.sqrt(24 / count))) if kurtosis > 0 else 1.0)
+    return min(1.0, min(p_values) * len(p_values))
+
+
+def _neighbours(values: torch.Tensor) -> float:
+    """Correlations with the neighbours, all in one."""
+    squares, asked = 0.0, 0
+    for down, across in NEIGHBOURS:
+        if values.shape[0] > down and values.shape[1] > abs(across):
+            moved = values.roll((down, across), (0, 1)) * values
+            moved = moved[down:, max(across, 0) : values.shape[1] + min(across, 0)]
+            if moved.numel() >= 16:
+                squares += float(moved.sum() ** 2 / (moved != 0).sum().clamp(min=1))
+                asked += 1
+    return float(chi2.sf(squares, asked)) if asked else 1.0
+
+
+def _largest(values: torch.Tensor) -> float:
+    """The largest one, for so many."""
+    return min(1.0, 2 * values.numel() * float(norm.sf(float(values.abs().max()))))
+
+
+def _sums(sums: torch.Tensor, counts: torch.Tensor) -> float:
+    """Whole rows, columns or blocks that lie high or low."""
+    some = counts > 0
+    return float(chi2.sf(float((sums[some].square() / counts[some]).sum()), int(some.sum()) - 1))
+
+
+def _blocks(values: torch.Tensor, known: torch.Tensor) -> float:
+    side = 8
+    pool = torch.nn.functional.avg_pool2d
+    sums = pool(values[None, None], side, ceil_mode=True, divisor_override=1).flatten()
+    counts = pool(known[None, None].to(values), side, ceil_mode=True, divisor_override=1).flatten()
+    return _sums(sums, counts)
+
+
+def _company(hot: torch.Tensor) -> float:
+    """Pairs of neighbours among the hot pixels, against a Poisson distribution."""
+    count, pixels = int(hot.sum()), hot.numel()
+    pairs = int((hot[1:] & hot[:-1]).sum() + (hot[:, 1:] & hot[:, :-1]).sum())
+    expected = 2 * count**2 / pixels + 1e-9
+    return float(chi2.cdf(2 * expected, 2 * pairs)) if pairs else 1.0

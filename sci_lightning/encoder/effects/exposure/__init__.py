@@ -1,0 +1,1 @@
+"""Effects of the exposure: when light is collected."""

@@ -1,0 +1,1 @@
+"""Effects of the modulator: what it displays differs from the commanded patterns."""

@@ -1,0 +1,116 @@
+"""One array out of a .npy, .mat (4 to 7.3) or HDF5 file, and nothing else of that file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sci_lightning.errors import BadInput
+from sci_lightning.files.stored_array import StoredArray
+
+if TYPE_CHECKING:
+    import h5py
+
+ENDINGS = (".npy", ".mat", ".h5", ".hdf5")
+MOST_NAMED = 20
+"""Arrays of a file that a message names."""
+
+
+def read_array(path: str | Path, *, prefer: str, dimensions: int, key: str | None = None) -> np.ndarray:
+    """Read a numeric array with time (or the snapshot's number) first.
+
+    MATLAB keeps ``(H, W, T)``: an array out of a .mat file is turned to ``(T, H, W)``, of either version, and a
+    two-dimensional one stays ``(H, W)``. Other arrays of the file are not read; an HDF5 file cannot name another file.
+
+    Args:
+        path: .npy, .mat, .h5 or .hdf5.
+        prefer: name of the array when ``key`` is None; failing that the only array with ``dimensions`` will do.
+        dimensions: how many the array must have.
+        key: name of the array in a .mat or HDF5 file.
+
+    Raises:
+        BadInput: missing or unreadable file, unknown ending, no such array, not numeric, other dimensions, more than
+            the file holds or than the bounds of memory_bound.py allow.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise BadInput(f"{path}: no such file")
+    if path.suffix.lower() not in ENDINGS:
+        raise BadInput(f"{path}: cannot read an array from '{path.suffix}'; use one of {', '.join(ENDINGS)}")
+    try:
+        if path.suffix.lower() in (".npy", ".mat") and not _is_hdf5(path):
+            return _read(path, _choose(path, _arrays(path), prefer, key, dimensions), dimensions)
+        return _read_hdf5(path, prefer, key, dimensions)
+    except BadInput as error:
+        raise error if str(error).startswith(str(path)) else BadInput(f"{path}: {error}") from error
+    except Exception as error:  # the readers raise whatever they like on a damaged file
+        reason = (str(error).splitlines() or [""])[0] or type(error).__name__
+        raise BadInput(f"{path}: not a readable {path.suffix} file, damaged or truncated ({reason})") from error
+
+
+def _read(path: Path, stored: StoredArray, dimensions: int) -> np.ndarray:
+    if len(stored.shape) != dimensions or not stored.numeric or 0 in stored.shape:
+        raise BadInput(
+            f"{path}: expected a numeric array of {dimensions} dimensions, found {stored.dtype} of shape {stored.shape}"
+        )
+    array = stored.read()
+    if array.shape != stored.shape or array.dtype.kind not in "buif":
+        raise ValueError(f"declared {stored.dtype} of shape {stored.shape}, holds {array.dtype} of {array.shape}")
+    return array
+
+
+def _choose(path: Path, arrays: dict[str, StoredArray], prefer: str, key: str | None, dimensions: int) -> StoredArray:
+    if path.suffix.lower() == ".npy":
+        return arrays[""]
+    if (name := key or prefer) in arrays:
+        return arrays[name]
+    fitting = [array for array in arrays.values() if len(array.shape) == dimensions]
+    if key is None and len(fitting) == 1:
+        return fitting[0]
+    names = [f"{name} {array.shape}" for name, array in arrays.items()]
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    raise BadInput(
+        f"{path}: no array named '{name}'; the file holds {', '.join(names[:MOST_NAMED]) or 'nothing'}{more}"
+    )
+
+
+def _arrays(path: Path) -> dict[str, StoredArray]:
+    if path.suffix.lower() == ".npy":
+        from sci_lightning.files.npy_file import npy_array
+
+        return {"": npy_array(path)}
+    from sci_lightning.files.matlab5_file import is_matlab4, matlab4_arrays, matlab5_arrays
+
+    return matlab4_arrays(path) if is_matlab4(path) else matlab5_arrays(path)
+
+
+def _is_hdf5(path: Path) -> bool:
+    import h5py
+
+    return path.suffix.lower() == ".mat" and bool(h5py.is_hdf5(path))
+
+
+def _read_hdf5(path: Path, prefer: str, key: str | None, dimensions: int) -> np.ndarray:
+    from sci_lightning.files.hdf5_file import hdf5_datasets, open_hdf5
+
+    matlab = path.suffix.lower() == ".mat"
+    with open_hdf5(path) as file:
+        arrays = {
+            name: _stored(name, item, matlab)
+            for name, item in hdf5_datasets(file).items()
+            if item.dtype.kind in "buif" and not name.startswith("#")  # what MATLAB keeps for itself
+        }
+        return _read(path, _choose(path, arrays, prefer, key, dimensions), dimensions)
+
+
+def _stored(name: str, item: h5py.Dataset, matlab: bool) -> StoredArray:
+    from sci_lightning.files.hdf5_file import read_dataset
+
+    shape: tuple[int, ...] = item.shape or ()
+    if not matlab or len(shape) < 2:
+        return StoredArray(shape, str(item.dtype), True, lambda: read_dataset(name, item))
+    # version 7.3 stores MATLAB's axes in reverse: (T, W, H)
+    turned = (*shape[:-2], shape[-1], shape[-2])
+    return StoredArray(turned, str(item.dtype), True, lambda: np.swapaxes(read_dataset(name, item), -1, -2))

@@ -1,0 +1,44 @@
+"""NumPy's .npy format: the header first, the numbers only if they are there."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+from numpy.lib import format as npy
+
+from sci_lightning.files.memory_bound import check_stored
+from sci_lightning.files.stored_array import StoredArray
+
+
+def npy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], np.dtype]:
+    """Read shape and type of an .npy stream, which is left at the first number.
+
+    Raises:
+        ValueError: no such header.
+    """
+    version = npy.read_magic(stream)
+    read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+    shape, _, dtype = read(stream)
+    return shape, dtype
+
+
+def npy_array(path: Path) -> StoredArray:
+    """Return the array of an .npy file without reading its numbers.
+
+    Raises:
+        ValueError, OSError: no .npy file.
+    """
+    with path.open("rb") as stream:
+        shape, dtype = npy_header(stream)
+        stored = os.fstat(stream.fileno()).st_size - stream.tell()
+
+    def read() -> np.ndarray:
+        check_stored(f"its array of shape {shape}", math.prod(shape) * dtype.itemsize, stored, compressed=False)
+        with path.open("rb") as stream:
+            return npy.read_array(stream, allow_pickle=False)
+
+    return StoredArray(shape, str(dtype), dtype.kind in "buif", read)

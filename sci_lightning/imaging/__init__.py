@@ -1,0 +1,1 @@
+"""Snapshots: reading them, checking that a mask belongs to them, and showing what was reconstructed."""

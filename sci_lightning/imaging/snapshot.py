@@ -1,0 +1,103 @@
+"""A snapshot that a camera took, read from a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from sci_lightning.errors import BadInput
+from sci_lightning.files.picture_file import read_pictures
+
+BIT_DEPTHS = (8, 10, 12, 14, 16)
+"""Of cameras."""
+DIM = 0.25
+"""Of full scale: an integer file whose largest value stays below may hold numbers of fewer bits."""
+DARK = 0.01
+"""Of full scale: a snapshot whose mean level stays below is hardly one."""
+LARGEST_SUM = 100.0
+"""A sum of frames that no sensor clipped is at most T times full scale; beyond this a file holds DN."""
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """What a file of snapshots holds.
+
+    Attributes:
+        path: of the file.
+        measurement: float32 ``(N, H, W)``, normalised by full scale.
+        full_scale: the number in the file that is 1.0.
+        integer: whether the file holds integers.
+    """
+
+    path: Path
+    measurement: torch.Tensor
+    full_scale: float
+    integer: bool
+
+    def doubt(self, brightest: float) -> str:
+        """Say in one line why the full scale does not seem to be this one, and which may be; empty: no doubt.
+
+        Args:
+            brightest: the most that a measurement can be, in units of full scale: 1 behind a sensor, the mask's sum
+                over time without one.
+        """
+        top, mean = float(self.measurement.max()), float(self.measurement.mean())
+        largest = top * self.full_scale
+        level = f"the largest value is {largest:g}, the mean level {mean:.3g} of full_scale={self.full_scale:g}"
+        about = f"{self.path}: {level}"
+        fitting = [2**bits - 1 for bits in BIT_DEPTHS if 2**bits > largest]
+        if top > 1.05 * brightest:
+            fits = next((2**bits - 1 for bits in BIT_DEPTHS if largest <= 1.05 * brightest * (2**bits - 1)), None)
+            likely = f"full_scale={fits}" if fits else "another full_scale="
+            return (
+                f"{about}; with this mask no more than {brightest:.3g} can be reached: check the units, give {likely}?"
+            )
+        if self.integer and top <= DIM and fitting and fitting[0] < self.full_scale:
+            bits = fitting[0].bit_length()
+            return (
+                f"{about}; numbers of {bits} bits in a file made for more? Then give full_scale={fitting[0]} (of a sum "
+                "of frames made by software: that of one frame, as 255); else the exposure was short"
+            )
+        if mean < DARK:
+            return f"{about}; that is nearly dark: check full_scale= and the exposure"
+        return ""
+
+
+def read_snapshot(
+    path: str | Path, *, key: str | None = None, full_scale: float | None = None, bit_depth: int = 8
+) -> Snapshot:
+    """Read one or several snapshots.
+
+    Args:
+        path: TIFF or PNG (one grey picture, or a TIFF stack), NPY ``(H, W)`` or ``(N, H, W)``, or MAT, in which several
+            snapshots are ``(H, W, N)``.
+        key: name of the array in a MAT file; None takes ``meas``, else the only array that fits.
+        full_scale: the value that is 1.0. None: floating-point files are taken as they are; of integer files it is the
+            full scale of ``bit_depth`` if no value exceeds it, else the largest value of the integer type.
+        bit_depth: of the sensor that the decoder was trained with.
+
+    Raises:
+        BadInput: unreadable file, colour, not finite, a full scale that is not positive or is needed.
+    """
+    path = Path(path)
+    values = read_pictures(path, prefer="meas", key=key)
+    if values.ndim == 2:
+        values = values[None]
+    if full_scale is None:
+        full_scale = 1.0
+        if values.dtype.kind == "f" and values.max() > LARGEST_SUM:
+            raise BadInput(
+                f"{path}: values up to {values.max():g} are no fraction of full scale; give full_scale=255, .."
+            )
+        if values.dtype.kind in "ui":
+            sensor = 2**bit_depth - 1
+            full_scale = sensor if values.max() <= sensor else np.iinfo(values.dtype).max
+    if not full_scale > 0:
+        raise BadInput(f"full_scale must be positive, got {full_scale!r}")
+    measurement = torch.from_numpy(values.astype(np.float32)) / full_scale
+    if not torch.isfinite(measurement).all():
+        raise BadInput(f"{path}: the snapshot holds NaN or infinite values; every pixel must be a finite number")
+    return Snapshot(path, measurement, float(full_scale), values.dtype.kind in "ui")

@@ -1,0 +1,73 @@
+"""``python -m sci_lightning.tables``: the paper's tables, with what our runs found beside each of its figures."""
+
+from __future__ import annotations
+
+import sys
+from itertools import chain
+from pathlib import Path
+
+import yaml
+from omegaconf import DictConfig
+
+from sci_lightning.cli.command import plain, run
+from sci_lightning.cli.console import PlainConsole, styled
+from sci_lightning.configuration.conf_folder import PACKAGE
+from sci_lightning.files.plain_text import one_printable_line
+
+
+def tables(cfg: DictConfig) -> None:
+    """Collect the ``metrics.json`` below ``runs``; print each table and write it as Markdown, LaTeX and PNG.
+
+    Beside them the paper's figures as PNG: quality against cost, dynamic range, mosaics of runs that left a checkpoint.
+    Files that are of no use are named, one line each, and the others go on.
+
+    Args:
+        cfg: ``conf/tables.yaml``, composed.
+    """
+    from sci_lightning.cli.next_command import browser, invocation, print_next
+    from sci_lightning.imaging.figures import write_figure
+    from sci_lightning.tables.claim_table import claim_table
+    from sci_lightning.tables.cost import costs
+    from sci_lightning.tables.cost_figure import cost_figure
+    from sci_lightning.tables.dynamic_range import dynamic_range_figure, dynamic_range_table, wedges
+    from sci_lightning.tables.encoder_table import encoder_table
+    from sci_lightning.tables.mosaic import mosaics
+    from sci_lightning.tables.run import find_runs
+    from sci_lightning.tables.run_table import run_table
+    from sci_lightning.tables.score_table import score_table
+
+    out, console = Path(cfg.out), PlainConsole()
+    folders = plain(cfg)["runs"]
+    runs, lines = find_runs([Path(str(folder)) for folder in (folders if isinstance(folders, list) else [folders])])
+    for line in lines:
+        _left_out(line)
+    paper = yaml.safe_load((PACKAGE / "tables" / "paper_figures.yaml").read_text())
+    cost = costs(paper["decoders"])
+    grids = [encoder_table(paper["encoders"])]
+    grids += [score_table(name, table, runs, cost) for name, table in paper["tables"].items()]
+    grids.append(claim_table(paper["claims"], paper["tables"], runs))
+    recorded = wedges(list(paper["encoders"]), cfg.sensor)
+    grids.append(dynamic_range_table(recorded, cfg.sensor))
+    grids.append(run_table(runs))
+    for grid in grids:
+        grid.write(out)
+        console.print(grid.as_table(console.width))
+    figures = {
+        "cost": cost_figure(paper["tables"]["table4"], runs, paper["decoders"]),
+        "dynamic_range_map": dynamic_range_figure(recorded),
+    }
+    names = []
+    for name, figure in chain(figures.items(), mosaics(runs, cfg.mosaic, _left_out) if cfg.mosaic else ()):
+        write_figure(figure, out / f"{name}.png")
+        names.append(name)
+    console.say(styled(out), f": {', '.join(grid.name for grid in grids)} as .md, .tex and .png; {len(runs)} runs")
+    console.print(f"figures: {', '.join(names)} as .png")
+    print_next(console, browser(out / "cost.png"), invocation("train", "-m", "experiment=table5", "scale=small"))
+
+
+def _left_out(line: str) -> None:
+    print(f"left out: {one_printable_line(line)}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    run("tables", tables)

@@ -1,0 +1,89 @@
+"""Dynamic range: how many steps of a grey wedge each encoder tells apart, from simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import torch
+from matplotlib.figure import Figure
+
+from sci_lightning.cli.command import member, plain
+from sci_lightning.configuration.build import build
+from sci_lightning.decoder.layers.initial_estimate import mean_frame
+from sci_lightning.encoder import Encoder
+from sci_lightning.tables.grid import Grid
+
+STEPS = 256
+"""Of the wedge, from black to what fills the sensor's range when fully transmitted."""
+
+
+def wedges(names: Sequence[str], sensor: Mapping[str, float]) -> dict[str, torch.Tensor]:
+    """What each encoder records of the wedge, see :func:`wedge`; inside a running command only.
+
+    Args:
+        names: of ``conf/encoder``, with masks as they start, before anything is learned.
+        sensor: noise of those encoders that have a sensor response, ``full_well`` and ``read_noise``.
+    """
+    recorded = {}
+    for name in names:
+        config = member("train", "encoder", name, "frames=8", "size=[32,32]")
+        for key, value in sensor.items():
+            if key in config.sensor:
+                config.sensor[key] = value
+        recorded[name] = wedge(build(plain(config), f"encoder={name}"))
+    return recorded
+
+
+@torch.no_grad()
+def wedge(encoder: Encoder, steps: int = STEPS) -> torch.Tensor:
+    """Brightness of even grey scenes as the encoder's pixels report it, ``(steps, pixels)``.
+
+    Each step is a motionless scene of its own; a pixel's report is its measurement over the aperture and the sum of its
+    mask, in which every mask's own pattern is cancelled. Pixels that never open report nothing and are left out.
+    """
+    torch.manual_seed(0)  # of the sensor's noise
+    mask = encoder.transmittance()
+    levels = torch.linspace(0, 1, steps)
+    video = levels[:, None, None, None].expand(-1, *mask.shape)
+    reported = mean_frame(encoder.rescale(encoder.record(video, mask)), mask)
+    return reported[:, mask.sum(0) > 0]
+
+
+def told_apart(reported: torch.Tensor) -> int:
+    """How many steps of a wedge ``(steps, pixels)`` can be told apart.
+
+    From black on, the next one is the first whose mean over the pixels exceeds the last one's by more than the noise:
+    the standard deviation of the difference of two pixels, one of each step.
+    """
+    mean, variance = reported.mean(1).tolist(), reported.var(1).tolist()
+    last = [0]
+    for step in range(1, len(mean)):
+        if mean[step] - mean[last[-1]] > (variance[step] + variance[last[-1]]) ** 0.5:
+            last.append(step)
+    return len(last)
+
+
+def dynamic_range_table(recorded: Mapping[str, torch.Tensor], sensor: Mapping[str, float]) -> Grid:
+    """A row for each encoder."""
+    rows = [[name, str(told_apart(reported)), str(len(reported))] for name, reported in recorded.items()]
+    noise = f"full well {sensor['full_well']:g} electrons, read noise {sensor['read_noise']:g} DN"
+    notes = [
+        f"Simulated, single pixels: steps whose means differ by more than the noise of two pixels. Sensors: {noise}.",
+        "RBw/oSR has no sensor: no noise, no limit to its range.",
+    ]
+    title = "Dynamic range: steps of a grey wedge told apart"
+    return Grid("dynamic_range", title, ["encoder", "told apart", "of"], rows, notes)
+
+
+def dynamic_range_figure(recorded: Mapping[str, torch.Tensor]) -> Figure:
+    """Heat maps: how often a pixel reports which brightness of which step."""
+    figure = Figure(figsize=(3.6 * len(recorded), 3.7), layout="constrained")
+    axes = figure.subplots(1, len(recorded), squeeze=False)[0]
+    for each, (name, reported) in zip(axes, recorded.items(), strict=True):
+        bins = 64
+        shares = torch.stack([torch.histc(step.clamp(0, 1.25), bins, 0, 1.25) for step in reported]) / reported.shape[1]
+        image = each.imshow(shares.T, origin="lower", extent=(0, 1, 0, 1.25), aspect="auto", cmap="magma", vmax=0.5)
+        each.set(title=f"{name}: {told_apart(reported)} steps told apart", xlabel="brightness of the step")
+    axes[0].set_ylabel("brightness that pixels report")
+    figure.colorbar(image, ax=axes, label="share of pixels")
+    return figure

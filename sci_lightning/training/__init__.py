@@ -1,0 +1,3 @@
+"""Training with Lightning: the modules, what they keep, and how they stop.
+
+Only this room knows Lightning."""

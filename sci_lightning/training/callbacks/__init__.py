@@ -1,0 +1,19 @@
+"""What looks on while a system trains."""
+
+from sci_lightning.training.callbacks.best_checkpoint import BestCheckpoint
+from sci_lightning.training.callbacks.last_checkpoint import LastCheckpoint
+from sci_lightning.training.callbacks.pictures import Pictures
+from sci_lightning.training.callbacks.progress import Progress
+from sci_lightning.training.callbacks.scalar_layout import ScalarLayout
+from sci_lightning.training.callbacks.scene_pictures import ScenePictures
+from sci_lightning.training.callbacks.throughput import Throughput
+
+__all__ = [
+    "BestCheckpoint",
+    "LastCheckpoint",
+    "Pictures",
+    "Progress",
+    "ScalarLayout",
+    "ScenePictures",
+    "Throughput",
+]

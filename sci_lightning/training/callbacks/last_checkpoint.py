@@ -1,0 +1,80 @@
+"""``checkpoints/last.ckpt``: where an interrupted training goes on."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import lightning as L
+from lightning.pytorch.callbacks import Checkpoint
+
+from sci_lightning.configuration.bounds import NonNegative, Repeats
+from sci_lightning.training.stop_signal import Stopped, StopSignal
+
+
+class LastCheckpoint(Checkpoint):
+    """Writes ``last.ckpt`` every few minutes or steps of a training, and when somebody asks the training to stop.
+
+    Args:
+        folder: where it is written.
+        every_minutes: of training; None for never.
+        every_n_steps: optimizer steps; None for never.
+        stop: tells whether the training is to stop; None if nobody will ask.
+
+    Raises:
+        Stopped: the step that was going on when ``stop`` was requested is finished, and ``last.ckpt`` is written.
+    """
+
+    def __init__(
+        self,
+        folder: str | Path,
+        every_minutes: NonNegative | None = 2.0,
+        every_n_steps: Repeats | None = None,
+        stop: StopSignal | None = None,
+    ) -> None:
+        self.path = Path(folder) / "last.ckpt"
+        self.every_minutes = every_minutes
+        self.every_n_steps = every_n_steps
+        self.stop = stop
+        self._written_at = 0.0
+        self._written_step = 0
+
+    def on_train_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        self._written_at, self._written_step = time.monotonic(), trainer.global_step
+        if self.stop is not None:
+            self.stop.wait_for_step()
+
+    def on_train_batch_end(
+        self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int
+    ) -> None:
+        stop = self.stop is not None and self.stop.requested
+        if not self._agreed(trainer, stop or self._is_due(trainer)):
+            return
+        self._write(trainer)
+        self._stop(trainer, stop)
+
+    def on_validation_batch_end(self, trainer: L.Trainer, pl_module: L.LightningModule, *args: Any) -> None:
+        stop = self.stop is not None and self.stop.requested
+        if trainer.state.fn == "fit" and trainer.world_size == 1 and stop:
+            self._write(trainer)
+            self._stop(trainer, stop)
+
+    def _is_due(self, trainer: L.Trainer) -> bool:
+        if trainer.global_step == self._written_step:  # gradients of some batches are summed up first
+            return False
+        if self.every_n_steps is not None and trainer.global_step % self.every_n_steps == 0:
+            return True
+        return self.every_minutes is not None and time.monotonic() - self._written_at >= 60 * self.every_minutes
+
+    def _write(self, trainer: L.Trainer) -> None:
+        trainer.save_checkpoint(self.path)
+        self._written_at, self._written_step = time.monotonic(), trainer.global_step
+
+    def _stop(self, trainer: L.Trainer, stop: bool) -> None:
+        if self._agreed(trainer, stop):
+            raise Stopped
+
+    def _agreed(self, trainer: L.Trainer, wish: bool) -> bool:
+        """Whether any process wishes it: clocks differ, and a signal may reach one process only."""
+        return wish if trainer.world_size == 1 else trainer.strategy.reduce_boolean_decision(wish, all=False)

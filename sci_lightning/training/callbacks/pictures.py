@@ -1,0 +1,66 @@
+"""Pictures of mask and reconstruction in the dashboard and in the run's folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import lightning as L
+import torch
+from lightning.pytorch.loggers import TensorBoardLogger
+from matplotlib.figure import Figure
+
+from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.imaging.figures import mask_figure, reconstruction_figure
+from sci_lightning.training.system import System
+
+
+class Pictures(L.Callback):
+    """The mask before the first step, then after every validation the mask and the first snapshot of some scenes.
+
+    In TensorBoard as an image series; in ``folder`` as PNG files of the latest state.
+
+    Args:
+        folder: where the PNG files go (made when needed).
+        scenes: how many scenes are shown.
+    """
+
+    def __init__(self, folder: str, scenes: int = 2) -> None:
+        self.folder = Path(folder)
+        self.scenes = scenes
+
+    def on_train_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        if trainer.is_global_zero and trainer.global_step == 0 and isinstance(pl_module, System):
+            self._show(trainer, [("mask", self._mask(trainer, pl_module))])
+
+    def on_validation_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        if not trainer.is_global_zero or trainer.sanity_checking or not isinstance(pl_module, System):
+            return
+        self._show(trainer, self._figures(trainer, pl_module))
+
+    def _show(self, trainer: L.Trainer, figures: Iterable[tuple[str, Figure]]) -> None:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        boards = [logger.experiment for logger in trainer.loggers if isinstance(logger, TensorBoardLogger)]
+        for name, figure in figures:
+            with whole_file(self.folder / f"{name.replace('/', '_')}.png") as temporary:  # never through a link
+                figure.savefig(temporary, dpi=110)
+            for board in boards:
+                board.add_figure(name, figure, trainer.global_step)
+
+    @torch.no_grad()
+    def _mask(self, trainer: L.Trainer, system: System) -> Figure:
+        bits = getattr(system.encoder.mask, "bits", None)
+        depth = "" if bits is None else f", {bits} bit{'s' * (bits > 1)}"
+        name = system.run_config.get("names", {}).get("encoder", "mask")
+        return mask_figure(system.encoder.mask(), bits, f"{name}{depth}, step {trainer.global_step}")
+
+    @torch.no_grad()
+    def _figures(self, trainer: L.Trainer, system: System) -> Iterator[tuple[str, Figure]]:
+        yield "mask", self._mask(trainer, system)
+        snapshots = trainer.val_dataloaders.dataset  # type: ignore[union-attr]
+        first = [snapshots.first(scene) for scene in range(min(self.scenes, len(snapshots.names)))]
+        for name, video in zip(snapshots.names, first, strict=False):
+            video = video.to(system.device).unsqueeze(0)
+            measurement, met = system.shoot(video)
+            estimate = system.decoder(*system.decodable(measurement, met))
+            yield f"scene/{name}", reconstruction_figure(measurement[0], video[0], estimate[0], name)

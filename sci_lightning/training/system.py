@@ -1,0 +1,322 @@
+"""The LightningModule: encoder, decoder and loss, trained together."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import lightning as L
+import torch
+from lightning.pytorch.callbacks import Timer
+
+from sci_lightning.configuration.bounds import NonNegative, Positive, Seed
+from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.layers.initial_estimate import mean_video
+from sci_lightning.encoder import Encoder
+from sci_lightning.errors import BadInput
+from sci_lightning.metrics.frame_metric import FrameMetric
+from sci_lightning.metrics.scene_scores import SceneScores
+from sci_lightning.runs.device import device_name
+from sci_lightning.training.training_position import TrainingPosition
+
+Batch = tuple[torch.Tensor, ...]
+
+
+def mse(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    """Mean squared error (the paper's Eq. 6)."""
+    return (estimate - truth).square().mean()
+
+
+def rmse(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    """Root of the mean squared error (what the released training code minimises)."""
+    return mse(estimate, truth).sqrt()
+
+
+LOSSES: dict[str, Callable[[torch.Tensor, torch.Tensor], torch.Tensor]] = {"mse": mse, "rmse": rmse}
+
+
+class System(L.LightningModule):
+    """Learns a decoder and, when it can be learned, the encoder's mask.
+
+    Training draws one window of the mask per batch when the clips are smaller than the mask. Every step seeds torch
+    with (seed, step, process), so noise and windows do not depend on what ran before: a resumed run repeats them.
+
+    Args:
+        encoder, decoder: plain modules; the system adds nothing to what they compute.
+        camera: the encoder that a test's decoder takes the encoder for; None for the encoder itself.
+        metrics: what validation and test score, by name.
+        val_every_n_frames: of metrics that look at one frame in so many in validation, by name; a test looks at all.
+        loss: ``mse`` or ``rmse``.
+        stage_weights: of the losses of the decoder's last stages, in their order; the loss is their weighted sum.
+            ``(1,)``: of its estimate alone. Unfolding networks have many stages, most decoders one.
+        lr: Adam's learning rate at the start; it falls to ``final_lr`` along a cosine over the whole run: its steps, or
+            the trainer's ``max_time`` where that runs out before them.
+        mask_lr: learning rate of the mask at the start (same cosine), None for ``lr``.
+        compile: compile the decoder with ``torch.compile``.
+        seed: of everything random in a step.
+        run_config: the run's plain, resolved configuration; kept in every checkpoint so that it can be rebuilt.
+
+    Raises:
+        BadInput: unknown loss, bad weights, a metric that sees no frames; in training, more weights than stages, a
+            loss or gradient that is no longer finite.
+    """
+
+    def __init__(
+        self,
+        encoder: Encoder,
+        decoder: Decoder,
+        *,
+        camera: Encoder | None = None,
+        metrics: Mapping[str, FrameMetric] | None = None,
+        val_every_n_frames: Mapping[str, int] | None = None,
+        loss: str = "mse",
+        stage_weights: Sequence[Positive] = (1.0,),
+        lr: Positive = 1e-4,
+        final_lr: NonNegative = 1e-5,
+        mask_lr: NonNegative | None = None,
+        compile: bool = False,
+        seed: Seed = 0,
+        run_config: dict[str, Any] | None = None,
+    ) -> None:
+        super().__init__()
+        if loss not in LOSSES:
+            raise BadInput(f"system.loss={loss}: no such loss; choose one of {', '.join(LOSSES)}")
+        if none := [key for key, n in (val_every_n_frames or {}).items() if n < 1]:
+            raise BadInput(
+                f"system.val_every_n_frames.{none[0]} must be at least 1; metrics.{none[0]}=null leaves it out"
+            )
+        if not stage_weights or min(stage_weights) <= 0:
+            raise BadInput(f"system.stage_weights={list(stage_weights)}: give one or more positive numbers, as [0.5,1]")
+        self.encoder = encoder
+        self.decoder = decoder
+        self._camera = camera
+        self.loss = LOSSES[loss]
+        self.stage_weights = tuple(stage_weights)
+        self.stages = torch.compile(decoder.stages) if compile else decoder.stages
+        self.lr, self.final_lr, self.mask_lr = lr, final_lr, lr if mask_lr is None else mask_lr
+        self.seed = seed
+        self.run_config = run_config or {}
+        self.metrics = dict(metrics or {})
+        self.val_every_n_frames = dict(val_every_n_frames or {})
+        self.scores = self.baseline = SceneScores([], self.metrics)
+        self.seconds: list[float] = []
+        self.tested: dict[str, Any] = {}
+        """What the last test found: scores by scene, their mean and conventions, the baseline's, seconds and device."""
+        self.validated = True
+        """Whether the validation that may follow the last training batch is over."""
+        if compile:
+            self.decoder.compile()
+
+    @property
+    def camera(self) -> Encoder:
+        """What the decoder takes the encoder for."""
+        return self.encoder if self._camera is None else self._camera
+
+    def with_encoder(self, encoder: Encoder, metrics: Mapping[str, FrameMetric]) -> System:
+        """The same decoder behind another encoder, to be tested; a mask of the same kind gets this one's values."""
+        if type(encoder.mask) is type(self.encoder.mask):
+            encoder.mask.load_state_dict(self.encoder.mask.state_dict())
+        return System(encoder, self.decoder, metrics=metrics, seed=self.seed)
+
+    def forward(
+        self, video: torch.Tensor, mask: torch.Tensor | None = None, origin: tuple[int, int] = (0, 0)
+    ) -> torch.Tensor:
+        """Record ``video`` (N, T, H, W) and reconstruct it.
+
+        ``mask`` is a window of the encoder's transmittance and ``origin`` its first pixel; None for all of it.
+        """
+        return self.decoder(*self.decodable(*self.shoot(video, mask, origin), origin))
+
+    def shoot(
+        self, video: torch.Tensor, mask: torch.Tensor | None = None, origin: tuple[int, int] = (0, 0)
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Measurement of ``video`` and the transmittance it was taken with."""
+        mask = self.encoder.transmittance() if mask is None else mask
+        return self.encoder.record(video, mask, origin), mask
+
+    def decodable(
+        self, measurement: torch.Tensor, mask: torch.Tensor, origin: tuple[int, int] = (0, 0)
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """What the decoder is called with: the linearised and rescaled measurement, and the mask in whole pixels."""
+        linear = self.encoder.linearise(measurement, origin)
+        return self.encoder.rescale(linear), self.encoder.decoder_mask(mask)
+
+    def received(self, measurement: torch.Tensor, aperture: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """As :meth:`decodable`, of snapshots (N, H, W) that a camera took, each with an aperture (N,) of its own."""
+        linear = self.camera.linearise(measurement) / aperture[:, None, None]
+        return linear, self.camera.decoder_mask(self.camera.transmittance())
+
+    # Training
+
+    def configure_optimizers(self) -> Any:
+        mask = [p for p in self.encoder.parameters() if p.requires_grad]
+        groups = [{"params": list(self.decoder.parameters()), "lr": self.lr, "name": "decoder"}]
+        if mask:
+            groups.append({"params": mask, "lr": self.mask_lr, "name": "mask"})
+        optimizer = torch.optim.Adam(groups)
+        floor = self.final_lr / self.lr
+
+        def cosine(step: int) -> float:
+            if step == 0:  # asking for the number of steps now would set up the loader before its place is restored
+                return 1.0
+            # 0 of the steps are done in a run without end
+            done = min(1.0, max(self._time_spent(), step / self.trainer.estimated_stepping_batches))
+            return floor + (1 - floor) * (1 + math.cos(math.pi * done)) / 2
+
+        scheduler = torch.optim.lr_scheduler.LambdaLR(optimizer, cosine)
+        return {"optimizer": optimizer, "lr_scheduler": {"scheduler": scheduler, "interval": "step"}}
+
+    def _time_spent(self) -> float:
+        """How much of the trainer's ``max_time`` is over, 0 to 1; 0 in a run without it."""
+        for timer in self.trainer.callbacks:  # type: ignore[attr-defined]  # set by Lightning, not declared
+            if isinstance(timer, Timer) and (left := timer.time_remaining()) is not None:
+                spent = timer.time_elapsed() / max(timer.time_elapsed() + left, 1e-6)
+                return float(self.trainer.strategy.broadcast(spent))  # clocks differ, learning rates may not
+        return 0.0
+
+    def on_train_batch_start(self, batch: torch.Tensor, batch_idx: int) -> None:
+        self.validated = False
+        self._seed_step(self.trainer.fit_loop.total_batch_idx)
+
+    def training_step(self, video: torch.Tensor, batch_idx: int) -> torch.Tensor:
+        mask, origin = self._window(self.encoder.transmittance(), *video.shape[-2:])
+        stages = self.stages(*self.decodable(*self.shoot(video, mask, origin), origin))
+        return self.checked(self.stage_loss(stages, video), batch_idx)
+
+    def checked(self, loss: torch.Tensor, batch_idx: int) -> torch.Tensor:
+        """The loss of a batch, logged; raises BadInput if it is not finite."""
+        if not torch.isfinite(loss):
+            raise self._diverged("the loss became", float(loss.detach()), batch_idx)
+        self.log("train/loss", loss, prog_bar=True)
+        return loss
+
+    def stage_loss(self, stages: Sequence[torch.Tensor], video: torch.Tensor) -> torch.Tensor:
+        """The weighted sum of the losses of the last stages."""
+        weights = self.stage_weights
+        if len(weights) > len(stages):
+            raise BadInput(
+                f"system.stage_weights={list(weights)}: {len(weights)} weights, but this decoder estimates in "
+                f"{len(stages)} stage{'s' * (len(stages) > 1)}; give at most as many"
+            )
+        losses = [self.loss(stage, video) for stage in stages[-len(weights) :]]
+        return torch.stack([weight * loss for weight, loss in zip(weights, losses, strict=True)]).sum()
+
+    def on_before_optimizer_step(self, optimizer: torch.optim.Optimizer) -> None:
+        norm = torch.nn.utils.get_total_norm([p.grad for p in self.parameters() if p.grad is not None])
+        # under float16 scaling an overflowing gradient is expected: the scaler skips that step by itself
+        if not torch.isfinite(norm) and self.trainer.precision != "16-mixed":
+            raise self._diverged("the gradient's norm became", float(norm), self.trainer.fit_loop.batch_idx)
+        self.log("train/gradient_norm", norm)
+        self.log("train/lr", optimizer.param_groups[0]["lr"])
+
+    def on_train_epoch_end(self) -> None:
+        self.validated = True
+
+    def optimizer_step(self, *args: Any, **kwargs: Any) -> None:
+        super().optimizer_step(*args, **kwargs)
+        self.encoder.mask.project_()  # here, not at the batch's end, where a checkpoint may already have been written
+
+    def _window(self, mask: torch.Tensor, height: int, width: int) -> tuple[torch.Tensor, tuple[int, int]]:
+        """A random window of the mask, and where, for clips that are smaller; a larger clip is refused later."""
+        top, left = (
+            int(torch.randint(max(1, full - part + 1), ()))
+            for full, part in zip(self.encoder.mask.size, (height, width), strict=True)
+        )
+        q = self.encoder.path.cells
+        return mask[:, q * top : q * (top + height), q * left : q * (left + width)], (top, left)
+
+    def _seed_step(self, step: int, testing: bool = False) -> None:
+        torch.manual_seed((((self.seed * 2 + testing) << 40) + (step << 10) + self.global_rank) % 2**63)
+
+    def _diverged(self, what: str, value: float, batch_idx: int) -> BadInput:
+        return BadInput(
+            f"{what} {value} at epoch {self.current_epoch}, batch {batch_idx} (step {self.global_step}): stopped; the "
+            f"checkpoints hold the last good state; resume from there with a smaller system.lr or check the data"
+        )
+
+    # Validation and test: item = (scene number, video), of a test also (.., measurement, aperture) of a real camera
+
+    def on_validation_epoch_start(self) -> None:
+        self.scores = self._scores(self.trainer.val_dataloaders, self.val_every_n_frames)
+
+    def on_test_epoch_start(self) -> None:
+        self.scores, self.baseline = (self._scores(self.trainer.test_dataloaders) for _ in range(2))
+        self.seconds = []
+
+    def validation_step(self, batch: Batch, batch_idx: int) -> None:
+        self._score(batch, batch_idx)
+
+    def test_step(self, batch: Batch, batch_idx: int) -> dict[str, torch.Tensor]:
+        """Score a batch; returns the ``measurement`` (N, H, W) as recorded and the ``estimate`` (N, T, H, W)."""
+        recorded, measurement, mask, estimate = self._score(batch, batch_idx)
+        for scene, guess, truth in zip(batch[0], mean_video(measurement, mask), batch[1], strict=True):
+            self.baseline.update(int(scene), guess, truth)
+        return {"measurement": recorded, "estimate": estimate}
+
+    def on_test_epoch_end(self) -> None:
+        scenes, mean = self.scores.compute()
+        self.tested = {
+            "scenes": scenes,
+            "mean": mean,
+            "conventions": {key: metric.convention for key, metric in self.metrics.items() if metric.convention},
+            "baseline": self.baseline.compute()[1],
+            "seconds_per_measurement": statistics.median(self.seconds),
+            "device": device_name(self.device),
+        }
+
+    def on_validation_epoch_end(self) -> None:
+        self.validated = True
+        scenes, mean = self.scores.compute()
+        for key, value in mean.items():
+            self.log(f"val/{key}", value, prog_bar=key == "psnr", sync_dist=True)
+        per_scene = {f"val_{key}/{name}": value for name, scene in scenes.items() for key, value in scene.items()}
+        self.log_dict(per_scene, sync_dist=True)
+
+    def _scores(self, loader: Any, every_n_frames: Mapping[str, int] | None = None) -> SceneScores:
+        return SceneScores(loader.dataset.names, self.metrics, every_n_frames).to(self.device)
+
+    def _score(self, batch: Batch, batch_idx: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Add a batch to the scores; returns what was recorded, what its decoder was given, and its estimate."""
+        self._seed_step(batch_idx, testing=True)  # sensor noise in a test does not depend on the training before it
+        scenes, video, *taken = batch
+        if not taken:
+            recorded = self.encoder(video)
+            taken = [recorded, recorded.new_full((len(recorded),), self.camera.aperture)]
+        measurement, mask = self.received(*taken)
+        start = self._now()
+        estimate = self.decoder(measurement, mask)
+        self.seconds.append((self._now() - start) / len(video))
+        for scene, x, truth in zip(scenes, estimate, video, strict=True):
+            self.scores.update(int(scene), x, truth)
+        return taken[0], measurement, mask, estimate
+
+    def _now(self) -> float:
+        if self.device.type == "cuda":
+            torch.cuda.synchronize(self.device)
+        return time.perf_counter()
+
+    # Checkpoints
+
+    @classmethod
+    def load_from_checkpoint(cls, checkpoint_path: Any, *args: Any, **kwargs: Any) -> System:
+        """The trained encoder and decoder in a system, from a checkpoint of this project; nothing in it is executed.
+
+        Args:
+            checkpoint_path: RUN/checkpoints/last.ckpt.
+            args, kwargs: Lightning's others; the checkpoint's configuration stands for them.
+
+        Raises:
+            BadInput: the file is missing, damaged or not a checkpoint of this project.
+        """
+        from sci_lightning.runs.checkpoint import read_checkpoint  # which needs Lightning's file access, as this does
+
+        checkpoint = read_checkpoint(checkpoint_path)
+        return cls(checkpoint.encoder(), checkpoint.decoder(), run_config=checkpoint.config)
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        checkpoint["config"] = self.run_config
+        checkpoint["position"] = TrainingPosition.of(self.trainer, self.validated).state()
+        del checkpoint["loops"]  # follows from the position

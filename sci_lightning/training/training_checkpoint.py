@@ -1,0 +1,171 @@
+"""What a training takes from a checkpoint to go on: numbers and tensors that were checked, and nothing else."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import lightning as L
+import torch
+from lightning.pytorch.callbacks import Timer
+
+from sci_lightning.data.loader import ClipLoader
+from sci_lightning.errors import BadInput
+from sci_lightning.runs.checkpoint import SafeCheckpointIO
+from sci_lightning.training.system import System
+from sci_lightning.training.training_position import TrainingPosition
+
+SCALER = "MixedPrecision"
+"""Under this key Lightning keeps the state of the gradient scaler of ``trainer.precision=16-mixed``."""
+
+SCALER_NUMBERS = {"scale", "growth_factor", "backoff_factor", "growth_interval", "_growth_tracker"}
+
+SLURM = "hpc_ckpt_"
+"""Names of checkpoints that Lightning writes when Slurm takes a job off; it reads them wherever it finds them, in the
+test after a training as well, which would then test what was trained before."""
+
+ADAM_TENSORS = {"step", "exp_avg", "exp_avg_sq"}
+
+
+class TrainingCheckpointIO(SafeCheckpointIO):
+    """Lightning's file access in a training: the only way from a checkpoint into its trainer.
+
+    Lightning believes what it reads: it would remove the files that a checkpoint calls the previous best ones, fill
+    its schedulers with any attributes and its loops with any counts. It gets a dictionary that is made anew here.
+    Everything that does not change while a training goes on comes from the present training; from the file come the
+    weights, the optimizer's tensors and learning rates, the number of steps, the gradient scaler's numbers, and those
+    states of callbacks that hold numbers and tensors only (no text: it might be a path).
+
+    Args:
+        system: that is trained.
+        clips: its training data, which is set to the batch to go on with; to be told before the training starts.
+    """
+
+    def __init__(self, system: System, clips: ClipLoader | None = None) -> None:
+        super().__init__()
+        self.system = system
+        self.clips = clips
+
+    def save_checkpoint(self, checkpoint: dict[str, Any], path: Any, storage_options: Any = None) -> None:
+        super().save_checkpoint(checkpoint, path, storage_options)
+        if Path(path).name.startswith(SLURM):  # Lightning's, before Slurm queues a job again: the last one as well
+            super().save_checkpoint(checkpoint, Path(path).parent / "checkpoints" / "last.ckpt", storage_options)
+
+    def load_checkpoint(self, path: Any, map_location: Any = None, weights_only: bool | None = None) -> dict[str, Any]:
+        """Read a checkpoint; raises BadInput where anything in it is not as a training of this system leaves it."""
+        content = super().load_checkpoint(path, map_location, weights_only)
+        assert self.clips is not None, "give the training data before a checkpoint is read"
+        trainer = self.system.trainer
+        batches, limit = len(self.clips.epoch_sampler), trainer.limit_train_batches
+        batches = min(batches, limit) if isinstance(limit, int) else int(batches * limit)
+        position = TrainingPosition.read(path, content, batches)
+        position.check_plan(path, trainer)
+        self.clips.epoch_sampler.start_at(*position.place(trainer.accumulate_grad_batches))
+        optimizer, scheduler = self._training_state(path, content, position.steps)
+        _restore_callbacks(path, content.get("callbacks"), trainer)
+        state = {
+            "pytorch-lightning_version": L.__version__,
+            "epoch": position.place(trainer.accumulate_grad_batches)[0],
+            "global_step": position.steps,
+            "state_dict": self._weights(path, content.get("state_dict")),
+            "loops": position.loops(trainer),
+            "optimizer_states": [optimizer],
+            "lr_schedulers": [scheduler],
+            "callbacks": {},
+        }
+        if (scaler := content.get(SCALER)) is not None:
+            numbers = isinstance(scaler, dict) and all(map(_is_number, scaler.values()))
+            if not numbers or scaler.keys() != SCALER_NUMBERS:
+                raise _damaged(path, "its gradient scaler's state")
+            state[SCALER] = scaler
+        return state
+
+    def _weights(self, path: Any, state: Any) -> dict[str, torch.Tensor]:
+        wanted = self.system.state_dict()
+        if not isinstance(state, dict) or state.keys() != wanted.keys():
+            raise _damaged(path, "its weights")
+        if any(not _like(state[key], value.shape) for key, value in wanted.items()):
+            raise _damaged(path, "its weights")
+        return state
+
+    def _training_state(self, path: Any, content: Mapping[str, Any], steps: int) -> tuple[dict[str, Any], Any]:
+        """States of optimizer and scheduler: those of a new training, with the file's tensors and learning rates."""
+        fresh = self.system.configure_optimizers()
+        optimizer, scheduler = fresh["optimizer"], fresh["lr_scheduler"]["scheduler"]
+        try:
+            (found,) = content["optimizer_states"]
+            tensors, rates = found["state"], [group["lr"] for group in found["param_groups"]]
+            parameters = [p for group in optimizer.param_groups for p in group["params"]]
+            right = len(rates) == len(optimizer.param_groups) and all(_is_number(rate) and rate >= 0 for rate in rates)
+            for index, entries in tensors.items():
+                shapes = ((), parameters[index].shape)
+                right &= type(index) is int and index >= 0 and entries.keys() == ADAM_TENSORS
+                right &= all(any(_like(value, shape) for shape in shapes) for value in entries.values())
+        except (TypeError, ValueError, KeyError, IndexError, AttributeError) as error:
+            raise _damaged(path, "its optimizer's state") from error
+        if not right:
+            raise _damaged(path, "its optimizer's state")
+        state = optimizer.state_dict()
+        groups = [{**group, "lr": rate} for group, rate in zip(state["param_groups"], rates, strict=True)]
+        schedule = {**scheduler.state_dict(), "last_epoch": steps, "_step_count": steps + 1, "_last_lr": rates}
+        return {"state": tensors, "param_groups": groups}, schedule
+
+
+def remove_slurm_checkpoints(out: Path) -> None:
+    """Remove what Lightning wrote for Slurm from the folder of a finished training."""
+    for path in out.glob(f"{SLURM}*.ckpt"):
+        if re.fullmatch(rf"{SLURM}\d+\.ckpt", path.name) and not path.is_symlink():
+            path.unlink(missing_ok=True)
+
+
+def _restore_callbacks(path: Any, states: Any, trainer: L.Trainer) -> None:
+    """Give every callback its state of numbers and tensors; states that hold text are left out."""
+    if states is not None and not isinstance(states, dict):
+        raise _damaged(path, "the states of its callbacks")
+    for callback in trainer.callbacks:  # type: ignore[attr-defined]  # set by Lightning, not declared
+        state = (states or {}).get(callback.state_key)
+        if not isinstance(state, dict) or not _is_plain(state):
+            continue
+        try:
+            if isinstance(callback, Timer) and not _is_number(state["time_elapsed"]["train"]):
+                raise TypeError("no time")
+            callback.load_state_dict(state)
+        except Exception as error:  # whatever a callback makes of numbers that it does not expect
+            raise _damaged(path, f"the state of its {type(callback).__name__}") from error
+
+
+def _is_plain(value: Any) -> bool:
+    """Whether a callback's state holds only numbers and tensors, under names that cannot be paths."""
+    if isinstance(value, dict):
+        return all(type(key) is int or (type(key) is str and key.isidentifier()) for key in value) and all(
+            map(_is_plain, value.values())
+        )
+    if isinstance(value, (list, tuple)):
+        return all(map(_is_plain, value))
+    return value is None or isinstance(value, (bool, int, float, torch.Tensor))
+
+
+def _is_number(value: Any) -> bool:
+    """Whether a value is one finite number."""
+    return type(value) in (int, float) and abs(value) < 2**1000 and math.isfinite(value)
+
+
+def _like(value: Any, shape: tuple[int, ...] | torch.Size) -> bool:
+    """Whether a value is a real tensor of this shape in memory."""
+    return (
+        isinstance(value, torch.Tensor)
+        and value.layout == torch.strided
+        and not value.is_complex()
+        and not value.is_quantized
+        and value.shape == torch.Size(shape)
+    )
+
+
+def _damaged(path: str | Path, what: str) -> BadInput:
+    return BadInput(
+        f"{path}: damaged, or not of this training: {what} cannot be taken up; start anew from its weights, which "
+        f"convert checkpoint={path} out=weights.ckpt takes out"
+    )

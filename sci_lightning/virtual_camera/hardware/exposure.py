@@ -1,0 +1,163 @@
+"""The exposure: when the light shines and when each row looks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from sci_lightning.errors import BadInput
+from sci_lightning.virtual_camera.hardware.effect import Effect
+from sci_lightning.virtual_camera.hardware.parameter import parameter
+from sci_lightning.virtual_camera.stream import stream
+
+if TYPE_CHECKING:
+    from sci_lightning.virtual_camera.session import Session
+
+
+@dataclass(frozen=True)
+class Timing:
+    """The course of one exposure, in slots from the moment the first row opens.
+
+    Attributes:
+        delay: slots between the first row's exposure and the last's.
+        amplitude, frequency, phase: the source shines as 1 + amplitude sin(2 pi frequency s / T + phase).
+        slot, loss: that slot is shut for its last ``loss``, in every turn of the sequence.
+        drift: change of the source's power from the first to the last capture.
+        uneven, unsteady: standard deviation of the light of each slot, and of each capture, about the others'; which of
+            all random courses they take.
+    """
+
+    delay: float = 0.0
+    amplitude: float = 0.0
+    frequency: float = 1.0
+    phase: float = 0.0
+    slot: int = 0
+    loss: float = 0.0
+    drift: float = 0.0
+    uneven: tuple[float, int] = (0.0, 0)
+    unsteady: tuple[float, int] = (0.0, 0)
+
+    def light(self, slots: int, rows: int) -> np.ndarray:
+        """(K, rows): the light that each row collects during slot k; 1 where all is in order, K >= T with a delay.
+
+        The source is integrated in closed form over the time that slot and row have in common.
+        """
+        opens = np.linspace(0, self.delay, rows)
+        slot = np.arange(slots + math.ceil(self.delay))[:, None]
+        start = np.maximum(slot, opens)
+        stop = np.minimum(slot + 1 - self.loss * (slot % slots == self.slot), opens + slots)
+        stop = np.maximum(start, stop)
+        rate = 2 * np.pi * self.frequency / slots
+        swing = np.cos(rate * start + self.phase) - np.cos(rate * stop + self.phase)
+        level = _course(*self.uneven, slots)[slot % slots]
+        return level * np.maximum(stop - start + self.amplitude / rate * swing, 0)  # rounding may leave -1e-16
+
+    def power(self, captures: int) -> np.ndarray:
+        """(N,): of the source during each capture."""
+        return (1 + self.drift * np.linspace(-0.5, 0.5, captures)) * _course(*self.unsteady, captures)
+
+
+def _course(deviation: float, course: int, length: int) -> np.ndarray:
+    """(length,): Gaussian numbers of mean 1 and the given standard deviation, exactly; none is negative."""
+    numbers = stream(course, "course").standard_normal(length)
+    spread = numbers.std() if length > 1 else 1.0
+    return np.maximum(1 + deviation * (numbers - numbers.mean()) / spread, 0)
+
+
+@dataclass(frozen=True)
+class ExposureEffect(Effect):
+    """Changes the light over time."""
+
+    stage: ClassVar[str] = "exposure"
+
+    def disturb(self, timing: Timing) -> Timing:
+        """The exposure with this fault."""
+        return timing
+
+
+@dataclass(frozen=True)
+class Flicker(ExposureEffect):
+    """The source pulsates: 1 + amplitude sin(2 pi frequency s / T + phase), s in slots from the exposure's start.
+
+    Each slot collects the integral, so that fast flicker averages out within a slot.
+    """
+
+    name = "flicker"
+    amplitude: float = parameter("1", 0, 1, (0.05, 0.3), neutral=0.0)
+    frequency: float = parameter("cycles per exposure", 0.01, 1000, (0.5, 3), neutral=1.0, magnitude=False)
+    phase: float = parameter("rad", -2 * math.pi, 2 * math.pi, (-math.pi, math.pi), neutral=0.0, magnitude=False)
+
+    def disturb(self, timing: Timing) -> Timing:
+        return replace(timing, amplitude=self.amplitude, frequency=self.frequency, phase=self.phase)
+
+
+@dataclass(frozen=True)
+class RollingShutter(ExposureEffect):
+    """Row r opens, and shuts, delay * r / (H - 1) slots late. Patterns and source go on; the last frame is held."""
+
+    name = "rolling_shutter"
+    delay: float = parameter("slots", 0, 64, (0.2, 1.5), neutral=0.0)
+
+    def disturb(self, timing: Timing) -> Timing:
+        return replace(timing, delay=self.delay)
+
+
+@dataclass(frozen=True)
+class ShortSlot(ExposureEffect):
+    """One slot of the sequence loses its last part, ``loss`` of a slot. Outside the vocabulary."""
+
+    name = "short_slot"
+    loss: float = parameter("slots", 0, 1, (0.05, 0.4), neutral=0.0)
+    slot: int = parameter("slot", 0, 1023, neutral=0, integer=True)
+
+    @classmethod
+    def draw(cls, random: np.random.Generator, session: Session) -> ShortSlot:
+        return replace(super().draw(random, session), slot=int(random.integers(session.frames)))
+
+    def check(self, session: Session) -> None:
+        if self.slot >= session.frames:
+            raise BadInput(f"short_slot.slot must be from 0 to {session.frames - 1}, got {self.slot}")
+
+    def disturb(self, timing: Timing) -> Timing:
+        return replace(timing, slot=self.slot, loss=self.loss)
+
+
+@dataclass(frozen=True)
+class DriftingSource(ExposureEffect):
+    """The lamp warms up: its power changes by ``drift`` from first to last capture, evenly. Outside the vocabulary."""
+
+    name = "drifting_source"
+    drift: float = parameter("1", -1, 1, (0.03, 0.15), neutral=0.0, signed=True)
+
+    def disturb(self, timing: Timing) -> Timing:
+        return replace(timing, drift=self.drift)
+
+
+@dataclass(frozen=True)
+class UnevenSlots(ExposureEffect):
+    """Slots differ in length or light, each by its own amount, in every capture alike. Outside the vocabulary.
+
+    ``course`` chooses the Gaussian numbers.
+    """
+
+    name = "uneven_slots"
+    std: float = parameter("1", 0, 0.5, (0.02, 0.1), neutral=0.0)
+    course: int = parameter("", 0, 2**31 - 1, (0, 2**31 - 1), neutral=0, integer=True)
+
+    def disturb(self, timing: Timing) -> Timing:
+        return replace(timing, uneven=(self.std, self.course))
+
+
+@dataclass(frozen=True)
+class UnsteadySource(ExposureEffect):
+    """The source's power, or the shutter, differs from capture to capture at random. Outside the vocabulary."""
+
+    name = "unsteady_source"
+    std: float = parameter("1", 0, 0.5, (0.01, 0.05), neutral=0.0)
+    course: int = parameter("", 0, 2**31 - 1, (0, 2**31 - 1), neutral=0, integer=True)
+
+    def disturb(self, timing: Timing) -> Timing:
+        return replace(timing, unsteady=(self.std, self.course))

@@ -1,0 +1,130 @@
+"""``--help`` of every command, and the commands themselves by name."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from omegaconf import OmegaConf
+
+from sci_lightning.__main__ import COMPLETION, PROGRAMS, main
+from sci_lightning.cli.help import first_comment, help_text, read_defaults, read_settings
+from sci_lightning.configuration.conf_folder import CONF
+from tests.conftest import ROOT, members
+
+Command = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in CONF.glob("*.yaml")))
+def test_every_setting_and_choice_is_there(name: str) -> None:
+    text, config = help_text(CONF, name), OmegaConf.load(CONF / f"{name}.yaml")
+    for key, value in config.items_ex(resolve=False):
+        assert key in ("defaults", "hydra") or f"  {key}=" in text or (OmegaConf.is_dict(value) and f"  {key}." in text)
+    for default in read_defaults((CONF / f"{name}.yaml").read_text()):
+        group = default.key.partition("@")[0]
+        if (CONF / group).is_dir() and not group.startswith("scale/"):
+            for member in members(group):
+                assert f" {member} " in text or f" {member}\n" in text, (group, member)
+
+
+@pytest.mark.parametrize("path", sorted(CONF.rglob("*.yaml")), ids=lambda path: str(path.relative_to(CONF)))
+def test_every_file_says_what_it_is(path: Path) -> None:
+    assert first_comment(path.read_text()) or "scale/" in str(path.relative_to(CONF)), "no comment at its top"
+
+
+def test_what_is_read_of_a_file() -> None:
+    settings = read_settings("# above\na: 1   # beside\n\nb:     # of b\n  c: [1, 2]\nhydra:\n  d: 1\n")
+    assert [(setting.key, setting.value, setting.about) for setting in settings] == [
+        ("a", "1", "above beside"),
+        ("b.c", "[1, 2]", "of b"),
+    ]
+
+
+def test_help_shows_the_choice_that_is_given() -> None:
+    text = help_text(CONF, "train", ["decoder=stformer", "encoder=rsw_sr"])
+    assert "* stformer" in text and "* rsw_sr" in text and "decoder.units=4" in text
+    assert "* random_structural" in text and "encoder.mask.bits=4" in text
+
+
+def test_help_in_a_process_of_its_own(command: Command) -> None:
+    done = command("train", "--help")
+    assert done.returncode == 0 and "T, time slots per snapshot" in done.stdout and done.stderr == ""
+    assert "Hydra" in command("train", "--hydra-help").stdout
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    piped = f"{sys.executable} -m sci_lightning.train --help | head -1"
+    cut = subprocess.run(piped, shell=True, env=environment, capture_output=True, text=True)
+    assert cut.stderr == "" and cut.stdout.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_help_and_completion_need_no_torch(name: str) -> None:
+    """They answer at once, and importing torch and Lightning takes seconds."""
+    show = "import sys; from runpy import run_module\n"
+    for words in (["--help"], ["-sc", "query=bash"]):
+        if name in ("captures", "virtual_camera.reveal") and words != ["--help"]:
+            continue
+        show += f"sys.argv = ['', *{words}]\n"
+        show += f"try: run_module('sci_lightning.{name}', run_name='__main__')\nexcept SystemExit: pass\n"
+    show += "print('loaded', *{'torch', 'lightning'} & sys.modules.keys())"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COMP_LINE": f"{name} "}
+    done = subprocess.run([sys.executable, "-c", show], env=environment, capture_output=True, text=True)
+    assert done.stdout.splitlines()[-1] == "loaded", done.stdout[-300:] + done.stderr
+
+
+def called(monkeypatch: pytest.MonkeyPatch, *words: str) -> None:
+    monkeypatch.setattr(sys, "argv", ["sci-lightning", *words])
+    main()
+
+
+def test_names_of_commands(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    called(monkeypatch)
+    called(monkeypatch, "--help")
+    printed = capsys.readouterr().out
+    called(monkeypatch, "commands")
+    assert capsys.readouterr().out.split() == list(PROGRAMS) and all(name in printed for name in PROGRAMS)
+    called(monkeypatch, "completion")
+    assert capsys.readouterr().out.strip() == COMPLETION
+    for word, answer in (("trian", "did you mean train?"), ("virtual_camrea", "virtual_camera"), ("xyz", "choose one")):
+        with pytest.raises(SystemExit) as caught:
+            called(monkeypatch, word)
+        assert caught.value.code == 2
+        error = capsys.readouterr().err
+        assert answer in error and error.count("\n") == 1
+
+
+def test_commands_by_name(command: Command) -> None:
+    done = command("", "train", "decoder=no_net")
+    assert done.returncode == 2 and done.stderr.startswith("error: decoder=no_net: no such decoder")
+    assert "FOLDER out=FILE" in command("", "captures", "pack", "--help").stdout
+
+
+def test_completion_in_bash(tmp_path: Path) -> None:
+    program = tmp_path / "sci-lightning"
+    program.write_text(f"#!{sys.executable}\nfrom sci_lightning.__main__ import main\nmain()\n")
+    program.chmod(0o755)
+    script = 'eval "$(sci-lightning completion)"\n'
+    for line in ("sci-lightning ev", "sci-lightning train decoder=e", "sci-lightning captures i"):
+        words = line.split()
+        script += f'COMP_LINE="{line}" COMP_CWORD={len(words) - 1} COMP_WORDS=({line})\n'
+        script += '_sci_lightning\necho "${COMPREPLY[@]}"\n'
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
+    done = subprocess.run(["bash", "-c", script], env=environment, capture_output=True, text=True, cwd=tmp_path)
+    assert done.stdout.splitlines() == [
+        "evaluate",
+        "decoder=e2e_cnn decoder=efficientsci decoder=elp_unfolding",
+        "info",
+    ]
+
+
+def test_what_answers_at_once_does_not_load_torch() -> None:
+    program = (
+        "import sys\n"
+        "import sci_lightning.cli.command, sci_lightning.train, sci_lightning.evaluate, sci_lightning.diagnose\n"
+        "print([name for name in ('torch', 'lightning', 'scipy', 'matplotlib') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,84 @@
+"""Joint fits recover what the virtual camera hides, given its name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import torch
+
+import sci_lightning.encoder.effects as effects
+from sci_lightning.captures import read_captures
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.split import split
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
+from sci_lightning.diagnosis.model.observation import observe
+from sci_lightning.errors import BadInput
+from sci_lightning.virtual_camera import Session, capture_session, write_captures
+
+VOCABULARY = {effect.name: effect for name in effects.__all__ if hasattr(effect := getattr(effects, name), "name")}
+NOISE = Hypothesis({"shot_noise": {"full_well": 1e4}, "read_noise": {"std": 0.8}})
+
+
+def fitter(folder: Path, hidden: dict[str, dict[str, float]]) -> Fitter:
+    write_captures(folder / "a.h5", capture_session(Session(size=(64, 64)), hidden, seed=3))
+    observation = observe(read_captures(folder / "a.h5"))
+    return Fitter(CameraModel(observation, VOCABULARY), split(observation))
+
+
+def errors(fit: Fit) -> dict[tuple[str, str], float]:
+    deviations = torch.linalg.inv(fit.information).diagonal().sqrt()
+    return dict(zip(fit.free, deviations.tolist(), strict=True))
+
+
+@pytest.mark.parametrize(
+    ("name", "start", "truth"),
+    [
+        ("mask_shift", {"dx": 0.4, "dy": -0.4}, {"dx": 0.61, "dy": -0.35}),
+        ("gain", {"factor": 1.0}, {"factor": 0.93}),
+        ("mask_blur", {"sigma": 0.3}, {"sigma": 0.52}),
+        ("black_level", {"offset": 0.0}, {"offset": 0.013}),
+    ],
+)
+def test_parameters(tmp_path: Path, name: str, start: dict[str, float], truth: dict[str, float]) -> None:
+    subject = fitter(tmp_path, {name: truth})
+    without = subject.fit(NOISE)
+    found = subject.fit(NOISE.having(name, dict(start)))
+    assert found.held > without.held + 100
+    deviation = errors(found)
+    for parameter, value in truth.items():
+        error = float(found.hypothesis.effects[name][parameter]) - value
+        assert abs(error) < 5 * deviation[name, parameter] < 0.02
+
+
+def test_map(tmp_path: Path) -> None:
+    subject = fitter(tmp_path, {"prnu": {"std": 0.03}})
+    found = subject.fit(NOISE.having("prnu", {"std": 0.01}, torch.zeros(64, 64)))
+    chart = found.charts["prnu"]
+    assert abs(chart.std - 0.03) < 5 * chart.std_error < 0.005
+    assert found.held > subject.fit(NOISE).held + 100
+
+
+def test_a_gain_beside_a_map_that_scales_with_it(tmp_path: Path) -> None:
+    """Were the maps' uncertainty not to count as it changes with the gain, this one would be 1 + 0.06**2 too large."""
+    subject = fitter(tmp_path, {"prnu": {"std": 0.06}, "gain": {"factor": 0.9}})
+    start = NOISE.having("gain", {"factor": 0.9}).having("prnu", {"std": 0.06}, torch.zeros(64, 64))
+    found = subject.fit(start, iterations=20)
+    error = float(found.hypothesis.effects["gain"]["factor"]) - 0.9
+    assert abs(error) < 2 * errors(found)["gain", "factor"] < 0.9 * 0.06**2
+
+
+def test_the_order_of_the_captures_does_not_matter(tmp_path: Path) -> None:
+    write_captures(tmp_path / "a.h5", capture_session(Session(size=(32, 32)), {}, seed=1))
+    captures = read_captures(tmp_path / "a.h5")
+    one, other = observe(captures), observe(captures.take(list(range(len(captures)))[::-1]))
+    assert torch.equal(one.dn, other.dn)
+    assert torch.equal(split(one).fitted, split(other).fitted)
+
+
+def test_captures_of_one_pixel() -> None:
+    observation: Any = SimpleNamespace(kinds=("flat",), size=(1, 1), number=torch.zeros(1))
+    with pytest.raises(BadInput, match="captures of 1 x 1 pixels: none is left to fit"):
+        split(observation)

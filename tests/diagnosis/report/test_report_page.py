@@ -1,0 +1,199 @@
+"""The page needs nothing but itself, and says what was found."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from sci_lightning.captures import read_captures
+from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
+from sci_lightning.diagnosis.report.pictures import (
+    evidence_figure,
+    example_figure,
+    figures,
+    gap_figure,
+    residuals_figure,
+)
+from sci_lightning.diagnosis.report.report import describe
+from sci_lightning.diagnosis.report.report_page import report_page
+from sci_lightning.diagnosis.residual_tests.drawing import OWN
+from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
+from sci_lightning.diagnosis.search.search import Round
+from sci_lightning.diagnosis.vocabulary import vocabulary
+from sci_lightning.virtual_camera import Session, capture_session, write_captures
+
+VOID = {"meta", "link", "br", "img", "input"}
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+    """A shift and a map: a page with every section."""
+    path = tmp_path_factory.mktemp("page") / "a.h5"
+    hidden = {"mask_shift": {"dx": 0.61, "dy": -0.35}, "column_noise": {"std": 0.02}}
+    write_captures(path, capture_session(Session(size=(32, 40)), hidden, seed=3))
+    few = {name: vocabulary()[name] for name in ("mask_shift", "column_noise", "gain", "shot_noise", "read_noise")}
+    return diagnose(read_captures(path), few)
+
+
+def page(found: Diagnosis, **more: Any) -> str:
+    source = {"captures": {"file": "a<b>.h5", "name": "Lab 1"}, "date": "2026-11-21T23:05:06+00:00", "runtime_s": 1.5}
+    report = describe(found) | source | more
+    return report_page(found, report, figures(found), "python -m sci_lightning.diagnose captures='<a>.h5'")
+
+
+@pytest.fixture(scope="module")
+def text(found: Diagnosis) -> str:
+    """The page of ``found``."""
+    return page(found)
+
+
+class Tags(HTMLParser):
+    """Complains of elements that are not closed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def test_it_is_well_formed_and_needs_nothing_else(text: str) -> None:
+    tags = Tags()
+    tags.feed(text)
+    assert not tags.open
+    assert not re.search(r"<script|<link|@import|src=", text)
+    assert not re.search(r'href="(?!#|data:)', text)
+    assert "$" not in re.sub(r"<svg.*?</svg>", "", text, flags=re.DOTALL)
+
+
+def test_it_says_what_was_found(found: Diagnosis, text: str) -> None:
+    assert re.search(
+        r"<h1>The mask&#x27;s image is displaced by \(0\.61\d?( ± 0.\d+)?, \u22120\.35.* pixel and columns differ", text
+    )
+    command = "captures=&#x27;&lt;a&gt;.h5"
+    for words in (
+        "column_noise",
+        "statistical error (1 σ)",
+        "Uncertainties are statistical only",
+        "Estimated map of column_noise",
+        command,
+        "1.5 s",
+    ):
+        assert words in text, words
+    for test in found.where["after"]:
+        assert f'<td data-label="name">{test.name}</td>' in text
+
+
+def test_what_is_left_and_what_to_do(found: Diagnosis) -> None:
+    other = replace(found, unnamed=(Unnamed("ghost", "optics", "a second image", 1e-20, 99.0, torch.rand(32, 40)),))
+    report = describe(other)
+    report["effects"][0] |= {"alternatives": ["mask_scale"], "tell_apart": "Record 3."}
+    text = page(other, effects=report["effects"], next_captures=["Record 3."])
+    assert "optics: a second image (p 1e-20)" in text
+    assert "cannot tell <b>mask_shift</b> from mask_scale" in text
+    assert "(or it is mask_scale, which these captures cannot tell from it)" in text
+    assert "<li>Record 3.</li>" in text
+    assert report["unnamed"][0]["picture"] == "unnamed_1.png"
+
+
+def test_a_page_of_a_camera_in_which_nothing_is_hidden(tmp_path: Path) -> None:
+    write_captures(tmp_path / "a.h5", capture_session(Session(size=(32, 32)), {}, seed=3))
+    few = {name: vocabulary()[name] for name in ("gain", "shot_noise", "read_noise")}
+    text = page(diagnose(read_captures(tmp_path / "a.h5"), few))
+    assert "<h1>The captures agree with the ideal camera" in text
+    assert "No effect is worth its parameters" in text
+
+
+def test_it_names_the_file_and_the_day(text: str) -> None:
+    assert "a&lt;b&gt;.h5 &middot; Lab 1 &middot; 2026-11-21 23:05 UTC</p>" in text
+    assert "<title>explained: mask_shift, column_noise · a&lt;b&gt;.h5 · 2026-11-21</title>" in text
+
+
+def test_what_files_contribute_is_shown_and_never_obeyed(found: Diagnosis) -> None:
+    evil = "<img src=x onerror=alert(1)>\x1b[31m\u202e&"
+    report = describe(found)
+    report["effects"][0] |= {"name": evil, "alternatives": [evil], "stage": evil}
+    named = {"captures": {"file": evil, "name": evil}, "effects": report["effects"], "next_captures": [evil]}
+    text = page(found, **named)
+    assert "<img" not in text and "\x1b" not in text and "\u202e" not in text
+    assert "&lt;img src=x onerror=alert(1)&gt;\\x1b[31m\\u202e&amp;" in text
+
+
+def test_tables_are_stacked_where_the_page_is_narrow(text: str) -> None:
+    """A table of many columns does not fit a telephone: its cells then carry their column's title."""
+    for table in re.findall(r'<table class="stack.*?</table>', text, flags=re.DOTALL):
+        assert not re.search(r"<td(?! data-label| class=\"n \w+\" data-label)[^>]*>[^<]", table)
+    assert text.count('<table class="stack') == 2
+
+
+def test_a_wide_figure_scrolls_by_itself_where_the_page_is_narrow(text: str) -> None:
+    """A column of a grid is as wide as its content, unless it is told that it may be narrower."""
+    narrow = text[text.index("@media (max-width: 34rem)") :]
+    assert ".tests { grid-template-columns: minmax(0, 1fr); }" in narrow and ".wide svg { min-width" in narrow
+
+
+def test_what_is_left_is_drawn_on_its_own_scale(found: Diagnosis) -> None:
+    """Residuals of 300 sigma before leave those of 1 sigma after white, or all of one purple."""
+    before, after = found.residuals["before"], found.residuals["after"]
+    loud = replace(before, raw=300 * after.raw)
+    for figure, alone in ((residuals_figure(loud, after), 2), (example_figure(loud, after), 1)):
+        panels = [axes for axes in figure.axes if axes.get_title(loc="left") == OWN]
+        assert len(panels) == alone
+        for axes in panels:
+            low, high = axes.images[0].get_clim()
+            assert high - low < 12
+    for figure in (residuals_figure(after, after), example_figure(after, after)):
+        assert OWN not in [axes.get_title(loc="left") for axes in figure.axes]
+
+
+@pytest.mark.parametrize("shape", [(32, 32), (32, 40), (64, 32)])
+def test_no_label_of_the_residuals_is_cut_off(found: Diagnosis, shape: tuple[int, int]) -> None:
+    after = replace(found.residuals["after"], raw=torch.randn(8, *shape))
+    for before in (after, replace(after, raw=300 * after.raw)):
+        figure = residuals_figure(before, after)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        width, height = canvas.get_width_height()
+        for axes in figure.axes:
+            for label in (axes.xaxis.label, axes.yaxis.label):
+                box = label.get_window_extent()
+                assert not label.get_text() or (box.x0 >= 0 and box.y0 >= 0 and box.x1 <= width and box.y1 <= height)
+
+
+@pytest.mark.parametrize("nats", [30.0, 3e3, 2e5, 3e7, 1e12])
+def test_labels_of_large_evidence_do_not_overlap(nats: float) -> None:
+    rounds = tuple(Round({"gain": nats, "prnu": 2.0}, {"gain": (nats, nats)}, "gain") for _ in range(2))
+    for figure in (evidence_figure(rounds, ("gain",)), gap_figure(gaps_of(nats))):
+        FigureCanvasAgg(figure).draw()
+        for axes in figure.axes:
+            low, high = axes.get_xlim()
+            labels = [tick.label1 for tick in axes.xaxis.get_major_ticks() if low <= tick.get_loc() <= high]
+            boxes = sorted((label.get_window_extent() for label in labels), key=lambda box: box.x0)
+            assert len(boxes) >= 2
+            assert all(left.x1 + 2 < right.x0 for left, right in pairwise(boxes))
+
+
+def gaps_of(chi2: float) -> dict[str, Any]:
+    before, after = ({"chi2": value, "by_kind": {"flat": {"chi2": value}}} for value in (chi2, 1.0))
+    return {"before": before, "after": after}
+
+
+def test_a_verdict_waits_for_the_residuals_to_be_noise(found: Diagnosis) -> None:
+    assert found.verdict == "explained"
+    assert not found.left
+    less = replace(found, after=found.before)  # the numbers are those of a good model, the residuals are not
+    assert less.left
+    assert less.verdict != "explained"

@@ -1,0 +1,24 @@
+"""The search names what the virtual camera hides, and nothing where nothing is hidden."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sci_lightning.diagnosis.search.search import search
+from tests.diagnosis.fit.test_fit import NOISE, fitter
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        {},
+        {"pattern_order": {"offset": 2}},
+        {"flicker": {"amplitude": 0.1, "frequency": 1.3, "phase": 0.4}},
+        {"vignetting": {"strength": 0.2}, "gain": {"factor": 0.93}},
+    ],
+)
+def test_names(tmp_path: Path, hidden: dict[str, dict[str, float]]) -> None:
+    found, _ = search(fitter(tmp_path, hidden), NOISE)
+    assert set(found.hypothesis.effects) - set(NOISE.effects) == set(hidden)

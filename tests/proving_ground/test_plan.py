@@ -1,0 +1,85 @@
+"""Which cases are tried."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import pytest
+
+from sci_lightning.errors import BadInput
+from sci_lightning.proving_ground.case import Case
+from sci_lightning.proving_ground.plan import SUITES, plan
+from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY
+
+
+def by_suite(cases: list[Case], suite: str) -> list[Case]:
+    return [case for case in cases if case.suite == suite]
+
+
+def test_every_effect_has_its_turn() -> None:
+    cases = plan(seeds=2)
+    assert {case.effects for case in by_suite(cases, "single")} == {(name,) for name in VOCABULARY}
+    assert {case.effects for case in by_suite(cases, "outside")} == {(name,) for name in OUTSIDE}
+    assert {name for case in by_suite(cases, "weak") for name in case.effects} == set(VOCABULARY) - {
+        "pattern_order",
+        "mask_orientation",
+        "bit_depth",
+    }
+    for suite, many in (("pair", 2), ("triple", 3)):
+        assert {len(set(case.effects)) for case in by_suite(cases, suite)} == {many}
+        assert max(Counter(name for case in by_suite(cases, suite) for name in case.effects).values()) <= 2
+    assert all(list(case.effects) == sorted(case.effects, key=list(EFFECTS).index) for case in cases)
+    assert {case.captures for case in by_suite(cases, "fewer")} == {"no_dark", "no_pattern", "moving"}
+
+
+def test_cases_are_told_apart_and_come_again() -> None:
+    cases = plan(seeds=3)
+    for attribute in ("name", "seed", "digest"):
+        assert len({getattr(case, attribute) for case in cases}) == len(cases), attribute
+    assert cases == plan(seeds=3)
+    assert set(plan(seeds=2)) < set(cases)
+    assert {case.digest for case in plan(size=(65, 64))}.isdisjoint(case.digest for case in cases)
+
+
+def test_masks_and_bit_depths_take_turns() -> None:
+    for cases in (by_suite(plan(), "nothing"), by_suite(plan(most=6), "single")):
+        count = Counter((case.session.mask, case.session.bit_depth) for case in cases)
+        assert len(count) == 6 and max(count.values()) - min(count.values()) <= 1
+
+
+def test_effects_suit_their_camera() -> None:
+    (case,) = plan(["single"], effects=["mask_level_gamma"], masks=["structural", "binary"])
+    assert case.session.mask == "structural"
+    assert plan(["single"], effects=["mask_level_gamma"], masks=["binary"]) == []
+
+
+def test_captures_left_out() -> None:
+    counts = {case.captures: case.session.counts for case in by_suite(plan(), "fewer")}
+    assert counts["no_dark"]["dark"] == 0 and counts["no_dark"]["pattern"] == 8
+    assert counts["no_pattern"]["pattern"] == 0 and counts["no_pattern"]["dark"] == 4
+    assert {kind for kind, count in counts["moving"].items() if count} == {"dynamic"}
+
+
+def test_the_command_makes_the_same_camera() -> None:
+    (case,) = plan(["weak"], effects=["gain"], bit_depths=[12], masks=["binary"], size=(40, 64))
+    words = case.command.split()
+    assert {"'effects=[gain]'", f"seed={case.seed}", "magnitude=weak", "mask=binary", "bit_depth=12"} <= set(words)
+    assert "'size=[40,64]'" in words and not any(word.startswith("frames=") for word in words)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"suites": ["singles"]}, "no 'singles'; choose of " + ", ".join(SUITES)),
+        ({"effects": ["mask_shft"]}, "no 'mask_shft'"),
+        ({"seeds": 0}, "seeds must be a whole number of 1 or more"),
+        ({"most": 0}, "cases must be a whole number of 1 or more"),
+        ({"masks": []}, "at least one"),
+        ({"masks": ["solid"]}, "no such file"),
+        ({"size": [8, 8]}, "size must be a whole number from 16"),
+    ],
+)
+def test_wrong_plans(wrong: dict[str, Any], message: str) -> None:
+    with pytest.raises(BadInput, match=message):
+        plan(**wrong)

@@ -1,0 +1,101 @@
+"""What a run finds in its folder: its own work is kept, anything else is refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import torch
+from omegaconf import DictConfig
+
+from sci_lightning.cli.command import plain
+from sci_lightning.errors import BadInput
+from sci_lightning.runs.resume import check_nothing_lost, check_same_run, finished, interrupted
+
+Configuration = Callable[..., DictConfig]
+
+
+def test_nothing_there(configuration: Configuration, tmp_path: Path) -> None:
+    config = plain(configuration("train"))
+    assert finished(tmp_path, config) is None and interrupted(tmp_path, config) is None
+
+
+def test_finished(configuration: Configuration, tmp_path: Path) -> None:
+    earlier = plain(configuration("train", "decoder=e2e_cnn", "out=/somewhere/else"))
+    (tmp_path / "metrics.json").write_text(json.dumps({"config": earlier, "mean": {"psnr": 30.0}}))
+    found = finished(tmp_path, plain(configuration("train", "decoder=e2e_cnn", f"out={tmp_path}", "workers=3")))
+    assert found is not None and found["mean"]["psnr"] == 30.0
+    with pytest.raises(BadInput, match=r"decoder.blocks is 5, now 4\); give another out="):
+        finished(tmp_path, plain(configuration("train", "decoder=e2e_cnn", "decoder.blocks=4")))
+    (tmp_path / "metrics.json").write_text("[]")
+    with pytest.raises(BadInput, match="not the metrics of a run"):
+        finished(tmp_path, earlier)
+
+
+def test_finished_before_binary_masks_had_bits(configuration: Configuration, tmp_path: Path) -> None:
+    now = plain(configuration("train", "experiment=table2", "data.root=D", "out=/somewhere"))
+    earlier = json.loads(json.dumps(now))
+    for encoder in (earlier["encoder"], earlier["test_encoders"]["rbw_sr"]):
+        assert encoder["mask"].pop("bits") == 1
+    (tmp_path / "metrics.json").write_text(json.dumps({"config": earlier, "mean": {"psnr": 30.0}}))
+    assert finished(tmp_path, now) is not None
+
+
+def test_interrupted(configuration: Configuration, tmp_path: Path) -> None:
+    path = tmp_path / "checkpoints" / "last.ckpt"
+    path.parent.mkdir()
+    config = plain(configuration("train", "decoder=e2e_cnn", f"out={tmp_path}"))
+    names = {"encoder": "lsw_sr", "decoder": "e2e_cnn"}
+    torch.save({"config": {**config, "names": names}, "state_dict": {}}, path)
+    assert interrupted(tmp_path, config) == str(path)
+    with pytest.raises(BadInput, match="seed is 0, now 1"):
+        interrupted(tmp_path, {**config, "seed": 1})
+    path.write_bytes(b"damaged")
+    with pytest.raises(BadInput, match="damaged"):
+        interrupted(tmp_path, config)
+
+
+@pytest.mark.parametrize(
+    "content", ["[" * 100_000, "[1]", '{"config": 5}', '{"config": {}}', '{"config": {}, "mean": 5}']
+)
+def test_metrics_that_are_none(configuration: Configuration, tmp_path: Path, content: str) -> None:
+    (tmp_path / "metrics.json").write_text(content)
+    with pytest.raises(BadInput, match="not the metrics of a run"):
+        finished(tmp_path, plain(configuration("train")))
+
+
+@pytest.mark.parametrize("out", ["", ",", '"', None, 5, [1]])
+def test_a_run_whose_folder_has_an_odd_name(configuration: Configuration, out: object) -> None:
+    config = {**plain(configuration("train")), "names": {}, "out": out}
+    assert check_same_run("a.ckpt", config, config) == []
+
+
+@pytest.mark.parametrize("name", ["metrics.json", "checkpoints/last.ckpt", "checkpoints/best.ckpt"])
+def test_a_training_is_not_overwritten(tmp_path: Path, name: str) -> None:
+    check_nothing_lost(tmp_path / "absent", training=True)
+    (tmp_path / "notes.txt").touch()  # somebody else's files do not stand in the way
+    check_nothing_lost(tmp_path, training=True)
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).touch()
+    with pytest.raises(BadInput, match=rf"\({name}\).*resume=true .*another out="):
+        check_nothing_lost(tmp_path, training=True)
+    check_nothing_lost(tmp_path, training=True, resume=True)
+    if name == "metrics.json":  # evaluate replaces its own
+        check_nothing_lost(tmp_path, training=False)
+    else:
+        with pytest.raises(BadInput, match=r"holds a training .* another out="):
+            check_nothing_lost(tmp_path, training=False)
+
+
+def test_a_training_goes_on_in_its_own_folder_with_its_last_checkpoint(tmp_path: Path) -> None:
+    checkpoints = tmp_path / "checkpoints"
+    checkpoints.mkdir()
+    for name in ("last", "best"):
+        (checkpoints / f"{name}.ckpt").touch()
+    check_nothing_lost(tmp_path, training=True, ckpt_path=str(checkpoints / "last.ckpt"))
+    with pytest.raises(BadInput, match="resume=true"):  # what came after the best one would be lost
+        check_nothing_lost(tmp_path, training=True, ckpt_path=str(checkpoints / "best.ckpt"))
+    (tmp_path / "hpc_ckpt_1.ckpt").touch()
+    check_nothing_lost(tmp_path, training=True)

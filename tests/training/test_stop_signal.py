@@ -1,0 +1,157 @@
+"""Who asks a command to stop gets what was trained so far; who asks twice is obeyed at once."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import lightning as L
+import pytest
+import torch
+
+from sci_lightning.training.stop_signal import StopSignal
+from tests.conftest import ROOT
+from tests.end_to_end.test_train import TINY
+
+BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+
+
+class Sender(L.Callback):
+    """Sends this process a signal once a moment has come: as somebody at the keyboard, only never too late."""
+
+    def __init__(self, number: int, moment: str, step: int = 3, times: int = 1) -> None:
+        self.number, self.moment, self.step, self.times = number, moment, step, times
+
+    def _at(self, trainer: L.Trainer, moment: str) -> None:
+        if moment == self.moment and trainer.global_step >= self.step:
+            for _ in range(self.times):
+                os.kill(os.getpid(), self.number)
+
+    def on_fit_start(self, trainer: L.Trainer, *others: object) -> None:
+        self._at(trainer, "start")
+
+    def on_train_batch_start(self, trainer: L.Trainer, *others: object) -> None:
+        self._at(trainer, "batch")
+
+    def on_validation_batch_start(self, trainer: L.Trainer, *others: object) -> None:
+        self._at(trainer, "validation")
+
+    def on_test_batch_start(self, trainer: L.Trainer, *others: object) -> None:
+        self._at(trainer, "test")
+
+
+def stopped(folder: Path, moment: str, number: int = signal.SIGINT, **more: object) -> subprocess.CompletedProcess[str]:
+    options = {"number": int(number), "moment": moment, **more}
+    sender = "+callbacks.sender={_target_: tests.training.test_stop_signal.Sender, %s}"
+    sender %= ", ".join(f"{key}: {value}" for key, value in options.items())
+    return subprocess.run(
+        [sys.executable, "-m", "sci_lightning.train", *TINY, "metrics.qscore=null", sender, "out=run"],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+
+
+def test_the_step_is_finished_and_kept(tmp_path: Path) -> None:
+    done = stopped(tmp_path, "batch", signal.SIGTERM)
+    last = tmp_path / "run" / "checkpoints" / "last.ckpt"
+    assert done.returncode == 130, done.stderr
+    program, *words = shlex.split(done.stderr.rpartition("go on with:\n  ")[2])
+    assert words == ["-m", "sci_lightning.train", "ckpt_path=run/checkpoints/last.ckpt"]
+    starts = subprocess.run([program, "-c", "import torch"], cwd=tmp_path, capture_output=True, text=True)
+    assert starts.returncode == 0, f"{program} is not the Python that was interrupted: {starts.stderr}"
+    assert "Traceback" not in done.stderr
+    assert torch.load(last, weights_only=True)["global_step"] == 4
+
+
+@pytest.mark.slow
+def test_in_validation(tmp_path: Path) -> None:
+    done = stopped(tmp_path, "validation")
+    last = tmp_path / "run" / "checkpoints" / "last.ckpt"
+    assert done.returncode == 130 and "go on with" in done.stderr
+    assert torch.load(last, weights_only=True)["position"] == {"steps": 4, "batches_per_epoch": 4, "validated": False}
+
+
+@pytest.mark.slow
+def test_in_the_test_after_training(tmp_path: Path) -> None:
+    done = stopped(tmp_path, "test")
+    assert done.returncode == 130 and "go on with" in done.stderr
+    assert torch.load(tmp_path / "run" / "checkpoints" / "last.ckpt", weights_only=True)["global_step"] == 8
+    assert not (tmp_path / "run" / "metrics.json").exists()
+
+
+def test_before_the_first_step(tmp_path: Path) -> None:
+    done = stopped(tmp_path, "start", step=0)
+    assert done.returncode == 130 and "before the first step" in done.stderr
+    assert not (tmp_path / "run" / "checkpoints" / "last.ckpt").exists()
+
+
+def test_twice_ends_at_once(tmp_path: Path) -> None:
+    done = stopped(tmp_path, "batch", times=2)
+    assert done.returncode == 130
+    assert not (tmp_path / "run" / "checkpoints").exists()
+
+
+@BOTH
+def test_outside_of_steps_it_interrupts(number: int) -> None:
+    before = signal.getsignal(number)
+    with pytest.raises(KeyboardInterrupt), StopSignal():
+        os.kill(os.getpid(), number)
+    assert signal.getsignal(number) == before
+
+
+@BOTH
+def test_in_a_step_it_waits(number: int, capsys: pytest.CaptureFixture[str]) -> None:
+    with StopSignal() as stop:
+        stop.wait_for_step()
+        assert not stop.requested
+        os.kill(os.getpid(), number)
+        assert stop.requested and "once more ends at once" in capsys.readouterr().err
+        with pytest.raises(KeyboardInterrupt):
+            stop.act_at_once()
+
+
+def test_the_handlers_of_others_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda number, frame: seen.append(number))
+    try:
+        with StopSignal() as stop:
+            stop.wait_for_step()
+            os.kill(os.getpid(), signal.SIGTERM)
+            assert seen == [signal.SIGTERM] and not stop.requested
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def test_a_signal_may_be_left_to_others() -> None:
+    with StopSignal() as stop:
+        stop.leave(signal.SIGTERM)
+        assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+
+
+def test_slurm_queues_the_job_again(
+    command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With Slurm's SIGUSR1 Lightning writes its checkpoint and asks for the job to be queued again."""
+    scontrol = tmp_path / "bin" / "scontrol"
+    scontrol.parent.mkdir()
+    scontrol.write_text(f'#!/bin/sh\necho "$@" > {tmp_path}/requeued\n')
+    scontrol.chmod(0o755)
+    slurm = {"JOB_ID": "7", "JOB_NAME": "train", "NTASKS": "1", "PROCID": "0", "LOCALID": "0", "NODEID": "0"}
+    for key, value in {**slurm, "NODELIST": "localhost", "JOB_NODELIST": "localhost"}.items():
+        monkeypatch.setenv(f"SLURM_{key}", value)
+    monkeypatch.setenv("PATH", f"{scontrol.parent}:{os.environ['PATH']}")
+    target = "tests.training.test_stop_signal.Sender"
+    sender = f"{{_target_: {target}, number: {int(signal.SIGUSR1)}, moment: batch, step: 3}}"
+    one = ["trainer.devices=1", "trainer.max_epochs=1", "metrics.qscore=null"]
+    done = command("train", *TINY, *one, f"+callbacks.sender={sender}", "out=run")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "requeued").read_text() == "requeue 7\n"
+    assert not list((tmp_path / "run").glob("hpc_ckpt_*"))  # the test after the training would read it
