@@ -61,7 +61,7 @@ COMMANDS = (
         "captures.truth.json report.json",
     ),
     (
-        "diagnosis.proving_ground",
+        "proving_ground",
         "count how often a diagnosis names what is hidden in a virtual camera",
         "seeds=1 cases=4",
     ),

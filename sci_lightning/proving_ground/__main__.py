@@ -44,7 +44,7 @@ def proving_ground(cfg: DictConfig) -> None:
     console.say(styled(out), f": summary.md, summary.json, {', '.join(path.name for path in pictures)}")
     words = [f"{name}={plain(cfg)[name]}".replace(" ", "").replace("'", "") for name in ("suites", "size", "cases")]
     more = [word.replace("None", "null") for word in (*words, f"seeds={cfg.seeds + 1}")]
-    print_next(console, invocation("diagnosis.proving_ground", *more, paths={"out": out}))
+    print_next(console, invocation("proving_ground", *more, paths={"out": out}))
 
 
 def attempt_all(cases: list[Case], records: Records, workers: int, threads: int, console: PlainConsole) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from sci_lightning.configuration.moved import present_name
 from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_data import check_plain_data
 
@@ -151,7 +152,10 @@ def _differences(earlier: Mapping[str, Any], config: Mapping[str, Any]) -> Itera
 def _comparable(config: Mapping[str, Any]) -> dict[str, Any]:
     """What a run finds depends on, flat, wherever the run's folder is."""
     parts = _without(json.loads(json.dumps(config)), config.get("out"))
-    flat = _flat({key: value for key, value in parts.items() if key not in FREE})
+    flat = [
+        (key, present_name(value) if key.endswith("_target_") else value)
+        for key, value in _flat({key: value for key, value in parts.items() if key not in FREE})
+    ]
     # binary masks have one bit; runs of earlier versions do not say so
     return {key: value for key, value in flat if not (key.endswith("mask.bits") and value == 1)}
 
