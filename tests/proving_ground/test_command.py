@@ -22,7 +22,7 @@ from sci_lightning.proving_ground.records import Records
 from sci_lightning.virtual_camera import Session
 from tests.conftest import ROOT
 
-NAME = "diagnosis.proving_ground"
+NAME = "proving_ground"
 SMALL = ("size=[32,32]", "frames=4", "workers=1", "masks=[structural]", "bit_depths=[8]")
 
 
