@@ -25,13 +25,9 @@ class Pipeline(nn.Module):
 
     Example:
         >>> import torch
-        >>> from sci_lightning.decoder import GAP
-        >>> from sci_lightning.decoder.denoiser import TotalVariation
-        >>> from sci_lightning.encoder import Encoder
-        >>> from sci_lightning.encoder.mask import RandomBinary
-        >>> from sci_lightning.encoder.sensor import ClipQuantise
-        >>> encoder = Encoder(RandomBinary(frames=4, size=(16, 16)), ClipQuantise(bit_depth=8))
-        >>> pipeline = Pipeline(encoder, GAP(TotalVariation(), strengths=[0.1], iterations=[3]))
+        >>> import sci_lightning as sci
+        >>> encoder = sci.Encoder(sci.masks.RandomBinary(frames=4, size=(16, 16)), sci.sensors.ClipQuantise())
+        >>> pipeline = sci.Pipeline(encoder, sci.load_decoder("gap_tv", ["decoder.iterations=[3]"]))
         >>> tuple(pipeline(torch.rand(2, 4, 16, 16)).shape)
         (2, 4, 16, 16)
     """

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import doctest
-
 import pytest
 import torch
 
@@ -12,7 +10,6 @@ from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.effects import Gain, MaskShift, OpticalBlur
 from sci_lightning.encoder.mask import RandomBinary
 from sci_lightning.encoder.sensor import Ideal
-from sci_lightning.imaging import pipeline as pipeline_module
 from sci_lightning.imaging.pipeline import Pipeline
 from sci_lightning.training.system import System
 
@@ -60,7 +57,3 @@ def test_checkpoints_hold_every_parameter_once(encoder: Encoder, decoder: E2ECNN
     system = System(encoder, decoder)
     system(torch.rand(1, 4, 16, 16))
     assert {key.split(".")[0] for key in system.state_dict()} == {"encoder", "decoder"}
-
-
-def test_example_of_the_docstring() -> None:
-    assert doctest.testmod(pipeline_module).failed == 0
