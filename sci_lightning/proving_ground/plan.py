@@ -87,7 +87,7 @@ def _round(suite: str, turn: int, cameras: list[Session], allowed: set[str] | No
         ways = cameras[first:] + cameras[:first]
         captures = lacking[(number + turn) % len(lacking)]
         sessions = [_with(session, captures) for session in ways]
-        suited = [session for session in sessions if all(EFFECTS[name].suits(session) for name in hidden)]
+        suited = [session for session in sessions if all(EFFECTS[name].is_visible_in(session) for name in hidden)]
         if suited:
             cases.append(Case(suite, hidden, captures, suited[0], turn * NOTHING + number if not hidden else turn))
     return cases

@@ -15,7 +15,7 @@ from sci_lightning.diagnosis.report.report import describe
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.proving_ground.case import Case
 from sci_lightning.proving_ground.memory import forget_peak, peak_mib
-from sci_lightning.virtual_camera import capture_session, write_captures
+from sci_lightning.virtual_camera import VirtualCamera
 
 
 def attempt(case: Case) -> dict[str, Any]:
@@ -26,8 +26,8 @@ def attempt(case: Case) -> dict[str, Any]:
     """
     with TemporaryDirectory() as folder:
         path = Path(folder) / "captures.h5"
-        hidden = capture_session(case.session, list(case.effects), case.seed, magnitude=case.magnitude)
-        truth = json.loads(write_captures(path, hidden).read_text())
+        camera = VirtualCamera(case.session, case.effects, magnitude=case.magnitude)
+        truth = json.loads(camera.write(path, case.seed).read_text())
         captures = read_captures(path)
     forget_peak()
     start, worked = time.perf_counter(), time.process_time()
