@@ -11,8 +11,8 @@ from torch import nn
 from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.kernels.layout import as_one_channel
-from sci_lightning.decoder.layers.chain import Chain
 from sci_lightning.decoder.layers.convolution import Conv3d, pixel_shuffle
+from sci_lightning.decoder.layers.sequential import Chain
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.errors import BadInput
 
@@ -66,7 +66,7 @@ class Res2former(Decoder):
         depths: (N1, N2), ResTSA modules at the outer level (each way) and at the bottleneck (3, 3; L: 5, 5).
         groups: branches of a ResTSA module at the outer level and at the bottleneck (2, 4; L: 4, 8).
         heads: attention heads in each branch (4).
-        checkpoint: train on less memory; see :class:`~sci_lightning.decoder.layers.chain.Chain`.
+        checkpoint: train on less memory; see :class:`~sci_lightning.decoder.layers.sequential.Chain`.
 
     Raises:
         BadInput: widths that do not divide into groups and heads.
