@@ -10,7 +10,8 @@ from typing import Any
 
 from sci_lightning.captures import read_captures
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
-from sci_lightning.diagnosis.fit.gap import gap
+from sci_lightning.diagnosis.fit.fit import Fitter
+from sci_lightning.diagnosis.fit.gap import held_out_gap
 from sci_lightning.diagnosis.report.report import describe
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.proving_ground.case import Case
@@ -58,8 +59,9 @@ def true_names(found: Diagnosis, hidden: list[dict[str, Any]]) -> dict[str, floa
     named = {each["name"]: each["parameters"] for each in hidden}
     if set(named) == set(found.names) or not all(each["in_vocabulary"] for each in hidden):
         return None
-    hypothesis = found.before.hypothesis
+    hypothesis = found.before.fit.hypothesis
     for name, parameters in named.items():
         hypothesis = hypothesis.having(name, parameters)
-    true = found.fitter.fit(hypothesis, iterations=30)
-    return {"nats": true.total - found.after.total, "chi2": gap(found.fitter, true, found.seed)["chi2"]}
+    fitter = Fitter(found.model, found.split, found.settings)
+    true = fitter.fit(hypothesis, iterations=30)
+    return {"nats": true.total - found.after.fit.total, "chi2": held_out_gap(fitter, true, found.seed).chi2}
