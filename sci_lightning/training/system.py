@@ -14,9 +14,9 @@ from lightning.pytorch.callbacks import Timer
 
 from sci_lightning.configuration.bounds import NonNegative, Positive, Seed
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.layers.initial_estimate import mean_video
 from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput
+from sci_lightning.imaging.operator import SnapshotOperator
 from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.scene_scores import SceneScores
 from sci_lightning.runs.device import device_name
@@ -252,7 +252,7 @@ class System(L.LightningModule):
     def test_step(self, batch: Batch, batch_idx: int) -> dict[str, torch.Tensor]:
         """Score a batch; returns the ``measurement`` (N, H, W) as recorded and the ``estimate`` (N, T, H, W)."""
         recorded, measurement, mask, estimate = self._score(batch, batch_idx)
-        for scene, guess, truth in zip(batch[0], mean_video(measurement, mask), batch[1], strict=True):
+        for scene, guess, truth in zip(batch[0], SnapshotOperator(mask).mean_video(measurement), batch[1], strict=True):
             self.baseline.update(int(scene), guess, truth)
         return {"measurement": recorded, "estimate": estimate}
 
