@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from sci_lightning.encoder.effects import ChartEffect
+from sci_lightning.encoder.effects import MapEffect
 from sci_lightning.virtual_camera import choose_effects
 from sci_lightning.virtual_camera.hardware.camera import Camera
 from tests.conftest import members
@@ -24,7 +24,7 @@ SESSION = replace(SMALL, size=(H, W), frames=T)
 def test_mean(name: str) -> None:
     effect = build(name, **TURNED.get(name, {}))
     camera = Camera(SESSION, choose_effects({name: effect.values}, SESSION, 0), 0)
-    if isinstance(effect, ChartEffect):
+    if isinstance(effect, MapEffect):
         chart = {"prnu": camera.fixed_maps[name] - 1}.get(name, camera.fixed_maps[name])
         effect.map = torch.from_numpy(chart / (1 if name == "hot_pixels" else effect.values["std"])).float()
     if effect.noise:
