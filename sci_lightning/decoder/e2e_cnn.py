@@ -9,6 +9,7 @@ from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.kernels.layout import channels_last
 
 
 class ResidualBlock(nn.Module):
@@ -42,12 +43,12 @@ class E2ECNN(Decoder):
     """
 
     published_names: ClassVar[tuple[tuple[str, str], ...]] = (
-        (r"conv1\.(.*)", r"first.\1"),
-        *((rf"encode{i + 1}\.conv1\.(.*)", rf"encode.{i}.layers.0.\1") for i in range(5)),
-        *((rf"encode{i + 1}\.conv2\.(.*)", rf"encode.{i}.layers.2.\1") for i in range(5)),
-        *((rf"decode{5 - i}\.conv1\.(.*)", rf"decode_blocks.{i}.layers.0.\1") for i in range(5)),
-        *((rf"decode{5 - i}\.conv2\.(.*)", rf"decode_blocks.{i}.layers.2.\1") for i in range(5)),
-        (r"last_act\.0\.(.*)", r"last.\1"),
+        (r"first\.(.*)", r"conv1.\1"),
+        *((rf"encode\.{i}\.layers\.0\.(.*)", rf"encode{i + 1}.conv1.\1") for i in range(5)),
+        *((rf"encode\.{i}\.layers\.2\.(.*)", rf"encode{i + 1}.conv2.\1") for i in range(5)),
+        *((rf"decode_blocks\.{i}\.layers\.0\.(.*)", rf"decode{5 - i}.conv1.\1") for i in range(5)),
+        *((rf"decode_blocks\.{i}\.layers\.2\.(.*)", rf"decode{5 - i}.conv2.\1") for i in range(5)),
+        (r"last\.(.*)", r"last_act.0.\1"),
     )
 
     def __init__(self, frames: Frames, channels: Width = 64, blocks: Depth = 5, input_residual: bool = False) -> None:
@@ -68,8 +69,7 @@ class E2ECNN(Decoder):
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         operator = self.operator(mask)
         estimate = operator.adjoint(operator.mean_frame(measurement))
-        # channels-last is the layout in which CPU and GPU convolutions run fastest
-        features = self.first(estimate.contiguous(memory_format=torch.channels_last))
+        features = self.first(channels_last(estimate))
         skips = []
         for block in self.encode:
             features = block(features)

@@ -11,11 +11,12 @@ from typing import Any
 
 from sci_lightning.captures import read_captures
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
-from sci_lightning.diagnosis.fit.gap import gap
+from sci_lightning.diagnosis.fit.fit import Fitter
+from sci_lightning.diagnosis.fit.gap import held_out_gap
 from sci_lightning.diagnosis.report.report import describe
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.proving_ground.case import Case
-from sci_lightning.virtual_camera import capture_session, write_captures
+from sci_lightning.virtual_camera import VirtualCamera
 
 STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 """Where Linux states the peak of the resident memory, and where it is told to begin anew."""
@@ -29,8 +30,8 @@ def run_trial(case: Case) -> dict[str, Any]:
     """
     with TemporaryDirectory() as folder:
         path = Path(folder) / "captures.h5"
-        simulation = capture_session(case.session, list(case.effects), case.seed, magnitude=case.magnitude)
-        truth = json.loads(write_captures(path, simulation).read_text())
+        camera = VirtualCamera(case.session, case.effects, magnitude=case.magnitude)
+        truth = json.loads(camera.write(path, case.seed).read_text())
         captures = read_captures(path)
     reset_peak_memory()
     start, cpu_start = time.perf_counter(), time.process_time()
@@ -62,12 +63,13 @@ def compare_with_true_names(diagnosis: Diagnosis, hidden: list[dict[str, Any]]) 
     true_values = {effect["name"]: effect["parameters"] for effect in hidden}
     if set(true_values) == set(diagnosis.names) or not all(effect["in_vocabulary"] for effect in hidden):
         return None
-    hypothesis = diagnosis.before.hypothesis
+    hypothesis = diagnosis.before.fit.hypothesis
     for name, parameters in true_values.items():
         hypothesis = hypothesis.having(name, parameters)
-    true = diagnosis.fitter.fit(hypothesis, iterations=30)
-    chi2 = gap(diagnosis.fitter, true, diagnosis.seed)["chi2"]
-    return {"nats": true.total - diagnosis.after.total, "chi2": chi2}
+    fitter = Fitter(diagnosis.model, diagnosis.split, diagnosis.settings)
+    true = fitter.fit(hypothesis, iterations=30)
+    chi2 = held_out_gap(fitter, true, diagnosis.seed).chi2
+    return {"nats": true.total - diagnosis.after.fit.total, "chi2": chi2}
 
 
 def reset_peak_memory() -> None:
