@@ -73,6 +73,10 @@ SETTINGS: Mapping[str, Any] = {
     "most": Count,
     "empirical": bool,
     "candidates": Annotated[Mapping[str, Name], DocInfo("effects of your own, +candidates.mine=my_module.Mine")],
+    # captures, virtual_camera.reveal
+    "folder": Place,
+    "truth": Place,
+    "report": Place,
     # virtual_camera
     "effects": Any,
     "number": Count,
