@@ -1,4 +1,4 @@
-"""The cost of a decoder: number of parameters and of multiply-accumulate operations."""
+"""What a decoder costs: parameters and multiply-accumulates."""
 
 from __future__ import annotations
 
@@ -9,18 +9,14 @@ from torch.utils.flop_counter import FlopCounterMode
 
 
 def count_parameters(decoder: nn.Module) -> int:
-    """Return the number of values in all parameters of a decoder."""
+    """Number of learned values."""
     return sum(parameter.numel() for parameter in decoder.parameters())
 
 
 def count_macs(decoder: nn.Module, frames: int, height: int, width: int) -> int:
-    """Return the multiply-accumulates for one measurement: convolutions, linear layers and matrix products, exactly.
+    """Multiply-accumulates of one measurement: convolutions, linear layers and matrix products, exactly.
 
-    torch counts them on tensors without data, so that this takes neither time nor memory at any size.
-
-    Args:
-        decoder: any network.
-        frames, height, width: T, H and W of the measurement.
+    Counted by torch on tensors without data, so it costs no computation and no memory, at any size.
     """
     with FlopCounterMode(display=False) as counter:
         call_without_data(decoder, frames, height, width)
@@ -29,7 +25,7 @@ def count_macs(decoder: nn.Module, frames: int, height: int, width: int) -> int:
 
 @torch.no_grad()
 def call_without_data(decoder: nn.Module, frames: int, height: int, width: int) -> None:
-    """Decode one measurement of T = ``frames`` on tensors that have a shape but no values (device ``meta``)."""
+    """Decode one measurement of T = ``frames`` on tensors that have a shape but no values."""
     state = {name: value.to("meta") for name, value in (*decoder.named_parameters(), *decoder.named_buffers())}
     measurement = torch.empty(1, height, width, device="meta")
     mask = torch.empty(frames, height, width, device="meta")

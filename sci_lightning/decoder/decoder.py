@@ -1,4 +1,4 @@
-"""The base class of all decoders: the call, and the check of its arguments."""
+"""What all decoders have in common: the call, and the check of what they are called with."""
 
 from __future__ import annotations
 
@@ -16,33 +16,36 @@ from sci_lightning.imaging.operator import SnapshotOperator
 class Decoder(nn.Module):
     """A decoder: ``decoder(measurement, mask) -> video``.
 
-    The measurement ``(N, H, W)`` is the sum over t of M_t x_t, the mask M is ``(T, H, W)`` in [0, 1], and the video x is
-    ``(N, T, H, W)``. A subclass implements :meth:`decode`, or :meth:`decode_stages` if it makes several estimates one
-    after another. The shapes are checked before either is called.
+    Shapes: measurement ``(N, H, W)`` = sum over t of M_t x_t, mask ``(T, H, W)`` in [0, 1], video ``(N, T, H, W)``.
+    Subclasses write :meth:`decode`, or :meth:`decode_stages` when they estimate more than once on the way; calling
+    checks the shapes first.
     """
 
     frames: int | None = None
-    """T, if the architecture is built for one number of frames; None if it takes any."""
+    """T, where the architecture is built for one; None: any."""
     multiple: ClassVar[int] = 1
-    """H and W must be multiples of this; other sizes are padded by replication, and the video is cropped back."""
+    """The architecture takes H and W that are multiples of this; others are replicated up to one and cropped back."""
     published_names: ClassVar[tuple[tuple[str, str], ...]] = ()
-    """(regular expression of a published state-dict key, replacement that makes it ours), matched in full."""
+    """What the authors call our state-dict keys: (regular expression of our key, replacement to make it theirs).
+
+    An expression has to match all of a key. Where several match, the authors' tensors are joined in this order.
+    """
     published_unused: ClassVar[tuple[str, ...]] = ()
-    """Regular expressions of published state-dict keys that are knowingly not used."""
+    """Regular expressions of published state-dict keys that are not used on purpose."""
 
     def forward(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        """Return the estimated video ``(N, T, H, W)``, nominally in [0, 1], not clipped: the last of :meth:`stages`.
+        """Estimate the video ``(N, T, H, W)``, nominally in [0, 1], not clipped: the last of :meth:`stages`.
 
         Raises:
-            BadInput: the shapes do not fit together, or the architecture cannot take them.
+            BadInput: shapes that do not fit together or that the architecture cannot take.
         """
         return self.stages(measurement, mask)[-1]
 
     def stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
-        """Return all estimates of the video from first to last, ``(N, T, H, W)`` each, for losses that use them.
+        """Every estimate of the video on the way, first to last, each ``(N, T, H, W)``; for losses that use them.
 
         Raises:
-            BadInput: as for the call.
+            BadInput: as the call.
         """
         if measurement.ndim != 3 or mask.ndim != 3 or measurement.shape[1:] != mask.shape[1:]:
             raise BadInput(
@@ -54,16 +57,16 @@ class Decoder(nn.Module):
         height, width = mask.shape[1:]
         margin = (0, -width % self.multiple, 0, -height % self.multiple)
         if any(margin):  # measurement and mask alike, so that they keep fitting each other
-            measurement, mask = (F.pad(x, margin, mode="replicate") for x in (measurement, mask))
+            measurement, mask = (F.pad(each, margin, mode="replicate") for each in (measurement, mask))
         estimates = self.decode_stages(measurement, mask)
         return [estimate[..., :height, :width].contiguous() for estimate in estimates]
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
-        """Return the estimates of :meth:`stages`; the shapes have been checked and padded."""
+        """The estimates of :meth:`stages`, of checked input."""
         return [self.decode(measurement, mask)]
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        """Return the estimate of a decoder that makes only one; the shapes have been checked and padded."""
+        """The one estimate, of checked input."""
         raise NotImplementedError
 
     @staticmethod

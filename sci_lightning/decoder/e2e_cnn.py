@@ -1,4 +1,4 @@
-"""E2E-CNN: a two-dimensional convolutional network, trained end to end."""
+"""E2E-CNN: the two-dimensional convolutional decoder of Qiao et al. (2020)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sci_lightning.decoder.kernels.layout import channels_last
 
 
 class ResidualBlock(nn.Module):
-    """``x + conv(LeakyReLU(conv(x)))`` with 3 x 3 convolutions, on features ``(N, C, H, W)``."""
+    """x + conv(LeakyReLU(conv(x))), 3x3, ``(N, C, H, W)`` to the same."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -28,27 +28,27 @@ class ResidualBlock(nn.Module):
 
 
 class E2ECNN(Decoder):
-    """A network at full resolution that takes the T frames as channels, with skips from its first to its last blocks.
+    """Frames as channels, five residual blocks in, five out, skips between them, no down-sampling.
 
-    The input is M * (y / sum of M), and the output passes a tanh. T is fixed at construction; H and W are free.
+    The input is M * (y / sum of M); the output is a tanh. Any H x W; T is fixed at construction.
 
     Args:
         frames: T.
         channels: width C of every hidden layer (64 as published).
         blocks: residual blocks on each side (5 as published).
-        input_residual: whether the input is added to the output, as in the cacti toolbox.
+        input_residual: add the input to the output, as the version in the cacti toolbox does.
 
     Parameters: 817,608 with the defaults at T = 8.
     Source: Qiao et al., "Deep learning for video compressive sensing", APL Photonics 2020.
     """
 
     published_names: ClassVar[tuple[tuple[str, str], ...]] = (
-        (r"conv1\.(.*)", r"first.\1"),
-        *((rf"encode{i + 1}\.conv1\.(.*)", rf"encode.{i}.layers.0.\1") for i in range(5)),
-        *((rf"encode{i + 1}\.conv2\.(.*)", rf"encode.{i}.layers.2.\1") for i in range(5)),
-        *((rf"decode{5 - i}\.conv1\.(.*)", rf"decode_blocks.{i}.layers.0.\1") for i in range(5)),
-        *((rf"decode{5 - i}\.conv2\.(.*)", rf"decode_blocks.{i}.layers.2.\1") for i in range(5)),
-        (r"last_act\.0\.(.*)", r"last.\1"),
+        (r"first\.(.*)", r"conv1.\1"),
+        *((rf"encode\.{i}\.layers\.0\.(.*)", rf"encode{i + 1}.conv1.\1") for i in range(5)),
+        *((rf"encode\.{i}\.layers\.2\.(.*)", rf"encode{i + 1}.conv2.\1") for i in range(5)),
+        *((rf"decode_blocks\.{i}\.layers\.0\.(.*)", rf"decode{5 - i}.conv1.\1") for i in range(5)),
+        *((rf"decode_blocks\.{i}\.layers\.2\.(.*)", rf"decode{5 - i}.conv2.\1") for i in range(5)),
+        (r"last\.(.*)", r"last_act.0.\1"),
     )
 
     def __init__(self, frames: Frames, channels: Width = 64, blocks: Depth = 5, input_residual: bool = False) -> None:

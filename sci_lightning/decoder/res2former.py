@@ -1,4 +1,4 @@
-"""Res2former: the decoder of the deep-optics paper, whose main operation is attention along time."""
+"""Res2former: the paper's decoder, most of whose work is attention along time."""
 
 from __future__ import annotations
 
@@ -11,21 +11,19 @@ from torch import nn
 from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.kernels.layout import as_one_channel
-from sci_lightning.decoder.layers.chain import Chain
 from sci_lightning.decoder.layers.convolution import Conv3d, pixel_shuffle
+from sci_lightning.decoder.layers.sequential import Chain
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.errors import BadInput
 
-PUBLISHED_LEVELS = ((r"encoder\.0\.0", "encode"), ("bottleneck", "bottleneck"), (r"decoder\.0\.2", "decode_blocks"))
-"""Where the authors keep the ResTSA modules of each level, and where we do."""
+PUBLISHED_LEVELS = (("encode", "encoder.0.0"), ("bottleneck", "bottleneck"), ("decode_blocks", "decoder.0.2"))
+"""Names of the ResTSA modules of every level, here and in the authors' files."""
 
 
 class TSABranch(nn.Module):
-    """Temporal self-attention on one group of channels ``(N, c, T, H, W)``.
+    """Temporal self-attention on one group of channels, ``(N, c, T, H, W)`` to the same.
 
-    The result is z + conv1x1x1(LeakyReLU(conv3x3x3(z))), where z = x + attention(conv1x3x3(x)).
-
-    Source: "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Section 4.3, Eq. 8 to 12.
+    x + attention(conv1x3x3(x)), then + conv1x1x1(LeakyReLU(conv3x3x3(.))). Source: Section 4.3, Eq. 8 to 12.
     """
 
     def __init__(self, channels: int, heads: int) -> None:
@@ -44,7 +42,7 @@ class TSABranch(nn.Module):
 
 
 class ResTSA(nn.Module):
-    """Channels in groups, one branch for each: a branch also gets the result of the branch before (Section 4.3, Eq. 7)."""
+    """Channels in ``groups`` parts; each branch also sees the result of the one before (Section 4.3, Eq. 7)."""
 
     def __init__(self, channels: int, groups: int, heads: int) -> None:
         super().__init__()
@@ -59,19 +57,19 @@ class ResTSA(nn.Module):
 
 
 class Res2former(Decoder):
-    """A U-shaped network of two levels of ResTSA modules, for any T, H and W (padded to multiples of 4 inside).
+    """Two-level U-shaped network of ResTSA modules on the input y + M * y. Any T, any H x W.
 
-    The input is y + M * y.
+    Sides are replicated at the right and bottom to a multiple of 4 inside and cropped back.
 
     Args:
         dim: C, width at full resolution; 2C at half, 4C at a quarter (96; Res2former-L: 128).
         depths: (N1, N2), ResTSA modules at the outer level (each way) and at the bottleneck (3, 3; L: 5, 5).
         groups: branches of a ResTSA module at the outer level and at the bottleneck (2, 4; L: 4, 8).
         heads: attention heads in each branch (4).
-        checkpoint: whether to train on less memory; see :class:`~sci_lightning.decoder.layers.chain.Chain`.
+        checkpoint: train on less memory; see :class:`~sci_lightning.decoder.layers.sequential.Chain`.
 
     Raises:
-        BadInput: a width does not divide into groups and heads.
+        BadInput: widths that do not divide into groups and heads.
 
     Parameters: 11,022,625 with the defaults, 17,697,153 for Res2former-L.
     Source: "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Section 4.3.
@@ -79,18 +77,18 @@ class Res2former(Decoder):
 
     multiple = 4
     published_names: ClassVar[tuple[tuple[str, str], ...]] = (
-        (r"conv_first\.(.*)", r"extract.\1"),
+        (r"extract\.(.*)", r"conv_first.\1"),
         *(
-            (rf"{theirs}\.blocks\.(\d+)\.cformer_list\.(\d+)\.{part}\.(.*)", rf"{ours}.\1.branches.\2.{name}.\3")
-            for theirs, ours in PUBLISHED_LEVELS
-            for part, name in (("conv", "conv"), ("tsab", "attention"), ("ffn", "feed_forward"))
+            (rf"{ours}\.(\d+)\.branches\.(\d+)\.{name}\.(.*)", rf"{theirs}.blocks.\1.cformer_list.\2.{part}.\3")
+            for ours, theirs in PUBLISHED_LEVELS
+            for name, part in (("conv", "conv"), ("attention", "tsab"), ("feed_forward", "ffn"))
         ),
-        *((rf"{theirs}\.blocks\.(\d+)\.last_conv\.(.*)", rf"{ours}.\1.last.\2") for theirs, ours in PUBLISHED_LEVELS),
-        (r"encoder\.0\.1\.(.*)", r"down.\1"),
-        (r"decoder\.0\.0\.0\.(.*)", r"up.\1"),
-        (r"decoder\.0\.1\.(.*)", r"fuse.\1"),
-        (r"conv_last\.0\.(.*)", r"expand.\1"),
-        (r"conv_last\.4\.(.*)", r"last.\1"),
+        *((rf"{ours}\.(\d+)\.last\.(.*)", rf"{theirs}.blocks.\1.last_conv.\2") for ours, theirs in PUBLISHED_LEVELS),
+        (r"down\.(.*)", r"encoder.0.1.\1"),
+        (r"up\.(.*)", r"decoder.0.0.0.\1"),
+        (r"fuse\.(.*)", r"decoder.0.1.\1"),
+        (r"expand\.(.*)", r"conv_last.0.\1"),
+        (r"last\.(.*)", r"conv_last.4.\1"),
     )
 
     def __init__(

@@ -155,8 +155,8 @@ def mask_warning(measurement: torch.Tensor, mask: torch.Tensor) -> str:
     explained = max(0.0, max(check.explained for check in doubts))
     return (
         f"the mask does not seem to belong to this snapshot, in which {explained:.0%} is found of the fine structure "
-        "that it must leave: check whether it is this camera's and this session's, its orientation (flipped, transposed), "
-        "its size, a shift of more than two pixels, and which of several arrays or patterns it is"
+        "that it must leave: check whether it is this camera's and this session's, its orientation (flipped, "
+        "transposed), its size, a shift of more than two pixels, and which of several arrays or patterns it is"
     )
 
 

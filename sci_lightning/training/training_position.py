@@ -68,7 +68,7 @@ class TrainingPosition:
         return asdict(self)
 
     def place(self, accumulate: int = 1) -> tuple[int, int]:
-        """Return epoch and batch, both from 0, of the next batch; the batch is ``batches_per_epoch`` before a validation.
+        """Return epoch and batch, from 0, of the next batch; the batch is ``batches_per_epoch`` before a validation.
 
         Args:
             accumulate: batches per optimizer step; the last step of an epoch may have fewer.
