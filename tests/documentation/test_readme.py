@@ -1,0 +1,15 @@
+"""Every command of README.md runs, at a small size and with small files in the place of its capitals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.documentation.pages import commands_of
+
+
+@pytest.mark.parametrize(("page", "command"), commands_of("README.md"))
+def test_command(page: Path, command: str, run_command: Callable[[str], None]) -> None:
+    run_command(command)
