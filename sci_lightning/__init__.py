@@ -1,35 +1,126 @@
-"""Design, train and trust a video snapshot compressive imaging camera."""
+"""Design, train and trust a video snapshot compressive imaging camera.
+
+Everything that a notebook needs is an attribute of this package, loaded when it is first used:
+
+>>> import torch
+>>> import sci_lightning as sci
+>>> mask = sci.masks.RandomBinary(frames=8, size=(32, 32), seed=0)
+>>> encoder = sci.Encoder(mask, sci.sensors.ClipQuantise(bit_depth=8))
+>>> video = torch.rand(1, 8, 32, 32)  # (N, T, H, W); 1.0 fills the sensor's range when fully transmitted
+>>> measurement = encoder(video)  # (N, H, W), in [0, 1] of full scale
+>>> decoder = sci.load_decoder("gap_tv", ["decoder.iterations=[4]"])
+>>> estimate = sci.Pipeline(encoder, decoder)(video)  # records, linearises and decodes
+>>> tuple(estimate.shape)
+(1, 8, 32, 32)
+
+The modules behind it are ordinary ones and may be imported directly as well; the commands are
+``python -m sci_lightning``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
-from typing import TYPE_CHECKING
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # what type checkers and editors see; at run time FACE says where a name is found
+    from sci_lightning import decoder as decoders
+    from sci_lightning import metrics
+    from sci_lightning.captures import read_captures
+    from sci_lightning.cli.load_decoder import load_decoder
+    from sci_lightning.encoder import Encoder, effects
+    from sci_lightning.encoder import mask as masks
+    from sci_lightning.encoder import sensor as sensors
+    from sci_lightning.errors import BadInput
+    from sci_lightning.imaging.operator import SnapshotOperator
+    from sci_lightning.imaging.pipeline import Pipeline
+    from sci_lightning.metrics import HDRVDP2
     from sci_lightning.runs.checkpoint import Checkpoint
+    from sci_lightning.runs.checkpoint import read_checkpoint as load_checkpoint
+    from sci_lightning.virtual_camera import Session, VirtualCamera
 
-__all__ = ["__version__", "load_checkpoint"]
+    __version__: str
 
-try:
-    __version__ = version("sci-lightning")
-except PackageNotFoundError:  # running from a checkout that was never installed
-    __version__ = "0+unknown"
+FACE = {
+    "BadInput": "errors:BadInput",
+    "Checkpoint": "runs.checkpoint:Checkpoint",
+    "Encoder": "encoder:Encoder",
+    "HDRVDP2": "metrics:HDRVDP2",
+    "Pipeline": "imaging.pipeline:Pipeline",
+    "Session": "virtual_camera:Session",
+    "SnapshotOperator": "imaging.operator:SnapshotOperator",
+    "VirtualCamera": "virtual_camera:VirtualCamera",
+    "decoders": "decoder",
+    "effects": "encoder.effects",
+    "load_checkpoint": "runs.checkpoint:read_checkpoint",
+    "load_decoder": "cli.load_decoder:load_decoder",
+    "masks": "encoder.mask",
+    "metrics": "metrics",
+    "read_captures": "captures:read_captures",
+    "sensors": "encoder.sensor",
+}
+"""Where each public name is found: a module of this package, and after the colon a member of it."""
+
+__all__ = [
+    "HDRVDP2",
+    "BadInput",
+    "Checkpoint",
+    "Encoder",
+    "Pipeline",
+    "Session",
+    "SnapshotOperator",
+    "VirtualCamera",
+    "__version__",
+    "decoders",
+    "effects",
+    "load_checkpoint",
+    "load_decoder",
+    "masks",
+    "metrics",
+    "read_captures",
+    "sensors",
+]
 
 
-def load_checkpoint(path: str | Path, trusted: Iterable[str] = ()) -> Checkpoint:
-    """Read what a training run left, for a notebook: ``load_checkpoint(path).encoder()`` and ``.decoder()``.
+class _Package(ModuleType):
+    """This package's own type: ``sci.train`` stays the function although a module of that name holds the command.
 
-    Both are plain ``torch.nn.Module`` objects with the trained weights; nothing in the file is executed.
-
-    Args:
-        path: RUN/checkpoints/last.ckpt, or a file that ``convert`` wrote.
-        trusted: packages beside this one whose classes the file may name.
-
-    Raises:
-        BadInput: missing, damaged or not a checkpoint of this project.
+    Python sets a package's attribute to the module whenever a sub-module is imported, which would replace a function of
+    the same name.
     """
-    from sci_lightning.runs.checkpoint import read_checkpoint  # torch is loaded when it is needed
 
-    return read_checkpoint(path, trusted)
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (isinstance(value, ModuleType) and ":" in FACE.get(name, "")):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
+
+if not TYPE_CHECKING:  # a type checker would take every name for one that exists
+
+    def __getattr__(name: str) -> Any:
+        """Load a public name when it is first used (PEP 562), so that importing the package loads no torch."""
+        if name == "__version__":
+            return _version()
+        if name not in FACE:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        module, _, member = FACE[name].partition(":")
+        value = import_module(f"{__name__}.{module}")
+        value = getattr(value, member) if member else value
+        globals()[name] = value
+        return value
+
+    def __dir__() -> list[str]:
+        """List the public names, loaded or not."""
+        return sorted({*globals(), *__all__})
+
+
+def _version() -> str:
+    """Return the installed version; ``0+unknown`` in a checkout that was never installed."""
+    from importlib.metadata import PackageNotFoundError, version  # takes half as long as everything else here
+
+    try:
+        return version("sci-lightning")
+    except PackageNotFoundError:
+        return "0+unknown"

@@ -18,7 +18,7 @@ COMMANDS = (
     (
         "evaluate",
         "test a trained decoder, with its own encoder or another one",
-        "ckpt_path=RUN/checkpoints/last.ckpt encoder=rbw_sr data=benchmark data.root=DIR",
+        "ckpt_path=RUN/checkpoints/last.ckpt encoder=rbw_sr data=six_scenes data.root=DIR",
     ),
     (
         "tables",

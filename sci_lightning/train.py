@@ -143,7 +143,7 @@ def _train(cfg: DictConfig, stop: StopSignal) -> float:
         print_results(found, console)
         folders = [f"{name}/" for name in ("pictures", *(cfg.get("logger") or {})) if (out / name).is_dir()]
         console.say(styled(out), f": {', '.join(['metrics.json', 'checkpoints/last.ckpt', *folders])}")
-        tested = ("benchmark", cfg.benchmark.root) if cfg.benchmark.root else (chosen("data"), cfg.data.get("root"))
+        tested = ("six_scenes", cfg.benchmark.root) if cfg.benchmark.root else (chosen("data"), cfg.data.get("root"))
         paths = {"ckpt_path": out / "checkpoints" / "last.ckpt"}
         trusted = [override("trusted", f"[{','.join(cfg.trusted)}]")] if cfg.trusted else []
         lines = [

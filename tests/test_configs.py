@@ -98,7 +98,7 @@ def clips(folder: Path, source: str) -> Path:
 
     folder.mkdir(exist_ok=True)
     frames = (torch.rand(48, 64, 64) * 255).byte().numpy()
-    if source == "benchmark":
+    if source in ("sixscenes", "benchmark"):
         for scene in ("kobe", "traffic", "runner", "drop", "crash", "aerial"):
             savemat(folder / f"{scene}_cacti.mat", {"orig": frames.transpose(1, 2, 0)})
     elif source == "davis":

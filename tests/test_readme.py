@@ -43,7 +43,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("readme")
     clips(place / "CLIPS", "folder")
     clips(place / "VALIDATION", "folder")
-    clips(place / "SCENES", "benchmark")
+    clips(place / "SCENES", "sixscenes")
     savemat(place / "MASK.mat", {"mask": np.full((64, 64, 8), 1 / 8)})
     imsave(place / "SNAPSHOT.tiff", (torch.rand(64, 64) * 255).byte().numpy(), check_contrast=False)
     (place / "LAB").mkdir()

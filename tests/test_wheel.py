@@ -21,7 +21,8 @@ def test_wheel(command: Callable[..., subprocess.CompletedProcess[str]], tmp_pat
     site = tmp_path / "site"
     install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(site), str(wheel)]
     assert subprocess.run(install, capture_output=True).returncode == 0
-    assert all((site / "sci_lightning" / path).is_file() for path in ("conf/train.yaml", "tables/paper_figures.yaml"))
+    carried = ("conf/train.yaml", "tables/paper_figures.yaml", "py.typed", "schemas/report.json")
+    assert all((site / "sci_lightning" / path).is_file() for path in carried)
 
     outside = tmp_path / "outside"
     outside.mkdir()
@@ -29,7 +30,7 @@ def test_wheel(command: Callable[..., subprocess.CompletedProcess[str]], tmp_pat
     environment = {**os.environ, "PYTHONPATH": str(site)}
     done = subprocess.run(train, cwd=outside, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    where = [sys.executable, "-c", "import sci_lightning.cli.command as c; print(c.CONF)"]
+    where = [sys.executable, "-c", "import sci_lightning.configuration.conf_folder as c; print(c.CONF)"]
     found = subprocess.run(where, cwd=outside, env=environment, capture_output=True, text=True).stdout
     assert found.strip() == str(site / "sci_lightning" / "conf")
 

@@ -19,6 +19,7 @@ from sci_lightning.configuration.build import build
 from sci_lightning.decoder.complexity import count_macs, count_parameters
 from sci_lightning.decoder.paper_count import count_as_paper
 from sci_lightning.errors import BadInput
+from sci_lightning.imaging.operator import SnapshotOperator
 
 PRECISIONS = {"32-true": None, "bf16-mixed": torch.bfloat16, "16-mixed": torch.float16}
 """Names as Lightning's Trainer has them; the mixed ones are torch's autocast."""
@@ -81,7 +82,7 @@ def measure(
     before = 0 if on_gpu else _memory("VmRSS")
     decoder = build(config, "decoder").eval().to(place)
     mask = (torch.rand(frames, *size, device=place) < 0.5).float()
-    measurement = (torch.rand(1, frames, *size, device=place) * mask).sum(1)
+    measurement = SnapshotOperator(mask)(torch.rand(1, frames, *size, device=place))
     decode = torch.compile(decoder) if compile else decoder
     with torch.inference_mode(), torch.autocast(place.type, PRECISIONS[precision], enabled=precision != "32-true"):
         seconds = _timed(lambda: decode(measurement, mask), place, warm_up, repeats, budget)

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 MOVED: Mapping[str, str] = {
     "sci_lightning.system.System": "sci_lightning.training.system.System",
     "sci_lightning.denoiser_system.DenoiserSystem": "sci_lightning.training.denoiser_system.DenoiserSystem",
+    "sci_lightning.data.Benchmark": "sci_lightning.data.SixScenes",
+    "sci_lightning.data.benchmark.Benchmark": "sci_lightning.data.SixScenes",
 }
 """Present names by former ones, of classes that are configured outside of encoder and decoder.
 

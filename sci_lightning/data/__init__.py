@@ -1,9 +1,9 @@
-"""Where video comes from: one source a file, all with ``clips()`` to train on and ``scenes()`` to test on."""
+"""Sources of video, one in a file: ``clips()`` returns clips to train on, ``scenes()`` returns scenes to test on."""
 
-from sci_lightning.data.benchmark import Benchmark
 from sci_lightning.data.davis import Davis
 from sci_lightning.data.folder import Folder
+from sci_lightning.data.six_scenes import Benchmark, SixScenes
 from sci_lightning.data.source import Clips, Scene, Source
 from sci_lightning.data.synthetic import Synthetic
 
-__all__ = ["Benchmark", "Clips", "Davis", "Folder", "Scene", "Source", "Synthetic"]
+__all__ = ["Benchmark", "Clips", "Davis", "Folder", "Scene", "SixScenes", "Source", "Synthetic"]

@@ -14,6 +14,7 @@ from sci_lightning.encoder.mask import Mask
 from sci_lightning.encoder.physics import deepinv_physics
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput
+from sci_lightning.imaging.operator import SnapshotOperator
 
 LEAST_VARIANCE = 1e-11
 """Of noise that is drawn; less is a fifth of a 16-bit step, and what floating point leaves behind."""
@@ -85,7 +86,7 @@ class Encoder(nn.Module):
 
     def decoder_mask(self, mask: torch.Tensor) -> torch.Tensor:
         """The mask as a decoder wants it, in whole pixels: ``(T, H, W)`` of a ``(T, qH, qW)`` transmittance."""
-        return mask if self.path.cells == 1 else torch.nn.functional.avg_pool2d(mask, self.path.cells)
+        return SnapshotOperator(mask, self.path.cells).in_pixels().mask
 
     def forward(self, video: torch.Tensor) -> torch.Tensor:
         """Record ``video`` (N, T, H, W) with the whole mask; see :meth:`record`."""
@@ -112,11 +113,10 @@ class Encoder(nn.Module):
                 f"{f' in {q} x {q} cells a pixel' if q > 1 else ''}: "
                 f"T, H and W must agree; set frames= and size= to the data's, or crop the data"
             )
+        image = self.aperture * SnapshotOperator(mask, q)(video)
         if not len(self.path.effects):
-            return self.sensor(self.aperture * (video * mask).sum(1))
-        if q > 1:
-            video = video.repeat_interleave(q, -2).repeat_interleave(q, -1)
-        light = self._signal(self.aperture * (video * mask).sum(1), origin, q)
+            return self.sensor(image)
+        light = self._signal(image, origin, q)
         light = self.path.respond(self.path.form(light))
         return self._convert(_draw(light) if self.path.of("sensor") else light.mean)
 

@@ -7,6 +7,7 @@ from typing import Any
 import torch
 
 from sci_lightning.errors import BadInput
+from sci_lightning.imaging.operator import SnapshotOperator
 
 
 def deepinv_physics(transmittance: torch.Tensor, aperture: float) -> Any:
@@ -30,17 +31,19 @@ def deepinv_physics(transmittance: torch.Tensor, aperture: float) -> Any:
         def __init__(self) -> None:
             super().__init__(img_size=tuple(transmittance.shape))
             self.register_buffer("mask", aperture * transmittance)
-            power = self.mask.square().sum(0)
-            self.register_buffer("inverse", torch.where(power > 0, self.mask / power, 0))
+
+        @property
+        def operator(self) -> SnapshotOperator:
+            return SnapshotOperator(self.mask)
 
         def A(self, x: torch.Tensor, **_: Any) -> torch.Tensor:
-            return (self.mask * x).sum(1, keepdim=True)
+            return self.operator(x)[:, None]
 
         def A_adjoint(self, y: torch.Tensor, **_: Any) -> torch.Tensor:
-            return self.mask * y
+            return self.operator.adjoint(y[:, 0])
 
         def A_dagger(self, y: torch.Tensor, **_: Any) -> torch.Tensor:
-            """The video of least norm that explains y; 0 where no slot opens."""
-            return self.inverse * y
+            """Return the video of least norm that explains y; 0 where no slot opens."""
+            return self.operator.pseudo_inverse(y[:, 0])
 
     return Snapshot()

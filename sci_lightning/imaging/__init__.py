@@ -1,1 +1,1 @@
-"""Snapshots: reading them, checking that a mask belongs to them, and showing what was reconstructed."""
+"""Snapshots: how they form (the snapshot operator), reading them, checking their masks, and showing reconstructions."""

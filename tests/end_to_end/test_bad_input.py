@@ -78,7 +78,8 @@ def test_a_name_that_is_nearly_right(refused: Refused) -> None:
 
 def test_a_setting_of_a_choice_that_has_no_default(refused: Refused) -> None:
     assert "error: give data.root=..; --help says what it is" in refused("train", "data=folder")
-    assert "error: give data.root=..; --help says what it is" in refused("evaluate", "decoder=gap_tv", "data=benchmark")
+    line = refused("evaluate", "decoder=gap_tv", "data=six_scenes")
+    assert "error: give data.root=..; --help says what it is" in line
 
 
 def test_a_size_that_is_one_number(refused: Refused, command: Callable[..., subprocess.CompletedProcess[str]]) -> None:
@@ -158,7 +159,7 @@ def test_benchmark(refused: Refused, tmp_path: Path) -> None:
     run = [*TINY, "data=synthetic", "benchmark.root=bench"]
     (tmp_path / "bench").mkdir()
     assert "kobe" in refused("train", *run)
-    clips(tmp_path / "bench", "benchmark")
+    clips(tmp_path / "bench", "sixscenes")
     (tmp_path / "bench" / "drop_cacti.mat").unlink()
     line = refused("train", *run)
     assert "drop" in line and "scenes=[" in line

@@ -15,6 +15,7 @@ from sci_lightning.benchmark import __main__ as benchmark
 from sci_lightning.benchmark import decoder_cost
 from sci_lightning.errors import BadInput
 from tests.conftest import members
+from tests.schemas.validation import check
 
 Run = Callable[..., str]
 COST = {
@@ -31,6 +32,7 @@ def test_all(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path:
     assert done.returncode == 0, done.stderr
     assert "e2e_cnn" in done.stdout and "0.82" in done.stdout and "run: benchmark.json" in done.stdout
     found = json.loads((tmp_path / "run" / "benchmark.json").read_text())
+    check("benchmark", found)
     assert found["format"] == "sci-benchmark" and found["size"] == [16, 16] and found["device"].startswith("cpu")
     assert found["decoders"]["e2e_cnn"]["macs"] == 53_485_764_608 // 256
     assert found["decoders"]["e2e_cnn"]["paper"]["row"] == "E2E-CNN"

@@ -15,6 +15,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from tensorboard.plugins.custom_scalar.layout_pb2 import Layout
 
 from sci_lightning.runs.checkpoint import read_checkpoint
+from tests.schemas.validation import check
 from tests.test_configs import clips
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
@@ -62,6 +63,7 @@ def test_what_a_file_shows_of_a_training_without_a_logger(command: Command, tmp_
 
 def test_metrics_file(run: Path) -> None:
     found = json.loads((run / "metrics.json").read_text())
+    check("metrics", found)
     assert (found["format"], found["format_version"]) == ("sci-metrics", 1)
     assert (found["encoder"], found["decoder"], found["test_encoder"]) == ("lsw_sr", "e2e_cnn", "lsw_sr")
     assert len(found["scenes"]) == 2
@@ -159,7 +161,7 @@ def test_evaluate_on_the_benchmark(run: Path, command: Command, tmp_path: Path, 
     assert "(256, 256)" in done.stderr and "(32, 32)" in done.stderr
     right = "add size=[256,256] encoder=lsw_sr encoder.mask.tile=[32,32] encoder.mask.bits=4"
     assert done.stderr.endswith(f"{right}\n")
-    few = ["data=benchmark", "data.scenes=[drop]", "metrics.qscore=null", "pictures=0"]
+    few = ["data=six_scenes", "data.scenes=[drop]", "metrics.qscore=null", "pictures=0"]
     few += [f"ckpt_path={run}/checkpoints/last.ckpt", f"data.root={shared_data}/benchmark"]
     done = command("evaluate", *few, *right.split()[1:])
     assert done.returncode == 0, done.stderr

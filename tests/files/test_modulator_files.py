@@ -17,14 +17,16 @@ from sci_lightning.encoder.mask import LearnedStructural, RandomBinary
 from sci_lightning.errors import BadInput
 from sci_lightning.files.modulator_files import Layout, levels_of, read_planes, timing_of, write_planes
 from sci_lightning.runs.checkpoint import write_weights
+from tests.schemas.validation import check
 
 
 @pytest.mark.parametrize("bits", range(1, 9))
 def test_there_and_back(bits: int, tmp_path: Path) -> None:
     mask = LearnedStructural(bits, 5, (12, 10), seed=bits)().detach()
-    write_planes(mask, bits, tmp_path, Layout((12, 10), 2, (30, 41)), {})
+    write_planes(mask, bits, tmp_path, Layout((12, 10), 2, (30, 41)), timing_of(5, bits, 10, 1e4, 200))
     assert torch.equal(read_planes(tmp_path), mask)
     sheet = json.loads((tmp_path / "planes.json").read_text())
+    check("mask_planes", sheet)
     assert len(sheet["planes"]) == 5 * bits
     assert [each["bit"] for each in sheet["planes"][:bits]] == list(reversed(range(bits)))
     shown = np.zeros((5, 30, 41))

@@ -8,36 +8,7 @@ from typing import Any
 from sci_lightning.diagnosis.report.digits import chi2, quantity
 from sci_lightning.diagnosis.residual_tests import ResidualTest
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE
-
-EFFECTS = {
-    "pattern_order": "the patterns come {offset} slots late",
-    "mask_orientation": "the mask's image is turned or mirrored ({operation})",
-    "mask_level_gamma": "the modulator displays a level as its power of {gamma}",
-    "mask_contrast": "closed mirrors let through {leak} of the light",
-    "mask_lag": "{lag} of every pattern stays on during the next slot",
-    "sync_offset": "patterns come {offset} slots late",
-    "mask_shift": "the mask's image is displaced by ({dx}, {dy}) pixel",
-    "mask_rotation": "the mask's image is turned by {angle} degree",
-    "mask_scale": "the mask's image is {scale} times as large as it should be",
-    "mask_blur": "the mask's image is blurred (sigma {sigma} pixel)",
-    "flicker": "the light flickers by {amplitude} of its mean, {frequency} times per exposure",
-    "rolling_shutter": "the last row is exposed {delay} slots after the first",
-    "optical_blur": "the whole image is blurred (sigma {sigma} pixel)",
-    "vignetting": "the corners lose {strength} of their light",
-    "veiling_glare": "{fraction} of the light is spread evenly over the image",
-    "gain": "the sensor's gain is {factor} times the nominal one",
-    "prnu": "pixels differ in gain by {std} (standard deviation)",
-    "shot_noise": "the full well holds {full_well} electrons",
-    "saturation": "the sensor saturates at {level} of full scale",
-    "response_gamma": "the sensor responds with the power {gamma} of the light",
-    "black_level": "black is recorded as {offset} of full scale",
-    "column_noise": "columns differ by offsets of {std} of full scale (standard deviation)",
-    "row_noise": "rows differ by offsets of {std} of full scale (standard deviation)",
-    "hot_pixels": "{fraction} of the pixels are hot",
-    "read_noise": "the read noise is {std} DN",
-    "bit_depth": "only {bits} bits of the converter count",
-}
-"""What every effect of the package means, with its parameters."""
+from sci_lightning.encoder import effects
 
 MOST = 3
 """Effects that a headline tells of in words."""
@@ -135,12 +106,13 @@ def _others(effect: Mapping[str, Any], text: str) -> str:
 
 def say(effect: Mapping[str, Any]) -> str:
     """Return one effect of the report in words, with its parameters and their statistical standard deviations."""
-    values = {name: parameter(each) for name, each in effect["parameters"].items()}
-    if effect["name"] in EFFECTS:
-        return EFFECTS[effect["name"]].format(**values)
-    units = {name: each["unit"].removeprefix("1") for name, each in effect["parameters"].items()}
-    told = ", ".join(f"{name} {value} {units[name]}".strip() for name, value in values.items())
-    return f"{effect['name']} ({told})"
+    values = {name: parameter(content) for name, content in effect["parameters"].items()}
+    known = {cls.name: cls for cls in (getattr(effects, name) for name in effects.__all__) if hasattr(cls, "name")}
+    if effect["name"] in known:
+        return known[effect["name"]].describe(values)
+    units = {name: content["unit"].removeprefix("1") for name, content in effect["parameters"].items()}
+    listed = ", ".join(f"{name} {value} {units[name]}".strip() for name, value in values.items())
+    return f"{effect['name']} ({listed})"
 
 
 def parameter(content: Mapping[str, Any]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import product
 from typing import Any, ClassVar
 
@@ -45,6 +46,9 @@ class Effect(nn.Module):
     """For an effect with an estimated map: ``pixel``, ``column``, ``row`` or ``hot`` (few pixels, the others 0)."""
     subpixel: ClassVar[bool] = False
     """Whether it matters to it where within a pixel the light falls; it then receives cells and gives pixels."""
+    sentence: ClassVar[str] = ""
+    """What the effect does, as a clause for reports in which ``{parameter}`` stands for a value: "the sensor's gain is
+    {factor} times the nominal one". Without one, reports list the parameters."""
     noise: ClassVar[bool] = False
     """Whether it changes the variance of the signal and not its mean."""
 
@@ -86,6 +90,19 @@ class Effect(nn.Module):
         settings = [dict(zip(cls.about, way, strict=True)) for way in product(*ways)]
         neutral = {name: about.neutral for name, about in cls.about.items()}
         return [setting for setting in settings if setting != neutral]
+
+    @classmethod
+    def describe(cls, values: Mapping[str, str]) -> str:
+        """Return what the effect does, as a clause of a report.
+
+        Args:
+            values: every parameter's value by name, as text with the digits that are meant to be read.
+        """
+        if cls.sentence:
+            return cls.sentence.format(**values)
+        units = {name: parameter.unit.removeprefix("1") for name, parameter in cls.about.items()}
+        listed = (f"{name} {value} {units.get(name, '')}".strip() for name, value in values.items())
+        return f"{cls.name} ({', '.join(listed)})"
 
     # One of these for each stage. Tensors may be windows of the whole field only where a Signal says so.
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from string import Formatter
 from typing import Any
 
-from sci_lightning.diagnosis.report.sentences import EFFECTS, headline, say
-from sci_lightning.diagnosis.vocabulary import vocabulary
+from sci_lightning.diagnosis.report.sentences import headline, say
 from tests.diagnosis.residual_tests.test_residual_test import with_p
 
 SHIFT = {
@@ -82,12 +80,3 @@ def test_many_effects_are_listed_by_name() -> None:
 def test_an_effect_of_a_user() -> None:
     loss = {"value": 0.2, "std": 0.01, "systematic": 2e-4, "unit": "1"}
     assert say({"name": "scratch", "parameters": {"loss": loss}}) == "scratch (loss 0.200 ± 0.010)"
-
-
-def test_every_effect_of_the_package_has_words_for_all_its_parameters() -> None:
-    parameters = {
-        name: {field for _, field, _, _ in Formatter().parse(text) if field} for name, text in EFFECTS.items()
-    }
-    told = {name: set(effect.about) for name, effect in vocabulary().items()}
-    told["flicker"].remove("phase")  # says nothing to people
-    assert parameters == told

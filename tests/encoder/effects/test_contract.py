@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from string import Formatter
+
 import pytest
 import torch
 
 from sci_lightning.encoder.effects.effect import STAGES, Effect
+from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.errors import BadInput
 from tests.conftest import members
 from tests.encoder.effects.conftest import T, build, configured, encoder, video
@@ -49,6 +52,22 @@ def test_facts(name: str) -> None:
     assert effect.values == {key: agrees(configured(name)[key]) for key in effect.about}
     for start in effect.starts(T, (18, 18), 8):
         assert build(name, **start).values == {key: agrees(value) for key, value in start.items()}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_report_says_in_words_what_it_does(name: str) -> None:
+    effect = type(build(name))
+    parameters = {field for _, field, _, _ in Formatter().parse(effect.sentence) if field}
+    assert parameters == set(effect.about) - {"phase"}  # a phase tells people nothing
+    assert effect.describe(dict.fromkeys(effect.about, "1.5")).count("1.5") == len(parameters)
+
+
+def test_an_effect_without_a_sentence_lists_its_parameters() -> None:
+    class Scratch(Effect):
+        name = "scratch"
+        about = {"depth": Parameter("1", 0.0, 0, 1), "width": Parameter("pixel", 0.0, 0, 9)}
+
+    assert Scratch.describe({"depth": "0.20 ± 0.01", "width": "3.0"}) == "scratch (depth 0.20 ± 0.01, width 3.0 pixel)"
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -32,6 +32,7 @@ class Flicker(Effect):
         "frequency": Parameter("cycles per exposure", None, 0.05, 1000, step=0.02, starts=FREQUENCIES),
         "phase": Parameter("rad", None, -2 * math.pi, 2 * math.pi, step=0.05, starts=PHASES),
     }
+    sentence = "the light flickers by {amplitude} of its mean, {frequency} times per exposure"
     amplitude: torch.Tensor
     frequency: torch.Tensor
     phase: torch.Tensor

@@ -23,6 +23,7 @@ class RollingShutter(Effect):
     stage = "exposure"
     rank = 30
     about = {"delay": Parameter("slots", 0.0, 0, 64, step=0.02, starts=(0.2, 0.8, 1.6))}
+    sentence = "the last row is exposed {delay} slots after the first"
     delay: torch.Tensor
 
     def expose(self, exposure: Exposure) -> Exposure:

@@ -19,6 +19,7 @@ class MaskContrast(Effect):
     stage = "modulator"
     rank = 13
     about = {"leak": Parameter("1", 0.0, 0, 1, step=0.005, starts=(0.05,))}
+    sentence = "closed mirrors let through {leak} of the light"
     leak: torch.Tensor
 
     def show(self, patterns: torch.Tensor) -> torch.Tensor:

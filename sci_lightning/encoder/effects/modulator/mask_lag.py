@@ -19,6 +19,7 @@ class MaskLag(Effect):
     stage = "modulator"
     rank = 14
     about = {"lag": Parameter("1", 0.0, 0, 0.99, step=0.01, starts=(0.1, 0.3))}
+    sentence = "{lag} of every pattern stays on during the next slot"
     lag: torch.Tensor
 
     def schedule(self, slots: int) -> torch.Tensor:

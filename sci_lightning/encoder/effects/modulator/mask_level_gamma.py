@@ -19,6 +19,7 @@ class MaskLevelGamma(Effect):
     stage = "modulator"
     rank = 12
     about = {"gamma": Parameter("1", 1.0, 0.1, 10, step=0.02, starts=(0.8, 1.25))}
+    sentence = "the modulator displays a level as its power of {gamma}"
     gamma: torch.Tensor
 
     def show(self, patterns: torch.Tensor) -> torch.Tensor:

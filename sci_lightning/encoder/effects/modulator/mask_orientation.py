@@ -37,6 +37,7 @@ class MaskOrientation(Effect):
     stage = "modulator"
     rank = 11
     about = {"operation": Parameter("", "identity", choices=("identity", *OPERATIONS))}
+    sentence = "the mask's image is turned or mirrored ({operation})"
     operation: str
 
     @classmethod

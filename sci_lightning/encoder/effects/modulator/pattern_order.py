@@ -19,6 +19,7 @@ class PatternOrder(Effect):
     stage = "modulator"
     rank = 10
     about = {"offset": Parameter("slots", 0, choices=tuple(range(-64, 65)))}
+    sentence = "the patterns come {offset} slots late"
     offset: int
 
     @classmethod

@@ -22,6 +22,7 @@ class SyncOffset(Effect):
     stage = "modulator"
     rank = 15
     about = {"offset": Parameter("slots", 0.0, -0.5, 0.5, step=0.01, starts=(-0.25, 0.25))}
+    sentence = "patterns come {offset} slots late"
     offset: torch.Tensor
 
     def schedule(self, slots: int) -> torch.Tensor:

@@ -24,6 +24,7 @@ class OpticalBlur(Effect):
     rank = 40
     subpixel = True
     about = {"sigma": Parameter("pixel", 0.0, 0, 8, step=0.03, starts=(0.3, 0.8))}
+    sentence = "the whole image is blurred (sigma {sigma} pixel)"
     sigma: torch.Tensor
 
     def form(self, signal: Signal) -> Signal:

@@ -22,6 +22,7 @@ class VeilingGlare(Effect):
     stage = "optics"
     rank = 42
     about = {"fraction": Parameter("1", 0.0, 0, 1, step=0.005, starts=(0.05,))}
+    sentence = "{fraction} of the light is spread evenly over the image"
     fraction: torch.Tensor
 
     def form(self, signal: Signal) -> Signal:

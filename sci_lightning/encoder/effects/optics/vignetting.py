@@ -20,6 +20,7 @@ class Vignetting(Effect):
     stage = "optics"
     rank = 41
     about = {"strength": Parameter("1", 0.0, 0, 1, step=0.01, starts=(0.1,))}
+    sentence = "the corners lose {strength} of their light"
     strength: torch.Tensor
 
     def form(self, signal: Signal) -> Signal:

@@ -22,6 +22,7 @@ class MaskBlur(Effect):
     stage = "relay"
     rank = 23
     about = {"sigma": Parameter("pixel", 0.0, 0, 8, step=0.03, starts=(0.3, 0.8))}
+    sentence = "the mask's image is blurred (sigma {sigma} pixel)"
     sigma: torch.Tensor
 
     def aim(self, pose: Pose) -> Pose:

@@ -22,6 +22,7 @@ class MaskRotation(Effect):
     stage = "relay"
     rank = 21
     about = {"angle": Parameter("degree", 0.0, -45, 45, step=0.05, starts=(-2.0, -1.0, -0.4, 0.4, 1.0, 2.0))}
+    sentence = "the mask's image is turned by {angle} degree"
     angle: torch.Tensor
 
     def aim(self, pose: Pose) -> Pose:

@@ -22,6 +22,7 @@ class MaskScale(Effect):
     stage = "relay"
     rank = 22
     about = {"scale": Parameter("1", 1.0, 0.5, 2, step=0.001, starts=(0.97, 0.985, 0.994, 1.006, 1.015, 1.03))}
+    sentence = "the mask's image is {scale} times as large as it should be"
     scale: torch.Tensor
 
     def aim(self, pose: Pose) -> Pose:

@@ -24,6 +24,7 @@ class MaskShift(Effect):
     stage = "relay"
     rank = 20
     about = {name: Parameter("pixel", 0.0, -32, 32, step=0.1, starts=STARTS) for name in ("dx", "dy")}
+    sentence = "the mask's image is displaced by ({dx}, {dy}) pixel"
     dx: torch.Tensor
     dy: torch.Tensor
 

@@ -17,6 +17,7 @@ class BitDepth(Effect):
     stage = "sensor"
     rank = 60
     about = {"bits": Parameter("bits", 16, choices=tuple(range(1, 17)))}
+    sentence = "only {bits} bits of the converter count"
     bits: int
 
     @classmethod

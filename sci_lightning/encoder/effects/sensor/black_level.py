@@ -20,6 +20,7 @@ class BlackLevel(Effect):
     stage = "sensor"
     rank = 55
     about = {"offset": Parameter("full scale", 0.0, -1, 1, step=0.002, starts=(-0.02, 0.02))}
+    sentence = "black is recorded as {offset} of full scale"
     offset: torch.Tensor
 
     def respond(self, signal: Signal) -> Signal:

@@ -19,6 +19,7 @@ class ColumnNoise(ChartEffect):
     stage = "sensor"
     rank = 56
     about = {"std": Parameter("full scale", 0.0, 0, 1, step=0.001, starts=(0.005,))}
+    sentence = "columns differ by offsets of {std} of full scale (standard deviation)"
     chart = "column"
 
     def respond(self, signal: Signal) -> Signal:

@@ -20,6 +20,7 @@ class Gain(Effect):
     stage = "sensor"
     rank = 50
     about = {"factor": Parameter("1", 1.0, 0.01, 100, step=0.01, starts=(0.9, 1.1))}
+    sentence = "the sensor's gain is {factor} times the nominal one"
     factor: torch.Tensor
 
     def respond(self, signal: Signal) -> Signal:

@@ -21,6 +21,7 @@ class HotPixels(ChartEffect):
     stage = "sensor"
     rank = 58
     about = {"fraction": Parameter("1", 0.0, 0, 1, step=0.001, starts=(0.002,))}
+    sentence = "{fraction} of the pixels are hot"
     chart = "hot"
 
     def draw(self, size: tuple[int, int], random: torch.Generator) -> torch.Tensor:

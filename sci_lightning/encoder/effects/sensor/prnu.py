@@ -21,6 +21,7 @@ class Prnu(ChartEffect):
     stage = "sensor"
     rank = 51
     about = {"std": Parameter("1", 0.0, 0, 1, step=0.002, starts=(0.01,))}
+    sentence = "pixels differ in gain by {std} (standard deviation)"
     chart = "pixel"
 
     def respond(self, signal: Signal) -> Signal:

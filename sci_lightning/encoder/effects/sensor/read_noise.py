@@ -20,6 +20,7 @@ class ReadNoise(Effect):
     stage = "sensor"
     rank = 59
     about = {"std": Parameter("DN", 0.0, 0, 1000, step=0.03, starts=(0.5, 1.5, 4.0))}
+    sentence = "the read noise is {std} DN"
     noise = True
     std: torch.Tensor
 

@@ -20,6 +20,7 @@ class ResponseGamma(Effect):
     stage = "sensor"
     rank = 54
     about = {"gamma": Parameter("1", 1.0, 0.1, 10, step=0.01, starts=(0.8, 1.25))}
+    sentence = "the sensor responds with the power {gamma} of the light"
     gamma: torch.Tensor
 
     def respond(self, signal: Signal) -> Signal:

@@ -19,6 +19,7 @@ class RowNoise(ChartEffect):
     stage = "sensor"
     rank = 57
     about = {"std": Parameter("full scale", 0.0, 0, 1, step=0.001, starts=(0.005,))}
+    sentence = "rows differ by offsets of {std} of full scale (standard deviation)"
     chart = "row"
 
     def respond(self, signal: Signal) -> Signal:

@@ -22,6 +22,7 @@ class Saturation(Effect):
     stage = "sensor"
     rank = 53
     about = {"level": Parameter("full scale", 1.0, 0, 1, step=0.005, starts=(0.9995, 0.985, 0.95, 0.85, 0.7, 0.55))}
+    sentence = "the sensor saturates at {level} of full scale"
     level: torch.Tensor
 
     def respond(self, signal: Signal) -> Signal:

@@ -20,6 +20,7 @@ class ShotNoise(Effect):
     stage = "sensor"
     rank = 52
     about = {"full_well": Parameter("electrons", 1e9, 1, 1e9, step=0.02, starts=(1e3, 1e4, 1e5), log=True)}
+    sentence = "the full well holds {full_well} electrons"
     noise = True
     full_well: torch.Tensor
 

@@ -1,9 +1,11 @@
-"""The six grayscale scenes that video SCI papers report."""
+"""The six grayscale test scenes on which the papers of video SCI report their results."""
 
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 import torch
@@ -14,28 +16,29 @@ from sci_lightning.data.source import Clips, Scene
 from sci_lightning.errors import BadInput, OtherSize
 
 LENGTHS = {"kobe": 32, "traffic": 48, "runner": 8, "drop": 8, "crash": 32, "aerial": 32}
-"""How many frames of each scene papers use."""
+"""Number of frames that papers use, by scene."""
 
 OTHER_NAMES = {"crash": "vehicle"}
+"""Names under which a scene is also published."""
 
 
-class Benchmark:
-    """Kobe, Traffic, Runner, Drop, Crash and Aerial, for testing only.
+class SixScenes:
+    """The scenes Kobe, Traffic, Runner, Drop, Crash and Aerial, for testing only.
 
-    A scene is a MATLAB file in ``root`` whose name starts with the scene's (``kobe_cacti.mat``,
-    ``runner8_cacti.mat``, ``kobe32_u8_rebuilt.mat``, ...; crash is also called vehicle) and that holds
-    the frames under ``orig``. Of several, those with enough frames come before shorter ones, then the
-    original ``*_cacti.mat`` before others.
+    A scene is read from a MATLAB file in ``root`` whose name starts with the scene's name (``kobe_cacti.mat``,
+    ``runner8_cacti.mat``, ``kobe32_u8_rebuilt.mat``, ...; crash is also called vehicle) and that holds the frames in
+    the array ``orig``. Where several files match, files with enough frames are preferred to shorter ones, then the
+    original ``*_cacti.mat`` files to others.
 
     Args:
         root: the folder that holds the files.
-        frames: T, the frames of one snapshot; what is left over at a scene's end is dropped.
-        size: ``(H, W)`` in pixels, which must be that of the files: nothing is resized.
+        frames: T, the number of frames in one snapshot; remaining frames at a scene's end are dropped.
+        size: ``(H, W)`` in pixels, which must be the size of the files' frames: nothing is resized.
         scenes: the scenes to use, in this order.
 
     Raises:
-        BadInput: a scene is unknown, has no file, or is shorter than T. Files are opened by ``scenes``,
-            which raises it for one unreadable, too short or of another size.
+        BadInput: a scene is unknown, has no file, or is shorter than T. :meth:`scenes` opens the files, and raises it
+            for one that is unreadable, too short or of another size.
     """
 
     def __init__(
@@ -53,22 +56,22 @@ class Benchmark:
         if not self.names or not set(self.names) <= set(LENGTHS):
             raise BadInput(f"data.scenes={self.names}: choose from {', '.join(LENGTHS)}")
         if not self.root.is_dir():
-            raise BadInput(f"{root}: no such folder; give the one that holds the benchmark's .mat files")
+            raise BadInput(f"{root}: no such folder; give the one that holds the six scenes' .mat files")
         short = [name for name in self.names if LENGTHS[name] < frames]
         self._refuse(short, f"shorter than a snapshot of {frames} frames")
         missing = [name for name in self.names if not self._files(name)]
         self._refuse(missing, "no file such as {0}_cacti.mat or {0}.mat")
 
     def clips(self) -> Clips:
-        """Raises BadInput: these scenes are for testing."""
-        raise BadInput("the benchmark scenes are for testing only; train on data=davis, folder or synthetic")
+        """Raise BadInput, because these scenes are for testing only."""
+        raise BadInput("the six scenes are for testing only; train on data=davis, folder or synthetic")
 
     def scenes(self) -> list[Scene]:
-        """The scenes, float32 ``(N, T, H, W)``: the files' values divided by 255."""
+        """Return the scenes, float32 ``(N, T, H, W)`` in [0, 1]: the files' values divided by 255."""
         return [Scene(name, self._read(name)) for name in self.names]
 
     def _read(self, name: str) -> torch.Tensor:
-        """(N, T, H, W): the frames of the best file that has enough."""
+        """Return the frames ``(N, T, H, W)`` of the first file of a scene that is long enough."""
         length = LENGTHS[name]
         shorter = []
         for file in self._files(name):
@@ -85,15 +88,30 @@ class Benchmark:
         raise BadInput(f"{self.root}: {name} needs {length} frames, but {', '.join(shorter)}")
 
     def _files(self, name: str) -> list[Path]:
-        """The files that may hold the scene ``name``, the original ones first."""
+        """Return the files that may hold the scene ``name``, the original ones first."""
         start = re.compile(rf"({name}|{OTHER_NAMES.get(name, name)})(?![a-z])", re.IGNORECASE)
         files = [file for file in self.root.glob("*.mat") if start.match(file.name)]
         return sorted(files, key=lambda file: (not file.stem.endswith("_cacti"), file.name))
 
     def _refuse(self, names: list[str], reason: str) -> None:
+        """Raise BadInput if ``names`` has any scenes, which cannot be used for the given reason."""
         if names:
             rest = [name for name in self.names if name not in names]
             advice = (
                 f"; data.scenes=[{','.join(rest)}] leaves {'it' if len(names) == 1 else 'them'} out" if rest else ""
             )
             raise BadInput(f"{self.root}: {', '.join(names)}: {reason.format(names[0])}{advice}")
+
+
+class Benchmark(SixScenes):
+    """The former name of :class:`SixScenes`, which configurations and notebooks may still use."""
+
+    def __init__(self, root: str | Path, frames: Frames, size: Size, *, scenes: Sequence[str] = tuple(LENGTHS)) -> None:
+        _announce_present_name()
+        super().__init__(root, frames, size, scenes=scenes)
+
+
+@cache
+def _announce_present_name() -> None:
+    """Print, once in a process, that the data source has another name now."""
+    print("data=benchmark is called data=six_scenes now; the former name still works", file=sys.stderr)

@@ -3,7 +3,7 @@ import pytest
 import torch
 from scipy.io import savemat
 
-from sci_lightning.data.benchmark import LENGTHS, Benchmark
+from sci_lightning.data.six_scenes import LENGTHS, Benchmark, SixScenes, _announce_present_name
 from sci_lightning.errors import BadInput
 
 
@@ -17,10 +17,10 @@ def save(tmp_path, noise):
 
 @pytest.fixture
 def make(tmp_path):
-    def make_benchmark(*scenes, frames=8, size=(8, 10)):
-        return Benchmark(tmp_path, frames, size, scenes=scenes or tuple(LENGTHS))
+    def make_source(*scenes, frames=8, size=(8, 10)):
+        return SixScenes(tmp_path, frames, size, scenes=scenes or tuple(LENGTHS))
 
-    return make_benchmark
+    return make_source
 
 
 @pytest.fixture
@@ -119,7 +119,7 @@ def test_unknown_scenes_and_folders_are_named(make, tmp_path):
     with pytest.raises(BadInput, match=r"data\.scenes=\['lena'\]: choose from kobe, traffic"):
         make("lena")
     with pytest.raises(BadInput, match="absent: no such folder"):
-        Benchmark(tmp_path / "absent", 8, (8, 10))
+        SixScenes(tmp_path / "absent", 8, (8, 10))
 
 
 def test_it_is_for_testing_only(make, all_scenes):
@@ -128,7 +128,7 @@ def test_it_is_for_testing_only(make, all_scenes):
 
 
 def test_the_real_files(shared):
-    scenes = Benchmark(shared / "benchmark", 8, (256, 256)).scenes()
+    scenes = SixScenes(shared / "benchmark", 8, (256, 256)).scenes()
     assert {scene.name: len(scene.video) for scene in scenes} == {
         "kobe": 4,
         "traffic": 6,
@@ -141,3 +141,15 @@ def test_the_real_files(shared):
         assert scene.video.shape[1:] == (8, 256, 256)
         assert 0 <= scene.video.min() < 0.2
         assert 0.8 < scene.video.max() <= 1
+
+
+def test_the_former_name_works_and_says_so_once(tmp_path, all_scenes, configuration, capsys):
+    choices = (configuration("evaluate", f"data={name}", "data.root=R").data for name in ("benchmark", "six_scenes"))
+    former, present = map(dict, choices)
+    assert former["_target_"] == "sci_lightning.data.Benchmark"
+    assert {**former, "_target_": present["_target_"]} == present
+    _announce_present_name.cache_clear()
+    for _ in range(2):
+        (kobe,) = Benchmark(tmp_path, 8, (8, 10), scenes=["kobe"]).scenes()
+        assert kobe.video.shape == (4, 8, 8, 10)
+    assert capsys.readouterr().err == "data=benchmark is called data=six_scenes now; the former name still works\n"

@@ -1,0 +1,91 @@
+"""A command's configuration: composed by Hydra out of ``conf/``, resolved into plain data, built into objects.
+
+:func:`compose` works anywhere, in a notebook as well as inside of a running command.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import hydra
+from omegaconf import DictConfig, OmegaConf, open_dict
+
+from sci_lightning.configuration.build import build
+from sci_lightning.configuration.conf_folder import CONF
+from sci_lightning.errors import BadInput
+
+
+@dataclass(frozen=True)
+class Composition:
+    """A composed configuration and how it came about.
+
+    Attributes:
+        cfg: the settings, without Hydra's own. Interpolations are resolved when they are read.
+        choices: the member that was chosen of each configuration group, ``{"encoder": "lsw_sr", ...}``.
+        overrides: of the command line.
+        folders: in which configuration files are looked for, ``hydra.searchpath`` included.
+    """
+
+    cfg: DictConfig
+    choices: Mapping[str, str]
+    overrides: tuple[str, ...] = ()
+    folders: tuple[Path, ...] = (CONF,)
+
+    def choice(self, group: str) -> str:
+        """Return which member of a configuration group was chosen, such as ``lsw_sr``; ``none`` for no member."""
+        return str(self.choices.get(group, "none"))
+
+    def targets(self, group: str) -> list[str]:
+        """Return the ``_target_`` of every member of a configuration group, those in ``hydra.searchpath`` included."""
+        files = [file for folder in self.folders for file in sorted((folder / group).glob("*.yaml"))]
+        return [str(target) for file in files if (target := OmegaConf.select(OmegaConf.load(file), "_target_"))]
+
+
+def compose(command: str, overrides: Iterable[str] = ()) -> Composition:
+    """Compose the configuration that a command would run with.
+
+    Args:
+        command: the name of its file in ``conf/``, such as ``train``.
+        overrides: as on the command line, ``["encoder=lsw_sr", "size=[64,64]"]``.
+
+    Raises:
+        HydraException: an override that cannot be read, or that chooses or sets what does not exist.
+    """
+    given = list(overrides)
+    with hydra.initialize_config_dir(str(CONF), job_name=command, version_base="1.3"):
+        cfg = hydra.compose(command, given, return_hydra_config=True)
+    return from_hydra(cfg, cfg.hydra)
+
+
+def from_hydra(cfg: DictConfig, settings: DictConfig) -> Composition:
+    """Return the composition of a configuration, given Hydra's own settings, which are removed from it."""
+    choices = {str(group): str(choice) for group, choice in settings.runtime.choices.items()}
+    sources = [Path(source.path) for source in settings.runtime.config_sources if source.schema == "file"]
+    overrides = tuple(str(override) for override in settings.overrides.task)
+    with open_dict(cfg):
+        cfg.pop("hydra", None)
+    return Composition(cfg, choices, overrides, tuple(sources))
+
+
+def group_members(group: str) -> list[str]:
+    """Return the names of the members of a configuration group that come with the package, in alphabetical order."""
+    return sorted(path.stem for path in (CONF / group).glob("*.yaml"))
+
+
+def plain(cfg: DictConfig) -> dict[str, Any]:
+    """Return a configuration as resolved dictionaries, lists and values, fit for JSON and checkpoints."""
+    content = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
+    if not isinstance(content, dict):
+        raise TypeError(f"expected a mapping, got {type(content).__name__}")
+    return {str(key): value for key, value in content.items()}
+
+
+def built(cfg: DictConfig, part: str, **more: Any) -> Any:
+    """Build what ``cfg`` configures under ``part``, see :func:`~sci_lightning.configuration.build.build`."""
+    node = OmegaConf.select(cfg, part)
+    if not isinstance(node, DictConfig):
+        raise BadInput(f"{part}={node}: expected a mapping with _target_, which names a class")
+    return build(plain(node), part, **more)

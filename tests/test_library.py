@@ -1,0 +1,94 @@
+"""What ``import sci_lightning as sci`` offers a notebook: loaded when it is used, with examples that run."""
+
+from __future__ import annotations
+
+import ast
+import doctest
+import inspect
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+import torch
+
+import sci_lightning as sci
+from sci_lightning.errors import BadInput
+from tests.conftest import ROOT
+
+NAMES = [name for name in sci.__all__ if name != "__version__"]
+DOCUMENTED = ["load_decoder", "Pipeline", "SnapshotOperator"]
+"""Names whose docstring has an example."""
+
+
+def python(program: str) -> str:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+def test_importing_it_loads_neither_torch_nor_hydra() -> None:
+    """Of the package itself only: every other name is loaded when it is first used."""
+    program = (
+        "import sys; before = set(sys.modules); import sci_lightning as sci; dir(sci)\n"
+        "print(sorted(name for name in set(sys.modules) - before if name.split('.')[0] not in sys.stdlib_module_names))"
+    )
+    assert python(program) == "['sci_lightning']"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_name_is_there_and_documented(name: str) -> None:
+    value = getattr(sci, name)
+    assert name in dir(sci) and inspect.getdoc(value)
+    assert not (isinstance(value, ModuleType) and ":" in sci.FACE[name])
+
+
+def test_type_checkers_see_the_same_names() -> None:
+    source = ast.parse((ROOT / "sci_lightning" / "__init__.py").read_text())
+    block = next(node for node in source.body if isinstance(node, ast.If))
+    imports = [node for node in block.body if isinstance(node, ast.ImportFrom)]
+    seen = {alias.asname or alias.name for node in imports for alias in node.names}
+    assert seen == set(NAMES) == set(sci.FACE)
+    assert (ROOT / "sci_lightning" / "py.typed").is_file()
+
+
+@pytest.mark.parametrize("name", ["", *DOCUMENTED])
+def test_examples(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    value = getattr(sci, name) if name else sci
+    finder = doctest.DocTestFinder(recurse=False)
+    examples = [test for test in finder.find(value, name or "sci", module=False, globs={}) if test.examples]
+    runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
+    assert examples and all(runner.run(test).failed == 0 for test in examples)
+
+
+def test_unknown_names() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'Encodre'"):
+        _ = sci.Encodre  # type: ignore[attr-defined]
+
+
+def test_a_decoder_by_its_name_out_of_a_checkpoint_and_with_published_weights(tmp_path: Path) -> None:
+    from sci_lightning.runs.checkpoint import write_weights
+
+    torch.manual_seed(1)
+    small = ["frames=4", "scale=smoke"]
+    network = sci.load_decoder("e2e_cnn", small)
+    torch.save(network.state_dict(), tmp_path / "published.pth")
+    filled = sci.load_decoder(tmp_path / "published.pth", small, name="e2e_cnn")
+    assert all(torch.equal(filled.state_dict()[key], value) for key, value in network.state_dict().items())
+    for source, line in (("no_net", "no such decoder or checkpoint"), ("no.ckpt", "give a path")):
+        with pytest.raises(BadInput, match=line):
+            sci.load_decoder(source)
+    with pytest.raises(BadInput, match=r"published\.pth: .* has no place in Res2former"):
+        sci.load_decoder(tmp_path / "published.pth", name="res2former")
+    from sci_lightning.cli.composition import compose, plain
+
+    config = plain(compose("train", ["decoder=e2e_cnn", "size=[16,16]", *small]).cfg)
+    names = {"encoder": "lsw_sr", "decoder": "e2e_cnn"}
+    write_weights(
+        tmp_path / "w.ckpt", {**config, "names": names}, {f"decoder.{k}": v for k, v in network.state_dict().items()}
+    )
+    again = sci.load_decoder(tmp_path / "w.ckpt")
+    assert all(torch.equal(again.state_dict()[key], value) for key, value in network.state_dict().items())
