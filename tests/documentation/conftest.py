@@ -17,8 +17,8 @@ from hydra.core.config_store import ConfigStore
 from scipy.io import savemat
 from skimage.io import imsave
 
-from sci_lightning.captures import pack_captures
 from sci_lightning.decoder import Res2former
+from sci_lightning.virtual_camera import Session, capture_session, write_captures
 from tests.cli.test_encoder_file import encoder_file
 from tests.conftest import ROOT
 from tests.decoder.test_published import as_published
@@ -26,6 +26,15 @@ from tests.documentation.pages import SMALL, SMALL_DECODER, reduced, split
 from tests.test_configs import clips
 
 Run = Callable[[str], None]
+CORRECTED = """
+_target_: sci_lightning.encoder.Encoder
+mask: {_target_: sci_lightning.encoder.mask.Measured, frames: 8, size: [32, 32], file: patterns.npy}
+sensor: {_target_: sci_lightning.encoder.sensor.ClipQuantise, bit_depth: 8}
+effects:
+  mask_shift: {_target_: sci_lightning.encoder.effects.MaskShift, dx: 0.61, dy: -0.35}
+  black_level: {_target_: sci_lightning.encoder.effects.BlackLevel, offset: 0.04}
+"""
+"""What a diagnosis would write: the diagnosis of the example on its page takes too long for a test."""
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +47,10 @@ def stand_ins(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setenv("MPLBACKEND", "agg")
         clips(place / "CLIPS", "folder")
         clips(place / "VALIDATION", "folder")
-        clips(place / "SCENES", "benchmark")
+        (place / "SCENES").mkdir()
+        for scene in ("kobe", "traffic", "runner", "drop", "crash", "aerial"):
+            frames = torch.randint(256, (32, 32, 48), dtype=torch.uint8).numpy()
+            savemat(place / "SCENES" / f"{scene}_cacti.mat", {"orig": frames})
         savemat(place / "MASK.mat", {"mask": np.full((32, 32, 8), 1 / 8)})
         imsave(place / "SNAPSHOT.tiff", (torch.rand(32, 32) * 255).byte().numpy(), check_contrast=False)
         (place / "LAB").mkdir()
@@ -46,11 +58,13 @@ def stand_ins(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         imsave(place / "LAB" / "grey.tif", np.full((32, 32), 100, np.uint8), check_contrast=False)
         recipe = "{bit_depth: 8, patterns: masks.npy, captures: [{measurement: grey.tif, scene: 0.4}]}"
         (place / "LAB" / "captures.yaml").write_text(recipe)
-        pack_captures(place / "LAB", place / "CAPTURES.h5")
+        session = Session(size=(32, 32), frames=4, dark=2, flat=2, all_on=1, all_off=1, static=2, dynamic=2)
+        write_captures(place / "CAPTURES.h5", capture_session(session, seed=0))
         encoder_file(place / "CAMERA", 32)
+        encoder_file(place / "FOUND", 32, CORRECTED)
         state = {f"decoder.{key}": value for key, value in as_published(Res2former()).items()}
         torch.save({"state_dict": {"encoder.weight": torch.full((8, 16, 16), 1 / 8), **state}}, place / "PUBLISHED.pth")
-        in_this_process("sci_lightning.train", *SMALL, "decoder=e2e_cnn", *SMALL_DECODER["e2e_cnn"], "workers=0", "out=RUN")
+        in_this_process("sci_lightning.train", *SMALL, "decoder=e2e_cnn", *SMALL_DECODER["e2e_cnn"], "out=RUN")
         yield place
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,21 +14,28 @@ from tests.conftest import ROOT
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 """README.md and every page under docs/, whatever its folder."""
 
-SMALL = ["size=[32,32]", "crop=[32,32]", "data.clips_per_epoch=2", "trainer.max_epochs=1", "trainer.accelerator=cpu"]
+SMALL = [
+    *("size=[32,32]", "crop=[32,32]", "batch_size=1", "workers=0", "data.clips_per_epoch=2"),
+    *("trainer.max_epochs=1", "trainer.accelerator=cpu", "metrics.qscore=null"),
+]
 """Overrides that make one training a matter of seconds; the stand-ins of ``conftest.py`` are of this size."""
 SMALL_DECODER = {
     "e2e_cnn": ["decoder.channels=4", "decoder.blocks=1"],
     "pnp_ffdnet": ["decoder.denoiser.channels=4", "decoder.denoiser.layers=3", "decoder.iterations=[1]"],
     "res2former": ["decoder.dim=8", "decoder.depths=[1,1]", "decoder.groups=[1,1]"],
 }
+FEW_CAPTURES = ["dark=2", "flat=2", "all_on=1", "all_off=1", "static=2", "dynamic=2"]
 ONLY_COMPOSED = (
     "hydra/launcher=",  # tests/end_to_end/test_sweep.py runs sweeps with these launchers
     "experiment=table",  # likewise: every row of every table
-    "experiment=short_cpu",  # half an hour of training; the same settings as other commands, only longer
+    "-m encoder=",  # likewise
+    "experiment=short_cpu",  # the same settings as other commands, only half an hour longer
     "experiment=denoiser_cpu",  # tests/end_to_end/test_iterative_decoders.py trains denoisers
     "decoder=all",  # tests/end_to_end/test_benchmark.py measures them
-    "decoder=desci",
-    "-m encoder=",  # tests/end_to_end/test_sweep.py
+    "empirical=true",  # tests/end_to_end/test_diagnose.py
+    "captures=SESSION.h5",  # likewise: a diagnosis of three effects
+    "out=IDEAL encoder.effects",  # the same training as the command before it on the page, with effects removed
+    "ckpt_path=IDEAL",  # the same test as the command before it on the page
 )
 """Commands with one of these words are composed with ``--cfg job`` and not run: other tests run the same code."""
 
@@ -48,10 +56,18 @@ def commands(page: Path) -> list[str]:
     return list(dict.fromkeys(stripped for line in lines if (stripped := line.split(" #")[0].strip())))
 
 
-def commands_of(*folders: str) -> list[object]:
-    """Return pytest parameters (page, command) of all pages in folders of docs/; README.md is its own folder name."""
-    pages = [page for page in PAGES if name(page).removeprefix("docs/").split("/")[0] in folders]
-    return [pytest.param(page, command, id=f"{name(page)}: {command}") for page in pages for command in commands(page)]
+def commands_of(wanted: Callable[[str], bool]) -> list[object]:
+    """Return pytest parameters, the commands of all pages with a wanted name; none that an earlier page shows, too.
+
+    A command that writes a folder for the next one on its page, with ``out=``, is run for every page.
+    """
+    parameters, seen = [], set()
+    for page in PAGES:
+        for command in commands(page):
+            if wanted(name(page)) and (command not in seen or "out=" in command):
+                parameters.append(pytest.param(command, id=f"{name(page)}: {command}"))
+            seen.add(command)
+    return parameters
 
 
 def reduced(arguments: list[str]) -> list[str]:
@@ -59,25 +75,28 @@ def reduced(arguments: list[str]) -> list[str]:
     module, *overrides = arguments
     line = " ".join(arguments)
     if any(words in line for words in ONLY_COMPOSED) and "--cfg" not in line:
-        single = [_first_choice(override) for override in overrides if override not in ("-m", "--multirun")]
+        single = [_first_choice(override) for override in overrides if override != "-m"]
         return [module, *single, "--cfg", "job"]
     if {"--cfg", "--help"} & set(overrides):
         return arguments
-    command = module.removeprefix("sci_lightning.")
-    if command == "proving_ground":
-        small = ["suites=[nothing]", "cases=1", "seeds=1", "size=[32,32]", "frames=4", "workers=1"]
-        return [*arguments, *small] if "out=" in line else [*arguments, "--cfg", "job"]
-    if command == "benchmark":
-        return [*arguments, "size=16", "repeats=1", "product=64"]
-    if command in ("evaluate", "reconstruct") and "decoder=" in line:
-        return [*arguments, "size=[32,32]", "decoder.iterations=[2]"]
-    if command == "virtual_camera":
-        return [module, *(re.sub(r"^size=.*", "size=[32,32]", override) for override in overrides)]
-    if command != "train" or "ckpt_path=" in line:
-        return arguments
-    decoder = re.search(r"\bdecoder=(\w+)", line)
-    small = [*SMALL, *SMALL_DECODER[decoder[1] if decoder else "res2former"], "batch_size=1", "workers=0"]
-    return [module, *map(_first_choice, overrides), *small]
+    overrides = [re.sub(r"^size=.*", "size=[32,32]", _first_choice(override)) for override in overrides]
+    match module.removeprefix("sci_lightning."):
+        case "proving_ground" if "run=false" not in line:
+            small = ["suites=[nothing]", "cases=1", "seeds=1", "size=[32,32]", "frames=4", "workers=1"]
+            return [module, *overrides, *(small if "out=" in line else ["--cfg", "job"])]
+        case "benchmark":
+            return [module, *overrides, "size=16", "repeats=1", "product=64"]
+        case "evaluate" | "reconstruct":
+            algorithm = ["size=[32,32]", "decoder.iterations=[2]"] if "decoder=" in line else []
+            quick = ["metrics.qscore=null", "pictures=1"] if "evaluate" in module and "qscore" not in line else []
+            return [module, *overrides, *algorithm, *quick]
+        case "virtual_camera":
+            return [module, *overrides, "size=[32,32]", *FEW_CAPTURES]
+        case "train" if "ckpt_path=" not in line:
+            decoder = re.search(r"\bdecoder=(\w+)", line)
+            network = SMALL_DECODER[decoder[1] if decoder else "res2former"]
+            return [module, *overrides, *SMALL, *network, *([] if "data=" in line else ["data.scenes_count=1"])]
+    return [module, *overrides]
 
 
 def _first_choice(override: str) -> str:
