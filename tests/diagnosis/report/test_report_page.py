@@ -14,7 +14,8 @@ import torch
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from sci_lightning.captures import read_captures
-from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
+from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose, remaining_tests
+from sci_lightning.diagnosis.fit.fit import Fitter
 from sci_lightning.diagnosis.report.pictures import (
     evidence_figure,
     example_figure,
@@ -28,7 +29,7 @@ from sci_lightning.diagnosis.residual_tests.drawing import OWN
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
 from sci_lightning.diagnosis.search.search import Round
 from sci_lightning.diagnosis.vocabulary import vocabulary
-from sci_lightning.virtual_camera import Session, capture_session, write_captures
+from sci_lightning.virtual_camera import Session, VirtualCamera
 
 VOID = {"meta", "link", "br", "img", "input"}
 
@@ -38,7 +39,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
     """A shift and a map: a page with every section."""
     path = tmp_path_factory.mktemp("page") / "a.h5"
     hidden = {"mask_shift": {"dx": 0.61, "dy": -0.35}, "column_noise": {"std": 0.02}}
-    write_captures(path, capture_session(Session(size=(32, 40)), hidden, seed=3))
+    VirtualCamera(Session(size=(32, 40)), hidden).write(path, seed=3)
     few = {name: vocabulary()[name] for name in ("mask_shift", "column_noise", "gain", "shot_noise", "read_noise")}
     return diagnose(read_captures(path), few)
 
@@ -93,7 +94,7 @@ def test_it_says_what_was_found(found: Diagnosis, text: str) -> None:
         "1.5 s",
     ):
         assert words in text, words
-    for test in found.where["after"]:
+    for test in found.after.tests:
         assert f'<td data-label="name">{test.name}</td>' in text
 
 
@@ -110,7 +111,7 @@ def test_what_is_left_and_what_to_do(found: Diagnosis) -> None:
 
 
 def test_a_page_of_a_camera_in_which_nothing_is_hidden(tmp_path: Path) -> None:
-    write_captures(tmp_path / "a.h5", capture_session(Session(size=(32, 32)), {}, seed=3))
+    VirtualCamera(Session(size=(32, 32))).write(tmp_path / "a.h5", seed=3)
     few = {name: vocabulary()[name] for name in ("gain", "shot_noise", "read_noise")}
     text = page(diagnose(read_captures(tmp_path / "a.h5"), few))
     assert "<h1>The captures agree with the ideal camera" in text
@@ -147,7 +148,7 @@ def test_a_wide_figure_scrolls_by_itself_where_the_page_is_narrow(text: str) -> 
 
 def test_what_is_left_is_drawn_on_its_own_scale(found: Diagnosis) -> None:
     """Residuals of 300 sigma before leave those of 1 sigma after white, or all of one purple."""
-    before, after = found.residuals["before"], found.residuals["after"]
+    before, after = found.before.residuals, found.after.residuals
     loud = replace(before, raw=300 * after.raw)
     for figure, alone in ((residuals_figure(loud, after), 2), (example_figure(loud, after), 1)):
         panels = [axes for axes in figure.axes if axes.get_title(loc="left") == OWN]
@@ -161,7 +162,7 @@ def test_what_is_left_is_drawn_on_its_own_scale(found: Diagnosis) -> None:
 
 @pytest.mark.parametrize("shape", [(32, 32), (32, 40), (64, 32)])
 def test_no_label_of_the_residuals_is_cut_off(found: Diagnosis, shape: tuple[int, int]) -> None:
-    after = replace(found.residuals["after"], raw=torch.randn(8, *shape))
+    after = replace(found.after.residuals, raw=torch.randn(8, *shape))
     for before in (after, replace(after, raw=300 * after.raw)):
         figure = residuals_figure(before, after)
         canvas = FigureCanvasAgg(figure)
@@ -193,7 +194,10 @@ def gaps_of(chi2: float) -> dict[str, Any]:
 
 def test_a_verdict_waits_for_the_residuals_to_be_noise(found: Diagnosis) -> None:
     assert found.verdict == "explained"
-    assert not found.left
-    less = replace(found, after=found.before)  # the numbers are those of a good model, the residuals are not
-    assert less.left
+    assert not found.remaining
+    unlike = replace(found.after, fit=found.before.fit, residuals=found.before.residuals, tests=found.before.tests)
+    fitter = Fitter(found.model, found.split)
+    left = remaining_tests(fitter, found.before, unlike, [])  # the gap is that of a good model, the residuals are not
+    assert left
+    less = replace(found, remaining=left)
     assert less.verdict != "explained"
