@@ -6,7 +6,7 @@ import os
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from runpy import run_module
 
@@ -32,40 +32,49 @@ mask: {_target_: sci_lightning.encoder.mask.Measured, frames: 8, size: [32, 32],
 sensor: {_target_: sci_lightning.encoder.sensor.ClipQuantise, bit_depth: 8}
 effects:
   mask_shift: {_target_: sci_lightning.encoder.effects.MaskShift, dx: 0.61, dy: -0.35}
+  sync_offset: {_target_: sci_lightning.encoder.effects.SyncOffset, offset: 0.2}
   black_level: {_target_: sci_lightning.encoder.effects.BlackLevel, offset: 0.04}
 """
 """What a diagnosis would write: the diagnosis of the example on its page takes too long for a test."""
 
 
-@pytest.fixture(scope="module")
-def stand_ins(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A folder that holds what the pages' capitals stand for, as the current one; a page's outputs stay in it."""
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that holds what the pages' capitals stand for."""
     place = tmp_path_factory.mktemp("documentation")
+    clips(place / "CLIPS", "folder")
+    clips(place / "VALIDATION", "folder")
+    (place / "SCENES").mkdir()
+    for scene in ("kobe", "traffic", "runner", "drop", "crash", "aerial"):
+        frames = torch.randint(256, (32, 32, 48), dtype=torch.uint8).numpy()
+        savemat(place / "SCENES" / f"{scene}_cacti.mat", {"orig": frames})
+    savemat(place / "MASK.mat", {"mask": np.full((32, 32, 8), 1 / 8)})
+    imsave(place / "SNAPSHOT.tiff", (torch.rand(32, 32) * 255).byte().numpy(), check_contrast=False)
+    (place / "LAB").mkdir()
+    np.save(place / "LAB" / "masks.npy", np.full((8, 32, 32), 1 / 8))
+    imsave(place / "LAB" / "grey.tif", np.full((32, 32), 100, np.uint8), check_contrast=False)
+    recipe = "{bit_depth: 8, patterns: masks.npy, captures: [{measurement: grey.tif, scene: 0.4}]}"
+    (place / "LAB" / "captures.yaml").write_text(recipe)
+    session = Session(size=(32, 32), frames=4, dark=2, flat=2, all_on=1, all_off=1, static=2, dynamic=2)
+    write_captures(place / "CAPTURES.h5", capture_session(session, seed=0))
+    encoder_file(place / "CAMERA", 32)
+    encoder_file(place / "FOUND", 32, CORRECTED)
+    state = {f"decoder.{key}": value for key, value in as_published(Res2former()).items()}
+    torch.save({"state_dict": {"encoder.weight": torch.full((8, 16, 16), 1 / 8), **state}}, place / "PUBLISHED.pth")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(place)
         patch.setenv("XDG_CACHE_HOME", str(place / "cache"))
-        patch.setenv("MPLBACKEND", "agg")
-        clips(place / "CLIPS", "folder")
-        clips(place / "VALIDATION", "folder")
-        (place / "SCENES").mkdir()
-        for scene in ("kobe", "traffic", "runner", "drop", "crash", "aerial"):
-            frames = torch.randint(256, (32, 32, 48), dtype=torch.uint8).numpy()
-            savemat(place / "SCENES" / f"{scene}_cacti.mat", {"orig": frames})
-        savemat(place / "MASK.mat", {"mask": np.full((32, 32, 8), 1 / 8)})
-        imsave(place / "SNAPSHOT.tiff", (torch.rand(32, 32) * 255).byte().numpy(), check_contrast=False)
-        (place / "LAB").mkdir()
-        np.save(place / "LAB" / "masks.npy", np.full((8, 32, 32), 1 / 8))
-        imsave(place / "LAB" / "grey.tif", np.full((32, 32), 100, np.uint8), check_contrast=False)
-        recipe = "{bit_depth: 8, patterns: masks.npy, captures: [{measurement: grey.tif, scene: 0.4}]}"
-        (place / "LAB" / "captures.yaml").write_text(recipe)
-        session = Session(size=(32, 32), frames=4, dark=2, flat=2, all_on=1, all_off=1, static=2, dynamic=2)
-        write_captures(place / "CAPTURES.h5", capture_session(session, seed=0))
-        encoder_file(place / "CAMERA", 32)
-        encoder_file(place / "FOUND", 32, CORRECTED)
-        state = {f"decoder.{key}": value for key, value in as_published(Res2former()).items()}
-        torch.save({"state_dict": {"encoder.weight": torch.full((8, 16, 16), 1 / 8), **state}}, place / "PUBLISHED.pth")
         in_this_process("sci_lightning.train", *SMALL, "decoder=e2e_cnn", *SMALL_DECODER["e2e_cnn"], "out=RUN")
-        yield place
+    return place
+
+
+@pytest.fixture
+def stand_ins(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of stand-ins as the current one; what a page's commands write stays in it for the next ones."""
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    return folder
 
 
 @pytest.fixture
@@ -81,6 +90,8 @@ def run_command(stand_ins: Path) -> Run:
             (stand_ins / "outputs").mkdir(exist_ok=True)
             done = subprocess.run([sys.executable, "-m", "tensorboard.main", "--inspect", *arguments], timeout=300)
             assert done.returncode == 0, command
+        elif program == "source":
+            assert arguments == [".venv/bin/activate"], "the environment that `make` creates"
         else:
             in_this_process(*reduced(split(command)))
 

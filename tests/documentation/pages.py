@@ -16,7 +16,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 SMALL = [
     *("size=[32,32]", "crop=[32,32]", "batch_size=1", "workers=0", "data.clips_per_epoch=2"),
-    *("trainer.max_epochs=1", "trainer.accelerator=cpu", "metrics.qscore=null"),
+    *("trainer.max_epochs=1", "trainer.accelerator=cpu", "metrics.qscore=null", "callbacks.pictures=null"),
 ]
 """Overrides that make one training a matter of seconds; the stand-ins of ``conftest.py`` are of this size."""
 SMALL_DECODER = {
@@ -29,6 +29,7 @@ ONLY_COMPOSED = (
     "hydra/launcher=",  # tests/end_to_end/test_sweep.py runs sweeps with these launchers
     "experiment=table",  # likewise: every row of every table
     "-m encoder=",  # likewise
+    "-m effect=",  # likewise
     "experiment=short_cpu",  # the same settings as other commands, only half an hour longer
     "experiment=denoiser_cpu",  # tests/end_to_end/test_iterative_decoders.py trains denoisers
     "decoder=all",  # tests/end_to_end/test_benchmark.py measures them
