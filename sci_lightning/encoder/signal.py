@@ -20,6 +20,8 @@ class Signal:
         origin: (row, column) of the first pixel within the field.
         field: (height, width) of the whole field, of which these pixels may be a window.
         cells: q; 1 from the sensor on.
+        turn: ``(N,)`` number of each measurement in the order in which they were taken, for what depends on time; None
+            if they were not taken one after the other.
     """
 
     mean: torch.Tensor
@@ -29,6 +31,7 @@ class Signal:
     origin: tuple[int, int]
     field: tuple[int, int]
     cells: int = 1
+    turn: torch.Tensor | None = None
 
     def with_mean(self, mean: torch.Tensor) -> Signal:
         """The same with another mean."""

@@ -29,8 +29,8 @@ class CarryOver(Empirical):
         return min(1, captures - 1)
 
     def respond(self, signal: Signal) -> Signal:
-        if self.place is None or len(self.place) != len(signal.mean):
+        if signal.turn is None:
             return signal
-        follows = (self.place[:, None] == self.place + 1).to(signal.mean)  # (capture, the one before it)
+        follows = (signal.turn[:, None] == signal.turn + 1).to(signal.mean)  # (capture, the one before it)
         left = torch.einsum("ij,jhw->ihw", follows, signal.mean)
         return signal.with_mean(signal.mean + self.coefficients.to(signal.mean) * left)

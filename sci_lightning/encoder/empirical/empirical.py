@@ -31,8 +31,6 @@ class Empirical(Effect):
     """Unit, bounds and step of each number."""
     of_captures: ClassVar[bool] = False
     """Whether it is a matter of the captures, not of the camera."""
-    place: ClassVar[torch.Tensor | None] = None
-    """``(N,)``: where in their file the captures stand, for what depends on it; None: nothing is known of captures."""
     count: int
     about: ClassVar[dict[str, Parameter]] = {}
 

@@ -29,8 +29,8 @@ class SourcePower(Empirical):
         return min(3, captures - 1)
 
     def form(self, signal: Signal) -> Signal:
-        if self.place is None or len(self.place) != len(signal.mean):
+        if signal.turn is None:
             return signal
-        turn = 2 * self.place.to(signal.mean) / max(int(self.place.max()), 1) - 1  # from -1 to 1
+        turn = 2 * signal.turn.to(signal.mean) / max(int(signal.turn.max()), 1) - 1  # from -1 to 1
         basis = torch.stack(legendre(turn, 3)[1 : self.count + 1])
         return signal.with_mean(signal.mean * (1 + self.coefficients.to(signal.mean) @ basis)[:, None, None])
