@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from sci_lightning.encoder import Encoder, empirical
-from sci_lightning.encoder.effects import ChartEffect, Effect
+from sci_lightning.encoder.effects import Effect, MapEffect
 from sci_lightning.encoder.empirical import Empirical, Ghost, MaskField, PatternMixing
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.mask import RandomStructural
@@ -20,10 +20,9 @@ NAMES = [name for name in empirical.__all__ if name != "Empirical"]
 
 def build(name: str, value: float) -> Effect:
     member = getattr(empirical, name)
-    if issubclass(member, ChartEffect):
+    if issubclass(member, MapEffect):
         return member(size=SIZE, std=value)
     chosen = member.of(member.numbers(N, T))
-    chosen.place = torch.arange(N)
     return chosen(**dict.fromkeys(chosen.about, value))
 
 
@@ -31,8 +30,8 @@ def seen(path: LightPath) -> torch.Tensor:
     random = torch.Generator().manual_seed(0)
     video, patterns = torch.rand(N, T, *SIZE, generator=random), torch.rand(T, *SIZE, generator=random)
     light = (video * path.transmittance(patterns)).sum(1) / T
-    ones = torch.ones(N, 1, 1)
-    return path.respond(path.form(Signal(light, torch.zeros(()), ones, 1 / 255, (0, 0), SIZE))).mean
+    ones, position = torch.ones(N, 1, 1), torch.arange(N)
+    return path.respond(path.form(Signal(light, torch.zeros(()), ones, 1 / 255, (0, 0), SIZE, position=position))).mean
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -77,7 +76,16 @@ def test_a_ghost_lies_where_it_says() -> None:
     assert ghost[0, 6, 11] == pytest.approx(0.1) and ghost[0, 8, 8] == pytest.approx(0.9)
 
 
+def test_a_ghost_is_looked_for_where_the_residuals_repeat_the_image() -> None:
+    light = torch.rand(2, *SIZE, generator=torch.Generator().manual_seed(1)) - 0.5
+    residual = light.roll((-3, 4), (-2, -1))
+    first = Ghost.proposals(light, residual, torch.ones_like(light))[0]
+    assert {(round(float(start["c1"])), round(float(start["c2"]))) for start in first} == {(4, -3)}
+    assert Ghost.scaled(first[0], 2.0) == {**first[0], "c0": 0.04} and Ghost.scaled(first[0], 1e3)["c0"] == 0.5
+    assert not PatternMixing.proposals(light, residual, light)  # linear in its numbers
+
+
 def test_numbers_that_do_not_exist() -> None:
     with pytest.raises(BadInput, match="numbers c0 to c2, not 'c3'"):
         Ghost(count=3, c3=0.1)
-    assert not issubclass(Empirical, ChartEffect)
+    assert not issubclass(Empirical, MapEffect)

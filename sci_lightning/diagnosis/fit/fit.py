@@ -298,7 +298,7 @@ class Fitter:
         return [
             estimate_map(self.model, hypothesis, name, prediction, likelihood, self.fitted)
             for name in hypothesis.effects
-            if self.model.effects[name].chart
+            if self.model.effects[name].map_kind
         ]
 
     def with_map_uncertainty(self, prediction: Prediction, maps: Mapping[str, FixedPatternMap]) -> Prediction:

@@ -41,7 +41,7 @@ class FreeParameters:
         names = []
         for name in hypothesis.effects:
             effect = model.effects[name]
-            if effect.chart is None:
+            if effect.map_kind is None:
                 names += [
                     (name, parameter)
                     for parameter in hypothesis.effects[name]

@@ -12,8 +12,9 @@ import torch
 from sci_lightning.diagnosis.model.likelihood import LEAST_DEVIATION, ClippedSignal
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.encoder import empirical
-from sci_lightning.encoder.effects import ChartEffect, Effect, Saturation
+from sci_lightning.encoder.effects import Effect, MapEffect, OpticsEffect, SensorEffect
 from sci_lightning.encoder.effects.parameter import Value
+from sci_lightning.encoder.effects.stage import ExposureEffect, ModulatorEffect, RelayEffect
 from sci_lightning.encoder.empirical import Empirical
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.signal import Signal
@@ -157,14 +158,15 @@ class CameraModel:
     def starts(self, name: str, hypothesis: Hypothesis) -> list[Setting]:
         """Return the settings from which a fit of an effect may start.
 
-        A saturation may also start from the levels at which the brightest pixels pile up.
+        An effect that limits the signal (saturation) may also start from the levels at which the brightest pixels pile
+        up.
         """
         observation, effect = self.observation, self.effects[name]
         settings = effect.starts(observation.frames, observation.size, observation.bit_depth)
-        if effect is Saturation:
+        if parameter := _limiting_parameter(effect):
             behind = self._behind(self.path(hypothesis), effect)
             levels = (self._signal_recorded_as(behind, level) for level in observation.pile_ups)
-            settings += [{"level": level} for level in levels if 0 < level < 1]
+            settings += [{parameter: level} for level in levels if 0 < level < 1]
         return settings
 
     def adding(
@@ -172,20 +174,23 @@ class CameraModel:
     ) -> Hypothesis:
         """Return the hypothesis with one more effect.
 
-        If the hypothesis has a saturation, its level is adapted so that it is still recorded at the same DN: that is
-        what the captures show, whatever the sensor does to the signal after it.
+        If the hypothesis limits the signal (saturation), the limit is adapted so that it is still recorded at the same
+        DN: that is what the captures show, whatever the sensor does to the signal afterwards.
         """
         extended = hypothesis.with_effect(name, setting, values)
-        if Saturation.name in hypothesis.effects and self.effects[name].rank > Saturation.rank:
-            level = torch.full((1, *self.observation.size), float(hypothesis.effects[Saturation.name]["level"]))
-            recorded = self._recorded(self._behind(self.path(hypothesis), Saturation), level)
-            adapted = self._signal_recorded_as(self._behind(self.path(extended), Saturation), recorded)
-            extended = extended.with_effect(Saturation.name, {"level": adapted})
+        for other, other_setting in hypothesis.effects.items():
+            limiting = self.effects[other]
+            parameter = _limiting_parameter(limiting)
+            if parameter and self.effects[name].rank > limiting.rank:
+                level = torch.full((1, *self.observation.size), float(other_setting[parameter]))
+                recorded = self._recorded(self._behind(self.path(hypothesis), limiting), level)
+                adapted = self._signal_recorded_as(self._behind(self.path(extended), limiting), recorded)
+                extended = extended.with_effect(other, {**extended.effects[other], parameter: adapted})
         return extended
 
     def _behind(self, path: LightPath, effect: type[Effect]) -> LightPath:
         """Return the sensor's effects that act after one of them."""
-        return LightPath(other for other in path.of("sensor") if other.rank > effect.rank)
+        return LightPath(other for other in path.of(SensorEffect) if other.rank > effect.rank)
 
     def _signal_recorded_as(self, behind: LightPath, recorded: float) -> float:
         """Return the signal (fraction of full scale) that some effects of the sensor turn into ``recorded``."""
@@ -204,14 +209,14 @@ class CameraModel:
     def zero_map(self, name: str) -> torch.Tensor | None:
         """Return the fixed-pattern map of an effect with every value 0; None for an effect without a map."""
         effect = self.effects[name]
-        return torch.zeros(effect.shape(self.observation.size)) if issubclass(effect, ChartEffect) else None
+        return torch.zeros(effect.shape(self.observation.size)) if issubclass(effect, MapEffect) else None
 
     def path(self, hypothesis: Hypothesis) -> LightPath:
         """Return the hypothesis as modules, in the order in which light meets them."""
         effects = []
         for name, setting in hypothesis.effects.items():
             effect = self.effects[name](**setting)
-            if isinstance(effect, ChartEffect):
+            if isinstance(effect, MapEffect):
                 _set_map(effect, hypothesis.maps.get(name), self.observation.size)
             effects.append(effect)
         return LightPath(effects)
@@ -221,10 +226,10 @@ class CameraModel:
         """Predict mean and standard deviation of every pixel of every capture."""
         path = self.path(hypothesis)
         modulation = (
-            tuple(_key(effect) for stage in ("modulator", "relay", "exposure") for effect in path.of(stage)),
+            tuple(_key(effect) for stage in (ModulatorEffect, RelayEffect, ExposureEffect) for effect in path.of(stage)),
             path.cells,
         )
-        optics = tuple(_key(effect) for effect in path.of("optics"))
+        optics = tuple(_key(effect) for effect in path.of(OpticsEffect))
 
         def form() -> Signal:
             return path.form(self._modulated.get(modulation, lambda: self._modulate(path)))
@@ -264,14 +269,14 @@ class CameraModel:
 
     def _clipped(self, path: LightPath, light: Signal) -> ClippedSignal | None:
         """Return how the signal is distributed if it saturates below full scale."""
-        saturations = [
-            effect for effect in path.of("sensor") if isinstance(effect, Saturation) and float(effect.level) < 1
-        ]
-        if not saturations:
+        effects = path.of(SensorEffect)
+        limits = {effect: getattr(effect, effect.ceiling) for effect in effects if effect.ceiling}
+        limiting = [effect for effect, level in limits.items() if float(level) < 1]
+        if not limiting:
             return None
-        unclipped = LightPath(effect for effect in path.of("sensor") if effect not in saturations)
-        behind = self._behind(path, Saturation)
-        full = light.with_mean(saturations[0].level * torch.ones_like(light.mean))
+        unclipped = LightPath(effect for effect in effects if effect not in limiting)
+        behind = self._behind(path, type(limiting[0]))
+        full = light.with_mean(limits[limiting[0]] * torch.ones_like(light.mean))
         return ClippedSignal(*self._in_dn(unclipped.respond(light)), *self._in_dn(behind.respond(full)))
 
     def _in_dn(self, signal: Signal) -> tuple[torch.Tensor, torch.Tensor]:
@@ -306,11 +311,16 @@ class CameraModel:
             (0, 0),
             observation.size,
             cells,
-            observation.turn,
+            observation.position,
         )
 
 
-def _set_map(effect: ChartEffect, values: torch.Tensor | None, size: tuple[int, int]) -> None:
+def _limiting_parameter(effect: type[Effect]) -> str | None:
+    """Return the parameter at which the signal ends, for an effect of the sensor that limits it."""
+    return effect.ceiling if issubclass(effect, SensorEffect) else None
+
+
+def _set_map(effect: MapEffect, values: torch.Tensor | None, size: tuple[int, int]) -> None:
     """Give an effect its map, in units of its standard deviation if it has one."""
     if values is None:
         effect.map = torch.zeros(effect.shape(size))
@@ -322,7 +332,7 @@ def _set_map(effect: ChartEffect, values: torch.Tensor | None, size: tuple[int, 
 
 def _key(effect: Effect) -> Hashable:
     """Return what identifies an effect with its parameters and every value of its map."""
-    content = effect.map.numpy().tobytes() if isinstance(effect, ChartEffect) else None
+    content = effect.map.numpy().tobytes() if isinstance(effect, MapEffect) else None
     return effect.name, tuple(effect.values.items()), content
 
 

@@ -128,7 +128,7 @@ def estimate_map(
         likelihood: of the prediction.
         fitted: ``(N, H, W)``, 1 for fitted pixels and 0 for held-out ones.
     """
-    kind = model.effects[name].chart or ""
+    kind = model.effects[name].map_kind or ""
     values = model.map_values(hypothesis, name)
     jacobian = model.map_jacobian(hypothesis, name, prediction)
     gradient = _reduce(kind, (jacobian * likelihood.mean_gradient * fitted).sum(0)).double()

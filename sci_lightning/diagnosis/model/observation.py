@@ -37,7 +37,7 @@ class Observation:
         kinds: N kinds of capture, inferred from the content, whatever the labels say.
         number: ``(N,)`` place of each capture in the file.
         read_noise, full_well: the datasheet's values in DN and electrons; None where it is silent.
-        turn: ``(N,)`` place of each capture in the order in which they were taken, for what depends on time; None if
+        position: ``(N,)`` place of each capture in the order in which they were taken, for what depends on time; None if
             they were not taken one after the other.
     """
 
@@ -53,7 +53,7 @@ class Observation:
     number: torch.Tensor
     read_noise: float | None
     full_well: float | None
-    turn: torch.Tensor | None = None
+    position: torch.Tensor | None = None
 
     @property
     def full_scale(self) -> int:
@@ -119,7 +119,7 @@ def observe(captures: Captures) -> Observation:
         number=torch.tensor(order),
         read_noise=captures.read_noise_dn,
         full_well=captures.full_well_e,
-        turn=torch.tensor(order),
+        position=torch.tensor(order),
     )
 
 

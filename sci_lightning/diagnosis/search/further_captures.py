@@ -75,7 +75,7 @@ def further_captures(observation: Observation) -> dict[str, Observation]:
             dn=torch.zeros(1, height, width),
             kinds=("further",),
             number=torch.zeros(1, dtype=torch.long),
-            turn=None,
+            position=None,
         )
         for kind, (sequence, scene, aperture, exposure) in kinds.items()
     }

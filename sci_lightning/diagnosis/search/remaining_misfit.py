@@ -179,13 +179,17 @@ def screen_free_forms(fitter: Fitter, base: Fit, maps: Mapping[str, type[Effect]
         effect = fitter.model.effects[name]
         if name in base.hypothesis.effects:
             continue
-        if effect.chart:
+        if effect.map_kind:
             one = estimate_map(fitter.model, base.hypothesis, name, base.prediction, likelihood, fitter.fitted)
             p_value = float(chi2.sf(2 * max(one.evidence, 0.0), 1))
             found.append(FreeForm(name, one.evidence, 1, p_value, dict.fromkeys(effect.about, one.std), effect))
         elif issubclass(effect, Empirical):
-            screen = _screen_ghost if name == "ghost" else _screen_numbers
-            if (deviation := screen(fitter, base, effect, local)) is not None:
+            groups = effect.proposals(base.prediction.mean, local.gradient, local.information)
+            if groups:
+                deviation = _screen_proposals(fitter, base, effect, local, groups)
+            else:
+                deviation = _screen_numbers(fitter, base, effect, local)
+            if deviation is not None:
                 found.append(deviation)
     found = [replace(deviation, p_value=min(1.0, deviation.p_value * len(tried))) for deviation in found]
     pixels = float(fitter.fitted.sum())
@@ -214,36 +218,20 @@ def _screen_numbers(fitter: Fitter, base: Fit, effect: type[Empirical], local: L
     return FreeForm(effect.name, kept_gain.nats, len(kept), p_value, start, effect)
 
 
-def _screen_ghost(fitter: Fitter, base: Fit, effect: type[Empirical], local: LocalGain) -> FreeForm | None:
-    """Find the displacement at which a copy of the image would explain most, by correlation over all displacements."""
-    light, height, width = base.prediction.mean, *fitter.model.observation.size
-    padded = (2 * height, 2 * width)
-
-    def spectrum(field: torch.Tensor) -> torch.Tensor:
-        return torch.fft.rfft2(field, s=padded)
-
-    gradient = torch.fft.irfft2((spectrum(local.gradient) * spectrum(light).conj()).sum(0), s=padded)
-    information = torch.fft.irfft2((spectrum(local.information) * spectrum(light.square()).conj()).sum(0), s=padded)
-    reach = max(3, min(height, width) // 2)
-    gain = gradient.clamp(min=0).square() / information.clamp(min=float(information.max()) * 1e-2)
-    rows = torch.fft.fftfreq(padded[0], 1 / padded[0])[:, None]
-    columns = torch.fft.fftfreq(padded[1], 1 / padded[1])[None]
-    near = rows.square() + columns.square() < 4
-    gain = torch.where(near | (rows.abs() > reach) | (columns.abs() > reach), 0.0, gain)
+def _screen_proposals(
+    fitter: Fitter, base: Fit, effect: type[Empirical], local: LocalGain, groups: list[list[Setting]]
+) -> FreeForm | None:
+    """Estimate the gain of a deviation that is not linear in its numbers, at the settings that it proposes itself."""
     best = None
-    for index in gain.flatten().topk(4).indices.tolist():
-        dy, dx = float(rows[index // padded[1], 0]), float(columns[0, index % padded[1]])
-        # linear interpolation has a kink at whole pixels, where derivatives lead nowhere
-        starts: list[Setting] = [
-            {"c0": 0.02, "c1": dx + right, "c2": dy + down} for right in (-0.4, 0.4) for down in (-0.4, 0.4)
-        ]
-        trials = [fitter.model.predict(base.hypothesis.with_effect("ghost", start)).mean for start in starts]
+    for settings in groups:
+        trials = [fitter.model.predict(base.hypothesis.with_effect(effect.name, setting)).mean for setting in settings]
         nats, factors = local.gain_of_each(torch.stack(trials) - base.prediction.mean)
         top = int(nats.argmax())
         if best is None or float(nats[top]) > best.gain:
-            p_value = min(1.0, height * width * float(chi2.sf(2 * float(nats[top]), 1)))
-            start = {**starts[top], "c0": min(0.02 * float(factors[top]), 0.5)}
-            best = FreeForm("ghost", float(nats[top]), 3, p_value, start, effect)
+            places = math.prod(fitter.model.observation.size)  # a proposal is the best of as many as there are pixels
+            p_value = min(1.0, places * float(chi2.sf(2 * float(nats[top]), 1)))
+            start = effect.scaled(settings[top], float(factors[top]))
+            best = FreeForm(effect.name, float(nats[top]), len(start), p_value, start, effect)
     return best
 
 

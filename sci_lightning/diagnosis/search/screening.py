@@ -47,7 +47,7 @@ def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
     for name, effect in model.vocabulary.items():
         if name in base.hypothesis.effects or effect.noise:
             continue
-        if effect.chart:
+        if effect.map_kind:
             one = estimate_map(model, base.hypothesis, name, prediction, likelihood, fitter.fitted)
             start: Setting = dict.fromkeys(effect.about, one.std)
             candidates.append(Candidate(name, one.evidence, start))
@@ -113,7 +113,7 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
     allowed = max(settings.rival_fraction, settings.rival_nats / max(evidence, 1.0))
     close = []
     for other, effect in model.vocabulary.items():
-        if other in fit.hypothesis.effects or effect.noise or effect.chart:
+        if other in fit.hypothesis.effects or effect.noise or effect.map_kind:
             continue
         starts = model.starts(other, without.hypothesis)[: settings.rival_starts]
         trials = [model.predict(model.adding(without.hypothesis, other, start)) for start in starts]
