@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from sci_lightning.diagnosis.search.imagined_captures import imagined_captures
 
 from sci_lightning.captures import Captures, read_captures
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
 from sci_lightning.diagnosis.report.report import describe, write_encoder
 from sci_lightning.diagnosis.search.alternatives import Separation
-from sci_lightning.diagnosis.search.imagined_captures import imagined_captures
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, VirtualCamera
 

@@ -225,10 +225,8 @@ class CameraModel:
     def predict(self, hypothesis: Hypothesis) -> Prediction:
         """Predict mean and standard deviation of every pixel of every capture."""
         path = self.path(hypothesis)
-        modulation = (
-            tuple(_key(effect) for stage in (ModulatorEffect, RelayEffect, ExposureEffect) for effect in path.of(stage)),
-            path.cells,
-        )
+        before_lens = (*path.of(ModulatorEffect), *path.of(RelayEffect), *path.of(ExposureEffect))
+        modulation = tuple(_key(effect) for effect in before_lens), path.cells
         optics = tuple(_key(effect) for effect in path.of(OpticsEffect))
 
         def form() -> Signal:

@@ -86,7 +86,10 @@ def tell_apart(fitter: Fitter, one: Fit, rival: Fit) -> str:
     """
     names = _names(one.hypothesis, rival.hypothesis)
     settings = fitter.settings
-    most, needed = settings.max_further_captures, settings.needed_nats + max(0.0, rival.log_likelihood - one.log_likelihood)
+    most, needed = (
+        settings.max_further_captures,
+        settings.needed_nats + max(0.0, rival.log_likelihood - one.log_likelihood),
+    )
     further = further_captures(fitter.model.observation)
     kinds = {kind: separate(fitter, observation, one, rival) for kind, observation in further.items()}
     pairs = {f"{a}, and as many of {b}": kinds[a] + kinds[b] for a, b in combinations(kinds, 2)}

@@ -62,7 +62,9 @@ def further_captures(observation: Observation) -> dict[str, Observation]:
         f"an even scene that is lit in slot {slot[0]} only, behind {alone}": (open_once, pulse(0), 0.9, 1.0),
     }
     for after in (1, 2):
-        lit = f"an even scene that is lit in slot {slot[after]} only, {STRONG_LIGHT:.0f} times as bright, behind {alone}"
+        lit = (
+            f"an even scene that is lit in slot {slot[after]} only, {STRONG_LIGHT:.0f} times as bright, behind {alone}"
+        )
         kinds[lit] = (open_once, pulse(after), STRONG_LIGHT, 1.0)
     return {
         kind: replace(

@@ -159,7 +159,5 @@ def _chi2(fitter: Fitter, mean: torch.Tensor, deviation: torch.Tensor) -> torch.
     """Return the mean squared distance of the fitted pixels from their DN's interval, quantisation counted as noise."""
     intervals = fitter.intervals(fitter.model.observation.bit_depth)
     outside = (intervals.low - mean).clamp(min=0) + (mean - intervals.high).clamp(min=0)
-    distance = torch.where(
-        intervals.low.isinf() | intervals.high.isinf(), outside, fitter.model.observation.dn - mean
-    )
+    distance = torch.where(intervals.low.isinf() | intervals.high.isinf(), outside, fitter.model.observation.dn - mean)
     return (distance.square() / (deviation.square() + 1 / 12) * fitter.fitted).sum() / fitter.fitted.sum()

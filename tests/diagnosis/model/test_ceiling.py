@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 import torch
+from sci_lightning.diagnosis.model.ceiling import Ceiling
 
 from sci_lightning.captures import read_captures
 from sci_lightning.diagnosis.diagnosis import diagnose
-from sci_lightning.diagnosis.model.ceiling import Ceiling
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, VirtualCamera
 
