@@ -1,7 +1,7 @@
 """Maximum-likelihood fits: all parameters of a hypothesis and its fixed-pattern maps, by a damped Newton method.
 
-The objective is the log-likelihood of the fitted pixels (:mod:`~sci_lightning.diagnosis.model.likelihood`), penalised by
-the prior and the uncertainty of the maps (:mod:`~sci_lightning.diagnosis.model.fixed_pattern_map`).
+The objective is the log-likelihood of the fitted pixels (:mod:`~sci_lightning.diagnosis.model.likelihood`), penalised
+by the prior and the uncertainty of the maps (:mod:`~sci_lightning.diagnosis.model.fixed_pattern_map`).
 """
 
 from __future__ import annotations
@@ -302,7 +302,7 @@ class Fitter:
         ]
 
     def with_map_uncertainty(self, prediction: Prediction, maps: Mapping[str, FixedPatternMap]) -> Prediction:
-        """Return the prediction with the maps' uncertainty in its standard deviation, for pixels that were not fitted."""
+        """Return the prediction with the maps' uncertainty in its standard deviation, to judge held-out pixels."""
         variance = prediction.deviation.square()
         for one in maps.values():
             variance = variance + one.leverage

@@ -14,7 +14,7 @@ from sci_lightning.diagnosis.model.likelihood import quantile_residuals
 from sci_lightning.diagnosis.search_settings import SearchSettings
 
 OUTLIER = 4.0
-"""Root mean squares beyond which a residual counts as this far, so that no outlier widens the limit that it is compared with."""
+"""Root mean squares beyond which a residual counts as this far, so that no outlier widens its own limit."""
 GAUSSIAN = 2.0
 """Variance of the square of a standard normal number: that of a randomised quantile residual of an exact model."""
 

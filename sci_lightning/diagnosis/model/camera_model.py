@@ -70,10 +70,11 @@ def datasheet_noise(observation: Observation) -> tuple[Hypothesis, tuple[Paramet
     return Hypothesis(effects), fixed
 
 
-def free_forms_for(observation: Observation) -> dict[str, type[Empirical]]:
+def free_forms_for(observation: Observation) -> dict[str, type[Effect]]:
     """Return every free-form deviation by name, with as many numbers as these captures can determine."""
     classes = [getattr(empirical, name) for name in empirical.__all__ if name != "Empirical"]
-    return {one.name: one.of(one.numbers(len(observation), observation.frames)) for one in classes}
+    captures, frames = len(observation), observation.frames
+    return {one.name: one.of(one.numbers(captures, frames)) if issubclass(one, Empirical) else one for one in classes}
 
 
 @dataclass(frozen=True)

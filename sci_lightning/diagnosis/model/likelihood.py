@@ -34,7 +34,7 @@ NEGLIGIBLE_TAIL = 8.0
 class ClippedSignal:
     """A Gaussian signal that is clipped at a level below full scale (a full well), with read noise added afterwards.
 
-    Its distribution is the part of the Gaussian below the level and a spike at the level, convolved with the read noise.
+    Its distribution is the part of the Gaussian below the level and a spike at the level, convolved with read noise.
 
     Attributes:
         mean, deviation: ``(N, H, W)`` DN, of the signal as it would be without clipping, read noise included.

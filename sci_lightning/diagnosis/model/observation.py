@@ -30,15 +30,15 @@ class Observation:
         patterns: ``(P, H, W)`` commanded patterns of the modulator.
         sequences: ``(U, T)`` the different sequences of patterns.
         sequence: ``(N,)`` which of them each capture used.
-        scene: N tensors that broadcast to ``(T, H, W)``: ``(T, 1, 1)`` for an even scene, ``(1, H, W)`` for one at rest.
+        scene: N tensors that broadcast to ``(T, H, W)``: ``(T, 1, 1)`` for an even scene, ``(1, H, W)`` at rest.
         aperture, exposure: ``(N, 1, 1)``.
         dn: ``(N, H, W)`` float32 raw DN.
         bit_depth: of the converter.
         kinds: N kinds of capture, inferred from the content, whatever the labels say.
         number: ``(N,)`` place of each capture in the file.
         read_noise, full_well: the datasheet's values in DN and electrons; None where it is silent.
-        position: ``(N,)`` place of each capture in the order in which they were taken, for what depends on time; None if
-            they were not taken one after the other.
+        position: ``(N,)`` place of each capture in the order in which they were taken, for what depends on time;
+            None if they were not taken one after the other.
     """
 
     patterns: torch.Tensor
