@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -29,9 +31,7 @@ def test_as_one_dense_system(kinds: tuple[str, ...]) -> None:
     for seed, kind in enumerate(kinds):
         each = fixed_pattern(kind, seed)
         own = each.gather(each.jacobian.square() * weight)
-        maps.append(
-            FixedPatternMap(*[{"likelihood_information": own}.get(name, value) for name, value in vars(each).items()])
-        )
+        maps.append(replace(each, likelihood_information=own))
     system = MapSystem(maps, weight)
     columns = []  # derivative of the mean by every value of every map
     for each in system.maps:
