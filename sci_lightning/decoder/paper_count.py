@@ -78,10 +78,9 @@ class _Counter(TorchFunctionMode):
     def _enter(self, layer: nn.Module, inputs: Any) -> None:
         self.inside = True
 
-    def _leave(self, layer: nn.Module, inputs: Any, result: Tensor) -> None:
+    def _leave(self, layer: Any, inputs: Any, result: Tensor) -> None:
         self.inside = False
-        bias = layer.bias if isinstance(layer.bias, Tensor) else None
-        self.total += _convolution(self.rules, result, inputs[0], layer.get_parameter("weight"), bias)
+        self.total += _convolution(self.rules, result, inputs[0], layer.weight, layer.bias)
 
     def __torch_function__(self, function: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         result = function(*args, **(kwargs or {}))

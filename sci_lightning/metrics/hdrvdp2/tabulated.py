@@ -17,7 +17,7 @@ def log_luminances(points: int) -> torch.Tensor:
 
 
 def look_up(table: torch.Tensor, log_luminance: torch.Tensor) -> torch.Tensor:
-    """Return values at ``log_luminance``, of any shape: linear between the points of a table, constant beyond its ends."""
+    """Return values at ``log_luminance``, of any shape: linear between the points of a table, constant beyond."""
     last = len(table) - 1
     place = (log_luminance.clamp(DARKEST, BRIGHTEST) - DARKEST) * (last / (BRIGHTEST - DARKEST))
     below = place.detach().long().clamp(max=last - 1)
