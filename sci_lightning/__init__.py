@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; at run time FACE says w
     from sci_lightning import decoder as decoders
     from sci_lightning import metrics
     from sci_lightning.captures import read_captures
-    from sci_lightning.cli.load_decoder import load_decoder
+    from sci_lightning.cli.notebook import load_decoder
     from sci_lightning.encoder import Encoder, effects
     from sci_lightning.encoder import mask as masks
     from sci_lightning.encoder import sensor as sensors
@@ -50,7 +50,7 @@ FACE = {
     "decoders": "decoder",
     "effects": "encoder.effects",
     "load_checkpoint": "runs.checkpoint:read_checkpoint",
-    "load_decoder": "cli.load_decoder:load_decoder",
+    "load_decoder": "cli.notebook:load_decoder",
     "masks": "encoder.mask",
     "metrics": "metrics",
     "read_captures": "captures:read_captures",

@@ -11,7 +11,7 @@ import torch
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf, open_dict
 
-from sci_lightning.cli.command import plain
+from sci_lightning.cli.composition import plain
 from sci_lightning.cli.loggers import EXTRAS
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.encoder import Encoder

@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sci_lightning.cli.command import member, plain
-from sci_lightning.configuration.conf_folder import CONF
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import pytest
 from omegaconf import DictConfig, OmegaConf
 
 from sci_lightning.cli.settings import SETTINGS, check_settings
-from sci_lightning.cli.settings_check import check_command_settings
+from sci_lightning.cli.settings import check_command_settings
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.errors import BadInput
 

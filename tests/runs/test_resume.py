@@ -10,7 +10,7 @@ import pytest
 import torch
 from omegaconf import DictConfig
 
-from sci_lightning.cli.command import plain
+from sci_lightning.cli.composition import plain
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.resume import check_nothing_lost, check_same_run, finished, interrupted
 
