@@ -9,7 +9,7 @@ Everything that a notebook needs is an attribute of this package, loaded when it
 >>> video = torch.rand(1, 8, 32, 32)  # (N, T, H, W); 1.0 fills the sensor's range when fully transmitted
 >>> measurement = encoder(video)  # (N, H, W), in [0, 1] of full scale
 >>> decoder = sci.load_decoder("gap_tv", ["decoder.iterations=[4]"])
->>> estimate = decoder(encoder.linearise(measurement) / encoder.aperture, encoder.mask())
+>>> estimate = sci.Pipeline(encoder, decoder)(video)  # records, linearises and decodes
 >>> tuple(estimate.shape)
 (1, 8, 32, 32)
 
@@ -33,6 +33,8 @@ if TYPE_CHECKING:  # what type checkers and editors see; at run time FACE says w
     from sci_lightning.encoder import mask as masks
     from sci_lightning.encoder import sensor as sensors
     from sci_lightning.errors import BadInput
+    from sci_lightning.imaging.operator import SnapshotOperator
+    from sci_lightning.imaging.pipeline import Pipeline
     from sci_lightning.metrics import HDRVDP2
     from sci_lightning.runs.checkpoint import Checkpoint
     from sci_lightning.runs.checkpoint import read_checkpoint as load_checkpoint
@@ -45,7 +47,9 @@ FACE = {
     "Checkpoint": "runs.checkpoint:Checkpoint",
     "Encoder": "encoder:Encoder",
     "HDRVDP2": "metrics:HDRVDP2",
+    "Pipeline": "imaging.pipeline:Pipeline",
     "Session": "virtual_camera:Session",
+    "SnapshotOperator": "imaging.operator:SnapshotOperator",
     "VirtualCamera": "virtual_camera:VirtualCamera",
     "decoders": "decoder",
     "effects": "encoder.effects",
@@ -63,7 +67,9 @@ __all__ = [
     "BadInput",
     "Checkpoint",
     "Encoder",
+    "Pipeline",
     "Session",
+    "SnapshotOperator",
     "VirtualCamera",
     "__version__",
     "decoders",

@@ -32,6 +32,7 @@ def reconstruct(cfg: DictConfig) -> None:
     from sci_lightning.files.atomic_file import whole_file
     from sci_lightning.imaging.animation import write_frames, write_gif
     from sci_lightning.imaging.mask_check import mask_warning
+    from sci_lightning.imaging.pipeline import Pipeline
     from sci_lightning.imaging.snapshot import read_snapshot
     from sci_lightning.runs.device import chosen_device
 
@@ -50,8 +51,9 @@ def reconstruct(cfg: DictConfig) -> None:
         cfg.measurement, key=cfg.key, full_scale=cfg.full_scale, bit_depth=8 if bit_depth is None else bit_depth
     )
     measurement = snapshot.measurement
+    pipeline = Pipeline(encoder, decoder.eval())
     with torch.no_grad():
-        mask = encoder.decoder_mask(encoder.transmittance()) if cfg.mask is None else Measured(cfg.mask)()
+        mask = pipeline.decoder_mask() if cfg.mask is None else Measured(cfg.mask)()
     named = f"mask={cfg.mask}" if cfg.mask else "the encoder's mask"
     if not mask.any():
         raise BadInput(f"{named} is dark: every value is 0; give the mask that the snapshot was taken with: mask=FILE")
@@ -69,14 +71,13 @@ def reconstruct(cfg: DictConfig) -> None:
         raise BadInput(f"aperture must be positive, got {aperture}")
 
     with torch.no_grad():
-        linear = encoder.linearise(measurement)
+        linear = pipeline.linearise(measurement, aperture)
     brightest = max(1.0, aperture * float(mask.sum(0).max())) if bit_depth is None else 1.0
-    for line in (snapshot.doubt(brightest), mask_warning(linear, mask)):
+    for line in (snapshot.doubt(brightest), mask_warning(linear * aperture, mask)):
         if line:
             warn(line if line.startswith(str(snapshot.path)) else f"{snapshot.path}: {line}")
-    linear = linear / aperture
     device = chosen_device(cfg.device)
-    decoder.eval().to(device)
+    pipeline.to(device)
     mask = mask.to(device)
     with torch.no_grad(), Progress(console=console, transient=True) as progress:
         bar = progress.add_task("Decoding", total=len(linear))
@@ -84,7 +85,7 @@ def reconstruct(cfg: DictConfig) -> None:
             decoder.watch = lambda iteration: progress.update(bar, description=f"Decoding: {iteration}")
         videos = []
         for one in linear:
-            videos.append(decoder(one[None].to(device), mask).cpu())
+            videos.append(pipeline.decode(one[None].to(device), mask).cpu())
             progress.advance(bar)
     video = torch.cat(videos)
 

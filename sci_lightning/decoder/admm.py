@@ -10,8 +10,6 @@ from sci_lightning.configuration.bounds import Iterations
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
 from sci_lightning.decoder.iterative import Iterative
-from sci_lightning.decoder.layers.data_step import data_step, snapshot
-from sci_lightning.decoder.layers.initial_estimate import mask_total
 from sci_lightning.decoder.motion_filter import MotionFilter
 from sci_lightning.errors import BadInput
 
@@ -48,13 +46,14 @@ class ADMM(Iterative):
         self.gamma = gamma
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        weight = mask_total(mask, squared=True) + self.gamma
+        operator = self.operator(mask)
+        weight = operator.sum_of_squares() + self.gamma
         theta = self.first_estimate(measurement, mask)
         b = torch.zeros_like(theta)
         for iteration, strength in self.schedule():
-            x = data_step(theta + b, measurement, mask, weight)
+            x = operator.data_step(theta + b, measurement, weight)
             theta = self.denoised(x - b, strength)
-            if self.reached(measurement - snapshot(theta, mask), iteration):
+            if self.reached(measurement - operator(theta), iteration):
                 break
             b = b - (x - theta)
         return theta

@@ -9,8 +9,6 @@ from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.layers.data_step import data_step
-from sci_lightning.decoder.layers.initial_estimate import mask_total
 from sci_lightning.decoder.layers.unet import UNet
 
 
@@ -45,12 +43,13 @@ class ADMMNet(Decoder):
             self.register_parameter(f"gamma{stage}", nn.Parameter(torch.zeros(1)))
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
-        weight = mask_total(mask, self.squared)
-        theta = mask * measurement.unsqueeze(1)
+        operator = self.operator(mask)
+        weight = operator.sum_of_squares() if self.squared else operator.total_or_one()
+        theta = operator.adjoint(measurement)
         b = torch.zeros_like(theta)
         estimates = []
         for unet, gamma in zip(self.children(), self.parameters(recurse=False), strict=True):
-            x = data_step(theta + b, measurement, mask, weight + gamma)
+            x = operator.data_step(theta + b, measurement, weight + gamma)
             theta = unet(x - b)
             b = b - (x - theta)
             estimates.append(theta)

@@ -9,7 +9,6 @@ from torch import nn
 
 from sci_lightning.configuration.bounds import Frames, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.layers.initial_estimate import mean_frame
 from sci_lightning.decoder.layers.named_block import named_block
 from sci_lightning.errors import BadInput
 
@@ -219,8 +218,9 @@ class BIRNAT(Decoder):
         self.backrnn = Recurrence(hidden)
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
-        mean = mean_frame(measurement, mask)
-        modulated = mask * mean.unsqueeze(1)
+        operator = self.operator(mask)
+        mean = operator.mean_frame(measurement)
+        modulated = operator.adjoint(mean)
         first = self.first_frame_net(channels_last(torch.cat([mean.unsqueeze(1), modulated], dim=1)))
         state = modulated.new_zeros(len(modulated), self.hidden, *mask.shape[1:])
         there, state = self.forward_rnn(first, state, measurement, mean, mask)

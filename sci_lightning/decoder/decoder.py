@@ -9,6 +9,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from sci_lightning.errors import BadInput
+from sci_lightning.imaging.operator import SnapshotOperator
 
 
 class Decoder(nn.Module):
@@ -63,3 +64,8 @@ class Decoder(nn.Module):
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """The one estimate, of checked input."""
         raise NotImplementedError
+
+    @staticmethod
+    def operator(mask: torch.Tensor) -> SnapshotOperator:
+        """Return the snapshot operator of a mask ``(T, H, W)``, in the form that is fastest inside a network."""
+        return SnapshotOperator(mask, slot_by_slot=True)

@@ -9,7 +9,6 @@ from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.layers.initial_estimate import mean_frame
 
 
 class ResidualBlock(nn.Module):
@@ -67,7 +66,8 @@ class E2ECNN(Decoder):
         self.last = nn.Conv2d(channels, frames, 1)
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        estimate = mask * mean_frame(measurement, mask).unsqueeze(1)
+        operator = self.operator(mask)
+        estimate = operator.adjoint(operator.mean_frame(measurement))
         # channels-last is the layout in which CPU and GPU convolutions run fastest
         features = self.first(estimate.contiguous(memory_format=torch.channels_last))
         skips = []

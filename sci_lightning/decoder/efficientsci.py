@@ -8,7 +8,6 @@ from torch import nn
 from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.kernels.convolution3d import Conv3d, one_channel, shuffle_up
-from sci_lightning.decoder.layers.initial_estimate import mean_frame
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.errors import BadInput
 
@@ -106,6 +105,6 @@ class EfficientSCI(Decoder):
         self.resdnet_list = nn.Sequential(*(ResDNet(width, groups, heads) for _ in range(blocks)))
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        estimate = mean_frame(measurement, mask).unsqueeze(1) * (1 + mask)
+        estimate = self.operator(mask).mean_frame(measurement).unsqueeze(1) * (1 + mask)
         features = self.resdnet_list(self.fem(one_channel(estimate)))
         return self.vrm(shuffle_up(self.up_conv(features)))[:, 0]

@@ -7,8 +7,6 @@ from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.layers.data_step import data_step, snapshot
-from sci_lightning.decoder.layers.initial_estimate import mask_total, mean_frame
 from sci_lightning.decoder.layers.named_block import named_block
 from sci_lightning.errors import BadInput
 
@@ -139,11 +137,12 @@ class ELPUnfolding(Decoder):
         )
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
-        weight = mask_total(mask, self.squared)
-        mean = mean_frame(measurement, mask).unsqueeze(1)
+        operator = self.operator(mask)
+        weight = operator.sum_of_squares() if self.squared else operator.total_or_one()
+        mean = operator.mean_frame(measurement).unsqueeze(1)
         priors = [[each for each in prior.modules() if isinstance(each, Iteration)] for prior in self.all]
         ones = torch.ones_like(mask).expand(len(measurement), -1, -1, -1)
-        x = data_step(ones, measurement, mask, weight + priors[0][0].gamma2 / priors[0][0].gamma1)
+        x = operator.data_step(ones, measurement, weight + priors[0][0].gamma2 / priors[0][0].gamma1)
         l1, l2 = torch.zeros_like(measurement), torch.zeros_like(x)
         features: Features = []
         kept: list[tuple[torch.Tensor, torch.Tensor]] = []  # (gamma2, l2 + gamma2 v) of every prior that is done
@@ -153,13 +152,13 @@ class ELPUnfolding(Decoder):
                 gamma1 = iteration.gamma1 if iterations is priors[0] else priors[0][-1].gamma1
                 gamma2 = iteration.gamma2
                 v, features = iteration.visualtransformer(x - l2 / gamma2, gamma2, mean, features)
-                l1 = l1 - gamma1 * (measurement - snapshot(x, mask))
+                l1 = l1 - gamma1 * (measurement - operator(x))
                 l2 = l2 - gamma2 * (x - v)
                 newest = (gamma2, l2 + gamma2 * v)
                 gammas, pulls = zip(*kept[:-1], newest, strict=True)
                 total = sum(gammas)
-                x = (sum(pulls) - mask * l1.unsqueeze(1)) / total
-                x = data_step(x, measurement, mask, weight + total / gamma1)
+                x = (sum(pulls) - operator.adjoint(l1)) / total
+                x = operator.data_step(x, measurement, weight + total / gamma1)
                 estimates.append(x)
             kept.append(newest)
         return estimates

@@ -5,8 +5,6 @@ from __future__ import annotations
 import torch
 
 from sci_lightning.decoder.iterative import Iterative
-from sci_lightning.decoder.layers.data_step import data_step, snapshot
-from sci_lightning.decoder.layers.initial_estimate import mask_total
 
 
 class GAP(Iterative):
@@ -21,12 +19,13 @@ class GAP(Iterative):
     """
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        weight = mask_total(mask, squared=True)
-        video, asked = self.first_estimate(measurement, mask), measurement
+        operator = self.operator(mask)
+        weight = operator.sum_of_squares()
+        video, accumulated = self.first_estimate(measurement, mask), measurement
         for iteration, strength in self.schedule():
-            video = self.denoised(data_step(video, asked, mask, weight), strength)
-            residual = measurement - snapshot(video, mask)
+            video = self.denoised(operator.data_step(video, accumulated, weight), strength)
+            residual = measurement - operator(video)
             if self.reached(residual, iteration):
                 break
-            asked = asked + residual
+            accumulated = accumulated + residual
         return video

@@ -8,8 +8,6 @@ import torch
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.layers.data_step import data_step
-from sci_lightning.decoder.layers.initial_estimate import mask_total
 from sci_lightning.decoder.layers.unet import UNet
 
 
@@ -41,10 +39,11 @@ class GAPNet(Decoder):
             self.add_module(f"unet{stage}", UNet(frames, channels))
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
-        weight = mask_total(mask, self.squared)
-        video = mask * measurement.unsqueeze(1)
+        operator = self.operator(mask)
+        weight = operator.sum_of_squares() if self.squared else operator.total_or_one()
+        video = operator.adjoint(measurement)
         estimates = []
         for unet in self.children():
-            video = unet(data_step(video, measurement, mask, weight))
+            video = unet(operator.data_step(video, measurement, weight))
             estimates.append(video)
         return estimates

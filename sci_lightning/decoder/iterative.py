@@ -11,7 +11,6 @@ import torch
 from sci_lightning.configuration.bounds import MOST_ITERATIONS, Iterations, Positive
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
-from sci_lightning.decoder.layers.initial_estimate import mean_video
 from sci_lightning.decoder.motion_filter import MotionFilter
 from sci_lightning.errors import BadInput
 
@@ -90,7 +89,7 @@ class Iterative(Decoder):
 
     def first_estimate(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """``(N, T, H, W)``, to start from."""
-        return mean_video(measurement, mask) if self.start is None else self.start(measurement, mask)
+        return self.operator(mask).mean_video(measurement) if self.start is None else self.start(measurement, mask)
 
     def schedule(self) -> Iterator[tuple[int, float]]:
         """Number from 0, and strength, of every iteration; denoiser and motion start afresh."""

@@ -7,7 +7,6 @@ from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.layers.initial_estimate import mean_frame
 
 
 class ResidualBlock(nn.Module):
@@ -76,7 +75,7 @@ class MetaSCI(Decoder):
         )
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        estimate = mean_frame(measurement, mask).unsqueeze(1) * (1 + mask)
+        estimate = self.operator(mask).mean_frame(measurement).unsqueeze(1) * (1 + mask)
         # channels-last is the layout in which CPU and GPU convolutions run fastest
         features = self.conv1(estimate.contiguous(memory_format=torch.channels_last))
         return self.conv2(self.layers(features))

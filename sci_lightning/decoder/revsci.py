@@ -10,7 +10,6 @@ from torch import nn
 from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.kernels.convolution3d import Conv3d, Doubling, one_channel
-from sci_lightning.decoder.layers.initial_estimate import mean_frame
 
 
 class ReversibleBlock(nn.Module):
@@ -126,7 +125,7 @@ class RevSCI(Decoder):
         self.layers = nn.ModuleList(ReversibleBlock(half) for _ in range(blocks))
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        estimate = mean_frame(measurement, mask).unsqueeze(1) * (1 + mask)
+        estimate = self.operator(mask).mean_frame(measurement).unsqueeze(1) * (1 + mask)
         features = self.conv1(one_channel(estimate))
         # in double precision the way back meets the inputs of f and g, and so the gradients, to the last bit
         precise = torch.is_grad_enabled() and features.device.type != "mps"  # which has no double precision

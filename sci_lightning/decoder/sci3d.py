@@ -10,9 +10,8 @@ from torch.nn import functional as F
 
 from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.layers.data_step import data_step, snapshot
-from sci_lightning.decoder.layers.initial_estimate import mask_total
 from sci_lightning.decoder.layers.named_block import named_block
+from sci_lightning.imaging.operator import SnapshotOperator
 
 Maps = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
 
@@ -84,7 +83,7 @@ class Phase(nn.Module):
         self,
         video: torch.Tensor,
         measurement: torch.Tensor,
-        mask: torch.Tensor,
+        operator: SnapshotOperator,
         weight: torch.Tensor,
         guide: torch.Tensor,
         before: Maps | None,
@@ -98,7 +97,7 @@ class Phase(nn.Module):
             before: maps of the phase before at quarter, half and full resolution; None in the first.
         """
         old_quarter, old_half, old_full = before or (None, None, None)
-        video = data_step(video, measurement, mask, weight + self.eta_step)
+        video = operator.data_step(video, measurement, weight + self.eta_step)
         inputs = torch.stack([video, guide.expand_as(video)], dim=1)
         # channels-last is the layout in which CPU and GPU convolutions run fastest
         full = self.inc(inputs.contiguous(memory_format=torch.channels_last_3d))
@@ -159,14 +158,15 @@ class SCI3D(Decoder):
         self.fcs = nn.ModuleList(Phase(channels, inner, first=number == 0) for number in range(phases))
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
-        weight = mask_total(mask, squared=True)
+        operator = self.operator(mask)
+        weight = operator.sum_of_squares()
         guide = (measurement / weight).unsqueeze(1)
-        video = mask * measurement.unsqueeze(1)
+        video = operator.adjoint(measurement)
         residual = torch.zeros_like(measurement)
         maps: Maps | None = None
         estimates = []
         for phase in self.fcs:
-            residual = residual + (measurement - snapshot(video, mask))
-            video, maps = phase(video, residual, mask, weight, guide, maps)
+            residual = residual + (measurement - operator(video))
+            video, maps = phase(video, residual, operator, weight, guide, maps)
             estimates.append(video)
         return estimates

@@ -12,8 +12,6 @@ from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.kernels.convolution3d import Conv3d, Doubling, one_channel
 from sci_lightning.decoder.layers.chain import Chain
-from sci_lightning.decoder.layers.data_step import data_step
-from sci_lightning.decoder.layers.initial_estimate import mask_total
 from sci_lightning.decoder.layers.named_block import named_block
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.decoder.layers.window_attention import WindowAttention
@@ -117,6 +115,7 @@ class STFormer(Decoder):
         )
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        estimate = data_step(mask * measurement.unsqueeze(1), measurement, mask, mask_total(mask))
+        operator = self.operator(mask)
+        estimate = operator.data_step(operator.adjoint(measurement), measurement, operator.total_or_one())
         tokens = self.layers(self.token_gen(one_channel(estimate)).permute(0, 2, 3, 4, 1))
         return self.conv2(tokens.permute(0, 4, 1, 2, 3))[:, 0]

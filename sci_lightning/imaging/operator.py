@@ -33,8 +33,8 @@ class SnapshotOperator:
 
     Example:
         >>> import torch
-        >>> from sci_lightning.imaging.operator import SnapshotOperator
-        >>> operator = SnapshotOperator(torch.tensor([[[1.0]], [[0.5]]]))  # T = 2 slots, one pixel
+        >>> import sci_lightning as sci
+        >>> operator = sci.SnapshotOperator(torch.tensor([[[1.0]], [[0.5]]]))  # T = 2 slots, one pixel
         >>> measurement = operator(torch.tensor([[[[0.2]], [[0.4]]]]))
         >>> round(float(measurement), 6)
         0.4

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from sci_lightning.cli.command import member, plain
 from sci_lightning.configuration.build import build
-from sci_lightning.decoder.layers.initial_estimate import mean_frame
 from sci_lightning.encoder import Encoder
+from sci_lightning.imaging.operator import SnapshotOperator
 from sci_lightning.tables.grid import Grid
 
 STEPS = 256
@@ -45,7 +45,7 @@ def wedge(encoder: Encoder, steps: int = STEPS) -> torch.Tensor:
     mask = encoder.transmittance()
     levels = torch.linspace(0, 1, steps)
     video = levels[:, None, None, None].expand(-1, *mask.shape)
-    reported = mean_frame(encoder.rescale(encoder.record(video, mask)), mask)
+    reported = SnapshotOperator(mask).mean_frame(encoder.rescale(encoder.record(video, mask)))
     return reported[:, mask.sum(0) > 0]
 
 

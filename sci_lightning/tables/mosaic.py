@@ -15,10 +15,10 @@ from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.data import Synthetic
 from sci_lightning.files.plain_text import file_name, in_figure
 from sci_lightning.imaging.figures import show_picture
+from sci_lightning.imaging.pipeline import Pipeline
 from sci_lightning.runs.checkpoint import read_checkpoint
 from sci_lightning.tables.run import Run
 from sci_lightning.tables.run_files import is_inside
-from sci_lightning.training.system import System
 
 PICTURES = 4
 """Of each encoder."""
@@ -84,9 +84,10 @@ def _pictures(path: Path, side: int) -> dict[str, torch.Tensor]:
     encoder, decoder = checkpoint.encoder().eval(), checkpoint.decoder().eval()
     height, width = (min(side, full) for full in encoder.mask.size)
     truth = Synthetic(encoder.mask.frames, (height, width), (height, width), scenes_count=1).scenes()[0].video[0][None]
-    system = System(encoder, decoder)
-    measurement, mask = system.shoot(truth, encoder.transmittance()[:, :height, :width])
-    estimate = decoder(*system.decodable(measurement, mask))[0]
+    pipeline = Pipeline(encoder, decoder)
+    mask = encoder.transmittance()[:, :height, :width]
+    measurement = pipeline.record(truth, mask)
+    estimate = pipeline.decode(pipeline.linearise(measurement), pipeline.decoder_mask(mask))[0]
     middle = len(mask) // 2
     psnr = -10 * float((estimate[middle] - truth[0, middle]).square().mean().log10())
     return {

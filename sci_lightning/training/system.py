@@ -14,9 +14,10 @@ from lightning.pytorch.callbacks import Timer
 
 from sci_lightning.configuration.bounds import NonNegative, Positive, Seed
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.layers.initial_estimate import mean_video
 from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput
+from sci_lightning.imaging.operator import SnapshotOperator
+from sci_lightning.imaging.pipeline import Pipeline
 from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.scene_scores import SceneScores
 from sci_lightning.runs.device import device_name
@@ -26,12 +27,12 @@ Batch = tuple[torch.Tensor, ...]
 
 
 def mse(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
-    """Mean squared error (the paper's Eq. 6)."""
+    """Return the mean squared error (the paper's Eq. 6)."""
     return (estimate - truth).square().mean()
 
 
 def rmse(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
-    """Root of the mean squared error (what the released training code minimises)."""
+    """Return the root of the mean squared error (what the released training code minimises)."""
     return mse(estimate, truth).sqrt()
 
 
@@ -39,25 +40,26 @@ LOSSES: dict[str, Callable[[torch.Tensor, torch.Tensor], torch.Tensor]] = {"mse"
 
 
 class System(L.LightningModule):
-    """Learns a decoder and, when it can be learned, the encoder's mask.
+    """Trains a decoder and, if its mask has parameters, the encoder.
 
-    Training draws one window of the mask per batch when the clips are smaller than the mask. Every step seeds torch
-    with (seed, step, process), so noise and windows do not depend on what ran before: a resumed run repeats them.
+    If the clips are smaller than the mask, every training batch is recorded with a random window of the mask. Every
+    step seeds torch with (seed, step, process), so that noise and windows do not depend on what ran before: a resumed
+    run repeats them.
 
     Args:
-        encoder, decoder: plain modules; the system adds nothing to what they compute.
-        camera: the encoder that a test's decoder takes the encoder for; None for the encoder itself.
-        metrics: what validation and test score, by name.
-        val_every_n_frames: of metrics that look at one frame in so many in validation, by name; a test looks at all.
+        encoder, decoder: plain modules; the system adds nothing to what they compute, see :class:`Pipeline`.
+        camera: in a test, the encoder that the decoder believes in; None for ``encoder`` itself.
+        metrics: metrics of validation and test, by name.
+        val_every_n_frames: by metric: in validation the metric looks at one in so many frames; in a test at all.
         loss: ``mse`` or ``rmse``.
-        stage_weights: of the losses of the decoder's last stages, in their order; the loss is their weighted sum.
-            ``(1,)``: of its estimate alone. Unfolding networks have many stages, most decoders one.
-        lr: Adam's learning rate at the start; it falls to ``final_lr`` along a cosine over the whole run: its steps, or
-            the trainer's ``max_time`` where that runs out before them.
-        mask_lr: learning rate of the mask at the start (same cosine), None for ``lr``.
+        stage_weights: weights of the losses of the decoder's last stages, in their order; the loss is the weighted sum.
+            ``(1,)`` takes the final estimate alone. Unfolding networks have many stages, most decoders one.
+        lr: learning rate of Adam at the start. It falls to ``final_lr`` along a cosine over the whole run, which ends
+            after its steps or after the trainer's ``max_time``, whichever comes first.
+        mask_lr: learning rate of the mask at the start (same cosine); None for ``lr``.
         compile: compile the decoder with ``torch.compile``.
-        seed: of everything random in a step.
-        run_config: the run's plain, resolved configuration; kept in every checkpoint so that it can be rebuilt.
+        seed: seed of everything random in a step.
+        run_config: the run's plain, resolved configuration; kept in every checkpoint so that the run can be rebuilt.
 
     Raises:
         BadInput: unknown loss, bad weights, a metric that sees no frames; in training, more weights than stages, a
@@ -104,19 +106,25 @@ class System(L.LightningModule):
         self.scores = self.baseline = SceneScores([], self.metrics)
         self.seconds: list[float] = []
         self.tested: dict[str, Any] = {}
-        """What the last test found: scores by scene, their mean and conventions, the baseline's, seconds and device."""
+        """Results of the last test: metrics by scene, mean, conventions, the baseline's mean, seconds and device."""
         self.validated = True
-        """Whether the validation that may follow the last training batch is over."""
+        """False from the start of a training batch until the validation that may follow it is over."""
         if compile:
             self.decoder.compile()
 
     @property
-    def camera(self) -> Encoder:
-        """What the decoder takes the encoder for."""
-        return self.encoder if self._camera is None else self._camera
+    def pipeline(self) -> Pipeline:
+        """Encoder, decoder and camera model as one plain module.
+
+        It is made anew and not kept, so that parameters stand in checkpoints once: as ``encoder.*`` and ``decoder.*``.
+        """
+        return Pipeline(self.encoder, self.decoder, self._camera)
 
     def with_encoder(self, encoder: Encoder, metrics: Mapping[str, FrameMetric]) -> System:
-        """The same decoder behind another encoder, to be tested; a mask of the same kind gets this one's values."""
+        """Return a system that tests the same decoder behind another encoder.
+
+        If both masks are of the same kind, the other encoder's mask gets the values of this one's.
+        """
         if type(encoder.mask) is type(self.encoder.mask):
             encoder.mask.load_state_dict(self.encoder.mask.state_dict())
         return System(encoder, self.decoder, metrics=metrics, seed=self.seed)
@@ -124,30 +132,8 @@ class System(L.LightningModule):
     def forward(
         self, video: torch.Tensor, mask: torch.Tensor | None = None, origin: tuple[int, int] = (0, 0)
     ) -> torch.Tensor:
-        """Record ``video`` (N, T, H, W) and reconstruct it.
-
-        ``mask`` is a window of the encoder's transmittance and ``origin`` its first pixel; None for all of it.
-        """
-        return self.decoder(*self.decodable(*self.shoot(video, mask, origin), origin))
-
-    def shoot(
-        self, video: torch.Tensor, mask: torch.Tensor | None = None, origin: tuple[int, int] = (0, 0)
-    ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Measurement of ``video`` and the transmittance it was taken with."""
-        mask = self.encoder.transmittance() if mask is None else mask
-        return self.encoder.record(video, mask, origin), mask
-
-    def decodable(
-        self, measurement: torch.Tensor, mask: torch.Tensor, origin: tuple[int, int] = (0, 0)
-    ) -> tuple[torch.Tensor, torch.Tensor]:
-        """What the decoder is called with: the linearised and rescaled measurement, and the mask in whole pixels."""
-        linear = self.encoder.linearise(measurement, origin)
-        return self.encoder.rescale(linear), self.encoder.decoder_mask(mask)
-
-    def received(self, measurement: torch.Tensor, aperture: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """As :meth:`decodable`, of snapshots (N, H, W) that a camera took, each with an aperture (N,) of its own."""
-        linear = self.camera.linearise(measurement) / aperture[:, None, None]
-        return linear, self.camera.decoder_mask(self.camera.transmittance())
+        """Record a video ``(N, T, H, W)`` and reconstruct it, see :meth:`Pipeline.forward`."""
+        return self.pipeline(video, mask, origin)
 
     # Training
 
@@ -170,7 +156,7 @@ class System(L.LightningModule):
         return {"optimizer": optimizer, "lr_scheduler": {"scheduler": scheduler, "interval": "step"}}
 
     def _time_spent(self) -> float:
-        """How much of the trainer's ``max_time`` is over, 0 to 1; 0 in a run without it."""
+        """Return the part of the trainer's ``max_time`` that has passed, 0 to 1; 0 in a run without a limit."""
         for timer in self.trainer.callbacks:  # type: ignore[attr-defined]  # set by Lightning, not declared
             if isinstance(timer, Timer) and (left := timer.time_remaining()) is not None:
                 spent = timer.time_elapsed() / max(timer.time_elapsed() + left, 1e-6)
@@ -183,18 +169,20 @@ class System(L.LightningModule):
 
     def training_step(self, video: torch.Tensor, batch_idx: int) -> torch.Tensor:
         mask, origin = self._window(self.encoder.transmittance(), *video.shape[-2:])
-        stages = self.stages(*self.decodable(*self.shoot(video, mask, origin), origin))
+        pipeline = self.pipeline
+        linear = pipeline.linearise(pipeline.record(video, mask, origin), origin=origin)
+        stages = self.stages(linear, pipeline.decoder_mask(mask))
         return self.checked(self.stage_loss(stages, video), batch_idx)
 
     def checked(self, loss: torch.Tensor, batch_idx: int) -> torch.Tensor:
-        """The loss of a batch, logged; raises BadInput if it is not finite."""
+        """Log the loss of a batch and return it; raises BadInput if it is not finite."""
         if not torch.isfinite(loss):
             raise self._diverged("the loss became", float(loss.detach()), batch_idx)
         self.log("train/loss", loss, prog_bar=True)
         return loss
 
     def stage_loss(self, stages: Sequence[torch.Tensor], video: torch.Tensor) -> torch.Tensor:
-        """The weighted sum of the losses of the last stages."""
+        """Return the weighted sum of the losses of the last stages."""
         weights = self.stage_weights
         if len(weights) > len(stages):
             raise BadInput(
@@ -220,7 +208,7 @@ class System(L.LightningModule):
         self.encoder.mask.project_()  # here, not at the batch's end, where a checkpoint may already have been written
 
     def _window(self, mask: torch.Tensor, height: int, width: int) -> tuple[torch.Tensor, tuple[int, int]]:
-        """A random window of the mask, and where, for clips that are smaller; a larger clip is refused later."""
+        """Return a random window of the mask, of the clip's size, and its origin; ``record`` refuses larger clips."""
         top, left = (
             int(torch.randint(max(1, full - part + 1), ()))
             for full, part in zip(self.encoder.mask.size, (height, width), strict=True)
@@ -237,7 +225,8 @@ class System(L.LightningModule):
             f"checkpoints hold the last good state; resume from there with a smaller system.lr or check the data"
         )
 
-    # Validation and test: item = (scene number, video), of a test also (.., measurement, aperture) of a real camera
+    # Validation and test. A batch is (scene numbers, videos); of real captures it is followed by (measurements,
+    # apertures).
 
     def on_validation_epoch_start(self) -> None:
         self.scores = self._scores(self.trainer.val_dataloaders, self.val_every_n_frames)
@@ -250,10 +239,10 @@ class System(L.LightningModule):
         self._score(batch, batch_idx)
 
     def test_step(self, batch: Batch, batch_idx: int) -> dict[str, torch.Tensor]:
-        """Score a batch; returns the ``measurement`` (N, H, W) as recorded and the ``estimate`` (N, T, H, W)."""
-        recorded, measurement, mask, estimate = self._score(batch, batch_idx)
-        for scene, guess, truth in zip(batch[0], mean_video(measurement, mask), batch[1], strict=True):
-            self.baseline.update(int(scene), guess, truth)
+        """Add a batch to the scores; return its ``measurement`` (N, H, W) as recorded and ``estimate`` (N, T, H, W)."""
+        recorded, linear, mask, estimate = self._score(batch, batch_idx)
+        for scene, mean, truth in zip(batch[0], SnapshotOperator(mask).mean_video(linear), batch[1], strict=True):
+            self.baseline.update(int(scene), mean, truth)
         return {"measurement": recorded, "estimate": estimate}
 
     def on_test_epoch_end(self) -> None:
@@ -279,19 +268,22 @@ class System(L.LightningModule):
         return SceneScores(loader.dataset.names, self.metrics, every_n_frames).to(self.device)
 
     def _score(self, batch: Batch, batch_idx: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Add a batch to the scores; returns what was recorded, what its decoder was given, and its estimate."""
+        """Add a batch to the scores.
+
+        Returns:
+            The measurement as recorded; the linearised measurement, the mask and the estimate of the decoder.
+        """
         self._seed_step(batch_idx, testing=True)  # sensor noise in a test does not depend on the training before it
+        pipeline = self.pipeline
         scenes, video, *taken = batch
-        if not taken:
-            recorded = self.encoder(video)
-            taken = [recorded, recorded.new_full((len(recorded),), self.camera.aperture)]
-        measurement, mask = self.received(*taken)
+        recorded, aperture = taken if taken else (pipeline.record(video), None)
+        linear, mask = pipeline.linearise(recorded, aperture), pipeline.decoder_mask()
         start = self._now()
-        estimate = self.decoder(measurement, mask)
+        estimate = pipeline.decode(linear, mask)
         self.seconds.append((self._now() - start) / len(video))
         for scene, x, truth in zip(scenes, estimate, video, strict=True):
             self.scores.update(int(scene), x, truth)
-        return taken[0], measurement, mask, estimate
+        return recorded, linear, mask, estimate
 
     def _now(self) -> float:
         if self.device.type == "cuda":
@@ -302,11 +294,11 @@ class System(L.LightningModule):
 
     @classmethod
     def load_from_checkpoint(cls, checkpoint_path: Any, *args: Any, **kwargs: Any) -> System:
-        """The trained encoder and decoder in a system, from a checkpoint of this project; nothing in it is executed.
+        """Build a system around the encoder and decoder of a checkpoint of this project; nothing in it is executed.
 
         Args:
             checkpoint_path: RUN/checkpoints/last.ckpt.
-            args, kwargs: Lightning's others; the checkpoint's configuration stands for them.
+            args, kwargs: Lightning's further arguments, which are ignored: the checkpoint holds the configuration.
 
         Raises:
             BadInput: the file is missing, damaged or not a checkpoint of this project.

@@ -11,7 +11,6 @@ from omegaconf import DictConfig
 
 from sci_lightning.decoder import Decoder, Res2former
 from sci_lightning.decoder.complexity import count_macs, count_parameters
-from sci_lightning.decoder.layers.initial_estimate import mean_video
 from sci_lightning.errors import BadInput
 from tests.conftest import members
 
@@ -135,12 +134,3 @@ def test_res2former_takes_any_number_of_frames() -> None:
         assert decoder(torch.rand(1, 8, 8), torch.rand(frames, 8, 8)).shape == (1, frames, 8, 8)
     with pytest.raises(BadInput, match="does not divide"):
         Res2former(10)
-
-
-def test_mean_video_of_a_still_scene() -> None:
-    mask = (torch.rand(6, 9, 9) < 0.5).float()
-    mask[0], mask[:, 0, 0] = 1, 0  # every pixel opens but one
-    frame = torch.rand(2, 9, 9)
-    video = mean_video((frame.unsqueeze(1) * mask).sum(1), mask)
-    assert torch.allclose(video[:, :, 1:], frame[:, None, 1:].expand(-1, 6, -1, -1), atol=1e-6)
-    assert (video[:, :, 0, 0] == 0).all()

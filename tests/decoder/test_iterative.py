@@ -11,9 +11,8 @@ from torch.nn.functional import interpolate
 from sci_lightning.decoder import ADMM, GAP
 from sci_lightning.decoder.denoiser import WNNM, Denoiser, TotalVariation
 from sci_lightning.decoder.iterative import Iterative
-from sci_lightning.decoder.layers.data_step import snapshot
-from sci_lightning.decoder.layers.initial_estimate import mean_video
 from sci_lightning.errors import BadInput
+from sci_lightning.imaging.operator import SnapshotOperator
 
 BOTH = pytest.mark.parametrize("algorithm", [GAP, ADMM])
 
@@ -44,17 +43,17 @@ def test_better_than_the_mean_frame(algorithm: type[Iterative], gray: bool) -> N
     video, mask = smooth_scene(), torch.rand(4, 24, 24)
     mask = mask / mask.sum(0) if gray else (mask < 0.5).float()
     mask[:, 5, 5] = 0  # never opens
-    measurement = snapshot(video, mask)
+    measurement = SnapshotOperator(mask)(video)
     estimate = algorithm(TotalVariation(), [0.05], [40])(measurement, mask)
-    assert error(estimate, video) < 0.3 * error(mean_video(measurement, mask), video)
+    assert error(estimate, video) < 0.3 * error(SnapshotOperator(mask).mean_video(measurement), video)
     assert (estimate[..., 5, 5] - video[..., 5, 5]).abs().max() < 0.2  # the neighbours tell
-    assert (measurement - snapshot(estimate, mask)).square().mean().sqrt() < 0.01
+    assert (measurement - SnapshotOperator(mask)(estimate)).square().mean().sqrt() < 0.01
 
 
 def test_without_a_prior_gap_explains_the_measurement() -> None:
     video, mask = torch.rand(2, 5, 8, 8), torch.rand(5, 8, 8)
-    estimate = GAP(Count(), [1.0], [1])(snapshot(video, mask), mask)
-    torch.testing.assert_close(snapshot(estimate, mask), snapshot(video, mask))
+    estimate = GAP(Count(), [1.0], [1])(SnapshotOperator(mask)(video), mask)
+    torch.testing.assert_close(SnapshotOperator(mask)(estimate), SnapshotOperator(mask)(video))
 
 
 @BOTH
@@ -67,14 +66,14 @@ def test_schedule(algorithm: type[Iterative]) -> None:
 @BOTH
 def test_stops_by_residual(algorithm: type[Iterative]) -> None:
     video, mask = smooth_scene(), (torch.rand(4, 24, 24) < 0.5).float()
-    measurement = snapshot(video, mask)
+    measurement = SnapshotOperator(mask)(video)
 
     def reached(tolerance: float | None) -> tuple[int, float]:
         calls = []
         denoiser = TotalVariation()
         denoiser.register_forward_hook(lambda *_: calls.append(1))
         estimate = algorithm(denoiser, [0.05], [30], tolerance)(measurement, mask)
-        worst = (measurement - snapshot(estimate, mask)).square().mean((1, 2)).sqrt().max()
+        worst = (measurement - SnapshotOperator(mask)(estimate)).square().mean((1, 2)).sqrt().max()
         return len(calls), float(worst)
 
     (early, rough), (all_of_them, _) = reached(0.02), reached(None)
@@ -84,12 +83,12 @@ def test_stops_by_residual(algorithm: type[Iterative]) -> None:
 @BOTH
 def test_watched(algorithm: type[Iterative]) -> None:
     video, mask = smooth_scene(), (torch.rand(4, 24, 24) < 0.5).float()
-    measurement, told = snapshot(video, mask), []
+    measurement, told = SnapshotOperator(mask)(video), []
     decoder = algorithm(TotalVariation(), [0.05], [3])
     decoder.watch = told.append
     estimate = decoder(measurement, mask)
     assert [(each.number, each.of) for each in told] == [(1, 3), (2, 3), (3, 3)]
-    worst = (measurement - snapshot(estimate, mask)).square().mean((1, 2)).sqrt().max()
+    worst = (measurement - SnapshotOperator(mask)(estimate)).square().mean((1, 2)).sqrt().max()
     assert told[-1].residual == pytest.approx(float(worst))
     assert str(told[-1]) == f"iteration 3 of 3, residual {worst:.4f}"
 

@@ -10,8 +10,8 @@ from torch.nn.functional import interpolate
 
 from sci_lightning.decoder import GAP, MotionFilter
 from sci_lightning.decoder.denoiser import TotalVariation
-from sci_lightning.decoder.layers.data_step import snapshot
 from sci_lightning.errors import BadInput
+from sci_lightning.imaging.operator import SnapshotOperator
 
 
 def moving(step: tuple[int, int], frames: int = 6, size: tuple[int, int] = (40, 48)) -> torch.Tensor:
@@ -80,7 +80,7 @@ def test_when_it_searches() -> None:
 def test_a_decoder_without_it_and_with_it() -> None:
     """Half the error that total variation leaves, where a pattern moves; the decoder starts the search afresh."""
     video, mask = moving((0, 1), 8), (torch.rand(8, 40, 48) < 0.5).float()
-    measurement = snapshot(video, mask)
+    measurement = SnapshotOperator(mask)(video)
     plain, along = (GAP(TotalVariation(), [0.05], [40], motion=each) for each in (None, MotionFilter(after=10)))
     without, found = plain(measurement, mask), along(measurement, mask)
     assert (found - video).square().mean() < 0.5 * (without - video).square().mean()

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from sci_lightning.decoder import ADMMNet, GAPNet
-from sci_lightning.decoder.layers.data_step import snapshot
 from sci_lightning.decoder.layers.unet import UNet
+from sci_lightning.imaging.operator import SnapshotOperator
 
 SIZE = (4, 12, 16)
 
@@ -26,7 +26,7 @@ def adding(decoder: GAPNet | ADMMNet, *constants: float) -> GAPNet | ADMMNet:
 def test_idle_unets_leave_the_projection(kind: type) -> None:
     mask, measurement = torch.rand(SIZE), torch.rand(2, *SIZE[1:])
     for video in adding(kind(4, 3, (2, 2, 2)), 0, 0, 0).stages(measurement, mask):
-        torch.testing.assert_close(snapshot(video, mask), measurement)
+        torch.testing.assert_close(SnapshotOperator(mask)(video), measurement)
 
 
 @pytest.mark.parametrize("squared", [False, True])

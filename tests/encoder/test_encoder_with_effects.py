@@ -17,6 +17,7 @@ from sci_lightning.encoder.effects import Gain, MaskShift, OpticalBlur, Prnu, Sh
 from sci_lightning.encoder.mask import LearnedStructural, RandomStructural
 from sci_lightning.encoder.sensor import ClipQuantise, Ideal
 from sci_lightning.errors import BadInput
+from sci_lightning.imaging.pipeline import Pipeline
 from sci_lightning.training.system import System
 
 
@@ -81,8 +82,8 @@ def test_the_decoder_gets_what_a_calibrated_camera_would() -> None:
     """With deterministic sensor effects undone, the measurement is that of the effective mask."""
     effects = [MaskShift(dx=0.4, dy=-0.3), Gain(factor=0.8), Prnu(size=(16, 16), std=0.05)]
     encoder = Encoder(RandomStructural(2, 4, (16, 16)), Ideal(), 0.5, effects)
-    system, video = System(encoder, E2ECNN(frames=4, channels=4, blocks=1)), torch.rand(2, 4, 16, 16)
-    measurement, mask = system.decodable(*system.shoot(video))
+    pipeline, video = Pipeline(encoder, E2ECNN(frames=4, channels=4, blocks=1)), torch.rand(2, 4, 16, 16)
+    measurement, mask = pipeline.linearise(pipeline.record(video)), pipeline.decoder_mask()
     torch.testing.assert_close(measurement, (video * mask).sum(1))
     assert torch.equal(mask, encoder.transmittance()) and not torch.equal(mask, encoder.mask())
 

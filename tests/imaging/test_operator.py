@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import doctest
-
 import pytest
 import torch
 
-from sci_lightning.imaging import operator as operator_module
 from sci_lightning.imaging.operator import SnapshotOperator
 
 FRAMES, HEIGHT, WIDTH = 6, 5, 7
@@ -81,7 +78,3 @@ def test_cells(video: torch.Tensor) -> None:
     pixels = torch.nn.functional.avg_pool2d(image, 3)
     assert torch.allclose(pixels, operator.in_pixels()(video), atol=1e-6)
     assert torch.allclose(operator.static_scene(video[:, 0]), operator.total() * operator.on_cells(video[:, 0]))
-
-
-def test_example_of_the_docstring() -> None:
-    assert doctest.testmod(operator_module).failed == 0

@@ -57,10 +57,11 @@ class Pictures(L.Callback):
     @torch.no_grad()
     def _figures(self, trainer: L.Trainer, system: System) -> Iterator[tuple[str, Figure]]:
         yield "mask", self._mask(trainer, system)
+        pipeline = system.pipeline
         snapshots = trainer.val_dataloaders.dataset  # type: ignore[union-attr]
         first = [snapshots.first(scene) for scene in range(min(self.scenes, len(snapshots.names)))]
         for name, video in zip(snapshots.names, first, strict=False):
             video = video.to(system.device).unsqueeze(0)
-            measurement, met = system.shoot(video)
-            estimate = system.decoder(*system.decodable(measurement, met))
+            measurement = pipeline.record(video)
+            estimate = pipeline.decode(pipeline.linearise(measurement), pipeline.decoder_mask())
             yield f"scene/{name}", reconstruction_figure(measurement[0], video[0], estimate[0], name)

@@ -1,0 +1,102 @@
+"""Encoder and decoder as one plain torch module: record, linearise, decode."""
+
+from __future__ import annotations
+
+import torch
+from torch import nn
+
+from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.encoder.encoder import Encoder
+
+
+class Pipeline(nn.Module):
+    r"""A snapshot camera with its decoder: :math:`\hat x = D\big(L(E(x)), M\big)`.
+
+    1. ``record``: the encoder E turns a video into measurements.
+    2. ``linearise``: L undoes what the camera model can undo of sensor and optics, and divides by the aperture, so that
+       the measurement is close to :math:`\sum_t M_t \odot x_t`, see :mod:`sci_lightning.imaging.operator`.
+    3. ``decode``: the decoder D estimates the video from that measurement and the mask M that the camera model has.
+
+    Args:
+        encoder: what records.
+        decoder: what reconstructs; the pipeline never changes its mode (``train``, ``eval``) or its weights.
+        camera: the encoder that the decoder believes in, which may differ from the one that records, as a camera in a
+            laboratory differs from its model; None for ``encoder`` itself.
+
+    Example:
+        >>> import torch
+        >>> import sci_lightning as sci
+        >>> encoder = sci.Encoder(sci.masks.RandomBinary(frames=4, size=(16, 16)), sci.sensors.ClipQuantise())
+        >>> pipeline = sci.Pipeline(encoder, sci.load_decoder("gap_tv", ["decoder.iterations=[3]"]))
+        >>> tuple(pipeline(torch.rand(2, 4, 16, 16)).shape)
+        (2, 4, 16, 16)
+    """
+
+    def __init__(self, encoder: Encoder, decoder: Decoder, camera: Encoder | None = None) -> None:
+        super().__init__()
+        self.encoder = encoder
+        self.decoder = decoder
+        self._camera = camera
+
+    @property
+    def camera(self) -> Encoder:
+        """The encoder that the decoder believes in."""
+        return self.encoder if self._camera is None else self._camera
+
+    def forward(
+        self, video: torch.Tensor, mask: torch.Tensor | None = None, origin: tuple[int, int] = (0, 0)
+    ) -> torch.Tensor:
+        """Record a video and reconstruct it.
+
+        Args:
+            video: irradiance ``(N, T, H, W)``, 1.0 fills the sensor's range when fully transmitted.
+            mask: a window of whole pixels of the transmittance, for videos smaller than the mask; None for all of it.
+            origin: (row, column) of the window's first pixel in the field.
+
+        Returns:
+            The estimate ``(N, T, H, W)``, nominally in [0, 1], not clipped.
+
+        Raises:
+            BadInput: shapes that do not fit together.
+        """
+        if mask is None and self._camera is None:  # once for both, where both have the same
+            mask = self.encoder.transmittance()
+        measurement = self.record(video, mask, origin)
+        return self.decode(self.linearise(measurement, origin=origin), self.decoder_mask(mask))
+
+    def record(
+        self, video: torch.Tensor, mask: torch.Tensor | None = None, origin: tuple[int, int] = (0, 0)
+    ) -> torch.Tensor:
+        """Return the measurement ``(N, H, W)``, normalised by full scale; the arguments are those of the call."""
+        return self.encoder.record(video, self.encoder.transmittance() if mask is None else mask, origin)
+
+    def linearise(
+        self,
+        measurement: torch.Tensor,
+        aperture: torch.Tensor | float | None = None,
+        origin: tuple[int, int] = (0, 0),
+    ) -> torch.Tensor:
+        """Return the measurement ``(N, H, W)`` as decoders want it, near the sum of mask times frame.
+
+        Args:
+            measurement: ``(N, H, W)``, normalised by full scale.
+            aperture: the light scale that it was recorded with, one number or one for each snapshot ``(N,)``; None for
+                the camera model's own.
+            origin: (row, column) of its first pixel in the field.
+        """
+        linear = self.camera.linearise(measurement, origin)
+        if aperture is None:
+            return self.camera.rescale(linear)
+        return linear / (aperture[:, None, None] if isinstance(aperture, torch.Tensor) else aperture)
+
+    def decoder_mask(self, mask: torch.Tensor | None = None) -> torch.Tensor:
+        """Return the mask ``(T, H, W)`` that the decoder gets, in whole pixels.
+
+        Args:
+            mask: a window of the camera model's transmittance ``(T, qH, qW)``; None for all of it.
+        """
+        return self.camera.decoder_mask(self.camera.transmittance() if mask is None else mask)
+
+    def decode(self, linear: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        """Return the estimate ``(N, T, H, W)`` from what :meth:`linearise` and :meth:`decoder_mask` return."""
+        return self.decoder(linear, mask)
