@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import hydra
+from hydra.conf import HydraConf
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from sci_lightning.configuration.build import build
@@ -60,7 +61,7 @@ def compose(command: str, overrides: Iterable[str] = ()) -> Composition:
     return from_hydra(cfg, cfg.hydra)
 
 
-def from_hydra(cfg: DictConfig, settings: DictConfig) -> Composition:
+def from_hydra(cfg: DictConfig, settings: HydraConf) -> Composition:
     """Return the composition of a configuration, given Hydra's own settings, which are removed from it."""
     choices = {str(group): str(choice) for group, choice in settings.runtime.choices.items()}
     sources = [Path(source.path) for source in settings.runtime.config_sources if source.schema == "file"]

@@ -88,7 +88,9 @@ def _unknown_setting(error: ConfigCompositionException) -> str | None:
     near = [f"{above}.{other}".lstrip(".") for other in get_close_matches(name, beside, n=1, cutoff=0.7)]
     if not near and isinstance(node, DictConfig) and "hydra" in node:  # the whole configuration
         settings = OmegaConf.to_container(node, resolve=False)
-        near = [leaf for leaf in _leaves(settings) if leaf.endswith(f".{key}")][:3] if isinstance(settings, dict) else []
+        near = (
+            [leaf for leaf in _leaves(settings) if leaf.endswith(f".{key}")][:3] if isinstance(settings, dict) else []
+        )
     if near:
         return f"{line}; did you mean {' or '.join(near)}?"
     if above == "trainer":

@@ -134,7 +134,9 @@ def check_command_settings(cfg: DictConfig, command: str) -> None:
     """
     present = [str(key) for key in cfg if key in SETTINGS and not OmegaConf.is_missing(cfg, key)]
     settings = {key: _plain_value(cfg[key]) for key in present}
-    defaults = OmegaConf.create((CONF / f"{command}.yaml").read_text())
+    defaults = OmegaConf.load(CONF / f"{command}.yaml")
+    if not isinstance(defaults, DictConfig):
+        raise TypeError(f"conf/{command}.yaml: expected a mapping")
     for key in ("size", "crop"):
         if isinstance(side := settings.get(key), int) and not isinstance(defaults.get(key), int):
             raise BadInput(f"{key}={side}: expected [height,width]; of a square {key}=[{side},{side}]")

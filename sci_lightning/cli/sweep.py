@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
+from hydra.conf import HydraConf
 from hydra.core.config_loader import ConfigLoader
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.global_hydra import GlobalHydra
@@ -97,7 +98,7 @@ def in_sweep() -> bool:
     return HydraConfig.initialized() and _is_row(HydraConfig.get())
 
 
-def refuse_uncomposed_row(settings: DictConfig) -> None:
+def refuse_uncomposed_row(settings: HydraConf) -> None:
     """Raise what was wrong with the configuration of a row that could not be composed; nothing happens to others.
 
     Args:
@@ -106,7 +107,7 @@ def refuse_uncomposed_row(settings: DictConfig) -> None:
     Raises:
         BadInput: NoSuchCombination where the row is to be skipped.
     """
-    error = settings.callbacks.sweep.error if _is_row(settings) else None
+    error = settings.callbacks["sweep"]["error"] if _is_row(settings) else None
     if error is not None:
         raise (NoSuchCombination if error["skipped"] else BadInput)(error["line"])
 
@@ -123,7 +124,7 @@ def finished_rows() -> list[Row]:
     return [] if folder is None else RowFiles(folder).take()
 
 
-def _is_row(settings: DictConfig) -> bool:
+def _is_row(settings: HydraConf) -> bool:
     return settings.mode is RunMode.MULTIRUN and not OmegaConf.is_missing(settings.job, "num")
 
 
@@ -275,7 +276,7 @@ class SweepRows(Callback):
         HydraConfig.instance().set_config(config)
         hydra = GlobalHydra.instance().hydra
         if hydra is not None:
-            hydra.config_loader = RowLoader(hydra.config_loader, RowFiles(self.folder))  # type: ignore[assignment]
+            hydra.config_loader = RowLoader(hydra.config_loader, RowFiles(self.folder))
 
     def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:
         if self.folder is None or not _is_row(config.hydra):

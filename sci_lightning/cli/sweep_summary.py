@@ -1,4 +1,4 @@
-"""What a command prints at the end of a sweep: a table of its rows, what was skipped or failed, and what to run next."""
+"""The end of a sweep on the terminal: a table of its rows, what was skipped or failed, and what to run next."""
 
 from __future__ import annotations
 

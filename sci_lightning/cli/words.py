@@ -44,7 +44,7 @@ class _Parser(ArgumentParser):
 
 
 def hydra_options(command: str) -> ArgumentParser:
-    """Return a parser of Hydra's options and of overrides, which raises BadInput where Hydra's would print its usage."""
+    """Return a parser of Hydra's options and of overrides; it raises BadInput where Hydra's prints its usage."""
     parser = _Parser(f"sci_lightning.{command}", add_help=False)
     for names in FLAGS:
         parser.add_argument(*names, action="store_true")

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omegaconf import DictConfig
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from sci_lightning.cli.command import plain, run
+from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition, plain
 from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.proving_ground.case import Case
 from sci_lightning.proving_ground.records import Records
 
 
-def proving_ground(cfg: DictConfig) -> None:
+def proving_ground(composition: Composition) -> None:
     """Try the cases that have no record yet, then write and print the summary of all records in ``out``.
 
     Args:
-        cfg: ``conf/proving_ground.yaml``, composed.
+        composition: of ``conf/proving_ground.yaml``.
     """
     from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.errors import BadInput
@@ -26,6 +26,7 @@ def proving_ground(cfg: DictConfig) -> None:
     from sci_lightning.proving_ground.report import write_report
     from sci_lightning.proving_ground.summary import sum_up
 
+    cfg = composition.cfg
     given, out, console = plain(cfg), Path(cfg.out), PlainConsole()
     records = Records(out / "cases")
     if cfg.run:

@@ -14,7 +14,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import IO
 
-
 from sci_lightning.errors import BadInput
 
 RANKS = ("RANK", "LOCAL_RANK", "SLURM_PROCID")

@@ -5,21 +5,21 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Any
 
-from omegaconf import DictConfig
-
-from sci_lightning.cli.command import plain, run
+from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition, plain
 from sci_lightning.cli.console import PlainConsole, styled
 
 
-def virtual_camera(cfg: DictConfig) -> None:
+def virtual_camera(composition: Composition) -> None:
     """Write a captures file and beside it what is hidden in it; say where, but not what.
 
     Args:
-        cfg: ``conf/virtual_camera.yaml``, composed.
+        composition: of ``conf/virtual_camera.yaml``.
     """
     from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.virtual_camera import Session, capture_session, write_captures
 
+    cfg = composition.cfg
     given = plain(cfg)
     settings: dict[str, Any] = {
         field.name: tuple(value) if isinstance(value := given[field.name], list) else value for field in fields(Session)

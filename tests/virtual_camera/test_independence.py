@@ -28,7 +28,7 @@ PRINTING = {
 }
 READING = {"sci_lightning.files.json_fields"}
 COMMANDS = {
-    "__main__": {"sci_lightning.cli.command", "omegaconf", *PRINTING},
+    "__main__": {"sci_lightning.cli.command", "sci_lightning.cli.composition", *PRINTING},
     "reveal": PRINTING | READING,
 }
 

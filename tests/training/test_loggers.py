@@ -10,8 +10,8 @@ import pytest
 from omegaconf import DictConfig
 
 from sci_lightning.cli.composition import plain
-from sci_lightning.cli.loggers import EXTRAS, build_loggers, run_name
 from sci_lightning.errors import BadInput
+from sci_lightning.training.loggers import EXTRAS, build_loggers, run_name
 
 Configuration = Callable[..., DictConfig]
 
@@ -19,7 +19,7 @@ Configuration = Callable[..., DictConfig]
 def test_one_several_or_none(configuration: Configuration, tmp_path: Path) -> None:
     def kinds(*overrides: str) -> list[str]:
         cfg = configuration("train", f"out={tmp_path}", *overrides)
-        return [type(logger).__name__ for logger in build_loggers(plain(cfg)["logger"], "run")]
+        return [type(logger).__name__ for logger in build_loggers(plain(cfg).get("logger"), "run")]
 
     assert kinds() == kinds("logger=tensorboard") == ["TensorBoardLogger"]
     assert kinds("logger=csv") == ["CSVLogger"]
@@ -33,7 +33,9 @@ def test_the_run_is_named_by_encoder_bits_and_decoder(configuration: Configurati
     assert run_name(config) == "lsw_sr_3bit_e2e_cnn"
     (board,) = build_loggers(plain(configuration("train", f"out={tmp_path}"))["logger"], run_name(config))
     assert board.log_dir == str(tmp_path / "tensorboard" / "lsw_sr_3bit_e2e_cnn")
-    (board,) = build_loggers(plain(configuration("train", f"out={tmp_path}", "logger.tensorboard.version=mine"))["logger"], "run")
+    (board,) = build_loggers(
+        plain(configuration("train", f"out={tmp_path}", "logger.tensorboard.version=mine"))["logger"], "run"
+    )
     assert board.log_dir == str(tmp_path / "tensorboard" / "mine")
 
 
