@@ -28,6 +28,7 @@ def evaluate(composition: Composition) -> float:
     from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.data.captured import CapturedSnapshots
     from sci_lightning.data.loader import scene_loader
+    from sci_lightning.decoder import kernels
     from sci_lightning.errors import BadInput, OtherSize
     from sci_lightning.runs.results import print_results, run_metrics, with_effects, write_json
     from sci_lightning.training.callbacks import Progress, ScenePictures
@@ -35,6 +36,7 @@ def evaluate(composition: Composition) -> float:
     from sci_lightning.training.system import System
 
     cfg = composition.cfg
+    kernels.use(cfg.kernels)
     out = Path(cfg.out)
     checkpoint = resolve_checkpoint("evaluate", composition)
     trained = checkpoint.config

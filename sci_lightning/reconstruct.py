@@ -24,6 +24,7 @@ def reconstruct(composition: Composition) -> None:
 
     from sci_lightning.cli.encoder_and_decoder import resolve_camera, resolve_checkpoint, resolve_encoder
     from sci_lightning.cli.next_command import browser, print_next
+    from sci_lightning.decoder import kernels
     from sci_lightning.decoder.iterative import Iterative
     from sci_lightning.encoder.mask import Measured
     from sci_lightning.errors import BadInput
@@ -35,6 +36,7 @@ def reconstruct(composition: Composition) -> None:
     from sci_lightning.runs.device import resolve_device
 
     cfg = composition.cfg
+    kernels.use(cfg.kernels)
     out, console, frames = Path(cfg.out), PlainConsole(), cfg.frames
     checkpoint = resolve_checkpoint("reconstruct", composition)
     if cfg.ckpt_path is None and cfg.mask is None and not _mask_is_known(composition):

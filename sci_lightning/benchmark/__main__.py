@@ -32,11 +32,13 @@ def benchmark(composition: Composition) -> None:
     from sci_lightning.benchmark.decoder_cost import PRECISIONS, decoder_cost
     from sci_lightning.benchmark.table import as_markdown, as_table
     from sci_lightning.cli.next_command import invocation, print_next
+    from sci_lightning.decoder import kernels
     from sci_lightning.files.atomic_file import whole_file
     from sci_lightning.runs.device import device_name, resolve_device
     from sci_lightning.runs.results import write_json
 
     cfg = composition.cfg
+    kernels.use(cfg.kernels)
     out, console, names = Path(cfg.out), PlainConsole(), _names(composition)
     device = resolve_device(cfg.device)
     if cfg.precision not in PRECISIONS:

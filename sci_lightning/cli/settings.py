@@ -7,7 +7,7 @@ top of ``conf/<command>.yaml`` is checked here. One key means the same in every 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from annotated_types import DocInfo, Interval, MinLen
 from omegaconf import DictConfig, OmegaConf
@@ -36,6 +36,7 @@ SETTINGS: Mapping[str, Any] = {
     "captures": Place,
     "device": Name,
     "workers": Workers,
+    "kernels": Literal["auto", "plain"],
     # train
     "batch_size": Repeats,
     "resume": bool,

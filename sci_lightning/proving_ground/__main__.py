@@ -12,9 +12,12 @@ from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.proving_ground.case import Case
 from sci_lightning.proving_ground.records import Records
 
+PLANNED = ("suites", "seeds", "cases", "effects", "size", "frames", "masks", "bit_depths")
+"""Keys of the configuration that :func:`~.plan.plan` takes."""
+
 
 def proving_ground(composition: Composition) -> None:
-    """Try the cases that have no record yet, then write and print the summary of all records in ``out``.
+    """Run the cases that have no record yet, then write and print the summary of all records in ``out``.
 
     Args:
         composition: of ``conf/proving_ground.yaml``.
@@ -24,47 +27,45 @@ def proving_ground(composition: Composition) -> None:
     from sci_lightning.proving_ground.pictures import write_pictures
     from sci_lightning.proving_ground.plan import plan
     from sci_lightning.proving_ground.report import write_report
-    from sci_lightning.proving_ground.summary import sum_up
+    from sci_lightning.proving_ground.summary import summarise
 
     cfg = composition.cfg
-    given, out, console = plain(cfg), Path(cfg.out), PlainConsole()
-    records = Records(out / "cases")
+    settings, out, console = plain(cfg), Path(cfg.out), PlainConsole()
+    files = Records(out / "cases")
     if cfg.run:
-        names = ("suites", "seeds", "effects", "size", "frames", "masks", "bit_depths")
-        cases = plan(**{name: given[name] for name in names}, most=given["cases"])
-        attempt_all(cases, records, cfg.workers, cfg.threads, console)
-    found = records.read()
-    if not found:
-        raise BadInput(f"{records.folder}: no records to sum up; run=true makes some, out= says where they are")
-    rows = sum_up(found)
+        run_missing(plan(**{key: settings[key] for key in PLANNED}), files, cfg.workers, cfg.threads, console)
+    records = files.read()
+    if not records:
+        raise BadInput(f"{files.folder}: no records to sum up; run=true makes some, out= says where they are")
+    rows = summarise(records)
     write_report(out, rows)
-    pictures = write_pictures(out, found)
+    pictures = write_pictures(out, records)
+    marks = {True: styled("yes", "green"), False: styled("no ", "red"), None: styled("   ", "")}
     for row in rows:
-        marks = {True: styled("yes", "green"), False: styled("no ", "red"), None: styled("   ", "")}
         console.say(marks[row.met], f" {row.what}: {row.found}" + (f" (target {row.target})" if row.target else ""))
     console.say(styled(out), f": summary.md, summary.json, {', '.join(path.name for path in pictures)}")
-    words = [f"{name}={plain(cfg)[name]}".replace(" ", "").replace("'", "") for name in ("suites", "size", "cases")]
-    more = [word.replace("None", "null") for word in (*words, f"seeds={cfg.seeds + 1}")]
-    print_next(console, invocation("proving_ground", *more, paths={"out": out}))
+    same = [f"{key}={settings[key]}".replace(" ", "").replace("'", "") for key in ("suites", "size", "cases")]
+    overrides = [override.replace("None", "null") for override in (*same, f"seeds={cfg.seeds + 1}")]
+    print_next(console, invocation("proving_ground", *overrides, paths={"out": out}))
 
 
-def attempt_all(cases: list[Case], records: Records, workers: int, threads: int, console: PlainConsole) -> None:
-    """Try the cases that ``records`` has not, and keep each record as soon as it is there."""
-    from sci_lightning.proving_ground.crew import work_through
-    from sci_lightning.proving_ground.outcome import Outcome
+def run_missing(cases: list[Case], files: Records, workers: int, threads: int, console: PlainConsole) -> None:
+    """Run the cases that have no record yet, and write each record as soon as it is there."""
+    from sci_lightning.proving_ground.outcome import Failure, parse_record
+    from sci_lightning.proving_ground.worker_processes import run_cases
 
-    waiting = [case for case in cases if not records.has(case)]
-    console.print(f"{len(waiting)} cases to try, {len(cases) - len(waiting)} done before: {records.folder}")
+    missing = [case for case in cases if not files.has(case)]
+    console.print(f"{len(missing)} cases to try, {len(cases) - len(missing)} done before: {files.folder}")
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left:"), TimeRemainingColumn())
     with Progress(*columns, console=console, speed_estimate_period=600) as progress:
-        bar = progress.add_task("", total=len(waiting))
-        for record in work_through(waiting, workers, threads):
-            records.write(record)
-            progress.advance(bar)
-            if "failed" in record:
-                console.say(styled("failed", "red"), f" {record['case']}: {record['failed']}")
+        task = progress.add_task("", total=len(missing))
+        for record in run_cases(missing, workers, threads):
+            files.write(record)
+            progress.advance(task)
+            outcome = parse_record(record)
+            if isinstance(outcome, Failure):
+                console.say(styled("failed", "red"), f" {outcome}")
             else:
-                outcome = Outcome(record)
                 console.say(styled("right", "green") if outcome.right else styled("wrong", "red"), f"  {outcome}")
 
 

@@ -1,4 +1,4 @@
-"""Judging one record: were the right names found, and do the intervals hold the truth?"""
+"""The outcome of a case: what was hidden beside what was named, and whether the diagnosis was right."""
 
 from __future__ import annotations
 
@@ -12,105 +12,208 @@ from sci_lightning.virtual_camera import EFFECTS
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """A record of a case that came to an end, seen with the truth beside it.
+class HiddenEffect:
+    """An effect that was hidden in the virtual camera.
 
     Attributes:
-        record: as :func:`~sci_lightning.proving_ground.trial.attempt` gives it.
+        name: of the effect.
+        stage: where it acts on the light.
+        parameters: true values by name.
+        gain: log-likelihood that the effect gains beside the others by the virtual camera's own model, nats.
     """
 
-    record: Mapping[str, Any]
+    name: str
+    stage: str
+    parameters: Mapping[str, float | str]
+    gain: float
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect that the diagnosis named.
+
+    Attributes:
+        name: of the effect.
+        estimates: value and standard deviation of every parameter by name.
+        alternatives: names that the captures cannot tell from this one.
+    """
+
+    name: str
+    estimates: Mapping[str, tuple[float | str, float]]
+    alternatives: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A case that did not come to an end.
+
+    Attributes:
+        case: its name.
+        suite: the suite that it belongs to.
+        reason: why it failed, in one line.
+    """
+
+    case: str
+    suite: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.case}: {self.reason}"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A case that came to an end, with the truth beside the diagnosis.
+
+    Attributes:
+        case: its name.
+        digest: digest of its settings, empty if the record has none.
+        suite: the suite that it belongs to.
+        mask: kind of the mask.
+        bit_depth: bits of the converter.
+        size: (H, W) in pixels.
+        captures: name of the set of captures.
+        hidden: the hidden effects, in the order of the light.
+        named: the effects that the diagnosis named, in the order of the light.
+        unnamed: ``unnamed:<stage>`` of the deviations that no name explains.
+        verdict: of the diagnosis.
+        chi2_before: held-out reduced chi2 of the ideal camera.
+        chi2_after: held-out reduced chi2 with everything that was named.
+        chi2_limit: what ``chi2_after`` may be by chance; more than 1.05 only where few pixels were held out.
+        seconds: time of the diagnosis.
+        cpu_seconds: the same in seconds of a processor.
+        memory_mib: peak of the resident memory.
+    """
+
+    case: str
+    digest: str
+    suite: str
+    mask: str
+    bit_depth: int
+    size: tuple[int, int]
+    captures: str
+    hidden: tuple[HiddenEffect, ...]
+    named: tuple[NamedEffect, ...]
+    unnamed: tuple[str, ...]
+    verdict: str
+    chi2_before: float
+    chi2_after: float
+    chi2_limit: float
+    seconds: float
+    cpu_seconds: float
+    memory_mib: float
 
     @property
-    def suite(self) -> str:
-        """What it belongs to."""
-        return str(self.record["suite"])
+    def hidden_names(self) -> tuple[str, ...]:
+        """Names of the hidden effects."""
+        return tuple(effect.name for effect in self.hidden)
 
     @property
-    def hidden(self) -> tuple[str, ...]:
-        """Names, in the order of the light."""
-        return tuple(each["name"] for each in self.record["hidden"])
-
-    @property
-    def found(self) -> tuple[str, ...]:
-        """Names, in the order of the light."""
-        return tuple(each["name"] for each in self.record["found"])
-
-    @property
-    def unnamed(self) -> tuple[str, ...]:
-        """``unnamed:<stage>`` of what no name explains."""
-        return tuple(dict.fromkeys(f"unnamed:{each['stage']}" for each in self.record["unnamed"]))
+    def answers(self) -> tuple[str, ...]:
+        """Everything that the diagnosis reports: names, then ``unnamed:<stage>``."""
+        return (*(effect.name for effect in self.named), *self.unnamed)
 
     @property
     def exact(self) -> bool:
-        """The names that are hidden, and no others."""
-        return set(self.found) == set(self.hidden)
+        """Whether the diagnosis named the hidden effects and no others."""
+        return {effect.name for effect in self.named} == set(self.hidden_names)
 
     @property
-    def nats(self) -> float:
-        """What the faintest of the hidden effects gains beside the others, by the virtual camera's own likelihood."""
-        return min((float(each["log_likelihood_gain"]) for each in self.record["hidden"]), default=math.inf)
+    def smallest_gain(self) -> float:
+        """Log-likelihood in nats that the faintest of the hidden effects gains beside the others."""
+        return min((effect.gain for effect in self.hidden), default=math.inf)
 
     @property
     def confidently_wrong(self) -> bool:
-        """``explained``, with nothing unnamed, by a name that is not hidden and admits of none that is."""
-        named = [{each["name"], *each["alternatives"]} for each in self.record["found"]]
-        wrong = any(not each & set(self.hidden) for each in named)
-        return self.record["verdict"] == "explained" and not self.unnamed and wrong
+        """Whether the verdict is ``explained`` by a name that is not hidden and has no hidden one as an alternative."""
+        hidden = set(self.hidden_names)
+        wrong = any(not {effect.name, *effect.alternatives} & hidden for effect in self.named)
+        return self.verdict == "explained" and not self.unnamed and wrong
 
     @property
     def stage_right(self) -> bool:
-        """Something unnamed is reported in the stage of a hidden effect."""
-        return any(f"unnamed:{each['stage']}" in self.unnamed for each in self.record["hidden"])
+        """Whether something unnamed is reported in the stage of a hidden effect."""
+        return any(f"unnamed:{effect.stage}" in self.unnamed for effect in self.hidden)
 
     @property
     def right(self) -> bool:
-        """As good an answer as the captures allow."""
+        """Whether the diagnosis is as good as the suite's captures allow."""
         if self.suite == "outside":
             return self.stage_right and not self.confidently_wrong
         return not self.confidently_wrong if self.suite == "fewer" else self.exact and not self.unnamed
 
     @property
-    def chi2(self) -> tuple[float, float]:
-        """Held-out reduced chi2 before and after."""
-        return float(self.record["gap"]["before"]["chi2"]), float(self.record["gap"]["after"]["chi2"])
-
-    @property
-    def chi2_limit(self) -> float:
-        """What held-out reduced chi2 may be afterwards: more than 1.05 only where few pixels were held out."""
-        return float(self.record["gap"]["after"].get("chi2_limit", NEGLIGIBLE))
-
-    @property
     def closed(self) -> float:
-        """The part of chi2's excess over 1 that is gone; no more than all of it."""
-        before, after = self.chi2
-        return 1 - max(after - 1, 0) / max(before - 1, 1e-9)
+        """Part of chi2's excess over 1 that the named effects remove, at most 1."""
+        return 1 - max(self.chi2_after - 1, 0) / max(self.chi2_before - 1, 1e-9)
 
     @property
     def errors(self) -> list[tuple[str, float]]:
-        """``effect.parameter`` and (found - true) / std of every continuous parameter of effects rightly named."""
-        hidden = {each["name"]: each["parameters"] for each in self.record["hidden"]}
-        found = []
-        for effect in self.record["found"]:
-            if effect["name"] not in hidden:
+        """``effect.parameter`` and (estimate - truth) / std of every continuous parameter of rightly named effects."""
+        truth = {effect.name: effect.parameters for effect in self.hidden}
+        errors = []
+        for effect in self.named:
+            if effect.name not in truth:
                 continue
-            for name, about in EFFECTS[effect["name"]].parameters().items():
-                if about.choices or about.integer:
+            for name, parameter in EFFECTS[effect.name].parameters().items():
+                if parameter.choices or parameter.integer:
                     continue
-                value = effect["parameters"][name]
-                error = float(value["value"]) - float(hidden[effect["name"]][name])
-                if about.unit == "rad":
+                value, std = effect.estimates[name]
+                error = float(value) - float(truth[effect.name][name])
+                if parameter.unit == "rad":
                     error = math.remainder(error, 2 * math.pi)
-                std = float(value["std"])
-                found.append((f"{effect['name']}.{name}", error / std if std else math.copysign(math.inf, error)))
-        return found
+                errors.append((f"{effect.name}.{name}", error / std if std else math.copysign(math.inf, error)))
+        return errors
 
     def __str__(self) -> str:
-        """In a line: what was hidden, what was found, how far apart captures and model were and are."""
-        hidden, found = (" + ".join(names) or "nothing" for names in (self.hidden, self.found + self.unnamed))
-        before, after = self.chi2
-        said = hidden if self.exact and not self.unnamed else f"{hidden} -> {found}"
-        where = f"{self.record['mask']}, {self.record['bit_depth']} bits"
-        if self.record["captures"] != "full":
-            where += f", {self.record['captures']}"
-        return f"{said} ({where}; chi2 {before:.4g} to {after:.4g}, {self.record['seconds']:.0f} s)"
+        """The outcome in a line: hidden effects, the diagnosis where it differs, and chi2 before and after."""
+        hidden, reported = (" + ".join(names) or "nothing" for names in (self.hidden_names, self.answers))
+        names = hidden if self.exact and not self.unnamed else f"{hidden} -> {reported}"
+        where = f"{self.mask}, {self.bit_depth} bits"
+        if self.captures != "full":
+            where += f", {self.captures}"
+        return f"{names} ({where}; chi2 {self.chi2_before:.4g} to {self.chi2_after:.4g}, {self.seconds:.0f} s)"
+
+
+def parse_record(record: Mapping[str, Any]) -> Outcome | Failure:
+    """Read a record as :func:`~.trial.run_trial` or :func:`~.worker_processes.run_cases` return it.
+
+    Raises:
+        ValueError: the record is of another format.
+        KeyError: a field is missing.
+    """
+    if record["format"] != "sci-proving-ground-case" or record["format_version"] != 1:
+        raise ValueError(f"format {record['format']}, expected sci-proving-ground-case, format_version 1")
+    if "failed" in record:
+        return Failure(record["case"], record["suite"], record["failed"])
+    before, after = record["gap"]["before"], record["gap"]["after"]
+    height, width = record["size"]
+    return Outcome(
+        case=record["case"],
+        digest=record.get("digest", ""),
+        suite=record["suite"],
+        mask=record["mask"],
+        bit_depth=record["bit_depth"],
+        size=(height, width),
+        captures=record["captures"],
+        hidden=tuple(
+            HiddenEffect(effect["name"], effect["stage"], effect["parameters"], float(effect["log_likelihood_gain"]))
+            for effect in record["hidden"]
+        ),
+        named=tuple(
+            NamedEffect(
+                effect["name"],
+                {name: (value["value"], float(value["std"])) for name, value in effect["parameters"].items()},
+                tuple(effect["alternatives"]),
+            )
+            for effect in record["found"]
+        ),
+        unnamed=tuple(dict.fromkeys(f"unnamed:{deviation['stage']}" for deviation in record["unnamed"])),
+        verdict=record["verdict"],
+        chi2_before=float(before["chi2"]),
+        chi2_after=float(after["chi2"]),
+        chi2_limit=float(after.get("chi2_limit", NEGLIGIBLE)),
+        seconds=float(record["seconds"]),
+        cpu_seconds=float(record["cpu_seconds"]),
+        memory_mib=float(record["memory_mib"]),
+    )

@@ -1,10 +1,9 @@
-"""The proving ground in four pictures: what is taken for what, intervals, the gap, and time."""
+"""The proving ground in four pictures: named instead of hidden effects, intervals, the gap, and time."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,7 +12,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE
 from sci_lightning.files.atomic_file import whole_file
-from sci_lightning.proving_ground.outcome import Outcome
+from sci_lightning.proving_ground.outcome import Failure, Outcome
 from sci_lightning.proving_ground.proportion import NORMAL, Proportion
 from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY
 
@@ -28,52 +27,53 @@ COLOURS = {
     "fewer": "#7a4fa3",
 }
 BLUE = "#1f6fb2"
-FURTHEST = 5.0
-"""Standard deviations; errors beyond are drawn here."""
+LARGEST_ERROR = 5.0
+"""Standard deviations; larger errors are drawn here."""
 
 
-def write_pictures(out: str | Path, records: Iterable[Mapping[str, Any]]) -> list[Path]:
-    """``confusion.png``, ``coverage.png``, ``gap.png`` and ``time.png``; those that there are cases for."""
-    outcomes = [Outcome(each) for each in records if "failed" not in each]
-    alone = [each for each in outcomes if each.suite in ("single", "nothing", "outside")]
-    ways = {
-        "confusion": (confusion_figure, alone),
-        "coverage": (coverage_figure, [each for each in outcomes if each.errors]),
+def write_pictures(out: str | Path, records: Iterable[Outcome | Failure]) -> list[Path]:
+    """Write ``confusion.png``, ``coverage.png``, ``gap.png`` and ``time.png``, those for which there are cases."""
+    outcomes = [record for record in records if isinstance(record, Outcome)]
+    at_most_one = [outcome for outcome in outcomes if outcome.suite in ("single", "nothing", "outside")]
+    pictures: dict[str, tuple[Callable[[Sequence[Outcome]], Figure], list[Outcome]]] = {
+        "confusion": (confusion_figure, at_most_one),
+        "coverage": (coverage_figure, [outcome for outcome in outcomes if outcome.errors]),
         "gap": (gap_figure, outcomes),
         "time": (time_figure, outcomes),
     }
     paths = []
-    for name, (draw, some) in ways.items():
-        if some:
+    for name, (draw, cases) in pictures.items():
+        if cases:
             paths.append(Path(out) / f"{name}.png")
             with whole_file(paths[-1]) as temporary:
-                draw(some).savefig(temporary, dpi=130, format="png")
+                draw(cases).savefig(temporary, dpi=130, format="png")
     return paths
 
 
 def confusion_figure(outcomes: Sequence[Outcome]) -> Figure:
-    """What was hidden by itself (rows) and how often each name was given for it (columns)."""
-    tried = {each.hidden for each in outcomes}
-    rows = [name for name in (*VOCABULARY, *OUTSIDE) if (name,) in tried]
-    rows += ["nothing"] if () in tried else []
-    columns = [*VOCABULARY, *sorted({said for each in outcomes for said in each.found} - set(VOCABULARY))]
+    """How often each answer (column) was given for each effect that was hidden alone (row)."""
+    hidden = {outcome.hidden_names for outcome in outcomes}
+    rows = [name for name in (*VOCABULARY, *OUTSIDE) if (name,) in hidden]
+    rows += ["nothing"] if () in hidden else []
+    named = {effect.name for outcome in outcomes for effect in outcome.named}
+    columns = [*VOCABULARY, *sorted(named - set(VOCABULARY))]
     columns += ["nothing", *(f"unnamed:{stage}" for stage in STAGES)]
     share = np.zeros((len(rows), len(columns)))
     for row, name in enumerate(rows):
-        cases = [each for each in outcomes if each.hidden == (() if name == "nothing" else (name,))]
-        for each in cases:
-            for said in each.found + each.unnamed or ("nothing",):
-                share[row, columns.index(said)] += 1 / len(cases)
+        cases = [outcome for outcome in outcomes if outcome.hidden_names == (() if name == "nothing" else (name,))]
+        for outcome in cases:
+            for answer in outcome.answers or ("nothing",):
+                share[row, columns.index(answer)] += 1 / len(cases)
     figure = Figure(figsize=(12, 2.8 + 0.25 * len(rows)), layout="constrained")
     axes = figure.subplots()
     axes.imshow(np.ma.masked_equal(share, 0), cmap="Blues", vmin=0, vmax=1, aspect="auto")
     wrong = np.zeros((*share.shape, 4))
     for row, name in enumerate(rows):
-        right = _right(name)
-        for column, said in enumerate(columns):
-            if share[row, column] and said not in right:
+        right = f"unnamed:{EFFECTS[name].stage}" if name in OUTSIDE else name
+        for column, answer in enumerate(columns):
+            if share[row, column] and answer != right:
                 wrong[row, column] = (0.8, 0.1, 0.1, 0.25 + 0.75 * min(share[row, column], 1))
-            if said in right:
+            if answer == right:
                 axes.add_patch(_frame(row, column))
             if percent := round(100 * share[row, column]):
                 colour = "white" if percent > 60 else "black"
@@ -94,37 +94,36 @@ def confusion_figure(outcomes: Sequence[Outcome]) -> Figure:
     return figure
 
 
-def _right(name: str) -> set[str]:
-    return {f"unnamed:{EFFECTS[name].stage}"} if name in OUTSIDE else {name}
-
-
 def _frame(row: int, column: int) -> Rectangle:
     return Rectangle((column - 0.5, row - 0.5), 1, 1, fill=False, edgecolor="#222222", linewidth=0.9, zorder=3)
 
 
 def coverage_figure(outcomes: Sequence[Outcome]) -> Figure:
-    """Errors in standard deviations beside the normal distribution, and how often each effect's intervals hold."""
-    errors = [pair for each in outcomes for pair in each.errors]
-    values = np.clip([error for _, error in errors], -FURTHEST, FURTHEST)
+    """Errors in standard deviations beside the normal distribution, and by effect how often intervals hold."""
+    errors = [error for outcome in outcomes for error in outcome.errors]
+    by_effect: dict[str, list[float]] = {name: [] for name in VOCABULARY}
+    for name, error in errors:
+        by_effect.setdefault(name.partition(".")[0], []).append(error)
+    values = np.clip([error for _, error in errors], -LARGEST_ERROR, LARGEST_ERROR)
     figure = Figure(figsize=(11, 5), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1.2, 1])
-    edges = np.linspace(-FURTHEST, FURTHEST, 41)
+    edges = np.linspace(-LARGEST_ERROR, LARGEST_ERROR, 41)
     left.hist(values, edges, density=True, color=BLUE, alpha=0.75, label=f"{len(values)} parameters found")
-    grid = np.linspace(-FURTHEST, FURTHEST, 300)
+    grid = np.linspace(-LARGEST_ERROR, LARGEST_ERROR, 300)
     left.plot(grid, np.exp(-(grid**2) / 2) / np.sqrt(2 * np.pi), color="#222222", label="normal distribution")
-    held = Proportion.of(abs(error) <= NORMAL for _, error in errors)
-    low, high = held.interval
+    coverage = Proportion.of(abs(error) <= NORMAL for _, error in errors)
+    low, high = coverage.interval
     left.axvspan(-NORMAL, NORMAL, color="#000000", alpha=0.06, zorder=0)
-    left.set_title(f"95 % intervals hold the truth in {held.share:.1%} ({low:.0%} to {high:.0%})", fontsize=11)
-    left.set(xlabel=f"(found - true) / stated standard deviation; beyond {FURTHEST:.0f}: at the end", ylabel="density")
+    left.set_title(f"95 % intervals hold the truth in {coverage.share:.1%} ({low:.0%} to {high:.0%})", fontsize=11)
+    label = f"(found - true) / stated standard deviation; beyond {LARGEST_ERROR:.0f}: at the end"
+    left.set(xlabel=label, ylabel="density")
     left.legend(frameon=False)
-    names = [name for name in VOCABULARY if any(each.startswith(f"{name}.") for each, _ in errors)]
-    for place, name in enumerate(reversed(names)):
-        own = Proportion.of(abs(error) <= NORMAL for each, error in errors if each.startswith(f"{name}."))
-        right.plot(own.interval, (place, place), color=BLUE, linewidth=2, alpha=0.6)
-        right.plot(own.share, place, "o", color=BLUE, markersize=5)
-    labels = [f"{name} ({sum(each.startswith(f'{name}.') for each, _ in errors)})" for name in reversed(names)]
-    right.set_yticks(range(len(names)), labels, fontsize=8)
+    names = [name for name, own in by_effect.items() if own][::-1]
+    for place, name in enumerate(names):
+        coverage = Proportion.of(abs(error) <= NORMAL for error in by_effect[name])
+        right.plot(coverage.interval, (place, place), color=BLUE, linewidth=2, alpha=0.6)
+        right.plot(coverage.share, place, "o", color=BLUE, markersize=5)
+    right.set_yticks(range(len(names)), [f"{name} ({len(by_effect[name])})" for name in names], fontsize=8)
     right.axvspan(0.9, 0.99, color="#1e8a4c", alpha=0.15)
     right.set(xlim=(0, 1.02), xlabel="share of intervals that hold the truth (green: the target)")
     right.set_title("by effect, with 95 % intervals", fontsize=11)
@@ -135,12 +134,12 @@ def gap_figure(outcomes: Sequence[Outcome]) -> Figure:
     """Held-out chi2 of every case before and after."""
     figure = Figure(figsize=(7.5, 6), layout="constrained")
     axes = figure.subplots()
-    before, after = np.array([each.chi2 for each in outcomes]).T
+    before, after = np.array([(outcome.chi2_before, outcome.chi2_after) for outcome in outcomes]).T
     high = 1.3 * max(before.max(), 10)
     for suite, colour in COLOURS.items():
-        chosen = np.array([each.suite == suite for each in outcomes])
-        if chosen.any():
-            axes.plot(before[chosen], after[chosen], "o", color=colour, alpha=0.75, markersize=5, label=suite)
+        members = np.array([outcome.suite == suite for outcome in outcomes])
+        if members.any():
+            axes.plot(before[members], after[members], "o", color=colour, alpha=0.75, markersize=5, label=suite)
     same = np.geomspace(0.5, high, 500)
     axes.plot(same, same, color="#999999", linewidth=1, linestyle=":", label="no change")
     axes.axhline(NEGLIGIBLE, color="#222222", linewidth=1, linestyle="--", label=f"target {NEGLIGIBLE}")
@@ -162,12 +161,12 @@ def time_figure(outcomes: Sequence[Outcome]) -> Figure:
     """How long the diagnoses took, by size."""
     figure = Figure(figsize=(7.5, 4.5), layout="constrained")
     axes = figure.subplots()
-    sizes = sorted({tuple(each.record["size"]) for each in outcomes})
-    seconds = [[float(each.record["seconds"]) for each in outcomes if tuple(each.record["size"]) == s] for s in sizes]
+    sizes = sorted({outcome.size for outcome in outcomes})
+    seconds = [[outcome.seconds for outcome in outcomes if outcome.size == size] for size in sizes]
     edges = np.linspace(0, 1.05 * max(map(max, seconds)), 36).tolist()
     labels = [
-        f"{height} x {width} ({len(some)} cases, median {np.median(some):.1f} s)"
-        for (height, width), some in zip(sizes, seconds, strict=True)
+        f"{height} x {width} ({len(times)} cases, median {np.median(times):.1f} s)"
+        for (height, width), times in zip(sizes, seconds, strict=True)
     ]
     axes.hist(seconds, edges, stacked=True, label=labels)
     axes.set(xlabel="seconds from captures to report", ylabel="cases")

@@ -1,4 +1,4 @@
-"""Which cases are tried: suites of effects, each over masks, bit depths and rounds."""
+"""Which cases are run: suites of hidden effects, each over masks, bit depths and repetitions."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY, Session
 from sci_lightning.virtual_camera.stream import stream
 
 SUITES = ("single", "weak", "pair", "triple", "nothing", "outside", "fewer")
-NOTHING = 12
-"""Cases a round in which nothing is hidden."""
+CASES_OF_NOTHING = 12
+"""Number of cases in every repetition in which nothing is hidden."""
 CAPTURES: dict[str, dict[str, int]] = {
     "full": {},
     "no_dark": {"dark": 0},
@@ -29,84 +29,84 @@ def plan(
     suites: Sequence[str] = SUITES,
     seeds: int = 1,
     *,
-    most: int | None = None,
+    cases: int | None = None,
     effects: Sequence[str] | None = None,
     size: Sequence[int] = (64, 64),
     frames: int = 8,
     masks: Sequence[str] = ("structural", "binary"),
     bit_depths: Sequence[int] = (8, 10, 12),
 ) -> list[Case]:
-    """All cases, in an order that only the arguments decide.
+    """Return all cases, in an order that depends on nothing but the arguments.
 
-    In every round each effect of the vocabulary is hidden once by itself (``single``, ``weak``, and ``fewer``: in the
-    sets of captures that lack something, in turn), once in a pair and once in a triple, each effect outside it once
-    (``outside``), and nothing twelve times. Masks and bit depths take turns.
+    In every repetition, each effect of the vocabulary is hidden once alone (``single``, ``weak``, and ``fewer``, which
+    leaves out one of several sorts of captures in turn), once in a pair and once in a triple. Each effect outside the
+    vocabulary is hidden once (``outside``), and twelve times nothing is. Masks and bit depths alternate.
 
     Args:
-        suites: of :data:`SUITES`.
-        seeds: rounds.
-        most: cases of each suite and round at most; None: all of them.
-        effects: names to which the suites are restricted; None: all.
-        size: (H, W).
-        frames: T.
-        masks: ``structural`` and ``binary``, or one of them.
-        bit_depths: of the converter.
+        suites: some of ``SUITES``.
+        seeds: number of repetitions, each with other random numbers.
+        cases: largest number of cases of each suite and repetition; None for all.
+        effects: names to which the suites are restricted; None for all.
+        size: (H, W) in pixels.
+        frames: T, slots of a capture.
+        masks: ``structural``, ``binary`` or both.
+        bit_depths: bits of the converter.
 
     Raises:
-        BadInput: an unknown suite or effect, no masks or bit depths, or a session that cannot be.
+        BadInput: an unknown suite or effect, no masks or bit depths, or an impossible session.
     """
-    for what, given, known in (("suites", suites, SUITES), ("effects", effects or (), tuple(EFFECTS))):
-        if unknown := [each for each in given if each not in known]:
-            raise BadInput(f"{what}: no '{unknown[0]}'; choose of {', '.join(known)}")
+    for key, names, known in (("suites", suites, SUITES), ("effects", effects or (), tuple(EFFECTS))):
+        if unknown := [name for name in names if name not in known]:
+            raise BadInput(f"{key}: no '{unknown[0]}'; choose of {', '.join(known)}")
     if not masks or not bit_depths:
         raise BadInput("masks and bit_depths must have at least one entry each")
-    for what, number in (("seeds", seeds), ("cases", 1 if most is None else most)):
+    for key, number in (("seeds", seeds), ("cases", 1 if cases is None else cases)):
         if isinstance(number, bool) or not isinstance(number, int) or number < 1:
-            raise BadInput(f"{what} must be a whole number of 1 or more, got {number!r}")
+            raise BadInput(f"{key} must be a whole number of 1 or more, got {number!r}")
     cameras = [
         Session(size=(size[0], size[1]), frames=frames, mask=mask, bit_depth=bits)
         for bits, mask in product(bit_depths, masks)
     ]
+    allowed = set(EFFECTS if effects is None else effects)
     return [
         case
         for suite in suites
-        for turn in range(seeds)
-        for case in _round(suite, turn, cameras, None if effects is None else set(effects))[:most]
+        for repetition in range(seeds)
+        for case in _cases_of_repetition(suite, repetition, cameras, allowed)[:cases]
     ]
 
 
-def _round(suite: str, turn: int, cameras: list[Session], allowed: set[str] | None) -> list[Case]:
-    random = stream(turn, f"proving ground: {suite}")
-    names = [name for name in (OUTSIDE if suite == "outside" else VOCABULARY) if allowed is None or name in allowed]
+def _cases_of_repetition(suite: str, repetition: int, cameras: list[Session], allowed: set[str]) -> list[Case]:
+    random = stream(repetition, f"proving ground: {suite}")
+    names = [name for name in (OUTSIDE if suite == "outside" else VOCABULARY) if name in allowed]
     if suite == "weak":
         names = [name for name in names if _has_magnitude(name)]
-    lacking = [name for name in CAPTURES if name != "full"] if suite == "fewer" else ["full"]
+    capture_sets = [name for name in CAPTURES if name != "full"] if suite == "fewer" else ["full"]
     cases = []
-    for number, hidden in enumerate(_sets(suite, names, random)):
-        first = (number + turn) % len(cameras)
-        ways = cameras[first:] + cameras[:first]
-        captures = lacking[(number + turn) % len(lacking)]
-        sessions = [_with(session, captures) for session in ways]
-        suited = [session for session in sessions if all(EFFECTS[name].suits(session) for name in hidden)]
+    for number, hidden in enumerate(_hidden_sets(suite, names, random)):
+        first = (number + repetition) % len(cameras)
+        captures = capture_sets[(number + repetition) % len(capture_sets)]
+        sessions = (
+            replace(camera, **CAPTURES[captures])  # type: ignore[arg-type]
+            for camera in cameras[first:] + cameras[:first]
+        )
+        suited = [session for session in sessions if all(EFFECTS[name].is_visible_in(session) for name in hidden)]
         if suited:
-            cases.append(Case(suite, hidden, captures, suited[0], turn * NOTHING + number if not hidden else turn))
+            draw = repetition if hidden else repetition * CASES_OF_NOTHING + number
+            cases.append(Case(suite, hidden, captures, suited[0], draw))
     return cases
 
 
-def _sets(suite: str, names: list[str], random: np.random.Generator) -> list[tuple[str, ...]]:
-    """What is hidden in each case: every name once, as far as they go round."""
+def _hidden_sets(suite: str, names: list[str], random: np.random.Generator) -> list[tuple[str, ...]]:
+    """Return the effects that each case hides: every name once, except those that are left over from full sets."""
     if suite == "nothing":
-        return [()] * NOTHING
-    many = {"pair": 2, "triple": 3}.get(suite, 1)
+        return [()] * CASES_OF_NOTHING
+    together = {"pair": 2, "triple": 3}.get(suite, 1)
     mixed = [names[int(number)] for number in random.permutation(len(names))]
-    chosen = [set(mixed[start : start + many]) for start in range(0, len(mixed) - many + 1, many)]
-    return [tuple(name for name in EFFECTS if name in each) for each in chosen]
+    chosen = [set(mixed[start : start + together]) for start in range(0, len(mixed) - together + 1, together)]
+    return [tuple(name for name in EFFECTS if name in members) for members in chosen]
 
 
 def _has_magnitude(name: str) -> bool:
-    """Whether the effect can be made weak: an order, an orientation or a number of bits cannot."""
-    return any(about.magnitude and not about.integer for about in EFFECTS[name].parameters().values())
-
-
-def _with(session: Session, captures: str) -> Session:
-    return replace(session, **CAPTURES[captures])  # type: ignore[arg-type]
+    """Return whether the effect can be made weak; an order, an orientation or a number of bits cannot."""
+    return any(parameter.magnitude and not parameter.integer for parameter in EFFECTS[name].parameters().values())

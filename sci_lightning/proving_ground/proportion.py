@@ -1,4 +1,4 @@
-"""So many of so many."""
+"""A proportion of cases and its confidence interval."""
 
 from __future__ import annotations
 
@@ -7,30 +7,30 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 NORMAL = 1.959964
-"""Standard deviations that hold 95 % of a normal distribution."""
+"""Half the width of the interval that contains 95 % of a normal distribution, in standard deviations."""
 
 
 @dataclass(frozen=True)
 class Proportion:
-    """``count`` of ``total``."""
+    """``count`` of ``total`` cases."""
 
     count: int
     total: int
 
     @classmethod
     def of(cls, answers: Iterable[bool]) -> Proportion:
-        """How many of the answers are yes."""
+        """Count the answers that are true."""
         listed = list(answers)
         return cls(sum(listed), len(listed))
 
     @property
     def share(self) -> float:
-        """0 to 1; NaN of nothing."""
+        """``count / total``, 0 to 1; NaN without cases."""
         return self.count / self.total if self.total else math.nan
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % interval of the probability behind it, by Wilson's score (JASA 22, 1927); (0, 1) of nothing."""
+        """95 % confidence interval of the probability by Wilson's score (JASA 22, 1927); (0, 1) without cases."""
         if not self.total:
             return 0.0, 1.0
         z, n = NORMAL, self.total

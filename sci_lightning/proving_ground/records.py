@@ -1,4 +1,4 @@
-"""What became of the cases: a folder with one JSON file for each."""
+"""The records of a proving ground: a folder with one JSON file for every case."""
 
 from __future__ import annotations
 
@@ -10,43 +10,43 @@ from typing import Any
 from sci_lightning.errors import BadInput
 from sci_lightning.files.atomic_file import whole_file
 from sci_lightning.proving_ground.case import Case
+from sci_lightning.proving_ground.outcome import Failure, Outcome, parse_record
 
 
 class Records:
-    """The records under a folder, whole or absent each.
+    """The records in a folder; no file is ever half written.
 
     Args:
-        folder: is made when there is something to write.
+        folder: is created when the first record is written.
     """
 
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
 
     def write(self, record: Mapping[str, Any]) -> None:
-        """Keep a record, in the place of an earlier one of the same case."""
+        """Write a record; it replaces an earlier one of the same case."""
         with whole_file(self.folder / f"{record['case']}.json") as temporary:
             temporary.write_text(json.dumps(record, indent=1) + "\n")
 
-    def read(self) -> list[dict[str, Any]]:
-        """All of them, by name.
+    def read(self) -> list[Outcome | Failure]:
+        """Read all records, in the order of their names.
 
         Raises:
-            BadInput: a file that is no record.
+            BadInput: a file is no record.
         """
         return [_read(path) for path in sorted(self.folder.glob("[!.]*.json"))]
 
     def has(self, case: Case) -> bool:
-        """Whether the case, with these very settings, has come to an end; one that failed is worth another try."""
+        """Return whether this case, with exactly these settings, has been completed; failed cases are run again."""
         path = self.folder / f"{case.name}.json"
-        record = _read(path) if path.exists() else {}
-        return record.get("digest") == case.digest and "failed" not in record
+        if not path.exists():
+            return False
+        record = _read(path)
+        return isinstance(record, Outcome) and record.digest == case.digest
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read(path: Path) -> Outcome | Failure:
     try:
-        record = json.loads(path.read_text())
-        assert isinstance(record, dict) and record["format"] == "sci-proving-ground-case"
-        assert record["format_version"] == 1
-    except (ValueError, KeyError, AssertionError) as error:
+        return parse_record(json.loads(path.read_text()))
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise BadInput(f"{path}: not a record of the proving ground, format_version 1; move it elsewhere") from error
-    return record

@@ -1,36 +1,35 @@
-"""The proving ground's table: what was reached, beside what is to be reached."""
+"""The table of the proving ground: what the diagnoses reached, beside what they are to reach."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from statistics import median
-from typing import Any
 
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE
-from sci_lightning.proving_ground.outcome import Outcome
+from sci_lightning.proving_ground.outcome import Failure, Outcome
 from sci_lightning.proving_ground.proportion import NORMAL, Proportion
 
-CLOSED = 0.95
-"""Part of chi2's excess that should be gone."""
-APART = 1.5
-"""Reduced chi2 from which on its excess is asked about; of a smaller one, chi2's own noise is more than the 5 %."""
-FAINT = 30.0
-"""Nats below which nobody is asked to see an effect, beside others or by itself."""
-WEAK = 100.0
-"""Nats up to which an effect is called weak."""
-NAMES = (
+EXACT_SUITES = (
     ("single", "single effect, clear: its name and no other", 0.98),
     ("weak", "single effect, weak (30 to 100 nats): its name and no other", 0.9),
     ("pair", "pairs: exact set of names", 0.95),
     ("triple", "triples: exact set of names", 0.9),
 )
-"""Suites in which exactly the hidden names are to be found, and in what share of the cases at least."""
+"""Suites in which exactly the hidden effects are to be named: suite, row of the table, smallest share of the cases."""
+VISIBLE_GAIN = 30.0
+"""Log-likelihood gain in nats below which no diagnosis is expected to see an effect."""
+WEAK_GAIN = 100.0
+"""Log-likelihood gain in nats up to which an effect counts as weak."""
+CLOSED_SHARE = 0.95
+"""Part of chi2's excess over 1 that the named effects are to remove."""
+CLOSABLE_CHI2 = 1.5
+"""Reduced chi2 above which that part is computed; nearer to 1, chi2's own noise is more than 5 % of its excess."""
 SECONDS = {(128, 128): 60.0, (256, 256): 300.0}
-"""Allowed for a session of 34 captures of 8 slots, on two cores."""
+"""Time allowed for a session of 34 captures of 8 slots on two cores, by size."""
 MEMORY = 4096.0
-"""MiB allowed."""
+"""Memory allowed, MiB."""
 
 
 @dataclass(frozen=True)
@@ -38,12 +37,12 @@ class Row:
     """One line of the table.
 
     Attributes:
-        what: is measured.
-        found: in words.
-        target: in words; empty where there is none.
+        what: what is measured.
+        found: the figure, in words.
+        target: the target, in words; empty where there is none.
         met: whether the figure itself reaches the target (its interval is in ``found``); None without cases or target.
-        proportion: behind it, where it is one.
-        missed: the cases that count against it, a line each.
+        proportion: the proportion that the figure is, where it is one.
+        missed: the cases that count against the row, a line each.
     """
 
     what: str
@@ -54,154 +53,147 @@ class Row:
     missed: tuple[str, ...] = ()
 
 
-def sum_up(records: Iterable[Mapping[str, Any]]) -> list[Row]:
-    """The table of records; where a right answer is asked for, a case that failed has not given it."""
-    listed = list(records)
-    failed = [each for each in listed if "failed" in each]
-    outcomes = [Outcome(each) for each in listed if "failed" not in each]
-    suite = {name: [each for each in outcomes if each.suite == name] for name in {each.suite for each in outcomes}}
-
-    def cases(name: str) -> list[Outcome]:
-        return suite.get(name, [])
-
-    def lost(name: str) -> list[str]:
-        return [f"{each['case']} failed" for each in failed if each["suite"] == name]
-
-    asked = {
-        name: [each for each in cases(name) if FAINT <= each.nats <= (WEAK if name == "weak" else math.inf)]
-        for name, _, _ in NAMES
-    }
-    named = [each for name in ("single", "weak", "pair", "triple") for each in cases(name)]
-    explained = [each for each in named if each.record["verdict"] == "explained"]
-    apart = [each for each in named if each.chi2[0] > APART]
-    rows = [
-        *(
-            _share(what, asked[name], _exact, lost(name), least=least, beside=len(cases(name)) - len(asked[name]))
-            for name, what, least in NAMES
+def summarise(records: Iterable[Outcome | Failure]) -> list[Row]:
+    """Return the rows of the table. Where a right answer is expected, a failed case counts as a wrong one."""
+    records = list(records)
+    failures = [record for record in records if isinstance(record, Failure)]
+    outcomes = [record for record in records if isinstance(record, Outcome)]
+    named = [outcome for suite, _, _ in EXACT_SUITES for outcome in of_suite(outcomes, suite)]
+    fewer, outside = of_suite(outcomes, "fewer"), of_suite(outcomes, "outside")
+    return [
+        *(exact_names(outcomes, failures, suite, what, least) for suite, what, least in EXACT_SUITES),
+        *(false_alarms(outcomes, mask) for mask in ("structural", "binary")),
+        at_most("right names, yet something unnamed", [o for o in named if o.exact], lambda o: bool(o.unnamed), 0.02),
+        at_most("outside the vocabulary: confident wrong name", outside, lambda o: o.confidently_wrong, 0.05),
+        at_least(
+            "outside the vocabulary: right stage", outside, lambda o: o.stage_right, 0.8, failed(failures, "outside")
         ),
-        *(
-            _share(
-                f"nothing hidden, {mask} mask: false alarms",
-                [each for each in cases("nothing") if each.record["mask"] == mask],
-                lambda each: each.record["verdict"] != "consistent",
-                most=0.02,
-            )
-            for mask in ("structural", "binary")
-        ),
-        _share(
-            "right names, yet something unnamed",
-            list(filter(_exact, named)),
-            lambda each: bool(each.unnamed),
-            most=0.02,
-        ),
-        _share("outside the vocabulary: confident wrong name", cases("outside"), _wrong, most=0.05),
-        _share(
-            "outside the vocabulary: right stage",
-            cases("outside"),
-            lambda each: each.stage_right,
-            lost("outside"),
-            least=0.8,
-        ),
-        _share("fewer captures: confident wrong name", cases("fewer"), _wrong, most=0.0),
-        _intervals([*named, *cases("fewer")]),
-        _share(
+        at_most("fewer captures: confident wrong name", fewer, lambda o: o.confidently_wrong, 0.0),
+        interval_coverage([*named, *fewer]),
+        at_least(
             f"explained: held-out chi2 at most {NEGLIGIBLE}",
-            explained,
-            lambda each: each.chi2[1] <= each.chi2_limit,
-            least=1.0,
+            [outcome for outcome in named if outcome.verdict == "explained"],
+            lambda o: o.chi2_after <= o.chi2_limit,
+            1.0,
         ),
-        _gap(apart),
-        *_times(outcomes),
-        _memory(outcomes),
+        closed_gap(named),
+        *times(outcomes),
+        memory(outcomes),
+        Row(
+            "cases that failed",
+            f"{len(failures)} of {len(records)}",
+            "0",
+            not failures,
+            missed=tuple(map(str, failures)),
+        ),
     ]
-    missed = tuple(f"{each['case']}: {each['failed']}" for each in failed)
-    return [*rows, Row("cases that failed", f"{len(failed)} of {len(listed)}", "0", not failed, None, missed)]
 
 
-def _exact(outcome: Outcome) -> bool:
-    return outcome.exact
+def of_suite(outcomes: Iterable[Outcome], suite: str) -> list[Outcome]:
+    """Return the outcomes of one suite."""
+    return [outcome for outcome in outcomes if outcome.suite == suite]
 
 
-def _wrong(outcome: Outcome) -> bool:
-    return outcome.confidently_wrong
+def failed(failures: Iterable[Failure], suite: str) -> list[str]:
+    """Return a line for each failed case of one suite."""
+    return [f"{failure.case} failed" for failure in failures if failure.suite == suite]
 
 
-def _share(
+def exact_names(outcomes: Sequence[Outcome], failures: Sequence[Failure], suite: str, what: str, least: float) -> Row:
+    """How often exactly the hidden effects were named, of those that are as strong as the suite promises."""
+    cases = of_suite(outcomes, suite)
+    strongest = WEAK_GAIN if suite == "weak" else math.inf
+    counted = [outcome for outcome in cases if VISIBLE_GAIN <= outcome.smallest_gain <= strongest]
+    row = at_least(what, counted, lambda outcome: outcome.exact, least, failed(failures, suite))
+    if not (left_out := len(cases) - len(counted)) or not (row.proportion and row.proportion.total):
+        return row
+    return replace(row, found=f"{row.found}; {left_out} not asked: too faint or too strong")
+
+
+def false_alarms(outcomes: Sequence[Outcome], mask: str) -> Row:
+    """How often something was found though nothing was hidden, behind one kind of mask."""
+    cases = [outcome for outcome in of_suite(outcomes, "nothing") if outcome.mask == mask]
+    what = f"nothing hidden, {mask} mask: false alarms"
+    return at_most(what, cases, lambda outcome: outcome.verdict != "consistent", 0.02)
+
+
+def at_least(
     what: str,
     outcomes: Sequence[Outcome],
-    answer: Callable[[Outcome], bool],
-    lost: Sequence[str] = (),
-    *,
-    least: float | None = None,
-    most: float | None = None,
-    beside: int = 0,
+    right: Callable[[Outcome], bool],
+    least: float,
+    failed_cases: Sequence[str] = (),
 ) -> Row:
-    """How often the answer is yes, ``lost`` being cases without one; the target is ``least`` or else ``most``.
-
-    ``beside`` is how many cases of the suite are not asked, being fainter or stronger than the suite's name promises.
-    """
-    found = Proportion(sum(map(answer, outcomes)), len(outcomes) + len(lost))
-    target = f"at least {least:.0%}" if least is not None else f"at most {most:.0%}"
-    if not found.total:
-        return Row(what, "no cases", target, None, found)
-    met = found.share >= least if least is not None else found.share <= (most or 0.0)
-    missed = tuple(str(each) for each in outcomes if answer(each) is (least is None))
-    words = _words(found) + (f"; {beside} not asked: too faint or too strong" if beside else "")
-    return Row(what, words, target, met, found, (*missed, *lost))
+    """Return a row for a share of right answers that is to be ``least`` or more; failed cases gave none."""
+    target = f"at least {least:.0%}"
+    proportion = Proportion(sum(map(right, outcomes)), len(outcomes) + len(failed_cases))
+    if not proportion.total:
+        return Row(what, "no cases", target, None, proportion)
+    missed = (*(str(outcome) for outcome in outcomes if not right(outcome)), *failed_cases)
+    return Row(what, in_words(proportion), target, proportion.share >= least, proportion, missed)
 
 
-def _words(found: Proportion) -> str:
-    low, high = found.interval
-    return f"{found.share:.1%} ({found.count} of {found.total}; {low:.0%} to {high:.0%})"
+def at_most(what: str, outcomes: Sequence[Outcome], wrong: Callable[[Outcome], bool], most: float) -> Row:
+    """Return a row for a share of wrong answers that is to be ``most`` or less."""
+    target = f"at most {most:.0%}"
+    proportion = Proportion.of(map(wrong, outcomes))
+    if not proportion.total:
+        return Row(what, "no cases", target, None, proportion)
+    missed = tuple(str(outcome) for outcome in outcomes if wrong(outcome))
+    return Row(what, in_words(proportion), target, proportion.share <= most, proportion, missed)
 
 
-def _intervals(outcomes: Sequence[Outcome]) -> Row:
-    errors = [(name, error, str(each)) for each in outcomes for name, error in each.errors]
-    found = Proportion.of(abs(error) <= NORMAL for _, error, _ in errors)
+def in_words(proportion: Proportion) -> str:
+    """Return the share in per cent with its counts and its interval."""
+    low, high = proportion.interval
+    return f"{proportion.share:.1%} ({proportion.count} of {proportion.total}; {low:.0%} to {high:.0%})"
+
+
+def interval_coverage(outcomes: Sequence[Outcome]) -> Row:
+    """How often the 95 % intervals of the estimated parameters contain the true values."""
+    errors = [(name, error, str(outcome)) for outcome in outcomes for name, error in outcome.errors]
+    proportion = Proportion.of(abs(error) <= NORMAL for _, error, _ in errors)
     what, target = "95 % intervals that hold the truth", "90 % to 99 %"
     if not errors:
-        return Row(what, "no cases", target, None, found)
-    missed = tuple(f"{name} {error:+.1f} std: {said}" for name, error, said in errors if abs(error) > NORMAL)
-    # of few parameters all may hold the truth, though one in a hundred should not
-    met = found.share >= 0.9 and found.interval[0] <= 0.99
-    spread = math.sqrt(sum(error**2 for _, error, _ in errors) / len(errors))
-    words = f"{_words(found)}; errors of {spread:.2f} stated standard deviations, root mean square"
-    return Row(what, words, target, met, found, missed)
+        return Row(what, "no cases", target, None, proportion)
+    missed = tuple(f"{name} {error:+.1f} std: {case}" for name, error, case in errors if abs(error) > NORMAL)
+    # Among few parameters, all intervals may contain the truth, although one in a hundred should not.
+    met = proportion.share >= 0.9 and proportion.interval[0] <= 0.99
+    rms = math.sqrt(sum(error**2 for _, error, _ in errors) / len(errors))
+    found = f"{in_words(proportion)}; errors of {rms:.2f} stated standard deviations, root mean square"
+    return Row(what, found, target, met, proportion, missed)
 
 
-def _gap(outcomes: Sequence[Outcome]) -> Row:
-    row = _share(
-        f"{CLOSED:.0%} of chi2's excess closed (where it was above {APART})",
-        outcomes,
-        lambda each: each.closed >= CLOSED,
-        least=1.0,
-    )
-    if not outcomes:
+def closed_gap(outcomes: Iterable[Outcome]) -> Row:
+    """How often the named effects remove nearly all of chi2's excess over 1."""
+    counted = [outcome for outcome in outcomes if outcome.chi2_before > CLOSABLE_CHI2]
+    what = f"{CLOSED_SHARE:.0%} of chi2's excess closed (where it was above {CLOSABLE_CHI2})"
+    row = at_least(what, counted, lambda outcome: outcome.closed >= CLOSED_SHARE, 1.0)
+    if not counted:
         return row
-    found = f"{row.found}; median {median(each.closed for each in outcomes):.1%} closed"
-    return Row(row.what, found, row.target, row.met, row.proportion, row.missed)
+    return replace(row, found=f"{row.found}; median {median(outcome.closed for outcome in counted):.1%} closed")
 
 
-def _times(outcomes: Sequence[Outcome]) -> list[Row]:
+def times(outcomes: Sequence[Outcome]) -> list[Row]:
+    """How long the diagnoses took, a row for every size."""
     rows = []
-    for size in sorted({tuple(each.record["size"]) for each in outcomes}):
-        some = [each for each in outcomes if tuple(each.record["size"]) == size]
-        seconds = [float(each.record["seconds"]) for each in some]
-        allowed = SECONDS.get(size)
+    for size in sorted({outcome.size for outcome in outcomes}):
+        cases = [outcome for outcome in outcomes if outcome.size == size]
+        longest, allowed = max(outcome.seconds for outcome in cases), SECONDS.get(size)
         rows.append(
             Row(
                 f"time, {size[0]} x {size[1]}",
-                f"median {median(seconds):.1f} s, longest {max(seconds):.1f} s ({len(seconds)} cases; "
-                f"median {median(float(each.record['cpu_seconds']) for each in some):.1f} s of a processor)",
+                f"median {median(outcome.seconds for outcome in cases):.1f} s, longest {longest:.1f} s ({len(cases)} "
+                f"cases; median {median(outcome.cpu_seconds for outcome in cases):.1f} s of a processor)",
                 f"at most {allowed:.0f} s" if allowed else "",
-                max(seconds) <= allowed if allowed else None,
-                None,
-                tuple(str(each) for each in some if allowed and float(each.record["seconds"]) > allowed),
+                longest <= allowed if allowed else None,
+                missed=tuple(str(outcome) for outcome in cases if allowed and outcome.seconds > allowed),
             )
         )
     return rows
 
 
-def _memory(outcomes: Sequence[Outcome]) -> Row:
-    most = max((float(each.record["memory_mib"]) for each in outcomes), default=0.0)
+def memory(outcomes: Sequence[Outcome]) -> Row:
+    """The largest memory that a diagnosis took."""
+    most = max((outcome.memory_mib for outcome in outcomes), default=0.0)
     return Row("memory", f"at most {most:.0f} MiB", f"below {MEMORY:.0f} MiB", most < MEMORY if outcomes else None)

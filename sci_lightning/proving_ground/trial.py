@@ -1,8 +1,9 @@
-"""One case: captures by the virtual camera, their diagnosis, and what became of it."""
+"""A trial: the virtual camera takes a case's captures, they are diagnosed, and the result is put beside the truth."""
 
 from __future__ import annotations
 
 import json
+import resource
 import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,25 +15,27 @@ from sci_lightning.diagnosis.fit.gap import gap
 from sci_lightning.diagnosis.report.report import describe
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.proving_ground.case import Case
-from sci_lightning.proving_ground.memory import forget_peak, peak_mib
-from sci_lightning.virtual_camera import capture_session, write_captures
+from sci_lightning.virtual_camera import VirtualCamera
+
+STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
+"""Where Linux states the peak of the resident memory, and where it is told to begin anew."""
 
 
-def attempt(case: Case) -> dict[str, Any]:
-    """Make the captures, diagnose them, and put the report beside the truth; fit for JSON.
+def run_trial(case: Case) -> dict[str, Any]:
+    """Take the captures, diagnose them, and return the record of the case as plain data for JSON.
 
-    The diagnosis sees a captures file and nothing else. Time and memory are of the diagnosis and its report, captures
-    read beforehand.
+    The diagnosis sees a captures file and nothing else. Time and memory are those of the diagnosis and its report; the
+    captures have been read before.
     """
     with TemporaryDirectory() as folder:
         path = Path(folder) / "captures.h5"
-        hidden = capture_session(case.session, list(case.effects), case.seed, magnitude=case.magnitude)
-        truth = json.loads(write_captures(path, hidden).read_text())
+        camera = VirtualCamera(case.session, case.effects, magnitude=case.magnitude)
+        truth = json.loads(camera.write(path, case.seed).read_text())
         captures = read_captures(path)
-    forget_peak()
-    start, worked = time.perf_counter(), time.process_time()
-    found = diagnose(captures, vocabulary())
-    report = describe(found)
+    reset_peak_memory()
+    start, cpu_start = time.perf_counter(), time.process_time()
+    diagnosis = diagnose(captures, vocabulary())
+    report = describe(diagnosis)
     return {
         **case.describe(),
         "hidden": truth["effects"],
@@ -42,24 +45,43 @@ def attempt(case: Case) -> dict[str, Any]:
         "unnamed": report["unnamed"],
         "gap": report["gap"],
         "seconds": time.perf_counter() - start,
-        "cpu_seconds": time.process_time() - worked,
-        "memory_mib": peak_mib(),
-        "true_names": true_names(found, truth["effects"]),
+        "cpu_seconds": time.process_time() - cpu_start,
+        "memory_mib": peak_memory(),
+        "true_names": compare_with_true_names(diagnosis, truth["effects"]),
     }
 
 
-def true_names(found: Diagnosis, hidden: list[dict[str, Any]]) -> dict[str, float] | None:
-    """Where the names found are not those hidden: how a fit of the true ones, begun at the truth, compares.
+def compare_with_true_names(diagnosis: Diagnosis, hidden: list[dict[str, Any]]) -> dict[str, float] | None:
+    """Fit the hidden effects, beginning at the truth, and compare the fit with what the diagnosis named.
 
-    ``nats`` is how much likelier it makes the captures than what was found; ``chi2`` as in the gap. Positive nats mean
-    that the search missed something better, negative ones that the captures are explained better by other names.
-    None where the names are right, or where the vocabulary lacks one.
+    Returns:
+        ``nats``, how much likelier the true names make the captures than the diagnosis does: if positive, the search
+        has missed something better; if negative, other names explain the captures better. ``chi2`` on held-out pixels.
+        None where the names are right, or where a hidden effect is not in the vocabulary.
     """
-    named = {each["name"]: each["parameters"] for each in hidden}
-    if set(named) == set(found.names) or not all(each["in_vocabulary"] for each in hidden):
+    true_values = {effect["name"]: effect["parameters"] for effect in hidden}
+    if set(true_values) == set(diagnosis.names) or not all(effect["in_vocabulary"] for effect in hidden):
         return None
-    hypothesis = found.before.hypothesis
-    for name, parameters in named.items():
+    hypothesis = diagnosis.before.hypothesis
+    for name, parameters in true_values.items():
         hypothesis = hypothesis.having(name, parameters)
-    true = found.fitter.fit(hypothesis, iterations=30)
-    return {"nats": true.total - found.after.total, "chi2": gap(found.fitter, true, found.seed)["chi2"]}
+    true = diagnosis.fitter.fit(hypothesis, iterations=30)
+    chi2 = gap(diagnosis.fitter, true, diagnosis.seed)["chi2"]
+    return {"nats": true.total - diagnosis.after.total, "chi2": chi2}
+
+
+def reset_peak_memory() -> None:
+    """Begin a new measurement of the peak; outside Linux, the peak remains that of the whole process."""
+    try:
+        RESET.write_text("5")
+    except OSError:
+        return
+
+
+def peak_memory() -> float:
+    """Return the largest resident memory of this process since the last reset, MiB."""
+    try:
+        (line,) = (line for line in STATUS.read_text().splitlines() if line.startswith("VmHWM:"))
+        return int(line.split()[1]) / 1024
+    except (OSError, ValueError):
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

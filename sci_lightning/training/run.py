@@ -15,6 +15,7 @@ from lightning.pytorch.loggers import TensorBoardLogger
 
 from sci_lightning.configuration.build import build
 from sci_lightning.data.loader import ClipLoader, scene_loader
+from sci_lightning.decoder import kernels
 from sci_lightning.decoder.complexity import count_parameters
 from sci_lightning.encoder.trial import check_recording
 from sci_lightning.errors import BadInput
@@ -69,6 +70,7 @@ def run_training(
         BadInput: settings that do not go together, or a checkpoint of another training.
         Diverged: a loss or a gradient is no longer finite.
     """
+    kernels.use(config["kernels"])
     out = Path(config["out"])
     if any(part > full for part, full in zip(config["crop"], config["size"], strict=True)):
         raise BadInput(

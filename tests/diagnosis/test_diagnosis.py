@@ -18,11 +18,11 @@ from sci_lightning.diagnosis.report.report import describe, write_encoder
 from sci_lightning.diagnosis.search.alternatives import Separation
 from sci_lightning.diagnosis.search.imagined_captures import imagined_captures
 from sci_lightning.diagnosis.vocabulary import vocabulary
-from sci_lightning.virtual_camera import Session, capture_session, write_captures
+from sci_lightning.virtual_camera import Session, VirtualCamera
 
 
 def captured(folder: Path, hidden: dict[str, Any], **session: Any) -> Captures:
-    write_captures(folder / "a.h5", capture_session(Session(size=(32, 32), **session), hidden, seed=3))
+    VirtualCamera(Session(size=(32, 32), **session), hidden).write(folder / "a.h5", seed=3)
     return read_captures(folder / "a.h5")
 
 

@@ -9,21 +9,24 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from sci_lightning.errors import BadInput
+from sci_lightning.proving_ground import worker_processes
 from sci_lightning.proving_ground.case import Case
-from sci_lightning.proving_ground.crew import work_through
 from sci_lightning.proving_ground.records import Records
+from sci_lightning.proving_ground.worker_processes import run_cases
 from sci_lightning.virtual_camera import Session
 from tests.conftest import ROOT
+from tests.schemas.validation import check
 
 NAME = "proving_ground"
 SMALL = ("size=[32,32]", "frames=4", "workers=1", "masks=[structural]", "bit_depths=[8]")
+SESSION = Session(size=(16, 16), frames=2)
 
 
 class Deadly(Case):
@@ -36,23 +39,88 @@ class Deadly(Case):
         return "clear"
 
 
-def test_a_case_and_its_record(command: Callable[..., Any], tmp_path: Path) -> None:
-    done = command(NAME, *SMALL, "suites=[single]", "effects=[gain]", "out=a")
-    assert done.returncode == 0, done.stderr
-    assert "right  gain (structural, 8 bits" in done.stdout
-    (path,) = (tmp_path / "a" / "cases").iterdir()
-    record = json.loads(path.read_text())
-    assert path.stem == record["case"] == "single-gain-structural-8bit-32x32-4slots-full-0"
-    assert record["verdict"] == "explained" and record["true_names"] is None
-    ((hidden,), (found,)) = record["hidden"], record["found"]
-    assert hidden["log_likelihood_gain"] == pytest.approx(record["log_likelihood_gain"]) and hidden["name"] == "gain"
-    value = found["parameters"]["factor"]
-    assert abs(value["value"] - hidden["parameters"]["factor"]) < 5 * value["std"]
-    assert record["gap"]["after"]["chi2"] < record["gap"]["before"]["chi2"]
-    assert record["cpu_seconds"] > 0 and 0 < record["seconds"] < 60 and 50 < record["memory_mib"] < 2000
-    assert {"summary.md", "summary.json", "confusion.png"} <= {each.name for each in (tmp_path / "a").iterdir()}
+@pytest.fixture
+def ran_cases(monkeypatch: pytest.MonkeyPatch, record: Callable[..., Any]) -> list[str]:
+    """Names of the cases that were run, in place of which records made by hand are returned at once."""
+    names: list[str] = []
+
+    def run_at_once(cases: list[Case], workers: int, threads: int) -> Iterator[dict[str, Any]]:
+        for case in cases:
+            names.append(case.name)
+            yield record("nothing", {}, {}) | case.describe()
+
+    monkeypatch.setattr(worker_processes, "run_cases", run_at_once)
+    return names
 
 
+def test_cases_with_a_record_are_not_run_again(ran: Callable[..., str], ran_cases: list[str], tmp_path: Path) -> None:
+    text = ran(NAME, *SMALL, "suites=[nothing]", "cases=2", "out=a")
+    assert "2 cases to try, 0 done before" in text and "right  nothing (structural, 8 bits" in text
+    assert {"summary.md", "summary.json", "confusion.png", "cases"} <= {
+        path.name for path in (tmp_path / "a").iterdir()
+    }
+    text = ran(NAME, *SMALL, "suites=[nothing]", "cases=3", "out=a")
+    assert "1 cases to try, 2 done before" in text and len(set(ran_cases)) == len(ran_cases) == 3
+    assert "nothing hidden, structural mask: false alarms: 0.0% (0 of 3" in text
+    path = tmp_path / "a" / "cases" / f"{ran_cases[0]}.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"digest": "0" * 16}))  # of other settings
+    path = tmp_path / "a" / "cases" / f"{ran_cases[1]}.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"failed": "out of memory"}))
+    assert "2 cases to try, 1 done before" in ran(NAME, *SMALL, "suites=[nothing]", "cases=3", "out=a")
+    assert "nothing hidden, structural mask: false alarms: 0.0% (0 of 3" in ran(NAME, "run=false", "out=a")
+    assert len(ran_cases) == 5
+
+
+def test_a_record_is_kept_when_the_next_case_is_interrupted(
+    ran_cases: list[str], record: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from sci_lightning.cli.console import PlainConsole
+    from sci_lightning.proving_ground.__main__ import run_missing
+
+    cases = [Case("nothing", (), "full", SESSION, number) for number in range(3)]
+
+    def interrupted(cases: list[Case], workers: int, threads: int) -> Iterator[dict[str, Any]]:
+        yield record("nothing", {}, {}) | cases[0].describe()
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(worker_processes, "run_cases", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            run_missing(cases, Records(tmp_path), 1, 1, PlainConsole())
+    assert [Records(tmp_path).has(case) for case in cases] == [True, False, False]
+    run_missing(cases, Records(tmp_path), 1, 1, PlainConsole())
+    assert ran_cases == [case.name for case in cases[1:]]
+
+
+def test_a_crash_stays_in_its_record(tmp_path: Path) -> None:
+    cases = [
+        Deadly("nothing", (), "full", SESSION),
+        Case("nothing", (), "full", Session(size=(16, 16), frames=2, mask="gone.npy")),
+    ]
+    died, refused = run_cases(cases, workers=1)
+    assert died["case"] == cases[0].name and died["failed"] == "the process died with exit code 3"
+    assert "gone.npy: no such file" in refused["failed"] and "Traceback" in refused["traceback"]
+    for record in (died, refused):
+        check("proving_ground_case", record)
+        Records(tmp_path).write(record)
+    assert not any(Records(tmp_path).has(case) for case in cases)  # failed cases are run again
+
+
+@pytest.mark.parametrize(
+    ("override", "message"), [("run=false", "no records to sum up"), ("suites=[singles]", "no 'singles'; choose of")]
+)
+def test_bad_input_is_one_line(refused: Callable[..., str], override: str, message: str) -> None:
+    assert message in refused(NAME, override, "out=a")
+
+
+@pytest.mark.parametrize("content", ["[]", "{}", "not JSON", '{"format": "sci-proving-ground-case"}', "7"])
+def test_a_foreign_file_among_the_records(content: str, tmp_path: Path) -> None:
+    (tmp_path / "foreign.json").write_text(content)
+    with pytest.raises(BadInput, match=r"foreign\.json: not a record of the proving ground"):
+        Records(tmp_path).read()
+
+
+@pytest.mark.slow
 def test_an_interrupted_run_goes_on(command: Callable[..., Any], tmp_path: Path) -> None:
     wanted = [*SMALL, "suites=[nothing]", "cases=3", "out=a"]
     arguments = [sys.executable, "-m", f"sci_lightning.{NAME}", *wanted]
@@ -74,40 +142,5 @@ def test_an_interrupted_run_goes_on(command: Callable[..., Any], tmp_path: Path)
     assert f"{3 - len(kept)} cases to try, {len(kept)} done before" in done.stdout
     now = {path.name: path.stat().st_mtime_ns for path in cases.iterdir()}
     assert len(now) == 3 and kept.items() <= now.items()
-    again = command(NAME, "run=false", "out=a")
-    assert "nothing hidden, structural mask: false alarms: 0.0% (0 of 3" in again.stdout
-
-
-def test_a_crash_stays_in_its_record(tmp_path: Path) -> None:
-    session = Session(size=(16, 16), frames=2)
-    cases = [
-        Deadly("nothing", (), "full", session),
-        Case("nothing", (), "full", Session(size=(16, 16), frames=2, mask="gone.npy")),
-        Case("nothing", (), "full", session, turn=1),
-    ]
-    found = {each["case"]: each for each in work_through(cases, workers=2)}
-    died, refused, fine = (found[case.name] for case in cases)
-    assert died["failed"] == "the process died with exit code 3"
-    assert "gone.npy: no such file" in refused["failed"] and "Traceback" in refused["traceback"]
-    assert "failed" not in fine
-    records = Records(tmp_path)
-    for each in (died, refused, fine):
-        records.write(each)
-    assert [records.has(case) for case in cases] == [False, False, True]  # the failed ones are tried again
-    assert not records.has(Case("nothing", (), "moving", session, turn=1))
-
-
-@pytest.mark.parametrize(
-    ("override", "message"), [("run=false", "no records to sum up"), ("suites=[singles]", "no 'singles'; choose of")]
-)
-def test_bad_input_is_one_line(command: Callable[..., Any], override: str, message: str) -> None:
-    done = command(NAME, override, "out=a")
-    assert done.returncode == 2
-    (line,) = done.stderr.splitlines()
-    assert line.startswith("error: ") and message in line
-
-
-def test_a_foreign_file_among_the_records(tmp_path: Path) -> None:
-    (tmp_path / "foreign.json").write_text("[]")
-    with pytest.raises(BadInput, match=r"foreign\.json: not a record of the proving ground"):
-        Records(tmp_path).read()
+    for path in cases.iterdir():
+        check("proving_ground_case", json.loads(path.read_text()))

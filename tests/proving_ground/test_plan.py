@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections import Counter
 from typing import Any
 
@@ -42,8 +43,20 @@ def test_cases_are_told_apart_and_come_again() -> None:
     assert {case.digest for case in plan(size=(65, 64))}.isdisjoint(case.digest for case in cases)
 
 
+def test_cases_are_those_of_earlier_records() -> None:
+    """A record is taken for that of a case by the digest of its settings, and captures follow from the seed."""
+    cases = plan(["pair", "nothing"], seeds=2, cases=2)
+    assert [(case.digest, case.seed) for case in cases[2:5]] == [
+        ("55865b125be9e9fa", 3943646687),
+        ("8836ae9847cfee3c", 3523630466),
+        ("30505dd565df194f", 1427802300),
+    ]
+    digests = "".join(case.digest for case in plan(seeds=2))
+    assert hashlib.sha256(digests.encode()).hexdigest().startswith("fcb6dea88faae7b7")
+
+
 def test_masks_and_bit_depths_take_turns() -> None:
-    for cases in (by_suite(plan(), "nothing"), by_suite(plan(most=6), "single")):
+    for cases in (by_suite(plan(), "nothing"), by_suite(plan(cases=6), "single")):
         count = Counter((case.session.mask, case.session.bit_depth) for case in cases)
         assert len(count) == 6 and max(count.values()) - min(count.values()) <= 1
 
@@ -74,7 +87,7 @@ def test_the_command_makes_the_same_camera() -> None:
         ({"suites": ["singles"]}, "no 'singles'; choose of " + ", ".join(SUITES)),
         ({"effects": ["mask_shft"]}, "no 'mask_shft'"),
         ({"seeds": 0}, "seeds must be a whole number of 1 or more"),
-        ({"most": 0}, "cases must be a whole number of 1 or more"),
+        ({"cases": 0}, "cases must be a whole number of 1 or more"),
         ({"masks": []}, "at least one"),
         ({"masks": ["solid"]}, "no such file"),
         ({"size": [8, 8]}, "size must be a whole number from 16"),

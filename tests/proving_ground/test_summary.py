@@ -10,17 +10,19 @@ from typing import Any
 import pytest
 from skimage.io import imread
 
+from sci_lightning.proving_ground.outcome import Failure, Outcome, parse_record
 from sci_lightning.proving_ground.pictures import write_pictures
 from sci_lightning.proving_ground.proportion import Proportion
 from sci_lightning.proving_ground.report import write_report
-from sci_lightning.proving_ground.summary import Row, sum_up
+from sci_lightning.proving_ground.summary import Row, summarise
+from tests.schemas.validation import check
 
 GAIN = {"gain": {"factor": 1.1}}
 
 
 def row(rows: list[Row], start: str) -> Row:
-    (found,) = (each for each in rows if each.what.startswith(start))
-    return found
+    (line,) = (row for row in rows if row.what.startswith(start))
+    return line
 
 
 def found(error: float) -> dict[str, dict[str, tuple[float, float]]]:
@@ -41,10 +43,10 @@ def test_wilson_interval_of_nothing() -> None:
 
 
 @pytest.fixture
-def records(record: Callable[..., Any]) -> list[dict[str, Any]]:
+def records(record: Callable[..., Any]) -> list[Outcome | Failure]:
     lost = {"format": "sci-proving-ground-case", "format_version": 1, "case": "single-bad", "suite": "single"}
     ghost = {"ghost": {"fraction": 0.1, "dx": 5.0, "dy": 5.0}}
-    return [
+    contents = [
         *(record("single", GAIN, found(error)) for error in (-2.5, -1, 0, 0.5, 1, 1.5)),
         record("single", GAIN, {}, nats=10),  # nobody could have seen it
         {**lost, "failed": "ValueError: no"},
@@ -57,10 +59,11 @@ def records(record: Callable[..., Any]) -> list[dict[str, Any]]:
         record("outside", ghost, {}, unnamed=("optics",), verdict="unexplained"),
         record("outside", ghost, found(0), memory_mib=5000.0, size=[128, 128], frames=8, seconds=61.0),
     ]
+    return [parse_record(content) for content in contents]
 
 
-def test_rows(records: list[dict[str, Any]]) -> None:
-    rows = sum_up(records)
+def test_rows(records: list[Outcome | Failure]) -> None:
+    rows = summarise(records)
     shares = {
         "single effect, clear": (6, 7, False),
         "single effect, weak": (1, 1, True),
@@ -77,9 +80,9 @@ def test_rows(records: list[dict[str, Any]]) -> None:
         "95% of chi2's excess": (7, 8, False),
     }
     for start, (count, total, met) in shares.items():
-        each = row(rows, start)
-        assert each.proportion == Proportion(count, total), start
-        assert each.met is met, start
+        line = row(rows, start)
+        assert line.proportion == Proportion(count, total), start
+        assert line.met is met, start
     assert row(rows, "single effect, clear").missed == ("single-bad failed",)
     assert row(rows, "95 % intervals").missed[0].startswith("gain.factor -2.5 std: gain (")
     assert row(rows, "single effect, clear").found.endswith("; 1 not asked: too faint or too strong")
@@ -89,8 +92,8 @@ def test_rows(records: list[dict[str, Any]]) -> None:
     assert row(rows, "cases that failed").missed == ("single-bad: ValueError: no",)
 
 
-def test_files(records: list[dict[str, Any]], tmp_path: Path) -> None:
-    rows = sum_up(records)
+def test_files(records: list[Outcome | Failure], tmp_path: Path) -> None:
+    rows = summarise(records)
     write_report(tmp_path, rows)
     text = (tmp_path / "summary.md").read_text()
     assert "| pairs: exact set of names | 0.0% (0 of 1; 0% to 79%) | at least 95% | **no** |" in text
@@ -98,12 +101,13 @@ def test_files(records: list[dict[str, Any]], tmp_path: Path) -> None:
     assert "- gain + black_level -> gain (structural, 8 bits; chi2 10 to 2, 5 s)" in text
     assert "Not tried: triples: exact set of names; fewer captures: confident wrong name." in text
     content = json.loads((tmp_path / "summary.json").read_text())
+    check("proving_ground_summary", content)
     single = content["rows"][0]
     assert (single["count"], single["total"], single["met"]) == (6, 7, False)
-    assert "met" not in next(each for each in content["rows"] if each["what"].startswith("triples"))
+    assert "met" not in next(row for row in content["rows"] if row["what"].startswith("triples"))
 
 
-def test_pictures(records: list[dict[str, Any]], tmp_path: Path) -> None:
+def test_pictures(records: list[Outcome | Failure], tmp_path: Path) -> None:
     paths = write_pictures(tmp_path, records)
     assert [path.name for path in paths] == ["confusion.png", "coverage.png", "gap.png", "time.png"]
     for path in paths:
