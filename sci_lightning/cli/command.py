@@ -20,7 +20,7 @@ from sci_lightning.cli.continued_run import continued
 from sci_lightning.cli.encoder_file import PLACES, EncoderFile, adapt_to_encoder_files, adopt_encoder_files
 from sci_lightning.cli.failure_line import exit_status, one_line
 from sci_lightning.cli.help import help_text
-from sci_lightning.cli.hydra_callbacks import Refused
+from sci_lightning.cli.hydra_callbacks import CommandFailed
 from sci_lightning.cli.settings import check_command_settings
 from sci_lightning.cli.sweep import defer_to_rows, finished_rows, in_sweep, refuse_uncomposed_row
 from sci_lightning.cli.words import check_choices, check_words
@@ -66,8 +66,8 @@ def run(name: str, task: Task) -> None:
         if isinstance(stop, KeyboardInterrupt) or isinstance(stop.__context__, KeyboardInterrupt):
             sys.exit("interrupted")
         raise
-    except (Exception, Refused) as stop:
-        error = stop.__cause__ if isinstance(stop, Refused) and stop.__cause__ else stop
+    except (Exception, CommandFailed) as stop:
+        error = stop.__cause__ if isinstance(stop, CommandFailed) and stop.__cause__ else stop
         if debug:
             raise error from error.__cause__
         failed.append((one_line(error), exit_status(error)))
@@ -118,11 +118,13 @@ def _job(name: str, task: Task, files: Mapping[str, EncoderFile], debug: bool) -
             with _process_state(words, full_errors=debug), run_folder(cfg.out) if in_folder else nullcontext():
                 return task(composition)
         except Exception as error:
-            if in_sweep() and debug:
-                traceback.print_exc()
-            if not in_sweep() and in_folder and exit_status(error) == 2:
+            if in_sweep():
+                if debug:
+                    traceback.print_exc()
+                raise  # SweepRows makes a row of it, and the others go on
+            if in_folder and exit_status(error) == 2:
                 remove_if_refused(cfg.out, settings.job.name)
-            raise
+            raise CommandFailed from error
 
     return job
 

@@ -15,10 +15,11 @@ from sci_lightning.runs.resume import check_nothing_lost
 from sci_lightning.runs.run_folder import is_first_process, lock, make_folder, unlock
 
 
-class Refused(BaseException):
-    """Ends a command whose settings cannot be used; ``__cause__`` says why.
+class CommandFailed(BaseException):
+    """Ends a command; ``__cause__`` says why.
 
-    It is no ``Exception`` because Hydra turns those into warnings when a callback raises them.
+    It is no ``Exception``: of those Hydra makes a warning when a callback raises one, and writes lines of its own on
+    the terminal when a job does.
     """
 
 
@@ -26,7 +27,7 @@ class CheckBeforeWriting(Callback):
     """Check the settings when they are composed; Hydra makes the folder ``out`` only afterwards.
 
     Raises:
-        Refused: a setting that is missing, cannot be resolved, or is of another type or out of its range.
+        CommandFailed: a setting that is missing, cannot be resolved, or is of another type or out of its range.
     """
 
     def on_run_start(self, config: DictConfig, config_name: str | None = None, **kwargs: Any) -> None:
@@ -35,13 +36,13 @@ class CheckBeforeWriting(Callback):
                 raise BadInput(f"give {missing[0]}=..; --help says what it is")
             check_command_settings(config, str(config_name))
         except Exception as error:
-            raise Refused from error
+            raise CommandFailed from error
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         try:  # every other setting may be one of those that the sweep varies; its runs check themselves
             check_settings({"out": config.get("out")}, nullable=())
         except Exception as error:
-            raise Refused from error
+            raise CommandFailed from error
 
 
 class OwnFolder(Callback):
@@ -51,7 +52,7 @@ class OwnFolder(Callback):
     the next.
 
     Raises:
-        Refused: another process writes there, or a training lies there that would be overwritten.
+        CommandFailed: another process writes there, or a training lies there that would be overwritten.
     """
 
     def on_run_start(self, config: DictConfig, **kwargs: Any) -> None:
@@ -69,11 +70,11 @@ class OwnFolder(Callback):
                 unlock(folder)
                 raise
         except Exception as error:
-            raise Refused from error
+            raise CommandFailed from error
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         if _is_new(config) and not _made_for(config):
-            raise Refused from BadInput(f"{config.out}: another sweep was started in this second; start it again")
+            raise CommandFailed from BadInput(f"{config.out}: another sweep was started in this second; start it again")
 
 
 def check_folder(folder: Path, config: DictConfig) -> None:
