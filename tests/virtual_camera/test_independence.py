@@ -29,7 +29,12 @@ PRINTING = {
 }
 COMMANDS = {
     "__main__": {"sci_lightning.cli.command", "sci_lightning.cli.composition", *PRINTING},
-    "reveal": PRINTING,
+    "reveal": {
+        "sci_lightning.cli.command",
+        "sci_lightning.cli.composition",
+        "sci_lightning.cli.plain_words",
+        *PRINTING,
+    },
     "reveal_files": {"sci_lightning.files.bounded_file"},
 }
 
