@@ -8,20 +8,18 @@ import time
 from datetime import datetime, timezone
 from pathlib import Path
 
-from omegaconf import DictConfig
-
-from sci_lightning.cli.command import run, targets
+from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition, plain
 from sci_lightning.cli.console import PlainConsole, styled
 
 
-def diagnose(cfg: DictConfig) -> None:
+def diagnose(composition: Composition) -> None:
     """Write ``report.html``, ``report.json``, ``encoder.yaml`` and pictures, and print what was found.
 
     Args:
-        cfg: ``conf/diagnose.yaml``, composed.
+        composition: of ``conf/diagnose.yaml``.
     """
     from sci_lightning.captures import read_captures
-    from sci_lightning.cli.loggers import chosen_loggers
     from sci_lightning.cli.next_command import invocation, nearest, print_next
     from sci_lightning.diagnosis.diagnosis import diagnose
     from sci_lightning.diagnosis.report.dashboard import log
@@ -32,10 +30,12 @@ def diagnose(cfg: DictConfig) -> None:
     from sci_lightning.diagnosis.search_settings import SearchSettings
     from sci_lightning.diagnosis.vocabulary import vocabulary
     from sci_lightning.runs.results import write_json
+    from sci_lightning.training.loggers import build_loggers
 
+    cfg = composition.cfg
     start, out, console = time.perf_counter(), Path(cfg.out), PlainConsole()
     captures = read_captures(cfg.captures)
-    candidates = vocabulary(cfg.candidates, targets("effect"))
+    candidates = vocabulary(cfg.candidates, composition.targets("effect"))
     with searching(console, cfg.most) as told:
         settings = SearchSettings(max_effects=cfg.most, **cfg.search)
         found = diagnose(captures, candidates, cfg.seed, cfg.empirical, settings, told)
@@ -51,7 +51,7 @@ def diagnose(cfg: DictConfig) -> None:
         write_encoder(found, out)
         write_pictures(drawn, out)
         write_page(found, report, drawn, shlex.join(["python", "-m", "sci_lightning.diagnose", *sys.argv[1:]]), out)
-    for logger in chosen_loggers(cfg, "diagnosis"):
+    for logger in build_loggers(plain(cfg.logger) if cfg.get("logger") else None, "diagnosis"):
         log(logger, report, drawn)
     print_report(report, sentence, console)
     console.say(styled(out / "report.html"), "; beside it report.json, encoder.yaml and pictures")

@@ -1,0 +1,63 @@
+"""Maps are solved together as one dense system would be, and judged by what their names promise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap, MapSystem
+from sci_lightning.diagnosis.search.map_test import map_p_value
+
+N, H, W = 3, 4, 5
+SHAPES = {"pixel": (H, W), "row": (H, 1), "column": (1, W)}
+
+
+def fixed_pattern(kind: str, seed: int, shape: tuple[int, int] | None = None) -> FixedPatternMap:
+    random = torch.Generator().manual_seed(seed)
+    size = shape or SHAPES[kind]
+    values = torch.randn(size, generator=random, dtype=torch.float64)
+    jacobian = 0.5 + torch.rand(N, H, W, generator=random, dtype=torch.float64)
+    return FixedPatternMap(kind, kind, values, jacobian, values * 0, torch.ones_like(values), 0.7, 0.1, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    "kinds", [("row",), ("row", "column"), ("pixel", "pixel"), ("column", "pixel", "row"), ("row", "row", "column")]
+)
+def test_as_one_dense_system(kinds: tuple[str, ...]) -> None:
+    weight = 0.5 + torch.rand(N, H, W, generator=torch.Generator().manual_seed(9), dtype=torch.float64)
+    maps = []
+    for seed, kind in enumerate(kinds):
+        each = fixed_pattern(kind, seed)
+        own = each.gather(each.jacobian.square() * weight)
+        maps.append(replace(each, likelihood_information=own))
+    system = MapSystem(maps, weight)
+    columns = []  # derivative of the mean by every value of every map
+    for each in system.maps:
+        for index in range(each.values.numel()):
+            one = torch.zeros(each.values.numel(), dtype=torch.float64)
+            one[index] = 1
+            columns.append((each.jacobian * one.view(each.values.shape)).flatten())
+    design = torch.stack(columns)
+    dense = design * weight.flatten() @ design.T + torch.eye(len(design)) / 0.7**2
+    right = torch.randn(2, len(design), dtype=torch.float64, generator=torch.Generator().manual_seed(5))
+    torch.testing.assert_close(system.solve(right), torch.linalg.solve(dense, right.T).T)
+
+
+def estimated(values: torch.Tensor) -> FixedPatternMap:
+    weight = torch.full_like(values, 100.0)
+    return FixedPatternMap("map", "pixel", values, values, values * 0, weight, float(values.std()), 0.1, 0.0, 0.0)
+
+
+def test_white_maps_pass_and_others_do_not() -> None:
+    random = torch.Generator().manual_seed(0)
+    p_values = [map_p_value(estimated(torch.randn(48, 48, generator=random, dtype=torch.float64))) for _ in range(20)]
+    assert min(p_values) > 1e-3
+    white = torch.randn(48, 48, generator=random, dtype=torch.float64)
+    smooth = torch.nn.functional.avg_pool2d(white[None], 5, 1, 2)[0]
+    spots = white.clone()
+    spots[10, 10:14] -= 12
+    rows = white + torch.tensor([0.5, -0.5], dtype=torch.float64).repeat(24)[:, None]
+    for unlike in (smooth, spots, rows):
+        assert map_p_value(estimated(unlike)) < 1e-5
