@@ -29,6 +29,7 @@ def diagnose(cfg: DictConfig) -> None:
     from sci_lightning.diagnosis.report.report import describe, write_encoder, write_page, write_pictures
     from sci_lightning.diagnosis.report.sentences import headline
     from sci_lightning.diagnosis.report.terminal import print_report, searching
+    from sci_lightning.diagnosis.search_settings import SearchSettings
     from sci_lightning.diagnosis.vocabulary import vocabulary
     from sci_lightning.runs.results import write_json
 
@@ -36,7 +37,8 @@ def diagnose(cfg: DictConfig) -> None:
     captures = read_captures(cfg.captures)
     candidates = vocabulary(cfg.candidates, targets("effect"))
     with searching(console, cfg.most) as told:
-        found = diagnose(captures, candidates, cfg.seed, cfg.most, cfg.empirical, told)
+        settings = SearchSettings(max_effects=cfg.most, **cfg.search)
+        found = diagnose(captures, candidates, cfg.seed, cfg.empirical, settings, told)
         told("writing the report")
         drawn = figures(found)
         report = describe(found) | {
@@ -44,9 +46,9 @@ def diagnose(cfg: DictConfig) -> None:
             "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
             "runtime_s": time.perf_counter() - start,
         }
-        sentence = headline(report, found.left)
+        sentence = headline(report, found.remaining)
         write_json(report, out / "report.json")
-        write_encoder(found.fitter, found.after, out)
+        write_encoder(found, out)
         write_pictures(drawn, out)
         write_page(found, report, drawn, shlex.join(["python", "-m", "sci_lightning.diagnose", *sys.argv[1:]]), out)
     for logger in chosen_loggers(cfg, "diagnosis"):

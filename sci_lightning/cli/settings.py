@@ -7,12 +7,14 @@ top of ``conf/<command>.yaml`` is checked here. One key means the same in every 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import is_dataclass
 from typing import Annotated, Any
 
 from annotated_types import DocInfo, Interval, MinLen
 
-from sci_lightning.configuration.arguments import check_value
+from sci_lightning.configuration.arguments import check_arguments, check_value
 from sci_lightning.configuration.bounds import Frames, NonNegative, Positive, Repeats, Seed, Size
+from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.errors import BadInput
 from sci_lightning.files.memory_bound import memory_bound
 
@@ -70,6 +72,7 @@ SETTINGS: Mapping[str, Any] = {
     "product": Annotated[int, Interval(ge=0, le=65536)],
     # diagnose
     "most": Count,
+    "search": SearchSettings,
     "empirical": bool,
     "candidates": Annotated[Mapping[str, Name], DocInfo("effects of your own, +candidates.mine=my_module.Mine")],
     # virtual_camera
@@ -115,7 +118,10 @@ def check_settings(settings: Mapping[str, Any], nullable: Iterable[str]) -> None
     """
     free = set(nullable)
     for key, value in settings.items():
-        if key in SETTINGS:
+        if key in SETTINGS and is_dataclass(SETTINGS[key]):
+            check_value(key, value, Mapping[str, Any])
+            check_arguments(SETTINGS[key], value, key)
+        elif key in SETTINGS:
             check_value(key, value, SETTINGS[key] | None if key in free and SETTINGS[key] is not Any else SETTINGS[key])
     check_field(settings.get("frames"), settings.get("size"))
 

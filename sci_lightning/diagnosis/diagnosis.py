@@ -1,138 +1,185 @@
-"""A diagnosis: from captures to the effects that a model of the camera lacks."""
+"""A diagnosis: from captures to the effects that the model of an ideal camera lacks.
+
+The method has five steps, one folder each. A forward **model** of the camera predicts mean and variance of every pixel
+(:mod:`~sci_lightning.diagnosis.model`). A maximum-likelihood **fit** estimates the parameters of a hypothesis
+(:mod:`~sci_lightning.diagnosis.fit`). A **search** adds the effects that the captures ask for
+(:mod:`~sci_lightning.diagnosis.search`). **Residual tests** look for what the model still misses
+(:mod:`~sci_lightning.diagnosis.residual_tests`). The **report** says so (:mod:`~sci_lightning.diagnosis.report`); it
+computes nothing, everything that it needs is in :class:`Diagnosis`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
 
 from sci_lightning.captures import Captures
+from sci_lightning.diagnosis import vocabulary as effects_vocabulary
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.fit.gap import gap
-from sci_lightning.diagnosis.fit.split import split
+from sci_lightning.diagnosis.fit.gap import Gap, held_out_gap
+from sci_lightning.diagnosis.fit.split import Split, split
 from sci_lightning.diagnosis.model.camera_model import CameraModel
 from sci_lightning.diagnosis.model.noise import stated
-from sci_lightning.diagnosis.model.observation import observe
+from sci_lightning.diagnosis.model.observation import Observation, observe
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
 from sci_lightning.diagnosis.residual_tests.where import ask
+from sci_lightning.diagnosis.search.evidence import ErrorCorrelation, NamedEffect, error_correlation, named_effects
 from sci_lightning.diagnosis.search.explain import explain
-from sci_lightning.diagnosis.search.remaining_misfit import IMPRECISE, Unnamed
+from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
 from sci_lightning.diagnosis.search.search import Round
+from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.verdict import verdict
 from sci_lightning.encoder.effects import Effect
 
-CERTAIN = 1e-4
-"""P-value of a residual test, corrected, below which something is left whatever chi2 says."""
+
+@dataclass(frozen=True)
+class Assessment:
+    """One model of the camera and how well it agrees with the captures.
+
+    Attributes:
+        fit: the fitted model.
+        gap: misfit on held-out pixels.
+        residuals: randomised quantile residuals of every pixel.
+        tests: every residual test, with p-values corrected for their number.
+    """
+
+    fit: Fit
+    gap: Gap
+    residuals: Residuals
+    tests: tuple[ResidualTest, ...]
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What was found.
+    """The result of a diagnosis, computed once; reports only read it.
 
     Attributes:
-        fitter: of the captures: observation, split and model are in it.
+        observation: the captures with known scenes, in the order of all ``(N, ..)`` tensors.
+        model: the forward model; it predicts any hypothesis about its effects.
+        split: which pixels were fitted and which were held out.
+        settings: thresholds and budgets that were used.
+        seed: of the residuals' randomisation.
         before: the ideal camera with the datasheet's noise.
-        after: with everything that was named; in free form what was not, if that was asked for.
-        complete: with both in any case.
-        names: effects found, in the order of the light, noise that differs from the datasheet's among them.
-        rounds: what was considered, round by round.
-        unnamed: what is left.
-        stated: noise effects whose values the captures file states.
-        gaps: ``before`` and ``after``, see :func:`gap`.
-        seed: of the randomised residuals.
+        after: the corrected camera, with every named effect (and with the unnamed in free form, if that was asked for).
+        effects: the named effects in the order in which light meets them; noise that differs from the datasheet's
+            among them.
+        unnamed: deviations that no effect of the vocabulary explains.
+        rounds: what the search considered, round by round.
+        stated_noise: names of the noise effects whose values the captures file states.
+        correlation: of the errors of the corrected camera's parameters.
+        remaining: residual tests that find more than noise in what the corrected camera leaves, see
+            :func:`remaining_tests`; verdict and headline follow from them.
     """
 
-    fitter: Fitter
-    before: Fit
-    after: Fit
-    complete: Fit
-    names: tuple[str, ...]
-    rounds: tuple[Round, ...]
-    unnamed: tuple[Unnamed, ...]
-    stated: tuple[str, ...]
-    gaps: dict[str, dict[str, Any]]
+    observation: Observation
+    model: CameraModel
+    split: Split
+    settings: SearchSettings
     seed: int
+    before: Assessment
+    after: Assessment
+    effects: tuple[NamedEffect, ...]
+    unnamed: tuple[Unnamed, ...]
+    rounds: tuple[Round, ...]
+    stated_noise: tuple[str, ...]
+    correlation: ErrorCorrelation
+    remaining: tuple[ResidualTest, ...]
 
     @property
     def verdict(self) -> str:
         """consistent, explained, partly_explained or unexplained: :func:`~sci_lightning.diagnosis.verdict.verdict`."""
-        return verdict(self.gaps, len(self.names), len(self.unnamed), len(self.left))
+        counts = len(self.effects), len(self.unnamed), len(self.remaining)
+        return verdict(self.before.gap, self.after.gap, *counts)
 
-    @cached_property
-    def residuals(self) -> dict[str, Residuals]:
-        """``before`` and ``after``."""
-        return {
-            "before": Residuals.of(self.fitter, self.before, self.seed),
-            "after": Residuals.of(self.fitter, self.after, self.seed),
-        }
-
-    @cached_property
-    def where(self) -> dict[str, list[ResidualTest]]:
-        """``before`` and ``after``: what the residuals were asked, and their answers."""
-        return {when: ask(residuals) for when, residuals in self.residuals.items()}
-
-    @cached_property
-    def left(self) -> list[ResidualTest]:
-        """Residual tests that find more than noise in what is left by the model with everything that was named.
-
-        These are the tests that the verdict and its sentence speak of. A test about mean or variance has to find more
-        nats than come from the formulas of strong effects being a little inexact. If no noise was named, the p-value
-        has to be below ``CERTAIN``. If some was, ``SIGNIFICANT`` is enough: noise explains variance only, so that it
-        stands in for something else as long as the residuals have a structure.
-        """
-        inexact = IMPRECISE * self.fitter.explained(self.after, self.before, self.after)
-        noise = any(self.fitter.model.known[name].noise for name in self.names)
-        return [
-            test
-            for test in self.where["after"]
-            if test.significant
-            and (noise or test.corrected < CERTAIN)
-            and (test.about in ("map", "converter") or test.nats > inexact)
-        ]
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of :attr:`effects`."""
+        return tuple(effect.name for effect in self.effects)
 
 
 def diagnose(
     captures: Captures,
-    vocabulary: Mapping[str, type[Effect]],
+    vocabulary: Mapping[str, type[Effect]] | None = None,
     seed: int = 0,
-    most: int = 6,
     empirical: bool = False,
-    told: Callable[[str], None] = lambda text: None,
+    settings: SearchSettings | None = None,
+    on_progress: Callable[[str], None] = lambda message: None,
 ) -> Diagnosis:
-    """Find the effects that the ideal camera lacks to explain the captures.
+    """Find the effects that the model of an ideal camera lacks to explain the captures.
 
     Args:
-        captures: of one camera.
-        vocabulary: effects that may be named.
-        seed: of the randomised residuals.
-        most: effects to be found at most.
-        empirical: whether what has no name is added to the model in free form.
-        told: is called with a line of text whenever there is news.
+        captures: of one camera, see :func:`~sci_lightning.captures.read_captures`.
+        vocabulary: effects that may be named, by name; None for every effect of the package.
+        seed: of the residuals' randomisation.
+        empirical: whether the corrected camera contains what has no name, in free form.
+        settings: thresholds and budgets; None for the defaults.
+        on_progress: called with a one-line message after every step of the search.
 
     Raises:
         BadInput: no capture with a known scene, all saturated, or all black.
     """
+    settings = settings or SearchSettings()
     observation = observe(captures)
-    fitter = Fitter(CameraModel(observation, vocabulary), split(observation))
-    noise, fixed = stated(fitter)
-    before = fitter.fit(noise, fixed=fixed, iterations=30)
-    complete, names, rounds, unnamed = explain(fitter, before, noise, most, told)
-    after = complete
-    if unnamed and not empirical:  # the noise stays: it must not take up what has no name
+    model = CameraModel(observation, effects_vocabulary.vocabulary() if vocabulary is None else vocabulary)
+    fitter = Fitter(model, split(observation, settings), settings)
+    noise, stated_by_file = stated(fitter)
+    ideal = fitter.fit(noise, fixed=stated_by_file, iterations=30)
+    complete, names, rounds, unnamed = explain(fitter, ideal, noise, on_progress)
+    corrected = complete
+    if unnamed and not empirical:  # the noise keeps its values: it must not absorb what has no name
         named = complete.hypothesis
-        for each in unnamed:
-            named = named.without(each.name)
-        after = fitter.fit(named, fixed=tuple((each, name) for each in noise.effects for name in noise.effects[each]))
+        for deviation in unnamed:
+            named = named.without(deviation.name)
+        fixed = tuple((effect, parameter) for effect in noise.effects for parameter in noise.effects[effect])
+        corrected = fitter.fit(named, fixed=fixed)
+    before, after = (assess(fitter, fit, seed) for fit in (ideal, corrected))
+    names.sort(key=lambda name: model.vocabulary[name].rank)
     return Diagnosis(
-        fitter=fitter,
+        observation=observation,
+        model=fitter.model,
+        split=fitter.split,
+        settings=settings,
+        seed=seed,
         before=before,
         after=after,
-        complete=complete,
-        names=tuple(sorted(names, key=lambda name: vocabulary[name].rank)),
-        rounds=tuple(rounds),
+        effects=named_effects(fitter, complete, names),
         unnamed=tuple(unnamed),
-        stated=tuple(name for name, _ in fixed),
-        gaps={"before": gap(fitter, before, seed), "after": gap(fitter, after, seed)},
-        seed=seed,
+        rounds=tuple(rounds),
+        stated_noise=tuple(effect for effect, _ in stated_by_file),
+        correlation=error_correlation(corrected),
+        remaining=remaining_tests(fitter, before, after, names),
+    )
+
+
+def assess(fitter: Fitter, fit: Fit, seed: int) -> Assessment:
+    """Judge a fitted model by its gap on held-out pixels and by every residual test.
+
+    Args:
+        fitter: holds captures, split and model.
+        fit: the fitted model.
+        seed: of the residuals' randomisation.
+    """
+    residuals = Residuals.of(fitter, fit, seed)
+    return Assessment(fit, held_out_gap(fitter, fit, seed), residuals, tuple(ask(residuals)))
+
+
+def remaining_tests(
+    fitter: Fitter, before: Assessment, after: Assessment, names: list[str]
+) -> tuple[ResidualTest, ...]:
+    """Return the residual tests that find more than noise in what the corrected camera leaves.
+
+    The formulas of strong effects are a little inexact. A test about mean or variance therefore has to find more than
+    the part ``unnamed_formula_error`` of the log-likelihood that the corrected camera gains. If no noise was named, the
+    p-value has to be below ``max_residual_p_value``. If some was, ``significance`` is enough: noise explains variance
+    only, so that it stands in for something else as long as the residuals have a structure.
+    """
+    settings = fitter.settings
+    inexact = settings.unnamed_formula_error * fitter.explained(after.fit, before.fit, after.fit)
+    noise = any(fitter.model.known[name].noise for name in names)
+    return tuple(
+        test
+        for test in after.tests
+        if test.significant
+        and (noise or test.corrected < settings.max_residual_p_value)
+        and (test.about in ("map", "converter") or test.nats > inexact)
     )

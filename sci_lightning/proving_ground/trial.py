@@ -11,7 +11,8 @@ from typing import Any
 
 from sci_lightning.captures import read_captures
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
-from sci_lightning.diagnosis.fit.gap import gap
+from sci_lightning.diagnosis.fit.fit import Fitter
+from sci_lightning.diagnosis.fit.gap import held_out_gap
 from sci_lightning.diagnosis.report.report import describe
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.proving_ground.case import Case
@@ -62,12 +63,13 @@ def compare_with_true_names(diagnosis: Diagnosis, hidden: list[dict[str, Any]]) 
     true_values = {effect["name"]: effect["parameters"] for effect in hidden}
     if set(true_values) == set(diagnosis.names) or not all(effect["in_vocabulary"] for effect in hidden):
         return None
-    hypothesis = diagnosis.before.hypothesis
+    hypothesis = diagnosis.before.fit.hypothesis
     for name, parameters in true_values.items():
         hypothesis = hypothesis.having(name, parameters)
-    true = diagnosis.fitter.fit(hypothesis, iterations=30)
-    chi2 = gap(diagnosis.fitter, true, diagnosis.seed)["chi2"]
-    return {"nats": true.total - diagnosis.after.total, "chi2": chi2}
+    fitter = Fitter(diagnosis.model, diagnosis.split, diagnosis.settings)
+    true = fitter.fit(hypothesis, iterations=30)
+    chi2 = held_out_gap(fitter, true, diagnosis.seed).chi2
+    return {"nats": true.total - diagnosis.after.fit.total, "chi2": chi2}
 
 
 def reset_peak_memory() -> None:

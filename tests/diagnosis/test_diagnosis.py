@@ -46,8 +46,8 @@ def test_what_has_no_name(hidden: dict[str, Any], stage: str, tmp_path: Path) ->
 
 def test_free_form_when_asked(tmp_path: Path) -> None:
     found = diagnosed(tmp_path, {"short_slot": {"loss": 0.3, "slot": 2}}, empirical=True)
-    assert found.verdict == "unexplained" and found.gaps["after"]["chi2"] < 1.05 < found.gaps["before"]["chi2"]
-    write_encoder(found.fitter, found.after, tmp_path)
+    assert found.verdict == "unexplained" and found.after.gap.chi2 < 1.05 < found.before.gap.chi2
+    write_encoder(found, tmp_path)
     assert "SlotWeights" in (tmp_path / "encoder.yaml").read_text()
 
 
@@ -67,7 +67,7 @@ def test_what_is_to_be_recorded_tells(tmp_path: Path) -> None:
     found = diagnose(captures, few)
     (effect,) = describe(found)["effects"]
     assert {effect["name"], *effect["alternatives"]} == {"mask_lag", "sync_offset"}
-    more = recorded(found, effect["tell_apart"], found.before.hypothesis.having("mask_lag", {"lag": 0.015}))
+    more = recorded(found, effect["tell_apart"], found.before.fit.hypothesis.having("mask_lag", {"lag": 0.015}))
     (effect,) = describe(diagnose(joined(captures, more), few))["effects"]
     assert (effect["name"], effect["alternatives"], effect["tell_apart"]) == ("mask_lag", [], "")
 
@@ -77,14 +77,14 @@ def recorded(found: Diagnosis, advice: str, truth: Hypothesis) -> Captures:
     amount = re.search(r"record (?:(\d+) captures|one capture) of", advice)
     assert amount
     random, parts = torch.Generator().manual_seed(1), []
-    for kind, seen in imagined_captures(found.fitter.model.observation).items():
+    for kind, seen in imagined_captures(found.observation).items():
         if re.search(f" of {re.escape(kind)}(, and as many| \\(about| \\(more)", advice):
-            told = CameraModel(seen, found.fitter.model.known).predict(truth)
+            told = CameraModel(seen, found.model.known).predict(truth)
             for _ in range(int(amount[1] or 1)):
                 noisy = told.mean + told.deviation * torch.randn(told.mean.shape, generator=random)
                 parts.append((seen, noisy.round().clamp(0, seen.full_scale)))
     assert parts
-    shape = (found.fitter.model.observation.frames, *found.fitter.model.observation.size)
+    shape = (found.observation.frames, *found.observation.size)
     return Captures(
         patterns=parts[0][0].patterns.numpy(),
         sequence=torch.cat([seen.sequences for seen, _ in parts]).numpy(),
@@ -129,5 +129,5 @@ def test_order_does_not_matter(tmp_path: Path) -> None:
     backwards = captures.take(list(range(len(captures.measurement)))[::-1])
     one, other = (diagnose(each, vocabulary()) for each in (captures, backwards))
     assert one.names == other.names == ("mask_contrast",)
-    leaks = [float(each.after.hypothesis.effects["mask_contrast"]["leak"]) for each in (one, other)]
+    leaks = [float(each.after.fit.hypothesis.effects["mask_contrast"]["leak"]) for each in (one, other)]
     assert leaks[0] == pytest.approx(leaks[1], abs=1e-5)

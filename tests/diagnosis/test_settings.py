@@ -18,6 +18,7 @@ from sci_lightning.diagnosis.diagnosis import diagnose
 from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.report.report import describe
 from sci_lightning.diagnosis.report.sentences import headline
+from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera import Session, capture_session, write_captures
@@ -30,6 +31,8 @@ from sci_lightning.virtual_camera import Session, capture_session, write_capture
         *(("seed", value) for value in (-1, 2**63, 1e30, "abc")),
         *(("empirical", value) for value in (7, "yes")),
         *(("candidates", value) for value in (5, ["a"], "a", {"a": 5}, {"a": ""})),
+        *(("search", value) for value in (5, {"min_gain_nats": -1}, {"probes_fitted": 0}, {"max_map_p_value": 2.0})),
+        *(("search", value) for value in ({"significance": True}, {"mistyped": 1}, {"held_out_block": 1.5})),
         *(("captures", value) for value in ("", ["a.h5"], {"a": 1}, True)),
     ],
 )
@@ -70,10 +73,10 @@ def test_degenerate_captures_get_a_verdict(degenerate: str, tmp_path: Path) -> N
     few = {
         name: vocabulary()[name] for name in ("gain", "pattern_order", "bit_depth", "prnu", "shot_noise", "read_noise")
     }
-    found = diagnose(replace(captures, **changed), few, most=2)
+    found = diagnose(replace(captures, **changed), few, settings=SearchSettings(max_effects=2))
     report = describe(found)
     assert report["verdict"] in ("consistent", "explained", "partly_explained", "unexplained")
-    assert headline(report, found.left).endswith(".")
+    assert headline(report, found.remaining).endswith(".")
 
 
 @pytest.mark.parametrize(

@@ -5,16 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
 
 from sci_lightning.captures import read_captures
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
-from sci_lightning.diagnosis.fit.gap import gap
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.gap import Gap, held_out_gap, largest_by_chance, variance_of_squares
 from sci_lightning.diagnosis.report.report import describe
 from sci_lightning.diagnosis.report.sentences import CLEAN, headline
-from sci_lightning.diagnosis.verdict import NEGLIGIBLE, largest_by_chance, variance_of_squares, verdict
+from sci_lightning.diagnosis.verdict import NEGLIGIBLE, verdict
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, capture_session, write_captures
 from tests.diagnosis.report.test_sentences import GHOST, SHIFT
@@ -54,40 +56,51 @@ def few(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
     return diagnose(read_captures(path), {name: vocabulary()[name] for name in ("gain", "shot_noise", "read_noise")})
 
 
+def with_chi2(found: Diagnosis, chi2: float) -> Diagnosis:
+    """The same with another chi2 on the held-out pixels."""
+    before, after = (replace(each, gap=replace(each.gap, chi2=chi2)) for each in (found.before, found.after))
+    return replace(found, before=before, after=after)
+
+
+def limit(fitter: Fitter, fit: Fit) -> float:
+    return held_out_gap(fitter, fit, 0).chi2_limit
+
+
 def test_few_pixels_whose_chi2_is_a_little_large_are_consistent(few: Diagnosis) -> None:
-    assert few.gaps["after"]["pixels"] < 1000 and 1.1 < few.gaps["after"]["chi2_limit"] < 1.6
-    other = replace(few, gaps={when: each | {"chi2": 1.065} for when, each in few.gaps.items()})
+    assert few.after.gap.pixels < 1000 and 1.1 < few.after.gap.chi2_limit < 1.6
+    other = with_chi2(few, 1.065)
     assert other.verdict == "consistent"
-    sentence = headline(describe(other), other.left)
+    sentence = headline(describe(other), other.remaining)
     assert sentence.startswith("The captures agree with the ideal camera: held-out chi2 1.065 (chance alone reaches 1.")
 
 
 def test_few_pixels_whose_chi2_is_too_large_are_not(few: Diagnosis) -> None:
-    other = replace(few, gaps={when: each | {"chi2": 1.9} for when, each in few.gaps.items()})
-    assert not other.left and other.verdict == "unexplained"
-    sentence = headline(describe(other), other.left)
+    other = with_chi2(few, 1.9)
+    assert not other.remaining and other.verdict == "unexplained"
+    sentence = headline(describe(other), other.remaining)
     assert sentence.startswith("The captures disagree with the ideal camera (held-out chi2 1.900)")
     assert "no test of the residuals says where" in sentence and CLEAN not in sentence
 
 
 def test_estimated_parameters_and_maps_widen_the_limit(few: Diagnosis) -> None:
-    fitter, fit = few.fitter, few.after
+    fitter, fit = Fitter(few.model, few.split), few.after.fit
     free = fitter.fit(fit.hypothesis.having("gain", {"factor": 1.0}))
-    assert gap(fitter, free, 0)["chi2_limit"] > gap(fitter, replace(free, free=()), 0)["chi2_limit"]
+    assert limit(fitter, free) > limit(fitter, replace(free, free=()))
     fitter.model.known["prnu"] = vocabulary()["prnu"]
     mapped = fitter.fit(free.hypothesis.having("prnu", {"std": 0.05}, fitter.model.blank_chart("prnu")), iterations=2)
     uncertain = replace(mapped, charts={"prnu": replace(mapped.charts["prnu"], std=0.5)})
-    assert gap(fitter, uncertain, 0)["chi2_limit"] > gap(fitter, replace(mapped, charts={}), 0)["chi2_limit"] + 0.01
+    assert limit(fitter, uncertain) > limit(fitter, replace(mapped, charts={})) + 0.01
 
 
 def test_verdict_and_sentence_agree() -> None:
     """Whether something is named, unnamed or left, whatever chi2 was before and is after, and if likelihood falls."""
-    shared = {"rmse_dn": 1.5, "pixels": 2000, "chi2_limit": 1.1}
+    shared: dict[str, Any] = {"rmse_dn": 1.5, "pixels": 2000, "chi2_limit": 1.1}
     for names, unnamed, structure, before, after, gained in product(
         (0, 1, 5), (0, 1), (0, 2), (0.4, 1.0, 30.0), (0.98, 1.04, 1.08, 1.3), (0.5, -0.5)
     ):
-        gaps = {"before": shared | {"chi2": before, "nll": 2 + gained}, "after": shared | {"chi2": after, "nll": 2.0}}
-        word = verdict(gaps, names, unnamed, structure)
+        first, second = Gap(**shared, chi2=before, nll=2 + gained), Gap(**shared, chi2=after, nll=2.0)
+        word = verdict(first, second, names, unnamed, structure)
+        gaps = {"before": first.describe(), "after": second.describe()}
         report = {"verdict": word, "effects": [SHIFT] * names, "unnamed": [GHOST] * unnamed, "gap": gaps}
         sentence = headline(report, [with_p(1e-9)] * structure)
         assert ("captures agree with" in sentence) == (word == "consistent"), sentence
@@ -100,9 +113,8 @@ def test_verdict_and_sentence_agree() -> None:
 
 def test_a_name_counts_when_likelihood_rises_though_chi2_does_too() -> None:
     """Noise that was overestimated brings chi2 below 1, whatever else is wrong."""
-    shared = {"rmse_dn": 1.0, "pixels": 2000, "chi2_limit": 1.1}
-    gaps = {"before": shared | {"chi2": 0.498, "nll": 3.0}, "after": shared | {"chi2": 1.008, "nll": 2.0}}
-    assert verdict(gaps, 1, 1, 0) == "partly_explained"
+    before = Gap(chi2=0.498, rmse_dn=1.0, nll=3.0, pixels=2000, chi2_limit=1.1)
+    assert verdict(before, replace(before, chi2=1.008, nll=2.0), 1, 1, 0) == "partly_explained"
 
 
 def test_explained_by_many_pixels_means_at_most_the_negligible(tmp_path: Path) -> None:
@@ -111,4 +123,4 @@ def test_explained_by_many_pixels_means_at_most_the_negligible(tmp_path: Path) -
     few = {name: vocabulary()[name] for name in ("gain", "shot_noise", "read_noise")}
     found = diagnose(read_captures(path), few)
     assert found.verdict == "explained"
-    assert found.gaps["after"]["chi2_limit"] == NEGLIGIBLE == 1.05 >= found.gaps["after"]["chi2"]
+    assert found.after.gap.chi2_limit == NEGLIGIBLE == 1.05 >= found.after.gap.chi2

@@ -14,13 +14,12 @@ from sci_lightning.diagnosis.model.ceiling import Ceiling
 from sci_lightning.diagnosis.model.fixed_pattern_map import Chart, chart_of, derivative
 from sci_lightning.diagnosis.model.likelihood import Intervals, Score, log_likelihood, score
 from sci_lightning.diagnosis.model.map_system import ChartSystem
+from sci_lightning.diagnosis.search_settings import SearchSettings
 
 DIFFERENCE = 0.1
 """Derivatives are differences over so much of a parameter's step .."""
 FINE = 1e-3
 """.. and those of the log-likelihood itself, which is curved, over so much of it."""
-ENOUGH = 0.05
-"""Nats; a fit that gains less in an iteration has arrived."""
 SHORTER = 0.4
 """Part of a map's step that is tried next when the whole was too far."""
 
@@ -63,11 +62,13 @@ class Fitter:
     Args:
         model: what predicts.
         split: which pixels may be seen.
+        settings: thresholds and budgets; None for the defaults.
     """
 
-    def __init__(self, model: CameraModel, split: Split) -> None:
+    def __init__(self, model: CameraModel, split: Split, settings: SearchSettings | None = None) -> None:
         self.model = model
         self.split = split
+        self.settings = settings or SearchSettings()
         self.use = split.fitted.float()
         self._intervals: dict[int, Intervals] = {}
 
@@ -154,7 +155,7 @@ class Fitter:
                     damping = max(damping / 10, 1e-6)
                     break
                 damping = max(damping * 20, 1e-2)
-            if value - before < ENOUGH:
+            if value - before < self.settings.min_progress_nats:
                 break
         held = float((self.values(self.uncertain(prediction, found)) * (1 - self.use)).sum(dtype=torch.float64))
         return Fit(hypothesis, prediction, value, held, tuple(free), information, found)

@@ -6,7 +6,6 @@ import math
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter, Name
 from sci_lightning.diagnosis.model.camera_model import Hypothesis
-from sci_lightning.diagnosis.search.search import MARGIN
 
 START = {"shot_noise": ("full_well", 1e4), "read_noise": ("std", 1.0)}
 
@@ -31,7 +30,7 @@ def settle(fitter: Fitter, fit: Fit) -> tuple[Fit, list[str]]:
             start = start.having(name, {parameter: datasheet.effects[name][parameter]})
         trial = fitter.fit(start, fixed=kept, iterations=30)
         freed = [each for each in fixed if each not in kept]
-        cost = len(freed) * (MARGIN + 0.5 * math.log(fitter.use.numel()))
+        cost = len(freed) * (fitter.settings.min_gain_nats + 0.5 * math.log(fitter.use.numel()))
         if trial.total - cost > best_worth:
             best, differing, best_worth = trial, [name for name, _ in freed], trial.total - cost
     return best, differing

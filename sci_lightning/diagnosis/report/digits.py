@@ -4,28 +4,7 @@ from __future__ import annotations
 
 import math
 
-from sci_lightning.encoder.effects.parameter import Parameter, Value
-
-EXACTNESS = 1e-3
-"""Part of what an effect changes to which its formula is trusted.
-
-The search trusts formulas no further either (its margin ``INEXACT`` is the square of this number, in nats per nat). A
-real light source, target or modulator is rarely known better. More digits would therefore be digits of the model, and
-not of the camera.
-"""
-
-
-def systematic_limit(value: Value, about: Parameter) -> float:
-    """Return what the systematic error of a found parameter is at least, in the parameter's unit.
-
-    It is ``EXACTNESS`` times the distance from the value at which the effect does nothing. Where there is no such value
-    (a phase), or where it is a bound that stands for infinity (a full well), it is ``EXACTNESS`` times the value.
-    Choices have none.
-    """
-    if about.choices or not isinstance(value, (int, float)):
-        return 0.0
-    neutral = about.neutral if isinstance(about.neutral, (int, float)) and not about.log else 0.0
-    return EXACTNESS * abs(float(value) - neutral)
+from sci_lightning.encoder.effects.parameter import Value
 
 
 def quantity(value: Value, std: float = 0.0, systematic: float = 0.0) -> str:
@@ -37,7 +16,8 @@ def quantity(value: Value, std: float = 0.0, systematic: float = 0.0) -> str:
     Args:
         value: of a parameter; what is no ``float`` is a choice, and exact.
         std: its standard deviation, statistical.
-        systematic: what its systematic error is at least, see :func:`systematic_limit`.
+        systematic: what its systematic error is at least, see
+            :func:`~sci_lightning.diagnosis.search.evidence.systematic_limit`.
     """
     if not isinstance(value, float):
         return str(value)

@@ -257,12 +257,12 @@ def test_figure(before: ResidualTest | None, after: ResidualTest) -> Figure:
 
 def figures(found: Diagnosis) -> dict[str, Figure]:
     """The pictures that lie beside the report, by file name."""
-    before, after = found.residuals["before"], found.residuals["after"]
+    before, after = found.before.residuals, found.after.residuals
     pictures = {
         "residuals.png": residuals_figure(before, after),
         "example.png": example_figure(before, after),
         "histogram.png": histogram_figure(before, after),
-        "gap.png": gap_figure(found.gaps),
+        "gap.png": gap_figure({"before": found.before.gap.describe(), "after": found.after.gap.describe()}),
         "evidence.png": evidence_figure(found.rounds, found.names),
     }
     return pictures | {f"unnamed_{n}.png": unnamed_figure(each) for n, each in enumerate(found.unnamed, start=1)}

@@ -13,10 +13,7 @@ from omegaconf import OmegaConf
 
 from sci_lightning import __version__
 from sci_lightning.diagnosis.diagnosis import Diagnosis
-from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.report.digits import systematic_limit
 from sci_lightning.diagnosis.report.report_page import report_page
-from sci_lightning.diagnosis.search.alternatives import Alternatives, alternatives
 from sci_lightning.encoder.empirical import Empirical
 from sci_lightning.files.atomic_file import whole_file
 
@@ -30,65 +27,31 @@ UNCERTAINTY = (
 
 def describe(found: Diagnosis) -> dict[str, Any]:
     """``report.json`` without its run time."""
-    effects = describe_effects(found.fitter, found.complete, list(found.names))
+    effects = [effect.describe() for effect in found.effects]
+    assessments = {"before": found.before, "after": found.after}
     return {
         "format": "sci-diagnosis",
         "format_version": 1,
         "verdict": found.verdict,
         "effects": effects,
         "uncertainty": UNCERTAINTY,
-        "gap": found.gaps,
+        "gap": {when: assessment.gap.describe() for when, assessment in assessments.items()},
         "unnamed": [
             {"stage": each.stage, "where": each.where, "p_value": each.p_value, "picture": f"unnamed_{number}.png"}
             for number, each in enumerate(found.unnamed, start=1)
         ],
-        "where": {when: [test.describe() for test in tests] for when, tests in found.where.items()},
+        "where": {when: [test.describe() for test in each.tests] for when, each in assessments.items()},
         "noise": {
             **{
-                name: each
-                for name, each in found.after.hypothesis.effects.items()
-                if found.fitter.model.known[name].noise
+                name: each for name, each in found.after.fit.hypothesis.effects.items() if found.model.known[name].noise
             },
-            "stated_by_the_file": list(found.stated),
+            "stated_by_the_file": list(found.stated_noise),
         },
         "next_captures": list(dict.fromkeys(each["tell_apart"] for each in effects if each["tell_apart"])),
-        "split": found.fitter.split.describe(),
+        "split": found.split.describe(),
         "seed": found.seed,
         "sci_lightning": __version__,
     }
-
-
-def describe_effects(fitter: Fitter, fit: Fit, names: list[str]) -> list[dict[str, Any]]:
-    """Every found effect: parameters with standard deviations, and what the captures lose without it."""
-    covariance = torch.linalg.pinv(fit.information) if fit.free else fit.information
-    deviation = dict(zip(fit.free, covariance.diagonal().clamp(min=0).sqrt().tolist(), strict=True))
-    found = []
-    for name in names:
-        effect = fitter.model.known[name]
-        parameters = {}
-        for parameter, about in effect.about.items():
-            value = fit.hypothesis.effects[name][parameter]
-            std = deviation.get((name, parameter), 0.0) * (float(value) if about.log else 1.0)
-            if name in fit.charts:
-                std = fit.charts[name].std_error
-            content = {"value": value, "std": std, "systematic": systematic_limit(value, about), "unit": about.unit}
-            parameters[parameter] = content
-        evidence, other = {}, Alternatives((), "")
-        if not effect.noise:
-            without = fitter.fit(fit.hypothesis.without(name))
-            other, lost = alternatives(fitter, fit, without, name), fit.total - without.total
-            evidence = {"delta_nll": lost, "delta_bic": 2 * lost - len(parameters) * float(np.log(fitter.use.numel()))}
-        found.append(
-            {
-                "name": name,
-                "stage": effect.stage,
-                "parameters": parameters,
-                "evidence": evidence,
-                "alternatives": list(other.names),
-                "tell_apart": other.tell_apart,
-            }
-        )
-    return found
 
 
 def write_pictures(drawn: Mapping[str, Figure], out: str | Path) -> None:
@@ -106,17 +69,17 @@ def write_page(
         temporary.write_text(report_page(found, report, drawn, command), encoding="utf-8")
 
 
-def write_encoder(fitter: Fitter, fit: Fit, out: str | Path) -> None:
+def write_encoder(found: Diagnosis, out: str | Path) -> None:
     """The corrected encoder: ``encoder.yaml``, with the patterns and maps it names beside it."""
     out = Path(out)
-    seen = fitter.model.observation
+    seen, fit = found.observation, found.after.fit
     coding = seen.sequences[torch.tensor([len(set(each.tolist())) for each in seen.sequences]).argmax()]
     patterns = seen.patterns[coding].numpy()
     slots, height, width = patterns.shape
     _save(out / "patterns.npy", patterns)
     effects: dict[str, Any] = {}
     for name, values in fit.hypothesis.effects.items():
-        effect = fitter.model.known[name]
+        effect = found.model.known[name]
         if issubclass(effect, Empirical) and effect.of_captures:
             continue
         effects[name] = {"_target_": f"{effect.__module__}.{effect.__qualname__}", **values}

@@ -9,7 +9,6 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-import torch
 from matplotlib.figure import Figure
 
 from sci_lightning.diagnosis.diagnosis import Diagnosis
@@ -52,7 +51,7 @@ def report_page(found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str,
         _left(found, report, drawn),
         _maps(found),
     )
-    sentence = headline(report, found.left)
+    sentence = headline(report, found.remaining)
     return Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
         title=_text(_title(found, report)),
         verdict=report["verdict"],
@@ -82,10 +81,10 @@ def _source(report: Mapping[str, Any]) -> str:
 
 
 def _captures(found: Diagnosis) -> str:
-    seen = found.fitter.model.observation
+    seen = found.observation
     height, width = seen.size
     kinds = ", ".join(f"{seen.kinds.count(kind)} {kind}" for kind in sorted(set(seen.kinds)))
-    held = "judged on pixels that no fit has seen" if found.fitter.split.held.any() else "nothing could be held out"
+    held = "judged on pixels that no fit has seen" if found.split.held.any() else "nothing could be held out"
     return (
         f"{len(seen)} captures with known scenes ({kinds}), {height} &times; {width} pixels, {seen.frames} slots, "
         f"{seen.bit_depth} bits; {held}."
@@ -94,13 +93,13 @@ def _captures(found: Diagnosis) -> str:
 
 def _cards(found: Diagnosis, report: Mapping[str, Any]) -> str:
     before, after = report["gap"]["before"], report["gap"]["after"]
-    hits = [sum(test.significant for test in found.where["before"]), len(found.left)]
+    hits = [sum(test.significant for test in found.before.tests), len(found.remaining)]
     limit = after["chi2_limit"]
     note = f"; chance reaches {chi2(limit)} with {after['pixels']:,} pixels" if limit > NEGLIGIBLE else ""
     cards = [
         (f"{before['rmse_dn']:.3g} &rarr; {after['rmse_dn']:.3g} DN", "held-out RMS error"),
         (f"{chi2(before['chi2'])} &rarr; {chi2(after['chi2'])}", f"held-out reduced &chi;&sup2; (1 = noise{note})"),
-        (f"{hits[0]} &rarr; {hits[1]}", f"of {len(found.where['before'])} questions find more than noise"),
+        (f"{hits[0]} &rarr; {hits[1]}", f"of {len(found.before.tests)} questions find more than noise"),
         (str(len(report["effects"])), "effects named"),
     ]
     return "".join(f'<div class="card"><b>{value}</b><span>{label}</span></div>' for value, label in cards)
@@ -133,7 +132,7 @@ def _effects(found: Diagnosis, report: Mapping[str, Any]) -> str:
     sentences = "".join(f"<li>{_typeset(say(effect))}</li>" for effect in report["effects"])
     parts = [f"<ul>{sentences}</ul>" if len(report["effects"]) > 1 else "", _table(head, rows)]
     parts.append(f'<p class="quiet">{escape(report["uncertainty"])}</p>')
-    names, correlation = _correlation(found)
+    names, correlation = list(found.correlation.names), found.correlation.matrix
     if len(names) == 2:
         pair = f"The errors of {names[0]} and {names[1]} are correlated by {float(correlation[0, 1]):.2f}."
         parts.append(f"<p>{_typeset(pair)}</p>")
@@ -143,18 +142,6 @@ def _effects(found: Diagnosis, report: Mapping[str, Any]) -> str:
             _figure(figure, "How the parameters' errors go together: far from 0, the captures leave a trade-off.")
         )
     return _section("What was found", "".join(parts))
-
-
-def _correlation(found: Diagnosis) -> tuple[list[str], torch.Tensor]:
-    """Of all parameters that the captures tell something of: names, and correlations of their errors."""
-    fit = found.after
-    kept = fit.information.diagonal() > 0
-    free = [name for name, known in zip(fit.free, kept.tolist(), strict=True) if known]
-    covariance = torch.linalg.pinv(fit.information[kept][:, kept], hermitian=True)
-    deviation = covariance.diagonal().clamp(min=1e-300).sqrt()
-    effects = [effect for effect, _ in free]
-    names = [f"{effect} {parameter}" if effects.count(effect) > 1 else effect for effect, parameter in free]
-    return names, (covariance / deviation[:, None] / deviation).clamp(-1, 1)
 
 
 def _gap(report: Mapping[str, Any], drawn: Mapping[str, Figure]) -> str:
@@ -193,8 +180,8 @@ def _evidence(found: Diagnosis, drawn: Mapping[str, Figure]) -> str:
 
 
 def _tests(found: Diagnosis) -> str:
-    before = {test.name: test for test in found.where["before"]}
-    pairs = [(before.get(after.name), after) for after in found.where["after"]]
+    before = {test.name: test for test in found.before.tests}
+    pairs = [(before.get(after.name), after) for after in found.after.tests]
     rows = []
     for first, after in pairs:
         cells = [_p_cell(label, test) for label, test in (("p before", first), ("p after", after))]
@@ -207,7 +194,7 @@ def _tests(found: Diagnosis) -> str:
         f"<p>p-values are corrected (Holm) for how many questions are asked; below {SIGNIFICANT:g} counts as found. "
         "Noise can explain what is said about variance, nothing else.</p>"
     )
-    if aside := sum(test.significant for test in found.where["after"]) - len(found.left):
+    if aside := sum(test.significant for test in found.after.tests) - len(found.remaining):
         text += (
             f"<p>Afterwards {aside} of them find something that does not count against the model: less than comes from "
             "the formulas of strong effects being a little inexact, or a p-value that is only just small enough.</p>"
@@ -254,8 +241,8 @@ def _left(found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str, Figur
 
 def _maps(found: Diagnosis) -> str:
     parts = []
-    for name in found.after.charts:
-        effect, values = found.fitter.model.known[name], found.after.hypothesis.charts[name]
+    for name in found.after.fit.charts:
+        effect, values = found.model.known[name], found.after.fit.hypothesis.charts[name]
         unit = next(iter(effect.about.values())).unit
         label = "relative" if unit == "1" else unit
         parts.append(_figure(pictures.chart_figure(values, label), f"Estimated map of {name}."))

@@ -23,7 +23,7 @@ def headline(report: Mapping[str, Any], left: Sequence[ResidualTest]) -> str:
 
     Args:
         report: ``report.json``.
-        left: the residual tests that the verdict follows from, :attr:`Diagnosis.left`.
+        left: the residual tests that the verdict follows from, :attr:`Diagnosis.remaining`.
     """
     gap = report["gap"]["after"]
     if report["verdict"] == "consistent":

@@ -8,8 +8,10 @@ from typing import Any, Literal, TypeAlias
 
 import torch
 
-SIGNIFICANT = 1e-3
-"""Corrected p-value below which a structure is taken for real: one matched camera in a thousand is called wrong."""
+from sci_lightning.diagnosis.search_settings import SearchSettings
+
+SIGNIFICANT = SearchSettings.significance
+"""Corrected p-value below which a test reports a structure, unless the settings say otherwise."""
 
 About: TypeAlias = Literal["mean", "variance", "converter", "map"]
 
@@ -67,6 +69,7 @@ class ResidualTest:
         question: in plain words.
         statistic, p_value, nats, picture: see :class:`Answer`.
         corrected: p-value for having asked all the questions, by Holm.
+        significance: corrected p-value below which the test reports a structure.
     """
 
     name: str
@@ -77,11 +80,12 @@ class ResidualTest:
     nats: float
     corrected: float
     picture: Picture
+    significance: float = SearchSettings.significance
 
     @property
     def significant(self) -> bool:
         """Whether it is more than chance."""
-        return self.corrected < SIGNIFICANT
+        return self.corrected < self.significance
 
     def describe(self) -> dict[str, Any]:
         """For the report."""

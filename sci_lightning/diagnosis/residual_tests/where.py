@@ -69,9 +69,9 @@ def ask(residuals: Residuals) -> list[ResidualTest]:
     for name in residuals.fit.charts:
         question = f"Is the map of {name} as random as its name says?"
         questions[f"map_of_{name}"] = ("map", question, partial(chart, name=name))
-    tests = []
+    tests, significance = [], residuals.fitter.settings.significance
     for name, (about, question, answered) in questions.items():
         answer = answered(residuals)
         numbers = answer.statistic, answer.p_value, answer.nats, answer.p_value
-        tests.append(ResidualTest(name, about, question, *numbers, answer.picture))
+        tests.append(ResidualTest(name, about, question, *numbers, answer.picture, significance))
     return corrected(tests)

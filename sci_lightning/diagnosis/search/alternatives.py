@@ -15,18 +15,6 @@ from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.search.imagined_captures import imagined_captures
 from sci_lightning.diagnosis.search.rivals import rivals
 
-DISTINCT = 6.0
-"""Nats by which the captures must prefer one effect to another, or they cannot tell them apart."""
-NEEDED = 15.0
-"""Nats that further captures must bring on average, so that they bring ``DISTINCT`` in 19 of 20 cases.
-
-The log-likelihood ratio of two Gaussian predictions that are d nats apart has mean d and variance 2 d, and d = 15
-solves d - 1.645 sqrt(2 d) = 6.
-"""
-PRACTICAL = 50
-"""Captures of one kind, or pairs of two kinds, that somebody may be asked to record."""
-
-
 MANY = 1000
 """Nats beyond which their number tells nothing more."""
 
@@ -68,9 +56,9 @@ class Separation:
         made_up = torch.linalg.pinv(self.known + count * self.information, hermitian=True) @ self.shared
         return max(0.0, 0.5 * (count * self.apart - count**2 * float(self.shared @ made_up)))
 
-    def captures(self, needed: float) -> int | None:
-        """Return how many captures bring so many nats; None if more than ``PRACTICAL`` do."""
-        return next((count for count in range(1, PRACTICAL + 1) if self.nats(count) >= needed), None)
+    def captures(self, needed: float, most: int) -> int | None:
+        """Return how many captures bring so many nats; None if more than ``most`` do."""
+        return next((count for count in range(1, most + 1) if self.nats(count) >= needed), None)
 
 
 def alternatives(fitter: Fitter, fit: Fit, without: Fit, name: str) -> Alternatives:
@@ -82,7 +70,8 @@ def alternatives(fitter: Fitter, fit: Fit, without: Fit, name: str) -> Alternati
         without: the best fit without it.
         name: of the effect.
     """
-    equal = {other: rival for other, rival in rivals(fitter, fit, without, name) if rival.total > fit.total - DISTINCT}
+    least = fit.total - fitter.settings.indistinct_nats
+    equal = {other: rival for other, rival in rivals(fitter, fit, without, name) if rival.total > least}
     return Alternatives(tuple(equal), " ".join(tell_apart(fitter, fit, rival) for rival in equal.values()))
 
 
@@ -94,12 +83,13 @@ def tell_apart(fitter: Fitter, one: Fit, rival: Fit) -> str:
     capture may fix the size of an effect, and another one show its nature.
     """
     names = _names(one.hypothesis, rival.hypothesis)
-    needed = NEEDED + max(0.0, rival.total - one.total)
+    settings = fitter.settings
+    most, needed = settings.max_further_captures, settings.needed_nats + max(0.0, rival.total - one.total)
     seen = fitter.model.observation
     kinds = {kind: separation(fitter, imagined, one, rival) for kind, imagined in imagined_captures(seen).items()}
     pairs = {f"{a}, and as many of {b}": kinds[a] + kinds[b] for a, b in combinations(kinds, 2)}
     for options in (kinds, pairs):
-        counts = {kind: each.captures(needed) for kind, each in options.items()}
+        counts = {kind: each.captures(needed, most) for kind, each in options.items()}
         if any(counts.values()):
             best = min(options, key=lambda kind: counts[kind] or math.inf)
             count = counts[best] or 1
@@ -107,8 +97,8 @@ def tell_apart(fitter: Fitter, one: Fit, rival: Fit) -> str:
             worth = f"about {nats:,.0f} nats" if nats <= MANY else f"more than {MANY:,} nats"
             record = f"{'one capture' if count == 1 else f'{count} captures'} of {best}"
             return f"To tell {names}, record {record} ({worth}; {needed:.0f} are needed)."
-    best = max(options, key=lambda kind: options[kind].nats(PRACTICAL))
-    reach = f"even {PRACTICAL} captures of {best} would bring only {options[best].nats(PRACTICAL):.2g} nats"
+    best = max(options, key=lambda kind: options[kind].nats(most))
+    reach = f"even {most} captures of {best} would bring only {options[best].nats(most):.2g} nats"
     return (
         f"No practical number of captures tells {names}: {reach}, and {needed:.0f} are needed. At these values they "
         "predict nearly the same, so that either corrects the model alike."

@@ -7,15 +7,12 @@ from collections.abc import Callable
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.model.camera_model import Hypothesis
 from sci_lightning.diagnosis.model.noise import settle
-from sci_lightning.diagnosis.search.remaining_misfit import CERTAIN, IMPRECISE, SURROGATE, Unnamed, leftover, likeliest
+from sci_lightning.diagnosis.search.remaining_misfit import Unnamed, leftover, likeliest, unnamed_threshold
 from sci_lightning.diagnosis.search.search import Round, prune, score, search
-
-MANY = 3
-"""So many names may together imitate something that has none."""
 
 
 def explain(
-    fitter: Fitter, before: Fit, noise: Hypothesis, most: int, told: Callable[[str], None]
+    fitter: Fitter, before: Fit, noise: Hypothesis, told: Callable[[str], None]
 ) -> tuple[Fit, list[str], list[Round], list[Unnamed]]:
     """The likeliest model, the names in it, the rounds of the search that led there, and what has no name.
 
@@ -27,19 +24,19 @@ def explain(
         fitter: of the captures.
         before: the ideal camera.
         noise: shot and read noise to begin with.
-        most: effects to be found at most.
         told: is called with a line of text whenever there is news.
     """
-    fit, rounds = search(fitter, noise, most, told)
+    fit, rounds = search(fitter, noise, told)
     fit, unnamed = leftover(fitter, fit, before, noise, (), told)
     settled, differing = settle(fitter, fit)
-    if unnamed or differing or len(fit.hypothesis.effects) - len(noise.effects) >= MANY:
+    if unnamed or differing or len(fit.hypothesis.effects) - len(noise.effects) >= fitter.settings.many_effects:
         ideal = fitter.fit(noise, iterations=30)
-        probe, start = likeliest(fitter, ideal, CERTAIN + IMPRECISE * fitter.explained(fit, ideal, ideal))
+        probe, start = likeliest(fitter, ideal, unnamed_threshold(fitter, fit, ideal, noise=ideal))
         if probe is not None and score(fitter, start) > score(fitter, ideal) + 0.5 * (fit.total - ideal.total):
             told(f"beside it: {probe.where}")
-            other, more = search(fitter, start.hypothesis, most, told)
-            other = prune(fitter, other, start.hypothesis, SURROGATE * (start.total - ideal.total))
+            other, more = search(fitter, start.hypothesis, told)
+            substitute = fitter.settings.surrogate_fraction * (start.total - ideal.total)
+            other = prune(fitter, other, start.hypothesis, substitute)
             other, rest = leftover(fitter, other, before, noise, (probe,), told)
             if score(fitter, other) > score(fitter, fit):
                 fit, rounds, unnamed = other, more, rest

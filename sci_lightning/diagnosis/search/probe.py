@@ -17,13 +17,6 @@ from sci_lightning.encoder import empirical
 from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.empirical import Empirical
 
-CLEAR = 3.5
-"""Standard deviations from 0 of a number that a probe keeps."""
-MOST = 24
-"""Numbers that a probe keeps."""
-LARGEST = 250_000_000
-"""Derivatives held in memory at once (1 GB); a probe of so many numbers on so many pixels is left out."""
-
 
 @dataclass(frozen=True)
 class Probe:
@@ -110,17 +103,17 @@ def _free_form(
     model.known[effect.name] = about
     if effect.name == "ghost":
         return _ghost(fitter, base, linear, about)
-    if not 0 < count * fitter.use.numel() <= LARGEST:
+    if not 0 < count * fitter.use.numel() <= fitter.settings.probe_max_derivatives:
         return None
     hypothesis = base.hypothesis.having(effect.name, dict.fromkeys(about.about, 0.0))
     changes = fitter.jacobian(hypothesis, [(effect.name, name) for name in about.about], base.prediction)
     gain = linear.gain(changes)
     clear = (gain.factors.abs() / gain.deviations).nan_to_num()
     known = int((gain.deviations.isfinite()).sum())
-    kept = (clear > CLEAR).nonzero()[:, 0]
+    kept = (clear > fitter.settings.probe_min_sigma).nonzero()[:, 0]
     if not len(kept):
         return None
-    kept = clear.argsort(descending=True)[: min(len(kept), MOST)].sort().values
+    kept = clear.argsort(descending=True)[: min(len(kept), fitter.settings.probe_max_numbers)].sort().values
     p_value = float(chi2.sf(2 * max(gain.nats, 0.0), max(known, 1)))
     few = gain.of(kept)
     bounded = few.factors.clamp(effect.number.low, effect.number.high).tolist()

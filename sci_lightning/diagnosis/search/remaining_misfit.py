@@ -14,18 +14,6 @@ from sci_lightning.diagnosis.search.probe import Probe, probe
 from sci_lightning.diagnosis.search.search import prune, worth
 from sci_lightning.encoder.effects import Effect
 
-CERTAIN = 10.0
-"""Nats beyond its cost that a probe must gain: it speaks of something that nobody has named."""
-IMPRECISE = 2e-4
-"""And this part of all that the model explains: formulas of strong effects are not more exact than that."""
-FITTED = 3
-"""Probes of a round that are fitted jointly."""
-SURROGATE = 0.02
-"""A name beside something unnamed must be worth this part of what the unnamed gained, or it only stands in for it."""
-ROUNDS = 3
-UNLIKE = 1e-4
-"""P-value below which a map is not what its name promises."""
-
 
 @dataclass(frozen=True)
 class Unnamed:
@@ -66,24 +54,33 @@ def leftover(
         found: probes that are in the fit already.
         told: is called with a line of text for every probe that is added.
     """
+    settings = fitter.settings
     unlike = {name: p_value_of(chart) for name, chart in fit.charts.items()}
-    unlike = {name: p_value for name, p_value in unlike.items() if p_value < UNLIKE}
+    unlike = {name: p_value for name, p_value in unlike.items() if p_value < settings.max_map_p_value}
     maps = {name: fitter.model.known[name] for name in unlike if name not in {each.name for each in found}}
     for name in maps:
         told(f"the map of {name} has structure: not that")
         fit = fitter.fit(fit.hypothesis.without(name), iterations=20)
     found, gained = [*found], 0.0
-    for _ in range(ROUNDS - len(found)):
-        least = CERTAIN + IMPRECISE * fitter.explained(fit, before, fit) + SURROGATE * gained
+    for _ in range(settings.max_unnamed - len(found)):
+        least = unnamed_threshold(fitter, fit, before, noise=fit) + settings.surrogate_fraction * gained
         best, more = likeliest(fitter, fit, least, maps)
         if best is None:
             break
         told(f"unnamed: {best.where}")
         gained = max(gained, more.total - fit.total)
-        fit = prune(fitter, more, Hypothesis({**noise.effects, best.name: {}}), margin=SURROGATE * gained)
+        fit = prune(
+            fitter, more, Hypothesis({**noise.effects, best.name: {}}), margin=settings.surrogate_fraction * gained
+        )
         found = [each for each in (*found, best) if each.name in fit.hypothesis.effects]
     # in the order of the light: what is wrong with mirrors also shows as a gain of the pixels behind them
     return fit, [_unnamed(fitter, fit, each, unlike) for each in sorted(found, key=lambda each: each.effect.rank)]
+
+
+def unnamed_threshold(fitter: Fitter, fit: Fit, ideal: Fit, noise: Fit) -> float:
+    """Return the nats beyond its cost that a free-form deviation must gain beside a fit."""
+    settings = fitter.settings
+    return settings.unnamed_min_gain_nats + settings.unnamed_formula_error * fitter.explained(fit, ideal, noise)
 
 
 def likeliest(
@@ -92,12 +89,12 @@ def likeliest(
     """The probe that is worth most in a joint fit, if any is worth more than ``least`` nats, and that fit."""
     promising = [each for each in probe(fitter, fit, maps) if each.worth(float(fitter.use.numel())) > least]
     best, most, largest = None, fit, least
-    for each in promising[:FITTED]:
+    for each in promising[: fitter.settings.probes_fitted]:
         fitter.model.known[each.name] = each.effect
         trial = fitter.fit(each.added(fitter, fit.hypothesis), iterations=15)
         value = worth(fitter, fit, trial) - each.choice
         if each.effect.chart and each.name in (maps or {}):  # a map with structure can stand in for much
-            value *= 1 - SURROGATE
+            value *= 1 - fitter.settings.surrogate_fraction
         if value > largest:
             best, most, largest = each, trial, value
     return best, most

@@ -8,13 +8,6 @@ from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.linear import Linear
 from sci_lightning.diagnosis.search.screen import nearer
 
-CLOSE = 24.0
-"""Nats of evidence that another effect may leave unexplained to be fitted in the place of the one found."""
-CURVED = 0.03
-"""Or this part of the evidence, for what is large is not linear."""
-FITTED = 2
-STARTS = 12
-
 
 def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str, Fit]]:
     """Fits with another effect in the place of one, for those that may explain nearly as much.
@@ -28,7 +21,7 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
         without: the best fit without it.
         name: of the effect.
     """
-    model = fitter.model
+    model, settings = fitter.model, fitter.settings
     if model.known[name].noise or any(about.choices for about in model.known[name].about.values()):
         return []
     linear = Linear(fitter, without)
@@ -38,21 +31,21 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
     for other, effect in model.vocabulary.items():
         if other in fit.hypothesis.effects or effect.noise or effect.chart:
             continue
-        starts = model.starts(other, without.hypothesis)[:STARTS]
+        starts = model.starts(other, without.hypothesis)[: settings.rival_starts]
         trials = [model.predict(model.adding(without.hypothesis, other, start)) for start in starts]
         if not trials or any(trial.bits != without.prediction.bits for trial in trials):
             continue
         changes = torch.stack([found, *(trial.mean - without.prediction.mean for trial in trials)])
         information = linear.gain(changes).information
         left = _unexplained(information)
-        if left < max(CURVED, CLOSE / max(evidence, 1.0)):
+        if left < max(settings.rival_fraction, settings.rival_nats / max(evidence, 1.0)):
             size = information.diagonal()[1:].clamp(min=1e-9)
             best = int((information[0, 1:].square() / size).argmax())
             share = min(max(float(information[0, 1 + best] / size[best]), 1e-3), 1.0)
             close.append((left, other, nearer(starts[best], effect.about, share)))
     return [
         (other, fitter.fit(model.adding(without.hypothesis, other, start), iterations=20))
-        for _, other, start in sorted(close, key=lambda each: each[0])[:FITTED]
+        for _, other, start in sorted(close, key=lambda each: each[0])[: settings.rivals_fitted]
     ]
 
 

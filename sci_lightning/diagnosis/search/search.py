@@ -11,13 +11,6 @@ from sci_lightning.diagnosis.model.camera_model import Hypothesis
 from sci_lightning.diagnosis.search.rivals import rivals
 from sci_lightning.diagnosis.search.screen import screen
 
-TRIED = 4
-"""Candidates of a round that are fitted jointly with all that is in the model."""
-MARGIN = 2.0
-"""Nats that an effect must gain beyond what its parameters cost .."""
-INEXACT = 1e-6
-""".. and this part of what the others explain: their formulas are right to a thousandth of what they change."""
-
 
 @dataclass(frozen=True)
 class Round:
@@ -35,7 +28,7 @@ class Round:
 
 
 def search(
-    fitter: Fitter, noise: Hypothesis, most: int = 6, told: Callable[[str], None] = lambda text: None
+    fitter: Fitter, noise: Hypothesis, told: Callable[[str], None] = lambda text: None
 ) -> tuple[Fit, list[Round]]:
     """Greedy forward selection with joint refits, judged on all pixels and on those held out, then pruned backwards.
 
@@ -44,27 +37,26 @@ def search(
     Args:
         fitter: of the captures.
         noise: shot and read noise to begin with.
-        most: effects to be found at most.
         told: is called with a line of text for every effect that is added.
     """
     best = ideal = fitter.fit(noise, iterations=30)
-    rounds = []
-    for _ in range(most):
+    rounds, settings = [], fitter.settings
+    for _ in range(settings.max_effects):
         trials = []
         screened = screen(fitter, best)
-        for candidate in screened[:TRIED]:
-            if candidate.gain > MARGIN:
+        for candidate in screened[: settings.candidates_fitted]:
+            if candidate.gain > settings.min_gain_nats:
                 start = candidate.added(fitter.model, best.hypothesis)
                 trials.append((candidate.name, fitter.fit(start, iterations=20)))
         gains = {name: (fit.total - best.total, fit.held - best.held) for name, fit in trials}
-        least = INEXACT * fitter.explained(best, ideal, best)
+        least = settings.formula_error * fitter.explained(best, ideal, best)
         trials = [(name, fit) for name, fit in trials if worth(fitter, best, fit) > least]
         name, fit = max(trials, key=lambda each: worth(fitter, best, each[1]), default=(None, best))
         rounds.append(Round({each.name: each.gain for each in screened}, gains, name))
         if name is None:
             break
         told(f"{name}: {gains[name][0]:.0f} nats")
-        best = prune(fitter, fit, noise, INEXACT * fitter.explained(fit, ideal, fit))
+        best = prune(fitter, fit, noise, settings.formula_error * fitter.explained(fit, ideal, fit))
     return exchange(fitter, best, noise), rounds
 
 
@@ -74,7 +66,7 @@ def exchange(fitter: Fitter, fit: Fit, noise: Hypothesis) -> Fit:
         if name in fit.hypothesis.effects and len(fit.hypothesis.effects) - len(noise.effects) > 1:
             without = fitter.fit(fit.hypothesis.without(name))
             for _, rival in rivals(fitter, fit, without, name):
-                if score(fitter, rival) > score(fitter, fit) + MARGIN:
+                if score(fitter, rival) > score(fitter, fit) + fitter.settings.min_gain_nats:
                     fit = rival
     return fit
 
@@ -92,7 +84,7 @@ def worth(fitter: Fitter, less: Fit, more: Fit) -> float:
     """Nats that the larger model gains beyond its parameters' cost (BIC); held-out pixels must speak for it."""
     if fitter.split.held.any() and more.held <= less.held:
         return -math.inf
-    return score(fitter, more) - score(fitter, less) - MARGIN
+    return score(fitter, more) - score(fitter, less) - fitter.settings.min_gain_nats
 
 
 def score(fitter: Fitter, fit: Fit) -> float:

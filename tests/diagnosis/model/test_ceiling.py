@@ -41,4 +41,4 @@ def test_wells_that_are_full_at_the_level_of_a_flat_field(tmp_path: Path) -> Non
     write_captures(tmp_path / "a.h5", capture_session(session, {"saturation": {"level": 0.9164}}, seed=3))
     found = diagnose(read_captures(tmp_path / "a.h5"), vocabulary())
     assert found.names == ("saturation",) and found.verdict == "explained"
-    assert abs(float(found.after.hypothesis.effects["saturation"]["level"]) - 0.9164) < 2e-4
+    assert abs(float(found.after.fit.hypothesis.effects["saturation"]["level"]) - 0.9164) < 2e-4

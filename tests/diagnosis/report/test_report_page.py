@@ -14,7 +14,8 @@ import torch
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from sci_lightning.captures import read_captures
-from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
+from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose, remaining_tests
+from sci_lightning.diagnosis.fit.fit import Fitter
 from sci_lightning.diagnosis.report.pictures import (
     evidence_figure,
     example_figure,
@@ -93,7 +94,7 @@ def test_it_says_what_was_found(found: Diagnosis, text: str) -> None:
         "1.5 s",
     ):
         assert words in text, words
-    for test in found.where["after"]:
+    for test in found.after.tests:
         assert f'<td data-label="name">{test.name}</td>' in text
 
 
@@ -147,7 +148,7 @@ def test_a_wide_figure_scrolls_by_itself_where_the_page_is_narrow(text: str) -> 
 
 def test_what_is_left_is_drawn_on_its_own_scale(found: Diagnosis) -> None:
     """Residuals of 300 sigma before leave those of 1 sigma after white, or all of one purple."""
-    before, after = found.residuals["before"], found.residuals["after"]
+    before, after = found.before.residuals, found.after.residuals
     loud = replace(before, raw=300 * after.raw)
     for figure, alone in ((residuals_figure(loud, after), 2), (example_figure(loud, after), 1)):
         panels = [axes for axes in figure.axes if axes.get_title(loc="left") == OWN]
@@ -161,7 +162,7 @@ def test_what_is_left_is_drawn_on_its_own_scale(found: Diagnosis) -> None:
 
 @pytest.mark.parametrize("shape", [(32, 32), (32, 40), (64, 32)])
 def test_no_label_of_the_residuals_is_cut_off(found: Diagnosis, shape: tuple[int, int]) -> None:
-    after = replace(found.residuals["after"], raw=torch.randn(8, *shape))
+    after = replace(found.after.residuals, raw=torch.randn(8, *shape))
     for before in (after, replace(after, raw=300 * after.raw)):
         figure = residuals_figure(before, after)
         canvas = FigureCanvasAgg(figure)
@@ -193,7 +194,10 @@ def gaps_of(chi2: float) -> dict[str, Any]:
 
 def test_a_verdict_waits_for_the_residuals_to_be_noise(found: Diagnosis) -> None:
     assert found.verdict == "explained"
-    assert not found.left
-    less = replace(found, after=found.before)  # the numbers are those of a good model, the residuals are not
-    assert less.left
+    assert not found.remaining
+    unlike = replace(found.after, fit=found.before.fit, residuals=found.before.residuals, tests=found.before.tests)
+    fitter = Fitter(found.model, found.split)
+    left = remaining_tests(fitter, found.before, unlike, [])  # the gap is that of a good model, the residuals are not
+    assert left
+    less = replace(found, remaining=left)
     assert less.verdict != "explained"

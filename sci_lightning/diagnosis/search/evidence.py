@@ -1,0 +1,150 @@
+"""The effects that were named: their parameters with errors, and what speaks for them.
+
+The search decides which effects are in the model. Here every one is quantified for the report: how precisely its
+parameters are known, how much log-likelihood the captures lose without it, and what else could explain as much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import torch
+
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.search.alternatives import alternatives
+from sci_lightning.encoder.effects.parameter import Parameter, Value
+
+EXACTNESS = 1e-3
+"""Part of what an effect changes to which its formula is trusted.
+
+The search trusts formulas no further either (``SearchSettings.formula_error`` is the square of this number, in nats
+per nat). A real light source, target or modulator is rarely known better. More digits would therefore be digits of the
+model, and not of the camera.
+"""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter's value with its errors.
+
+    Attributes:
+        value: the maximum-likelihood estimate, or the choice.
+        std: statistical standard deviation, in the parameter's unit; 0 for a choice.
+        systematic: least systematic error, in the parameter's unit, see :func:`systematic_limit`.
+        unit: as in ``pixel``; ``1`` for a ratio.
+    """
+
+    value: Value
+    std: float
+    systematic: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect that the diagnosis names.
+
+    Attributes:
+        name: of the effect.
+        stage: modulator, relay, exposure, optics or sensor.
+        parameters: estimates by name.
+        delta_nll: nats of log-likelihood that the captures lose without it; None for noise, which they always have.
+        delta_bic: the difference of the Bayesian information criterion; None for noise.
+        alternatives: names of the effects that explain the captures as well in its place.
+        tell_apart: which captures would tell them apart, in full sentences; empty without alternatives.
+    """
+
+    name: str
+    stage: str
+    parameters: Mapping[str, Estimate]
+    delta_nll: float | None = None
+    delta_bic: float | None = None
+    alternatives: tuple[str, ...] = ()
+    tell_apart: str = ""
+
+    def describe(self) -> dict[str, Any]:
+        """Return the effect as it stands in ``report.json``."""
+        evidence = {} if self.delta_nll is None else {"delta_nll": self.delta_nll, "delta_bic": self.delta_bic}
+        return {
+            "name": self.name,
+            "stage": self.stage,
+            "parameters": {name: asdict(estimate) for name, estimate in self.parameters.items()},
+            "evidence": evidence,
+            "alternatives": list(self.alternatives),
+            "tell_apart": self.tell_apart,
+        }
+
+
+@dataclass(frozen=True)
+class ErrorCorrelation:
+    """How the errors of the fitted parameters go together.
+
+    Attributes:
+        names: of the K parameters that the captures say something about; the effect's name alone where it has one.
+        matrix: ``(K, K)`` correlation coefficients, -1 to 1.
+    """
+
+    names: tuple[str, ...]
+    matrix: torch.Tensor
+
+
+def named_effects(fitter: Fitter, fit: Fit, names: Sequence[str]) -> tuple[NamedEffect, ...]:
+    """Quantify every named effect: estimates with errors, and for all but noise the evidence from a fit without it.
+
+    Args:
+        fitter: fits hypotheses to the captures.
+        fit: the model with all effects.
+        names: the effects to be described.
+    """
+    deviations = _standard_deviations(fit)
+    found = []
+    for name in names:
+        effect = fitter.model.known[name]
+        parameters = {}
+        for parameter, about in effect.about.items():
+            value = fit.hypothesis.effects[name][parameter]
+            std = deviations.get((name, parameter), 0.0) * (float(value) if about.log else 1.0)
+            if name in fit.charts:
+                std = fit.charts[name].std_error
+            parameters[parameter] = Estimate(value, std, systematic_limit(value, about), about.unit)
+        if effect.noise:
+            found.append(NamedEffect(name, effect.stage, parameters))
+            continue
+        without = fitter.fit(fit.hypothesis.without(name))
+        other, lost = alternatives(fitter, fit, without, name), fit.total - without.total
+        delta_bic = 2 * lost - len(parameters) * float(np.log(fitter.use.numel()))
+        found.append(NamedEffect(name, effect.stage, parameters, lost, delta_bic, other.names, other.tell_apart))
+    return tuple(found)
+
+
+def _standard_deviations(fit: Fit) -> dict[tuple[str, str], float]:
+    """Return the standard deviation of every free parameter, as it is fitted (of a logarithm, where it is one)."""
+    covariance = torch.linalg.pinv(fit.information) if fit.free else fit.information
+    return dict(zip(fit.free, covariance.diagonal().clamp(min=0).sqrt().tolist(), strict=True))
+
+
+def error_correlation(fit: Fit) -> ErrorCorrelation:
+    """Return the correlation of the parameters' errors: the inverse information, normalised to a diagonal of 1."""
+    informed = fit.information.diagonal() > 0
+    free = [name for name, known in zip(fit.free, informed.tolist(), strict=True) if known]
+    covariance = torch.linalg.pinv(fit.information[informed][:, informed], hermitian=True)
+    deviation = covariance.diagonal().clamp(min=1e-300).sqrt()
+    effects = [effect for effect, _ in free]
+    names = [f"{effect} {parameter}" if effects.count(effect) > 1 else effect for effect, parameter in free]
+    return ErrorCorrelation(tuple(names), (covariance / deviation[:, None] / deviation).clamp(-1, 1))
+
+
+def systematic_limit(value: Value, about: Parameter) -> float:
+    """Return what the systematic error of a parameter is at least, in the parameter's unit.
+
+    It is ``EXACTNESS`` times the distance from the value at which the effect does nothing. Where there is no such value
+    (a phase), or where it is a bound that stands for infinity (a full well), it is ``EXACTNESS`` times the value.
+    Choices have none.
+    """
+    if about.choices or not isinstance(value, (int, float)):
+        return 0.0
+    neutral = about.neutral if isinstance(about.neutral, (int, float)) and not about.log else 0.0
+    return EXACTNESS * abs(float(value) - neutral)

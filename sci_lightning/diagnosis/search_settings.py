@@ -1,0 +1,97 @@
+"""The settings of a diagnosis: its thresholds and budgets, in one place and with their reasons.
+
+What a formula needs to be computed accurately (the step of a finite difference, where an asymptote takes over) is no
+setting and stands beside its formula.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Interval
+
+from sci_lightning.configuration.bounds import NonNegative, Positive, Repeats, Share
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """Thresholds and budgets of a diagnosis. One nat is one unit of natural log-likelihood.
+
+    Attributes:
+        max_effects: effects that the search may name, a count; it bounds the run time, one round for each.
+        held_out_block: side in pixels of the square blocks that are held out, wide enough that blurs and maps fitted
+            around a block say little about its middle.
+        held_out_one_in: one capture of so many of each kind is held out as a whole, and one block of so many squared
+            of every other capture; a quarter leaves the fits most of the data.
+        min_progress_nats: gain in nats below which a fit has converged; a twentieth of what one standard deviation of
+            one parameter changes is far below every threshold of the search.
+        candidates_fitted: candidates per round, a count, that are fitted jointly after screening; more than one,
+            because screening is only accurate to second order, and few, because a joint fit takes most of the time.
+        min_gain_nats: gain in nats beyond the information criterion's penalty that an effect must bring; 2 nats
+            are odds of 7.
+        formula_error: part of the log-likelihood that the model explains already which an effect must gain as well;
+            formulas are right to a thousandth of what they change, and log-likelihood goes with the square of that.
+        rival_nats: nats of an effect's evidence that another effect may leave unexplained and still be fitted in its
+            place; well above ``indistinct_nats``, because screening is only accurate to second order.
+        rival_fraction: the same as a part of the evidence, because large effects are not linear.
+        rivals_fitted: rivals of one effect, a count, that are fitted; the closest first.
+        rival_starts: settings of a rival, a count, from which its screening starts; it bounds the run time.
+        indistinct_nats: difference in nats below which captures are said not to tell two effects apart: odds of 400.
+        needed_nats: nats that further captures must bring on average, so that they bring ``indistinct_nats`` in 19 of
+            20 cases. The log-likelihood ratio of two Gaussian predictions that are d nats apart has mean d and variance
+            2 d, and d = 15 solves d - 1.645 sqrt(2 d) = 6.
+        max_further_captures: captures of one kind, a count, that somebody may reasonably be asked to record.
+        probe_min_sigma: standard deviations from 0 from which a free-form deviation keeps one of its numbers; of 250
+            numbers chance keeps 0.1.
+        probe_max_numbers: numbers, a count, that a free-form deviation keeps, the clearest; it bounds the run time.
+        probe_max_derivatives: derivatives, a count, held in memory at once (4 bytes each); larger free-form deviations
+            are left out.
+        probes_fitted: free-form deviations per round, a count, that are fitted jointly after screening; see
+            ``candidates_fitted``.
+        max_unnamed: deviations without a name, a count, that are localised; it bounds the run time.
+        unnamed_min_gain_nats: gain in nats beyond its cost that a free-form deviation must bring; it says that
+            something is there that nobody has named, and therefore has to be clearer than a named effect.
+        unnamed_formula_error: part of the log-likelihood that the model explains already which it must gain as well;
+            larger than ``formula_error``, because a free form also follows the small errors of the named effects.
+        surrogate_fraction: part of an unnamed deviation's gain that a named effect beside it must be worth, or it is
+            taken for a mere substitute of the unnamed; named effects imitate an unnamed one only to a few per cent.
+        many_effects: named effects, a count, from which a search that begins with the strongest free-form deviation is
+            tried as well, because so many names may together imitate something that has none.
+        max_map_p_value: p-value below which an estimated fixed-pattern map contradicts the definition of its effect
+            (independent Gaussian values).
+        max_residual_p_value: corrected p-value of a residual test below which something is left in the residuals while
+            the noise is the datasheet's; one tenth of ``significance``, because formulas are not exact.
+        significance: corrected p-value below which a residual test reports a structure: one camera without a fault in
+            a thousand is called wrong.
+        negligible_chi2: reduced chi2 on held-out pixels that has no practical relevance, however many pixels prove
+            that it is above 1.
+    """
+
+    max_effects: Annotated[int, Interval(ge=0, le=10**9)] = 6
+    held_out_block: Repeats = 16
+    held_out_one_in: Repeats = 4
+    min_progress_nats: Positive = 0.05
+    candidates_fitted: Repeats = 4
+    min_gain_nats: NonNegative = 2.0
+    formula_error: Share = 1e-6
+    rival_nats: NonNegative = 24.0
+    rival_fraction: Share = 0.03
+    rivals_fitted: Repeats = 2
+    rival_starts: Repeats = 12
+    indistinct_nats: NonNegative = 6.0
+    needed_nats: Positive = 15.0
+    max_further_captures: Repeats = 50
+    probe_min_sigma: NonNegative = 3.5
+    probe_max_numbers: Repeats = 24
+    probe_max_derivatives: Repeats = 250_000_000
+    probes_fitted: Repeats = 3
+    max_unnamed: Repeats = 3
+    unnamed_min_gain_nats: NonNegative = 10.0
+    unnamed_formula_error: Share = 2e-4
+    surrogate_fraction: Share = 0.02
+    many_effects: Repeats = 3
+    max_map_p_value: Share = 1e-4
+    max_residual_p_value: Share = 1e-4
+    significance: Share = 1e-3
+    negligible_chi2: Positive = 1.05
