@@ -32,11 +32,13 @@ def evaluate(cfg: DictConfig) -> float:
     from sci_lightning.cli.trained_decoder import chosen_checkpoint
     from sci_lightning.data.captured import CapturedSnapshots
     from sci_lightning.data.loader import scene_loader
+    from sci_lightning.decoder import kernels
     from sci_lightning.errors import BadInput, OtherSize
     from sci_lightning.runs.results import print_results, results, with_effects, write_json
     from sci_lightning.training.callbacks import Progress, ScenePictures
     from sci_lightning.training.system import System
 
+    kernels.use(cfg.kernels)
     out = Path(cfg.out)
     checkpoint = chosen_checkpoint("evaluate", cfg)
     trained = checkpoint.config

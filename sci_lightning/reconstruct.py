@@ -26,6 +26,7 @@ def reconstruct(cfg: DictConfig) -> None:
     from sci_lightning.cli.next_command import browser, print_next
     from sci_lightning.cli.tested_encoder import chosen_camera, chosen_encoder
     from sci_lightning.cli.trained_decoder import chosen_checkpoint
+    from sci_lightning.decoder import kernels
     from sci_lightning.decoder.iterative import Iterative
     from sci_lightning.encoder.mask import Measured
     from sci_lightning.errors import BadInput
@@ -36,6 +37,7 @@ def reconstruct(cfg: DictConfig) -> None:
     from sci_lightning.imaging.snapshot import read_snapshot
     from sci_lightning.runs.device import chosen_device
 
+    kernels.use(cfg.kernels)
     out, console, frames = Path(cfg.out), PlainConsole(), cfg.frames
     checkpoint = chosen_checkpoint("reconstruct", cfg)
     if cfg.ckpt_path is None and cfg.mask is None and not _mask_is_known(cfg):

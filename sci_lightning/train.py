@@ -60,6 +60,7 @@ def _train(cfg: DictConfig, stop: StopSignal) -> float:
     from sci_lightning.cli.metrics import chosen_metrics
     from sci_lightning.cli.next_command import dashboard, invocation, override, print_next
     from sci_lightning.data.loader import ClipLoader, scene_loader
+    from sci_lightning.decoder import kernels
     from sci_lightning.decoder.complexity import count_parameters
     from sci_lightning.encoder.trial import check_recording
     from sci_lightning.runs.checkpoint import read_checkpoint
@@ -68,6 +69,7 @@ def _train(cfg: DictConfig, stop: StopSignal) -> float:
     from sci_lightning.training.callbacks import LastCheckpoint
     from sci_lightning.training.training_checkpoint import TrainingCheckpointIO, remove_slurm_checkpoints
 
+    kernels.use(cfg.kernels)
     out = Path(cfg.out)
     if any(part > full for part, full in zip(cfg.crop, cfg.size, strict=True)):
         raise BadInput(f"crop={cfg.crop} is larger than size={cfg.size}: a training clip must fit under the mask")

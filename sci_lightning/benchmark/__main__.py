@@ -32,10 +32,12 @@ def benchmark(cfg: DictConfig) -> None:
     from sci_lightning.benchmark.decoder_cost import PRECISIONS, decoder_cost
     from sci_lightning.benchmark.table import as_markdown, as_table
     from sci_lightning.cli.next_command import invocation, print_next
+    from sci_lightning.decoder import kernels
     from sci_lightning.files.atomic_file import whole_file
     from sci_lightning.runs.device import chosen_device, device_name
     from sci_lightning.runs.results import write_json
 
+    kernels.use(cfg.kernels)
     out, console, names = Path(cfg.out), PlainConsole(), _names(cfg)
     device = chosen_device(cfg.device)
     if cfg.precision not in PRECISIONS:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import is_dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from annotated_types import DocInfo, Interval, MinLen
 
@@ -36,6 +36,7 @@ SETTINGS: Mapping[str, Any] = {
     "captures": Place,
     "device": Name,
     "workers": Workers,
+    "kernels": Literal["auto", "plain"],
     # train
     "batch_size": Repeats,
     "resume": bool,

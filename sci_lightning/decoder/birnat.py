@@ -9,6 +9,9 @@ from torch import nn
 
 from sci_lightning.configuration.bounds import Frames, Width
 from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.kernels.attention import weighted_sum_of_positions
+from sci_lightning.decoder.kernels.layout import channels_last
+from sci_lightning.decoder.kernels.switch import are_plain
 from sci_lightning.decoder.layers.named_block import named_block
 from sci_lightning.errors import BadInput
 
@@ -38,12 +41,8 @@ class PositionAttention(nn.Module):
     """x + gain * conv(mix of all positions' values), ``(N, C, H, W)`` to the same; the gain starts from 0.
 
     As published, the weights from one position to all others add up to 1, not those to one position from all others:
-    so this is not what ``scaled_dot_product_attention`` computes. Rows of weights are taken a block at a time, since
-    all of them are (HW)^2 values.
+    so this is not what ``scaled_dot_product_attention`` computes.
     """
-
-    block = 2**20
-    """Weights held at once, per snapshot."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -54,13 +53,11 @@ class PositionAttention(nn.Module):
         self.conv4 = nn.Conv2d(channels, channels, 1)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        rows = max(1, self.block // x[0, 0].numel())
-        targets = self.conv2(x).flatten(2)
-        mixed = torch.zeros_like(x).flatten(2)
-        for sources, values in zip(
-            self.conv1(x).flatten(2).split(rows, -1), self.conv3(x).flatten(2).split(rows, -1), strict=True
-        ):
-            mixed = torch.baddbmm(mixed, values, torch.softmax(sources.transpose(1, 2) @ targets, dim=-1))
+        queries, keys, values = (layer(x).flatten(2) for layer in (self.conv2, self.conv1, self.conv3))
+        if are_plain():
+            mixed = values @ torch.softmax(keys.mT @ queries, dim=-1)
+        else:
+            mixed = weighted_sum_of_positions(keys, queries, values)
         return x + self.gamma1 * self.conv4(mixed.view_as(x))
 
 
@@ -226,8 +223,3 @@ class BIRNAT(Decoder):
         there, state = self.forward_rnn(first, state, measurement, mean, mask)
         back, _ = self.backrnn(there[:, -1:], state, measurement, mean, mask.flip(0))
         return [there, back.flip(1)]
-
-
-def channels_last(x: torch.Tensor) -> torch.Tensor:
-    """The layout in which CPU and GPU convolutions run fastest, and which they hand on."""
-    return x.contiguous(memory_format=torch.channels_last)

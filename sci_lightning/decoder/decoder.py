@@ -8,6 +8,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from sci_lightning.decoder.kernels.switch import are_plain
 from sci_lightning.errors import BadInput
 from sci_lightning.imaging.operator import SnapshotOperator
 
@@ -68,4 +69,4 @@ class Decoder(nn.Module):
     @staticmethod
     def operator(mask: torch.Tensor) -> SnapshotOperator:
         """Return the snapshot operator of a mask ``(T, H, W)``, in the form that is fastest inside a network."""
-        return SnapshotOperator(mask, slot_by_slot=True)
+        return SnapshotOperator(mask, slot_by_slot=not are_plain())

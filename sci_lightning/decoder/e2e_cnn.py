@@ -9,6 +9,7 @@ from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.kernels.layout import channels_last
 
 
 class ResidualBlock(nn.Module):
@@ -68,8 +69,7 @@ class E2ECNN(Decoder):
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         operator = self.operator(mask)
         estimate = operator.adjoint(operator.mean_frame(measurement))
-        # channels-last is the layout in which CPU and GPU convolutions run fastest
-        features = self.first(estimate.contiguous(memory_format=torch.channels_last))
+        features = self.first(channels_last(estimate))
         skips = []
         for block in self.encode:
             features = block(features)

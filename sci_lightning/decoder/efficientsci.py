@@ -7,7 +7,8 @@ from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.kernels.convolution3d import Conv3d, one_channel, shuffle_up
+from sci_lightning.decoder.kernels.layout import as_one_channel
+from sci_lightning.decoder.layers.convolution import Conv3d, pixel_shuffle
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.errors import BadInput
 
@@ -106,5 +107,5 @@ class EfficientSCI(Decoder):
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         estimate = self.operator(mask).mean_frame(measurement).unsqueeze(1) * (1 + mask)
-        features = self.resdnet_list(self.fem(one_channel(estimate)))
-        return self.vrm(shuffle_up(self.up_conv(features)))[:, 0]
+        features = self.resdnet_list(self.fem(as_one_channel(estimate)))
+        return self.vrm(pixel_shuffle(self.up_conv(features)))[:, 0]

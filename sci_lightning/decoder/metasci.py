@@ -7,6 +7,7 @@ from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.kernels.layout import channels_last
 
 
 class ResidualBlock(nn.Module):
@@ -76,6 +77,5 @@ class MetaSCI(Decoder):
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         estimate = self.operator(mask).mean_frame(measurement).unsqueeze(1) * (1 + mask)
-        # channels-last is the layout in which CPU and GPU convolutions run fastest
-        features = self.conv1(estimate.contiguous(memory_format=torch.channels_last))
+        features = self.conv1(channels_last(estimate))
         return self.conv2(self.layers(features))

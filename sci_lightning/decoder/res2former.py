@@ -10,8 +10,9 @@ from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.kernels.convolution3d import Conv3d, one_channel, shuffle_up
+from sci_lightning.decoder.kernels.layout import as_one_channel
 from sci_lightning.decoder.layers.chain import Chain
+from sci_lightning.decoder.layers.convolution import Conv3d, pixel_shuffle
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.errors import BadInput
 
@@ -123,9 +124,9 @@ class Res2former(Decoder):
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         estimate = measurement.unsqueeze(1) * (1 + mask)
-        low = self.extract(one_channel(estimate))
+        low = self.extract(as_one_channel(estimate))
         outer = self.encode(low)
         deep = self.bottleneck(self.down(outer))
-        features = self.fuse(torch.cat([shuffle_up(self.up(deep)), outer], dim=1))
-        features = shuffle_up(self.expand(self.decode_blocks(features) + low))
+        features = self.fuse(torch.cat([pixel_shuffle(self.up(deep)), outer], dim=1))
+        features = pixel_shuffle(self.expand(self.decode_blocks(features) + low))
         return self.last(features)[:, 0]

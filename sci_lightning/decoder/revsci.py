@@ -9,7 +9,8 @@ from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.kernels.convolution3d import Conv3d, Doubling, one_channel
+from sci_lightning.decoder.kernels.layout import as_one_channel
+from sci_lightning.decoder.layers.convolution import Conv3d, TransposedConv3d
 
 
 class ReversibleBlock(nn.Module):
@@ -114,7 +115,7 @@ class RevSCI(Decoder):
             nn.LeakyReLU(inplace=True),
         )
         self.conv2 = nn.Sequential(
-            Doubling(channels, half),
+            TransposedConv3d(channels, half),
             nn.LeakyReLU(inplace=True),
             Conv3d(half, half, 3),
             nn.LeakyReLU(inplace=True),
@@ -126,7 +127,7 @@ class RevSCI(Decoder):
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         estimate = self.operator(mask).mean_frame(measurement).unsqueeze(1) * (1 + mask)
-        features = self.conv1(one_channel(estimate))
+        features = self.conv1(as_one_channel(estimate))
         # in double precision the way back meets the inputs of f and g, and so the gradients, to the last bit
         precise = torch.is_grad_enabled() and features.device.type != "mps"  # which has no double precision
         x1, x2 = features.to(torch.float64 if precise else features.dtype).chunk(2, dim=1)

@@ -10,6 +10,9 @@ from torch.nn import functional as F
 
 from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.kernels.attention import neighbourhood_product
+from sci_lightning.decoder.kernels.layout import channels_last
+from sci_lightning.decoder.kernels.switch import are_plain
 from sci_lightning.decoder.layers.named_block import named_block
 from sci_lightning.imaging.operator import SnapshotOperator
 
@@ -99,8 +102,7 @@ class Phase(nn.Module):
         old_quarter, old_half, old_full = before or (None, None, None)
         video = operator.data_step(video, measurement, weight + self.eta_step)
         inputs = torch.stack([video, guide.expand_as(video)], dim=1)
-        # channels-last is the layout in which CPU and GPU convolutions run fastest
-        full = self.inc(inputs.contiguous(memory_format=torch.channels_last_3d))
+        full = self.inc(channels_last(inputs))
         half = self.downc0(full)
         quarter = self.downc1(half)
         up_half = self.upc2(join(quarter, old_quarter, self.generate_kernel1, guide))
@@ -122,13 +124,12 @@ def gated(features: torch.Tensor, kernels: torch.Tensor) -> torch.Tensor:
     Args:
         kernels: ``(N, 9 C, H, W)``, the nine taps of a channel in a row; the same for all frames.
     """
-    height, width = features.shape[-2:]
-    taps = kernels.unflatten(1, (-1, 9)).unsqueeze(3).unbind(2)
-    padded = F.pad(features, (1, 1, 1, 1))
-    similarity = torch.zeros_like(features)
-    for number, tap in enumerate(taps):  # summed in place: no copies of the neighbourhoods
-        row, column = divmod(number, 3)
-        similarity.addcmul_(tap, padded[..., row : row + height, column : column + width])
+    kernels = kernels.unflatten(1, (-1, 9)).unsqueeze(3)  # (N, C, 9, 1, H, W)
+    if are_plain():
+        neighbours = F.pad(features, (1, 1, 1, 1)).unfold(-2, 3, 1).unfold(-2, 3, 1).flatten(-2)
+        similarity = (kernels.movedim(2, -1) * neighbours).sum(-1)
+    else:
+        similarity = neighbourhood_product(features, kernels)
     return features * torch.sigmoid(similarity)
 
 

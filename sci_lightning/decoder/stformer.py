@@ -10,8 +10,9 @@ from torch.nn import functional as F
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.kernels.convolution3d import Conv3d, Doubling, one_channel
+from sci_lightning.decoder.kernels.layout import as_one_channel
 from sci_lightning.decoder.layers.chain import Chain
+from sci_lightning.decoder.layers.convolution import Conv3d, TransposedConv3d
 from sci_lightning.decoder.layers.named_block import named_block
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.decoder.layers.window_attention import WindowAttention
@@ -98,7 +99,7 @@ class STFormer(Decoder):
             nn.LeakyReLU(inplace=True),
         )
         self.conv2 = nn.Sequential(
-            Doubling(4 * dim, 2 * dim),
+            TransposedConv3d(4 * dim, 2 * dim),
             nn.LeakyReLU(inplace=True),
             Conv3d(2 * dim, 2 * dim, 3),
             nn.LeakyReLU(inplace=True),
@@ -117,5 +118,5 @@ class STFormer(Decoder):
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         operator = self.operator(mask)
         estimate = operator.data_step(operator.adjoint(measurement), measurement, operator.total_or_one())
-        tokens = self.layers(self.token_gen(one_channel(estimate)).permute(0, 2, 3, 4, 1))
+        tokens = self.layers(self.token_gen(as_one_channel(estimate)).permute(0, 2, 3, 4, 1))
         return self.conv2(tokens.permute(0, 4, 1, 2, 3))[:, 0]

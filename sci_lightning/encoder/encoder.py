@@ -9,6 +9,7 @@ import torch
 from torch import nn
 
 from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.stage import OpticsEffect, SensorEffect
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.mask import Mask
 from sci_lightning.encoder.physics import deepinv_physics
@@ -58,12 +59,23 @@ class Encoder(nn.Module):
         self._aperture = aperture
         given = effects.values() if isinstance(effects, Mapping) else effects or ()
         self.path = LightPath(effect for effect in given if effect is not None)
+        self._refuse_noise_stated_twice()
         self._bits = getattr(sensor, "bit_depth", None)
         if self._bits is None and self.path.effective_bits(16) < 16:
             raise BadInput(
                 f"an effect leaves {self.path.effective_bits(16)} bits to a sensor that does not round "
                 f"({type(sensor).__name__}); choose one with a bit depth: encoder/sensor=clip_quantise"
             )
+
+    def _refuse_noise_stated_twice(self) -> None:
+        for effect in self.path.of(SensorEffect):
+            argument = effect.sensor_argument
+            if argument and getattr(self.sensor, argument, None) and not effect.is_neutral:
+                (value,) = effect.values.values()
+                raise BadInput(
+                    f"{effect.name.replace('_', ' ')} is stated twice, as encoder.sensor.{argument}="
+                    f"{getattr(self.sensor, argument):g} and as the effect {effect.name} with {value:g}: state it once"
+                )
 
     @property
     def aperture(self) -> float:
@@ -118,7 +130,7 @@ class Encoder(nn.Module):
             return self.sensor(image)
         light = self._signal(image, origin, q)
         light = self.path.respond(self.path.form(light))
-        return self._convert(_draw(light) if self.path.of("sensor") else light.mean)
+        return self._convert(_draw(light) if self.path.of(SensorEffect) else light.mean)
 
     def linearise(self, measurement: torch.Tensor, origin: tuple[int, int] = (0, 0)) -> torch.Tensor:
         """Undo what can be undone of sensor and optics, as a calibrated camera's software does before decoding.
@@ -130,7 +142,7 @@ class Encoder(nn.Module):
         Raises:
             BadInput: a window that is not inside the field.
         """
-        passed = [*self.path.of("optics"), *self.path.of("sensor")]
+        passed: list[OpticsEffect | SensorEffect] = [*self.path.of(OpticsEffect), *self.path.of(SensorEffect)]
         if not passed:
             return measurement
         signal = self._signal(measurement, origin)

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeVar
 
 import torch
 from torch import nn
 
 from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.stage import (
+    STAGES,
+    ExposureEffect,
+    ModulatorEffect,
+    OpticsEffect,
+    RelayEffect,
+    SensorEffect,
+)
 from sci_lightning.encoder.exposure import Exposure
 from sci_lightning.encoder.relay import Pose
 from sci_lightning.encoder.signal import Signal
@@ -16,15 +25,20 @@ from sci_lightning.errors import BadInput
 CELLS = 5
 """Cells per pixel and axis for a displaced mask behind a blurred lens."""
 
+StageEffect = TypeVar("StageEffect", ModulatorEffect, RelayEffect, ExposureEffect, OpticsEffect, SensorEffect)
+
 
 class LightPath(nn.Module):
-    """Effects in the order in which light meets them, whatever the order they are given in.
+    """Effects in the order in which light meets them, whatever the order in which they are given.
+
+    Checkpoints name the parameters by effect (``effects.mask_shift.dx``), so that they do not depend on which other
+    effects there are, nor on ranks.
 
     Args:
-        effects: any, each name at most once.
+        effects: effects of any stage, each name at most once.
 
     Raises:
-        BadInput: a name twice, or something that is no effect.
+        BadInput: a name twice or one that cannot be a key, or something that is not an effect of one of the stages.
     """
 
     def __init__(self, effects: Iterable[Effect] = ()) -> None:
@@ -33,42 +47,51 @@ class LightPath(nn.Module):
         for effect in given:
             if not isinstance(effect, Effect):
                 raise BadInput(f"effects must be effects of the encoder, got {type(effect).__name__}")
+            if not isinstance(effect, tuple(STAGES.values())):
+                raise BadInput(
+                    f"effect {effect.name}: {type(effect).__name__} derives from Effect alone; derive it from the base "
+                    f"class of its stage: {', '.join(base.__name__ for base in STAGES.values())}"
+                )
+            if not effect.name.isidentifier() or hasattr(nn.ModuleDict, effect.name):
+                raise BadInput(f"effect {effect.name!r}: this name cannot be used, as keys of parameters contain it")
         names = [effect.name for effect in given]
         for name in names:
             if names.count(name) > 1:
                 raise BadInput(f"effect {name} is given {names.count(name)} times; once is enough")
         given.sort(key=lambda effect: effect.rank)
-        self.effects = nn.ModuleList(given)
+        self.effects = nn.ModuleDict({effect.name: effect for effect in given})
+        self.register_load_state_dict_pre_hook(_load_numbered)
 
     @property
     def names(self) -> list[str]:
         """The effects' names, in order."""
-        return [effect.name for effect in self.effects]  # type: ignore[misc]
+        return list(self.effects)
 
     @property
     def cells(self) -> int:
-        """Into how many cells a pixel is cut along either axis, so that a blur knows where in it the light falls."""
-        return CELLS if self.of("relay") and any(effect.subpixel for effect in self.of("optics")) else 1
+        """The number of cells along either axis of a pixel: above 1 where a blur has to know where the light falls."""
+        return CELLS if self.of(RelayEffect) and any(effect.subpixel for effect in self.of(OpticsEffect)) else 1
 
-    def of(self, stage: str) -> list[Effect]:
-        """The effects of one stage, in order."""
-        return [effect for effect in self.effects if effect.stage == stage]  # type: ignore[misc]
+    def of(self, stage: type[StageEffect]) -> list[StageEffect]:
+        """Return the effects of one stage, named by its base class, in order."""
+        return [effect for effect in self.effects.values() if isinstance(effect, stage)]
 
     def images(self, patterns: torch.Tensor) -> torch.Tensor:
-        """Modulator and relay: patterns told to the modulator ``(P, H, W)`` to images on the sensor ``(P, qH, qW)``."""
-        for effect in (*self.of("modulator"), *self.of("relay")):
+        """Modulator and relay: return the images ``(P, qH, qW)`` on the sensor of commanded patterns ``(P, H, W)``."""
+        shown: list[ModulatorEffect | RelayEffect] = [*self.of(ModulatorEffect), *self.of(RelayEffect)]
+        for effect in shown:
             patterns = effect.show(patterns)
         pose = Pose()
-        for effect in self.of("relay"):
-            pose = effect.aim(pose)
+        for relay in self.of(RelayEffect):
+            pose = relay.aim(pose)
         return pose.image(patterns, self.cells)
 
     def transmittance(self, patterns: torch.Tensor, sequence: torch.Tensor | None = None) -> torch.Tensor:
-        """Modulator, relay and exposure: what each frame of the scene is multiplied with.
+        """Modulator, relay and exposure: return what multiplies each frame of the scene.
 
         Args:
-            patterns: ``(P, H, W)`` told to the modulator.
-            sequence: ``(U, T)`` which pattern was told for each slot; None for 0 to P - 1.
+            patterns: ``(P, H, W)`` commanded patterns.
+            sequence: ``(U, T)`` index of the pattern commanded for each slot; None for 0 to P - 1.
 
         Returns:
             ``(U, T, qH, qW)`` for pixels of q x q :attr:`cells`; ``(T, qH, qW)`` without a sequence.
@@ -77,33 +100,61 @@ class LightPath(nn.Module):
         return shown[0] if sequence is None else shown
 
     def during(self, images: torch.Tensor, sequence: torch.Tensor | None = None) -> torch.Tensor:
-        """Schedule and exposure: ``(U, T, qH, qW)`` what each frame is multiplied with, of :meth:`images`."""
+        """Schedule and exposure: return ``(U, T, qH, qW)``, what multiplies each frame, from :meth:`images`."""
         shown = images[None] if sequence is None else images[sequence]
         slots = shown.shape[1]
-        for effect in self.of("modulator"):
+        for effect in self.of(ModulatorEffect):
             if (mixture := effect.schedule(slots)) is not None:
                 shown = torch.einsum("ts,ushw->uthw", mixture.to(shown), shown)
-        if timed := self.of("exposure"):
+        if timed := self.of(ExposureEffect):
             exposure = Exposure.ideal(slots, images.shape[-2] // self.cells, shown)
-            for effect in timed:
-                exposure = effect.expose(exposure)
+            for timing in timed:
+                exposure = timing.expose(exposure)
             shown = exposure.mask(shown)
         return shown
 
     def form(self, signal: Signal) -> Signal:
-        """Optics: the modulated image, in cells if need be, to the image on the sensor's pixels."""
-        for effect in (*self.of("exposure"), *self.of("optics")):
+        """Optics: return the image on the sensor's pixels of the modulated light, which may be given in cells."""
+        passed: list[ExposureEffect | OpticsEffect] = [*self.of(ExposureEffect), *self.of(OpticsEffect)]
+        for effect in passed:
             signal = effect.form(signal)
         return signal.pooled()
 
     def respond(self, signal: Signal) -> Signal:
-        """Sensor: mean and variance before the converter."""
-        for effect in self.of("sensor"):
+        """Sensor: return mean and variance before the converter."""
+        for effect in self.of(SensorEffect):
             signal = effect.respond(signal)
         return signal
 
     def effective_bits(self, bits: int) -> int:
-        """Bits of the converter that count."""
-        for effect in self.of("sensor"):
+        """Return how many of the converter's bits count."""
+        for effect in self.of(SensorEffect):
             bits = effect.effective_bits(bits)
         return bits
+
+
+def name_numbered_effects(state: Mapping[str, Any], module: nn.Module) -> dict[str, Any]:
+    """Return a state whose effects are named, from one that numbers them as version 0.1.0 did.
+
+    Args:
+        state: of ``module``; ``effects.0.dx`` becomes ``effects.mask_shift.dx``. Other keys stay as they are.
+        module: a light path, or anything that contains one.
+    """
+    paths = {name: path for name, path in module.named_modules() if isinstance(path, LightPath)}
+    prefixes = {
+        f"{place}.effects.{number}.".removeprefix("."): f"{place}.effects.{name}.".removeprefix(".")
+        for place, path in paths.items()
+        for number, name in enumerate(path.names)
+    }
+    return {_replaced(key, prefixes): value for key, value in state.items()}
+
+
+def _replaced(key: str, prefixes: Mapping[str, str]) -> str:
+    old = next((prefix for prefix in prefixes if key.startswith(prefix)), None)
+    return key if old is None else prefixes[old] + key.removeprefix(old)
+
+
+def _load_numbered(module: nn.Module, state: dict[str, Any], prefix: str, *_: Any) -> None:
+    """Rename the effects of an earlier version's state in place, before torch loads it into a light path."""
+    mine = {key.removeprefix(prefix): state.pop(key) for key in list(state) if key.startswith(prefix)}
+    state.update({prefix + key: value for key, value in name_numbered_effects(mine, module).items()})

@@ -1,4 +1,4 @@
-"""Light on its way to the converter: what is expected in every pixel, and how much it varies."""
+"""The signal on its way to the converter: mean and variance of every pixel."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import torch
 
 @dataclass(frozen=True)
 class Signal:
-    """Mean and variance of every pixel, and where the pixels are.
+    """Mean and variance of every pixel, and where in the field the pixels are.
 
     Attributes:
         mean: ``(N, H, W)`` expected signal, 1 at full scale; ``(N, q H, q W)`` while a pixel counts as q x q cells.
@@ -20,6 +20,8 @@ class Signal:
         origin: (row, column) of the first pixel within the field.
         field: (height, width) of the whole field, of which these pixels may be a window.
         cells: q; 1 from the sensor on.
+        position: ``(N,)`` integers, where each capture stands in its file, for what one capture leaves to the next or
+            what drifts from capture to capture; None: the snapshots have no order.
     """
 
     mean: torch.Tensor
@@ -29,31 +31,32 @@ class Signal:
     origin: tuple[int, int]
     field: tuple[int, int]
     cells: int = 1
+    position: torch.Tensor | None = None
 
     def with_mean(self, mean: torch.Tensor) -> Signal:
-        """The same with another mean."""
+        """Return the signal with another mean."""
         return replace(self, mean=mean)
 
     def with_moments(self, mean: torch.Tensor, variance: torch.Tensor) -> Signal:
-        """The same with another mean and variance."""
+        """Return the signal with another mean and variance."""
         return replace(self, mean=mean, variance=variance)
 
     def pooled(self) -> Signal:
-        """The same with whole pixels: the mean of their cells."""
+        """Return the signal of whole pixels: the mean over the cells of each."""
         if self.cells == 1:
             return self
         mean = torch.nn.functional.avg_pool2d(self.mean[:, None], self.cells)[:, 0]
         return replace(self, mean=mean, cells=1)
 
-    def window(self, chart: torch.Tensor) -> torch.Tensor:
-        """The part of a ``(H, W)`` map of the whole field (or ``(1, W)``, ``(H, 1)``) that these pixels see."""
+    def window(self, field_map: torch.Tensor) -> torch.Tensor:
+        """Return the part that these pixels see of a map ``(H, W)``, ``(1, W)`` or ``(H, 1)`` of the whole field."""
         (top, left), (height, width) = self.origin, self.mean.shape[-2:]
-        rows = slice(top, top + height) if chart.shape[-2] > 1 else slice(None)
-        columns = slice(left, left + width) if chart.shape[-1] > 1 else slice(None)
-        return chart[..., rows, columns]
+        rows = slice(top, top + height) if field_map.shape[-2] > 1 else slice(None)
+        columns = slice(left, left + width) if field_map.shape[-1] > 1 else slice(None)
+        return field_map[..., rows, columns]
 
     def coordinates(self) -> tuple[torch.Tensor, torch.Tensor]:
-        """y ``(H, 1)`` and x ``(1, W)`` of the pixels' centres, in pixels from the middle of the field."""
+        """Return y ``(H, 1)`` and x ``(1, W)`` of the pixels' centres, in pixels from the centre of the field."""
         (top, left), (height, width) = self.origin, self.mean.shape[-2:]
         count: Any = {"device": self.mean.device, "dtype": self.mean.dtype}
         y = torch.arange(top, top + height, **count) - (self.field[0] - 1) / 2

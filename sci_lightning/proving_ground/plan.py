@@ -90,7 +90,7 @@ def _cases_of_repetition(suite: str, repetition: int, cameras: list[Session], al
             replace(camera, **CAPTURES[captures])  # type: ignore[arg-type]
             for camera in cameras[first:] + cameras[:first]
         )
-        suited = [session for session in sessions if all(EFFECTS[name].suits(session) for name in hidden)]
+        suited = [session for session in sessions if all(EFFECTS[name].is_visible_in(session) for name in hidden)]
         if suited:
             draw = repetition if hidden else repetition * CASES_OF_NOTHING + number
             cases.append(Case(suite, hidden, captures, suited[0], draw))

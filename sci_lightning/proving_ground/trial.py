@@ -16,7 +16,7 @@ from sci_lightning.diagnosis.fit.gap import held_out_gap
 from sci_lightning.diagnosis.report.report import describe
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.proving_ground.case import Case
-from sci_lightning.virtual_camera import capture_session, write_captures
+from sci_lightning.virtual_camera import VirtualCamera
 
 STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 """Where Linux states the peak of the resident memory, and where it is told to begin anew."""
@@ -30,8 +30,8 @@ def run_trial(case: Case) -> dict[str, Any]:
     """
     with TemporaryDirectory() as folder:
         path = Path(folder) / "captures.h5"
-        simulation = capture_session(case.session, list(case.effects), case.seed, magnitude=case.magnitude)
-        truth = json.loads(write_captures(path, simulation).read_text())
+        camera = VirtualCamera(case.session, case.effects, magnitude=case.magnitude)
+        truth = json.loads(camera.write(path, case.seed).read_text())
         captures = read_captures(path)
     reset_peak_memory()
     start, cpu_start = time.perf_counter(), time.process_time()

@@ -18,6 +18,7 @@ from sci_lightning.configuration.build import build_from_file
 from sci_lightning.decoder import Decoder
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.effects import Effect
+from sci_lightning.encoder.light_path import name_numbered_effects
 from sci_lightning.encoder.mask import Mask
 from sci_lightning.encoder.trial import check_recording
 from sci_lightning.errors import BadInput
@@ -97,6 +98,7 @@ class Checkpoint:
     def check_fit(self, part: str, module: nn.Module, name: str | None = None) -> dict[str, torch.Tensor]:
         """Check that the state of ``part`` fits ``module``, strictly, and return it."""
         state = {key.removeprefix(f"{part}."): value for key, value in self.state.items() if key.startswith(f"{part}.")}
+        state = name_numbered_effects(state, module)
         if misfit := _misfit(state, module.state_dict()):
             trained = self.config["names"][part.split(".")[0]]
             wanted = name or type(module).__name__

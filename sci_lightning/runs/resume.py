@@ -13,7 +13,19 @@ from sci_lightning.configuration.moved import present_name
 from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_data import check_plain_data
 
-FREE = {"out", "debug", "resume", "ckpt_path", "names", "overrides", "trusted", "workers", "callbacks", "logger"}
+FREE = {
+    "out",
+    "debug",
+    "resume",
+    "ckpt_path",
+    "names",
+    "overrides",
+    "trusted",
+    "workers",
+    "callbacks",
+    "logger",
+    "kernels",
+}
 """Entries of a configuration that do not change what a run computes."""
 
 EXTENDABLE = re.compile(

@@ -13,6 +13,7 @@ import torch
 from lightning.pytorch.callbacks import Timer
 
 from sci_lightning.data.loader import ClipLoader
+from sci_lightning.encoder.light_path import name_numbered_effects
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.checkpoint import SafeCheckpointIO
 from sci_lightning.training.system import System
@@ -85,7 +86,10 @@ class TrainingCheckpointIO(SafeCheckpointIO):
 
     def _weights(self, path: Any, state: Any) -> dict[str, torch.Tensor]:
         wanted = self.system.state_dict()
-        if not isinstance(state, dict) or state.keys() != wanted.keys():
+        if not isinstance(state, dict):
+            raise _damaged(path, "its weights")
+        state = name_numbered_effects(state, self.system)
+        if state.keys() != wanted.keys():
             raise _damaged(path, "its weights")
         if any(not _like(state[key], value.shape) for key, value in wanted.items()):
             raise _damaged(path, "its weights")

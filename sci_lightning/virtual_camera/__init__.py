@@ -1,29 +1,39 @@
-"""A virtual camera with hidden effects, to prove a diagnosis with.
+"""A virtual camera with hidden effects, to test a diagnosis with.
 
-Physics from light to numbers in NumPy: touching square mirrors imaged in closed form, photons that are counted, a
-converter that rounds. It shares no code with the encoder that is to be diagnosed, so that a mistake made there is not
-made here as well.
-
-    captures = capture_session(Session(size=(64, 64)), {"mask_shift": {"dx": 0.61, "dy": -0.35}}, seed=3)
-    write_captures("captures.h5", captures)      # and captures.truth.json, for after the diagnosis
+:class:`VirtualCamera` takes and writes the captures, :class:`Session` says which ones. The camera itself is in
+:mod:`sci_lightning.virtual_camera.hardware`, one module per part, in the order in which light passes them. Nothing here
+is shared with :mod:`sci_lightning.encoder`.
 """
 
-from sci_lightning.virtual_camera.captures import Captures, capture_session, write_captures
-from sci_lightning.virtual_camera.choice import choose
-from sci_lightning.virtual_camera.hardware.camera import VirtualCamera
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from sci_lightning.virtual_camera.acquisition import Acquisition
 from sci_lightning.virtual_camera.hardware.vocabulary import EFFECTS, OUTSIDE, VOCABULARY
+from sci_lightning.virtual_camera.hidden_effects import choose_effects
 from sci_lightning.virtual_camera.session import Session
-from sci_lightning.virtual_camera.shots import Shots
+from sci_lightning.virtual_camera.simulation import Simulation
+from sci_lightning.virtual_camera.virtual_camera import VirtualCamera
 
 __all__ = [
     "EFFECTS",
     "OUTSIDE",
     "VOCABULARY",
-    "Captures",
+    "Acquisition",
     "Session",
-    "Shots",
+    "Simulation",
     "VirtualCamera",
-    "capture_session",
-    "choose",
-    "write_captures",
+    "choose_effects",
 ]
+
+
+def capture_session(session: Session, effects: Any = None, seed: int = 0, **choice: Any) -> Simulation:
+    """Simulate a session; the former name of :meth:`VirtualCamera.simulate`."""
+    return VirtualCamera(session, effects, **choice).simulate(seed)
+
+
+def write_captures(path: str | Path, captures: Simulation) -> Path:
+    """Write a simulation; the former name of :meth:`Simulation.write`."""
+    return captures.write(path)

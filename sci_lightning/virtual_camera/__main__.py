@@ -12,26 +12,24 @@ from sci_lightning.cli.console import PlainConsole, styled
 
 
 def virtual_camera(cfg: DictConfig) -> None:
-    """Write a captures file and beside it what is hidden in it; say where, but not what.
+    """Write a captures file and its truth file; print where they are, but not what is hidden.
 
     Args:
         cfg: ``conf/virtual_camera.yaml``, composed.
     """
     from sci_lightning.cli.next_command import invocation, print_next
-    from sci_lightning.virtual_camera import Session, capture_session, write_captures
+    from sci_lightning.virtual_camera import Session, VirtualCamera
 
     given = plain(cfg)
-    settings: dict[str, Any] = {
-        field.name: tuple(value) if isinstance(value := given[field.name], list) else value for field in fields(Session)
-    }
-    session = Session(**settings)
-    captures = capture_session(
-        session, given["effects"], given["seed"], number=given["number"], magnitude=given["magnitude"]
-    )
-    truth = write_captures(cfg.out, captures)
+    settings: dict[str, Any] = {field.name: given[field.name] for field in fields(Session)}
+    settings = {name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()}
+    camera = VirtualCamera(Session(**settings), given["effects"], given["number"], given["magnitude"])
+    simulation = camera.simulate(given["seed"])
+    truth = simulation.write(cfg.out)
     console = PlainConsole()
-    count, height, width = captures.measurement.shape
-    console.print(f"{count} captures of {height} x {width}, {session.frames} slots each, {session.bit_depth} bits")
+    count, height, width = simulation.measurement.shape
+    slots, bits = camera.session.frames, camera.session.bit_depth
+    console.print(f"{count} captures of {height} x {width}, {slots} slots each, {bits} bits")
     console.say(styled(cfg.out), "; what is hidden in it: ", styled(truth))
     print_next(console, invocation("diagnose", paths={"captures": cfg.out}))
 

@@ -1,24 +1,69 @@
-"""A diagnosis beside the truth."""
+"""The result of a diagnosis compared with what was hidden."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from sci_lightning.virtual_camera.hardware.parameter import Value
+from sci_lightning.virtual_camera.truth import HiddenEffect
 
 
 @dataclass(frozen=True)
-class Compared:
-    """One parameter, as hidden and as found.
+class Estimate:
+    """A parameter as a diagnosis reports it.
 
     Attributes:
-        effect, parameter, unit: which one.
-        truth: None where the effect was not hidden.
-        found: None where it was not found.
-        std: of ``found``; 0 for a choice or a whole number.
+        value: the estimate.
+        std: its standard error; 0 for a word or a whole number.
+        unit: of both.
+    """
+
+    value: Value
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class ReportedEffect:
+    """An effect that a diagnosis reports.
+
+    Attributes:
+        name: of the effect.
+        parameters: its estimated parameters by name.
+        alternatives: names of effects that the captures cannot distinguish from it.
+    """
+
+    name: str
+    parameters: Mapping[str, Estimate]
+    alternatives: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Report:
+    """What is compared of the report of a diagnosis.
+
+    Attributes:
+        effects: the effects that it names.
+        unnamed_stages: stages at which something remains that no effect explains.
+        chi2_before, chi2_after: reduced chi-square of held-out pixels without and with these effects.
+    """
+
+    effects: tuple[ReportedEffect, ...]
+    unnamed_stages: tuple[str, ...]
+    chi2_before: float
+    chi2_after: float
+
+
+@dataclass(frozen=True)
+class ComparedParameter:
+    """One parameter, true and estimated.
+
+    Attributes:
+        effect, parameter, unit: which parameter.
+        truth: its true value, None where the effect was not hidden.
+        estimate: what the diagnosis reports, None where it does not report the effect.
         answer: ``within 95 %``, ``outside 95 %``, ``right``, ``wrong``, ``not found`` or ``not hidden``.
     """
 
@@ -26,64 +71,58 @@ class Compared:
     parameter: str
     unit: str
     truth: Value | None
-    found: Value | None
-    std: float
+    estimate: Estimate | None
     answer: str
 
 
-def compare(truth: Mapping[str, Any], report: Mapping[str, Any]) -> list[Compared]:
-    """Every parameter of what is hidden, then of what is found besides.
-
-    Args:
-        truth: ``<captures>.truth.json``. report: ``report.json`` of a diagnosis.
-    """
-    found = {each["name"]: each["parameters"] for each in report["effects"]}
-    hidden = {each["name"]: each for each in truth["effects"]}
-    rows = [
-        _judge(name, parameter, effect["units"][parameter], value, found.get(name, {}).get(parameter))
-        for name, effect in hidden.items()
-        for parameter, value in effect["parameters"].items()
-    ]
-    rows += [
-        Compared(name, parameter, about["unit"], None, about["value"], float(about["std"]), "not hidden")
-        for name, parameters in found.items()
-        if name not in hidden
-        for parameter, about in parameters.items()
-    ]
+def compare(hidden: Sequence[HiddenEffect], report: Report) -> list[ComparedParameter]:
+    """Compare every parameter of the hidden effects, then list those of effects that were reported but not hidden."""
+    reported = {effect.name: effect.parameters for effect in report.effects}
+    rows = []
+    for effect in hidden:
+        for name, true_value in effect.parameters.items():
+            unit, estimate = effect.units[name], reported.get(effect.name, {}).get(name)
+            answer = _answer(true_value, unit, estimate)
+            rows.append(ComparedParameter(effect.name, name, unit, true_value, estimate, answer))
+    hidden_names = {effect.name for effect in hidden}
+    for found in report.effects:
+        if found.name not in hidden_names:
+            rows += [
+                ComparedParameter(found.name, name, estimate.unit, None, estimate, "not hidden")
+                for name, estimate in found.parameters.items()
+            ]
     return rows
 
 
-def verdict(truth: Mapping[str, Any], report: Mapping[str, Any]) -> str:
-    """One sentence: how the names found compare with those hidden."""
-    hidden = {each["name"]: each["stage"] for each in truth["effects"]}
-    found = [each["name"] for each in report["effects"]]
-    unnamed = [each["stage"] for each in report["unnamed"]]
+def verdict(hidden: Sequence[HiddenEffect], report: Report) -> str:
+    """Say in one sentence how the reported names compare with the hidden ones."""
+    stages = {effect.name: effect.stage for effect in hidden}
+    reported = [effect.name for effect in report.effects]
     if not hidden:
-        return (
-            "nothing was hidden, and nothing was found" if not found + unnamed else "nothing was hidden: a false alarm"
-        )
-    if set(found) == set(hidden):
-        return "every name is right" + (", but something is left unnamed" if unnamed else "")
-    outside = [each["name"] for each in truth["effects"] if not each["in_vocabulary"]]
-    if outside and not found and set(unnamed) & {hidden[name] for name in outside}:
+        anything = reported or report.unnamed_stages
+        return f"nothing was hidden{': a false alarm' if anything else ', and nothing was found'}"
+    if set(reported) == set(stages):
+        return f"every name is right{', but something is left unnamed' if report.unnamed_stages else ''}"
+    outside = [effect.name for effect in hidden if not effect.in_vocabulary]
+    if outside and not reported and set(report.unnamed_stages) & {stages[name] for name in outside}:
         return f"{', '.join(outside)} has no name in the vocabulary; the stage is right"
-    maybe = {other for each in report["effects"] for other in each["alternatives"]}
-    missed = [name for name in hidden if name not in found]
-    wrong = [name for name in found if name not in hidden]
-    parts = [f"missed: {', '.join(missed)}" if missed else "", f"not hidden: {', '.join(wrong)}" if wrong else ""]
-    if named := [name for name in missed if name in maybe]:
-        parts.append(f"among the alternatives: {', '.join(named)}")
-    return "; ".join(part for part in parts if part)
+    missed = [name for name in stages if name not in reported]
+    wrong = [name for name in reported if name not in stages]
+    alternatives = {name for effect in report.effects for name in effect.alternatives}
+    parts = {
+        "missed": missed,
+        "not hidden": wrong,
+        "among the alternatives": [name for name in missed if name in alternatives],
+    }
+    return "; ".join(f"{part}: {', '.join(names)}" for part, names in parts.items() if names)
 
 
-def _judge(effect: str, parameter: str, unit: str, truth: Value, found: Mapping[str, Any] | None) -> Compared:
-    if found is None:
-        return Compared(effect, parameter, unit, truth, None, 0.0, "not found")
-    value, std = found["value"], float(found["std"])
-    if isinstance(truth, float) and not isinstance(value, str):
-        error = float(value) - truth
+def _answer(truth: Value, unit: str, estimate: Estimate | None) -> str:
+    """Judge an estimate; angles in radians are compared modulo a full turn."""
+    if estimate is None:
+        return "not found"
+    if isinstance(truth, float) and not isinstance(estimate.value, str):
+        error = float(estimate.value) - truth
         error = math.remainder(error, 2 * math.pi) if unit == "rad" else error
-        answer = "within 95 %" if abs(error) <= 1.96 * std else "outside 95 %"
-    else:
-        answer = "right" if value == truth else "wrong"
-    return Compared(effect, parameter, unit, truth, value, std, answer)
+        return "within 95 %" if abs(error) <= 1.96 * estimate.std else "outside 95 %"
+    return "right" if estimate.value == truth else "wrong"

@@ -1,35 +1,47 @@
-"""How strongly captures speak for what is hidden in them, and effects made so weak that they speak softly."""
+"""How strongly captures speak for the hidden effects: log-likelihoods, and effects weak enough to be hard to find."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.special import log_ndtr
 
-from sci_lightning.virtual_camera.hardware.camera import VirtualCamera
+from sci_lightning.virtual_camera.acquisition import Acquisition
+from sci_lightning.virtual_camera.hardware.camera import Camera
 from sci_lightning.virtual_camera.hardware.converter import BitDepth, ReadNoise
 from sci_lightning.virtual_camera.hardware.effect import Effect
 from sci_lightning.virtual_camera.session import Session
-from sci_lightning.virtual_camera.shots import Shots
 from sci_lightning.virtual_camera.stream import stream
 
-WEAK = (30.0, 100.0)
-"""Log-likelihood gained by the true model, for an effect to be called weak."""
+WEAK_GAIN = (30.0, 100.0)
+"""Gain in log-likelihood (nats) by the true model for which an effect is called weak."""
+
+MIN_READ_NOISE = 0.05
+"""DN; a smaller read noise is taken as this one, so that no capture is infinitely unlikely."""
 
 
-def log_likelihood(camera: VirtualCamera, light: np.ndarray, shots: Shots, dn: np.ndarray) -> float:
-    """Log-probability of the DN if ``camera`` took them: that of the interval each stands for, tails at the ends.
+def log_likelihood(camera: Camera, light: np.ndarray, acquisition: Acquisition, dn: np.ndarray) -> float:
+    """Return the log-probability (nats) of raw DN if ``camera`` had recorded them.
 
-    The noise is taken as Gaussian with the camera's own shot and read noise; ``light`` is the camera's, without noise.
+    It is the Gaussian probability of the interval of signals that every DN stands for, open at both ends of the range,
+    with the camera's own shot and read noise as the variance.
+
+    Args:
+        camera: whose captures they are supposed to be.
+        light: (N, H, W) its noise-free irradiance, see :meth:`.Camera.irradiance`.
+        acquisition: the input of the captures.
+        dn: (N, H, W) raw DN.
     """
-    (read,), (converter,) = camera.of(ReadNoise), camera.of(BitDepth)
-    shot = camera.signal(light, shots, deviations=1) - camera.signal(light, shots, deviations=-1)
-    deviation = np.hypot(shot / 2, max(read.std, 0.05) / camera.full_scale)
-    start, stop = converter.interval(dn.astype(np.float64), camera.full_scale)
-    mean = camera.signal(light, shots)
+    brighter = camera.signal(light, acquisition, shot_noise_sigmas=1)
+    darker = camera.signal(light, acquisition, shot_noise_sigmas=-1)
+    read_noise = max(camera.part(ReadNoise).std, MIN_READ_NOISE) / camera.full_scale
+    deviation = np.hypot((brighter - darker) / 2, read_noise)
+    start, stop = camera.part(BitDepth).interval(dn.astype(np.float64), camera.full_scale)
+    mean = camera.signal(light, acquisition)
     below, above = (start - mean) / deviation, (stop - mean) / deviation
-    # of the two ways to write the interval's probability, the one that does not subtract numbers near 1
+    # P(a < z < b) = P(-b < z < -a): use the form that does not subtract two numbers close to 1
     swap = below > 0
     below, above = np.where(swap, -above, below), np.where(swap, -below, above)
     larger, smaller = log_ndtr(above), log_ndtr(below)
@@ -37,67 +49,69 @@ def log_likelihood(camera: VirtualCamera, light: np.ndarray, shots: Shots, dn: n
 
 
 def log_likelihood_gains(
-    session: Session, effects: dict[str, Effect], seed: int, shots: Shots, dn: np.ndarray
+    session: Session, effects: Mapping[str, Effect], seed: int, acquisition: Acquisition, dn: np.ndarray
 ) -> tuple[float, dict[str, float]]:
-    """How much likelier the captures are with what is hidden in the camera than without: nats.
+    """Return how much likelier the captures are with the hidden effects in the camera than without them, in nats.
 
-    Noise other than the pixels' own shot and read noise (a fluttering row) counts for nothing.
+    Noise other than the pixels' own shot and read noise (row flutter, for example) is not part of the likelihood.
 
     Returns:
-        of everything hidden, maps included, and of each effect by name when the others are known. There, of a Gaussian
-        map only the standard deviation counts as known. Near 0: nobody could see the effect beside the others.
+        The gain by all effects together, with their maps known; and by name the gain of every effect when the others
+        are known, where only the standard deviation of a Gaussian map counts as known. A gain near 0 means that nobody
+        could detect the effect beside the others.
     """
 
-    def of(present: dict[str, Effect]) -> float:
-        camera = VirtualCamera(session, present, seed)
-        return log_likelihood(camera, camera.light(shots), shots, dn)
+    def log_likelihood_with(present: Mapping[str, Effect]) -> float:
+        camera = Camera(session, present, seed)
+        return log_likelihood(camera, camera.irradiance(acquisition), acquisition, dn)
 
-    hidden, ideal = of(effects), of({})
+    with_all, with_none = log_likelihood_with(effects), log_likelihood_with({})
     gains = {}
     for name, effect in effects.items():
-        others = {each: other for each, other in effects.items() if each != name}
-        gains[name] = hidden - (of(others) if others else ideal)
-        if effect.gaussian:
-            chart = VirtualCamera(session, {name: effect}, seed).charts[name]
-            gains[name] = _without_map(gains[name], chart.size)
-    return hidden - ideal, gains
+        others = {other: present for other, present in effects.items() if other != name}
+        gains[name] = with_all - (log_likelihood_with(others) if others else with_none)
+        if effect.gaussian_map:
+            values = Camera(session, {name: effect}, seed).fixed_maps[name]
+            gains[name] = _gain_with_unknown_map(gains[name], values.size)
+    return with_all - with_none, gains
 
 
-def weak(effect: Effect, session: Session, seed: int) -> Effect:
-    """The effect with its magnitudes reduced until its captures gain 30 to 100 nats from knowing it.
+def make_weak(effect: Effect, session: Session, seed: int) -> Effect:
+    """Return the effect with its magnitudes reduced until knowing it gains 30 to 100 nats of log-likelihood.
 
-    Of a Gaussian map only the standard deviation counts as known.
-
-    The gain grows about as the square of the magnitude, so a few steps suffice. An effect without a magnitude to
-    reduce (a pattern order, a bit depth), or whose smallest step speaks more loudly (one hot pixel), stays clear.
+    Only the standard deviation of a Gaussian map counts as known. The gain grows about as the square of the magnitude,
+    so that a few steps suffice. An effect without a magnitude to reduce (a pattern order, a bit depth) is returned as
+    it is; one whose smallest step already gains more (one hot pixel) is returned with the nearest gain.
     """
     if effect.weakened(0.5, session) == effect:
         return effect
-    shots = session.shots(seed)
-    ideal = VirtualCamera(session, {}, seed)
-    without = ideal.light(shots)
-    goal = math.exp(stream(seed, "weak").uniform(math.log(WEAK[0] * 1.3), math.log(WEAK[1] / 1.3)))
-    share, tried = 1.0, []
+    acquisition = session.acquisition(seed)
+    ideal = Camera(session, {}, seed)
+    ideal_light = ideal.irradiance(acquisition)
+    low, high = WEAK_GAIN
+    goal = math.exp(stream(seed, "weak").uniform(math.log(low * 1.3), math.log(high / 1.3)))
+    share = 1.0
+    candidates: list[tuple[float, Effect]] = []
     for _ in range(8):
         candidate = effect.weakened(share, session)
-        camera = VirtualCamera(session, {effect.name: candidate}, seed)
-        light = camera.light(shots)
-        dn = camera.convert(camera.signal(light, shots, stream(seed, "noise")))
-        gain = log_likelihood(camera, light, shots, dn) - log_likelihood(ideal, without, shots, dn)
-        if effect.gaussian:
-            gain = _without_map(gain, camera.charts[effect.name].size)
-        tried.append((abs(math.log(max(gain, 1e-3) / goal)), candidate))
-        if WEAK[0] <= gain <= WEAK[1]:
+        camera = Camera(session, {effect.name: candidate}, seed)
+        light = camera.irradiance(acquisition)
+        dn = camera.convert(camera.signal(light, acquisition, stream(seed, "noise")))
+        gain = log_likelihood(camera, light, acquisition, dn) - log_likelihood(ideal, ideal_light, acquisition, dn)
+        if effect.gaussian_map:
+            gain = _gain_with_unknown_map(gain, camera.fixed_maps[effect.name].size)
+        candidates.append((abs(math.log(max(gain, 1e-3) / goal)), candidate))
+        if low <= gain <= high:
             break
         share = min(share * math.sqrt(goal / max(gain, goal / 25)), 1.0)
-    return min(tried, key=lambda each: each[0])[1]
+    return min(candidates, key=lambda candidate: candidate[0])[1]
 
 
-def _without_map(gain: float, elements: int) -> float:
-    """What is left of the gain when a Gaussian map has to be learned from the same captures.
+def _gain_with_unknown_map(gain: float, elements: int) -> float:
+    """Return the gain that remains when a Gaussian map has to be estimated from the same captures.
 
-    Where the captures tell each element with a precision of r times its own variance, knowing the map is worth r / 2
-    nats an element, and knowing only its standard deviation (r - log(1 + r)) / 2.
+    If the captures determine every element with a precision of r times its own variance, knowing the map gains r / 2
+    nats per element, and knowing only its standard deviation (r - log(1 + r)) / 2.
     """
     r = 2 * max(gain, 0.0) / elements
     return elements * (r - math.log1p(r)) / 2

@@ -1,4 +1,4 @@
-"""What the modulator is told to display."""
+"""Coding patterns for the modulator: random ones, or those of a file."""
 
 from __future__ import annotations
 
@@ -11,10 +11,19 @@ from sci_lightning.files.npy_file import npy_array
 
 
 def structural(random: np.random.Generator, frames: int, size: tuple[int, int], bits: int) -> np.ndarray:
-    """Random levels that sum to 1 over time: (T, H, W) in {0, 1/L, .., 1 - 1/L} with L = 2**bits (bits 1: {0, 1}).
+    """Return random levels that sum to 1 over time at every pixel.
 
-    Each pixel is a composition of L into T parts, all equally likely: L units of light in a row with T - 1 bars among
-    them. Where all units fall into one slot, one of them goes to the next.
+    The levels of a pixel are a composition of L = 2**bits units of light into T parts, all compositions equally likely
+    (stars and bars). Where all units fall into one slot, one of them is moved to the next slot.
+
+    Args:
+        random: source of the levels.
+        frames: T, number of slots.
+        size: (H, W).
+        bits: bit depth of the levels.
+
+    Returns:
+        (T, H, W) in {0, 1/L, .., 1 - 1/L}; with 1 bit in {0, 1}.
     """
     height, width = size
     if bits == 1:
@@ -30,12 +39,16 @@ def structural(random: np.random.Generator, frames: int, size: tuple[int, int], 
 
 
 def binary(random: np.random.Generator, frames: int, size: tuple[int, int]) -> np.ndarray:
-    """Every mirror open or shut in every slot with probability 1/2: (T, H, W) in {0, 1}."""
+    """Return patterns (T, H, W) in which every mirror is on (1) or off (0) in every slot with probability 1/2."""
     return random.integers(0, 2, (frames, *size)).astype(np.float64)
 
 
 def read_patterns(path: str | Path, frames: int, size: tuple[int, int]) -> np.ndarray:
-    """Coding patterns (T, H, W) in [0, 1] from an .npy file; BadInput if they are anything else."""
+    """Read coding patterns (T, H, W) in [0, 1] from an .npy file.
+
+    Raises:
+        BadInput: no such file, not an .npy file, or another shape or range.
+    """
     expected = f"{frames} patterns of {size[0]} x {size[1]} (frames and size), values in [0, 1]"
     try:
         stored = npy_array(Path(path))

@@ -1,4 +1,4 @@
-"""Targets before the camera: photographs and speckle, at rest or on the move."""
+"""Textured scenes in front of the camera: photographs and speckle, at rest or in motion."""
 
 from __future__ import annotations
 
@@ -24,33 +24,45 @@ PHOTOGRAPHS = (
     "rocket.jpg",
     "text.png",
 )
-"""Inside the installed scikit-image (nothing is downloaded)."""
+"""Files of the installed scikit-image; nothing is downloaded."""
 LUMA = (0.299, 0.587, 0.114)
+"""Weights of red, green and blue in the luma of ITU-R BT.601."""
 
 
 def textured_scene(random: np.random.Generator, size: tuple[int, int], frames: int, *, moving: bool) -> np.ndarray:
-    """A target with detail everywhere: float32 (T, H, W) irradiance that uses most of [0, 1].
+    """Return a scene with detail everywhere that uses most of the range [0, 1].
 
-    Two times in three a photograph, else speckle; turned and magnified at random. When moving it glides by 0.3 to 3
-    pixels and turns by up to 0.03 radian a slot; the frame of a slot is what the scene is at its middle.
+    It is a photograph with probability 2/3, else speckle, turned and magnified at random. A moving scene shifts by 0.3
+    to 3 pixels and turns by up to 0.03 radian per slot; the frame of a slot is the scene at the middle of the slot.
+
+    Args:
+        random: source of the texture and its motion.
+        size: (H, W).
+        frames: T.
+        moving: whether the scene moves.
+
+    Returns:
+        (T, H, W) float32 irradiance.
     """
     if random.random() < 2 / 3:
         texture, step = _photograph(random), float(random.uniform(0.8, 2.5))
     else:
         texture, step = _speckle(random), 1.0
     time = np.arange(frames) + 0.5 if moving else np.zeros(frames)
-    course, speed = random.uniform(0, 2 * np.pi), random.uniform(0.3, 3)
+    direction, speed = random.uniform(0, 2 * np.pi), random.uniform(0.3, 3)
     start = np.array(texture.shape) * random.uniform(0.3, 0.7, 2)
-    centre = start + step * speed * time[:, None] * np.array([np.sin(course), np.cos(course)])
+    centre = start + step * speed * time[:, None] * np.array([np.sin(direction), np.cos(direction)])
     angle = random.uniform(0, 2 * np.pi) + random.uniform(-0.03, 0.03) * time
-    scene = _look(gaussian_filter(texture, 0.4 * step), size, centre, angle, step)
+    scene = _sampled(gaussian_filter(texture, 0.4 * step), size, centre, angle, step)
     dark, bright = np.percentile(scene, (1, 99))
     scene = (scene - dark) / max(bright - dark, 1e-3)
     return np.clip(scene * random.uniform(0.8, 1), 0, 1).astype(np.float32)
 
 
-def _look(texture: np.ndarray, size: tuple[int, int], centre: np.ndarray, angle: np.ndarray, step: float) -> np.ndarray:
-    """(T, H, W): the texture around ``centre`` (T, 2), turned by ``angle`` (T,), a sample every ``step`` pixels."""
+def _sampled(
+    texture: np.ndarray, size: tuple[int, int], centre: np.ndarray, angle: np.ndarray, step: float
+) -> np.ndarray:
+    """Return (T, H, W): the texture around ``centre`` (T, 2), turned by ``angle`` (T,), sampled every ``step`` px."""
     y, x = (step * (np.indices(size)[axis] - (length - 1) / 2) for axis, length in enumerate(size))
     cos, sin = np.cos(angle)[:, None, None], np.sin(angle)[:, None, None]
     row, column = centre.T[:, :, None, None]
@@ -58,6 +70,7 @@ def _look(texture: np.ndarray, size: tuple[int, int], centre: np.ndarray, angle:
 
 
 def _photograph(random: np.random.Generator) -> np.ndarray:
+    """Return a random one of the photographs in shades of gray, in [0, 1]."""
     import skimage
     from skimage.io import imread
 
@@ -70,5 +83,5 @@ def _photograph(random: np.random.Generator) -> np.ndarray:
 
 
 def _speckle(random: np.random.Generator) -> np.ndarray:
-    """Blurred noise with grains of 1 to 3 pixels."""
+    """Return blurred noise with grains of 1 to 3 pixels."""
     return gaussian_filter(random.random((384, 384)), random.uniform(1, 3), mode="wrap")

@@ -4,47 +4,54 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
 from sci_lightning.errors import BadInput
+from sci_lightning.virtual_camera.acquisition import Acquisition
 from sci_lightning.virtual_camera.patterns import binary, read_patterns, structural
 from sci_lightning.virtual_camera.scene import textured_scene
-from sci_lightning.virtual_camera.shots import Shots
 from sci_lightning.virtual_camera.stream import stream
 
-Shot: TypeAlias = tuple[str, np.ndarray, np.ndarray, float]
-"""Kind, sequence (T,), scene (T, H, W) or one that broadcasts to it, aperture."""
+
+class PlannedCapture(NamedTuple):
+    """One capture of the plan: kind, sequence (T,), a scene that broadcasts to (T, H, W), and the aperture."""
+
+    kind: str
+    sequence: np.ndarray
+    scene: np.ndarray
+    aperture: float
 
 
 @dataclass(frozen=True)
 class Session:
-    """An ideal camera and 34 captures, unless told otherwise.
+    """The datasheet of a camera and the list of captures to take with it; by default 34 captures.
 
     Attributes:
-        size: (H, W), 16 or more each.
+        size: (H, W) of the field in pixels, each 16 or more.
         frames: T, slots per capture.
-        bit_depth: 8 to 16.
-        mask: ``structural``, ``binary`` or an .npy file of T patterns.
-        bits: of the structural mask.
-        dark: captures with the cap on and every pattern off.
-        flat: even scenes behind the coding patterns, 0.1 to 0.95.
-        all_on, all_off: even scenes behind patterns all on (aperture 1/T) or all off.
-        pattern: even scenes, one slot showing one coding pattern and the others off; None: one for each pattern.
-        static, dynamic: textures at rest and on the move, behind the coding patterns.
-        unknown: as dynamic, but the file does not tell the scene.
-        aperture: of the captures behind the coding patterns; ``auto``: a white scene fills the range on average.
-        dark_exposures: integration times of the dark frames, in turn.
-        full_well_e, read_noise_dn: the datasheet: electrons at full scale, standard deviation in DN. The camera's true
-            noise too, unless the effect shot_noise or read_noise is hidden in it.
-        datasheet: whether the file states them.
-        oversampling: cells per pixel and axis in which a turned or blurred mask meets a blurred lens; everything else
-            is exact. 1: light between relay and sensor counts as even over each pixel.
-        surround: what lies beyond the field: ``dark``, or the ``edge`` going on.
+        bit_depth: of the sensor, 8 to 16.
+        mask: ``structural``, ``binary`` or the path of an .npy file with T coding patterns.
+        bits: bit depth of the structural mask.
+        dark: number of captures with the lens capped and every pattern off.
+        flat: number of uniform scenes behind the coding patterns, irradiance 0.1 to 0.95.
+        all_on, all_off: number of uniform scenes behind a pattern that is all on (aperture 1/T) or all off.
+        pattern: number of uniform scenes with one coding pattern in one slot and the others off; None: one per pattern.
+        static, dynamic: number of textured scenes behind the coding patterns, at rest and in motion.
+        unknown: number of moving scenes that the file does not state.
+        aperture: light scale of the captures behind the coding patterns; ``auto`` makes a white scene fill the range on
+            average.
+        dark_exposures: integration times of the dark frames relative to nominal, repeated in turn.
+        full_well_e, read_noise_dn: datasheet values: electrons at full scale, and standard deviation in DN. They are
+            the camera's true noise too, unless the effect ``shot_noise`` or ``read_noise`` is hidden in it.
+        datasheet: whether the file states these two.
+        oversampling: cells per pixel and axis by which a rotated or blurred mask is sampled in front of blurred optics;
+            everything else is exact. With 1, the light between relay and sensor counts as uniform over every pixel.
+        surround: what lies beyond the field: ``dark``, or the ``edge`` of the field repeated.
 
     Raises:
-        BadInput: any of them out of range.
+        BadInput: a value of another type or out of range.
     """
 
     size: tuple[int, int] = (128, 128)
@@ -77,91 +84,105 @@ class Session:
             *((kind, 0, 10000) for kind in ("dark", "flat", "all_on", "all_off", "static", "dynamic", "unknown")),
             *((("pattern", 0, 10000),) if self.pattern is not None else ()),
         ):
-            _whole(name, getattr(self, name), low, high)
+            _check_whole(name, getattr(self, name), low, high)
         if isinstance(self.size, str) or len(self.size) != 2:
             raise BadInput(f"size must be two numbers, height and width, got {self.size!r}")
         for side in self.size:
-            _whole("size", side, 16, 8192)
+            _check_whole("size", side, 16, 8192)
         if not sum(self.counts.values()):
             raise BadInput("no captures: at least one of dark, flat, all_on, .. must be positive")
         if self.aperture != "auto":
-            _positive("aperture", self.aperture)
+            _check_positive("aperture", self.aperture)
         for name in ("full_well_e", "read_noise_dn"):
-            _positive(name, getattr(self, name), zero=name == "read_noise_dn")
+            _check_positive(name, getattr(self, name), zero=name == "read_noise_dn")
         if not self.dark_exposures:
             raise BadInput("dark_exposures must have at least one integration time")
         for time in self.dark_exposures:
-            _positive("dark_exposures", time)
+            _check_positive("dark_exposures", time)
         if self.surround not in ("dark", "edge"):
             raise BadInput(f"surround must be dark or edge, got {self.surround!r}")
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many captures of each sort."""
+        """Number of captures by the setting that asks for them."""
         names = ("dark", "flat", "all_on", "all_off", "pattern", "static", "dynamic", "unknown")
         counts = {name: getattr(self, name) for name in names}
         return {name: self.frames if count is None else count for name, count in counts.items()}
 
     @property
     def is_binary(self) -> bool:
-        """Whether the coding patterns are made of 0 and 1 only."""
+        """Whether the coding patterns contain only 0 and 1."""
         if self.mask in ("structural", "binary"):
             return self.mask == "binary" or self.bits == 1
         return bool(np.isin(read_patterns(self.mask, self.frames, self.size), (0, 1)).all())
 
-    def shots(self, seed: int) -> Shots:
-        """Everything before the camera: patterns (the coding ones, all off, all on), scenes, apertures."""
-        coding = self._coding(stream(seed, "patterns"))
+    def acquisition(self, seed: int) -> Acquisition:
+        """Return the camera's input: patterns (the coding ones, all off, all on), scenes and exposure settings.
+
+        Raises:
+            BadInput: the file of coding patterns cannot be used.
+        """
+        coding = self._coding_patterns(stream(seed, "patterns"))
         patterns = np.concatenate((coding, np.zeros((1, *self.size)), np.ones((1, *self.size)))).astype(np.float32)
         automatic = {"structural": 1.0, "binary": 2 / self.frames}.get(self.mask, 1 / max(coding.sum(0).mean(), 1e-6))
-        shots = list(self._plan(seed, automatic if isinstance(self.aperture, str) else float(self.aperture)))
-        scene = np.empty((len(shots), self.frames, *self.size), np.float32)
-        for capture, shot in zip(scene, shots, strict=True):
-            capture[:] = shot[2]
-        kind = tuple(shot[0] for shot in shots)
-        exposure = np.ones(len(shots), np.float32)
+        plan = list(self._plan(seed, automatic if isinstance(self.aperture, str) else float(self.aperture)))
+        scene = np.empty((len(plan), self.frames, *self.size), np.float32)
+        for frames, capture in zip(scene, plan, strict=True):
+            frames[:] = capture.scene
+        exposure = np.ones(len(plan), np.float32)
         exposure[: self.dark] = np.resize(self.dark_exposures, self.dark)  # the dark frames come first
-        aperture = np.array([shot[3] for shot in shots], np.float32)
-        return Shots(patterns, np.array([shot[1] for shot in shots], np.int64), scene, aperture, exposure, kind)
+        return Acquisition(
+            patterns=patterns,
+            sequence=np.array([capture.sequence for capture in plan], np.int64),
+            scene=scene,
+            aperture=np.array([capture.aperture for capture in plan], np.float32),
+            exposure=exposure,
+            kind=tuple(capture.kind for capture in plan),
+        )
 
-    def _coding(self, random: np.random.Generator) -> np.ndarray:
+    def _coding_patterns(self, random: np.random.Generator) -> np.ndarray:
         if self.mask == "structural":
             return structural(random, self.frames, self.size, self.bits)
         if self.mask == "binary":
             return binary(random, self.frames, self.size)
         return read_patterns(self.mask, self.frames, self.size)
 
-    def _plan(self, seed: int, aperture: float) -> Iterator[Shot]:
+    def _plan(self, seed: int, aperture: float) -> Iterator[PlannedCapture]:
+        """Yield the captures in the order in which they are taken, dark frames first."""
         counts, slots = self.counts, self.frames
         coded, off, on = np.arange(slots), np.full(slots, slots), np.full(slots, slots + 1)
         for _ in range(self.dark):
-            yield "dark", off, np.array(0.0), aperture
+            yield PlannedCapture("dark", off, np.array(0.0), aperture)
         for level in _levels(self.flat):
-            yield "flat", coded, level, aperture
+            yield PlannedCapture("flat", coded, level, aperture)
         for level in _levels(self.all_on):
-            yield "flat", on, level, 1 / slots
+            yield PlannedCapture("flat", on, level, 1 / slots)
         for level in _levels(self.all_off):
-            yield "pattern", off, level, 1.0
+            yield PlannedCapture("pattern", off, level, 1.0)
         for number in range(counts["pattern"]):
-            slot, turn = number % slots, number // slots
-            yield "pattern", np.where(coded == slot, slot, off), np.array(0.9 / (1 + turn)), 1.0
+            slot, repetition = number % slots, number // slots
+            sequence = np.where(coded == slot, slot, off)
+            yield PlannedCapture("pattern", sequence, np.array(0.9 / (1 + repetition)), 1.0)
         for kind in ("static", "dynamic", "unknown"):
             for number in range(counts[kind]):
                 random = stream(seed, f"{kind} scene {number}")
-                yield kind, coded, textured_scene(random, self.size, slots, moving=kind != "static"), aperture
+                scene = textured_scene(random, self.size, slots, moving=kind != "static")
+                yield PlannedCapture(kind, coded, scene, aperture)
 
 
 def _levels(count: int) -> np.ndarray:
-    """Irradiances spread evenly over 0.1 to 0.95; a single one in the middle."""
+    """Return irradiances spread evenly over 0.1 to 0.95; a single one lies in the middle."""
     return 0.1 + 0.85 * (np.linspace(0, 1, count) if count > 1 else np.full(count, 0.5))
 
 
-def _whole(name: str, value: object, low: int, high: int) -> None:
+def _check_whole(name: str, value: object, low: int, high: int) -> None:
+    """Raise BadInput unless the value is a whole number from ``low`` to ``high``."""
     if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
         raise BadInput(f"{name} must be a whole number from {low} to {high}, got {value!r}")
 
 
-def _positive(name: str, value: Any, *, zero: bool = False) -> None:
-    number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not number or not np.isfinite(value) or value < 0 or (value == 0 and not zero):
+def _check_positive(name: str, value: object, *, zero: bool = False) -> None:
+    """Raise BadInput unless the value is a finite, positive number, or 0 where ``zero`` allows it."""
+    number = value if isinstance(value, (int, float)) and not isinstance(value, bool) else -1
+    if not np.isfinite(number) or number < 0 or (number == 0 and not zero):
         raise BadInput(f"{name} must be a {'number of 0 or more' if zero else 'positive number'}, got {value!r}")

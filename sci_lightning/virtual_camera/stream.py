@@ -1,4 +1,4 @@
-"""Random numbers of one purpose."""
+"""Independent streams of random numbers, one for every purpose."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import numpy as np
 
 
 def stream(seed: int, purpose: str) -> np.random.Generator:
-    """The numbers that ``seed`` keeps for one purpose, independent of every other purpose's.
+    """Return a generator for one purpose whose numbers are independent of those for every other purpose.
 
-    So hiding an effect changes neither the patterns nor the scenes, and two cameras compared at one seed share them.
+    Hiding an effect therefore changes neither the patterns nor the scenes of a seed, and two cameras can be compared
+    with the same input.
     """
     return np.random.default_rng([seed, zlib.crc32(purpose.encode())])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sci_lightning.captures import __main__ as command_line
-from sci_lightning.virtual_camera import Session, capture_session, write_captures
+from sci_lightning.virtual_camera import Session, VirtualCamera
 
 
 @pytest.fixture
@@ -17,7 +17,7 @@ def here(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("HYDRA_FULL_ERROR", raising=False)
     monkeypatch.setattr(command_line.CONSOLE, "_width", 120)
-    write_captures(tmp_path / "captures.h5", capture_session(Session(size=(16, 20), frames=4, unknown=1), None, 1))
+    VirtualCamera(Session(size=(16, 20), frames=4, unknown=1)).write(tmp_path / "captures.h5", seed=1)
 
     def run(*words):
         monkeypatch.setattr(sys, "argv", ["captures", *words])
@@ -28,7 +28,7 @@ def here(tmp_path, monkeypatch, capsys):
 
 
 def test_in_a_process_of_its_own(command, tmp_path):
-    write_captures(tmp_path / "captures.h5", capture_session(Session(size=(16, 20), frames=4), None, 1))
+    VirtualCamera(Session(size=(16, 20), frames=4)).write(tmp_path / "captures.h5", seed=1)
     done = command("captures", "info", "captures.h5")
     assert done.returncode == 0, done.stderr
     (sheet,) = (tmp_path / "outputs" / "captures").glob("*/contact_sheet.png")

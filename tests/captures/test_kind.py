@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sci_lightning.captures import KINDS, infer_kind, read_captures
-from sci_lightning.virtual_camera import Session, capture_session, write_captures
+from sci_lightning.virtual_camera import Session, VirtualCamera
 
 SIZE = (4, 5)
 ROWS = np.eye(4)[:, :, None] * np.ones(5)
@@ -22,14 +22,14 @@ MOVING = np.stack([np.roll(TEXTURE, slot, 1) for slot in range(4)])
 @pytest.mark.parametrize("labelled", [True, False])
 def test_virtual_camera(tmp_path, mask, labelled):
     session = Session(size=(16, 20), frames=4, mask=mask, unknown=2, pattern=6)
-    taken = capture_session(session, "random", 2)
+    taken = VirtualCamera(session, "random").simulate(2)
     path = tmp_path / "a.h5"
-    write_captures(path, taken)
+    taken.write(path)
     if not labelled:
         with h5py.File(path, "a") as file:
             del file["kind"]
     captures = read_captures(path)
-    assert captures.kind == captures.inferred_kind == taken.shots.kind
+    assert captures.kind == captures.inferred_kind == taken.acquisition.kind
     assert set(captures.kind) == set(KINDS)
 
 

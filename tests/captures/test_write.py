@@ -10,8 +10,7 @@ import pytest
 
 from sci_lightning.captures import read_captures, write_captures
 from sci_lightning.errors import BadInput
-from sci_lightning.virtual_camera import Session, capture_session
-from sci_lightning.virtual_camera import write_captures as write_virtual_captures
+from sci_lightning.virtual_camera import Session, VirtualCamera
 
 SESSION = Session(size=(17, 24), frames=4, bit_depth=10, unknown=1, dark_exposures=(1.0, 2.0))
 
@@ -19,9 +18,9 @@ SESSION = Session(size=(17, 24), frames=4, bit_depth=10, unknown=1, dark_exposur
 @pytest.fixture(scope="module")
 def virtual(tmp_path_factory):
     path = tmp_path_factory.mktemp("virtual") / "camera.h5"
-    captures = capture_session(SESSION, {"gain": {"factor": 1.1}}, 3)
-    write_virtual_captures(path, captures)
-    return path, captures
+    simulation = VirtualCamera(SESSION, {"gain": {"factor": 1.1}}).simulate(3)
+    simulation.write(path)
+    return path, simulation
 
 
 def same(one, other):
@@ -38,9 +37,9 @@ def test_virtual_camera_is_read(virtual):
     path, taken = virtual
     captures = read_captures(path)
     np.testing.assert_array_equal(captures.measurement, taken.measurement)
-    np.testing.assert_array_equal(captures.scene, taken.scene)
-    np.testing.assert_array_equal(captures.patterns, taken.shots.patterns)
-    assert captures.kind == taken.shots.kind and captures.name == "virtual camera" and captures.path == path
+    np.testing.assert_array_equal(captures.scene, taken.stated_scene)
+    np.testing.assert_array_equal(captures.patterns, taken.acquisition.patterns)
+    assert captures.kind == taken.acquisition.kind and captures.name == "virtual camera" and captures.path == path
     assert (captures.read_noise_dn, captures.full_well_e, captures.bit_depth) == (0.8, 10000, 10)
     assert captures.exposure[:4].tolist() == [1, 2, 1, 2]
     assert (~captures.known).tolist() == [kind == "unknown" for kind in captures.kind]

@@ -41,6 +41,7 @@ def test_every_setting_has_a_type_and_its_default_is_right(
         ("workers", -1, "workers=-1: expected a whole number from 0"),
         ("seed", 1e30, "seed=1e+30: expected a whole number of at least 0"),
         ("seed", True, "seed=true"),
+        ("kernels", "fast", "kernels=fast: expected auto, plain"),
         ("resume", 1, "resume=1: expected true or false"),
         ("out", None, "out=null: expected the path of a file or a folder"),
         ("out", "", "out="),

@@ -35,7 +35,7 @@ CAMERA: dict[str, Any] = {
 def test_nested_objects(from_file: bool, tmp_path: Path) -> None:
     encoder = build_from_file(CAMERA, tmp_path / "a.ckpt", "encoder") if from_file else build(CAMERA, "encoder")
     assert isinstance(encoder, Encoder)
-    assert [type(effect) for effect in encoder.path.effects] == [MaskShift]
+    assert [type(effect) for effect in encoder.path.effects.values()] == [MaskShift]
 
 
 @pytest.mark.parametrize(

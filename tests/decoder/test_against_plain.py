@@ -79,7 +79,8 @@ def structural(frames: int, height: int, width: int) -> Tensor:
 @pytest.mark.parametrize("name", NETWORKS)
 @torch.no_grad()
 def test_every_stage_is_the_same(name: str, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sci_lightning.decoder.birnat.PositionAttention.block", 700)  # several blocks, the last smaller
+    # several blocks, of which the last is smaller
+    monkeypatch.setattr("sci_lightning.decoder.kernels.block_sizes.POSITION_WEIGHTS", 700)
     frames, height, width = 5, 12, 20
     build, plain = NETWORKS[name]
     decoder = build(frames)

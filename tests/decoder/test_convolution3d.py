@@ -6,8 +6,9 @@ import pytest
 import torch
 from torch.nn import functional as F
 
-from sci_lightning.decoder.kernels.convolution3d import Conv3d, Doubling, one_channel
+from sci_lightning.decoder.kernels.layout import as_one_channel
 from sci_lightning.decoder.kernels.winograd import winograd
+from sci_lightning.decoder.layers.convolution import Conv3d, TransposedConv3d
 
 CASES = {  # channels, outputs, kernel, stride; shape (N, T, H, W)
     "tiles": ((32, 48, 3, 1), (1, 8, 13, 17)),
@@ -35,7 +36,7 @@ def close(found: torch.Tensor, reference: torch.Tensor) -> None:
 def test_equals_torch(case: str) -> None:
     (channels, *rest), (n, t, h, w) = CASES[case]
     layer = Conv3d(channels, *rest)
-    x = one_channel(torch.randn(n, t, h, w)) if channels == 1 else torch.randn(n, channels, t, h, w)
+    x = as_one_channel(torch.randn(n, t, h, w)) if channels == 1 else torch.randn(n, channels, t, h, w)
     x.requires_grad_()
     exact = [each.detach().double().requires_grad_() for each in (x, layer.weight, layer.bias)]
     reference = F.conv3d(*exact, layer.stride, layer.padding)
@@ -49,8 +50,8 @@ def test_equals_torch(case: str) -> None:
         close(each, other)
 
 
-def test_doubling_equals_torch() -> None:
-    layer, x = Doubling(24, 8), torch.randn(2, 24, 3, 5, 6)
+def test_transposed_convolution_equals_torch() -> None:
+    layer, x = TransposedConv3d(24, 8), torch.randn(2, 24, 3, 5, 6)
     close(layer(x), F.conv_transpose3d(x, layer.weight, layer.bias, (1, 2, 2), (0, 1, 1), (0, 1, 1)))
     assert layer(x).shape == (2, 8, 3, 10, 12)
 

@@ -49,15 +49,9 @@ UNTRAINED = {"sci3d": 4, "elp_unfolding": 2}  # parameters that the published ne
 
 
 @pytest.fixture
-def small(configuration: Callable[..., DictConfig]) -> Callable[..., Decoder]:
-    """A decoder of few channels; one that SMALL does not know is built as it is."""
-
-    def built(name: str, frames: int) -> Decoder:
-        return instantiate(
-            configuration("train", f"decoder={name}", f"frames={frames}", *SMALL.get(name, [])).decoder, _convert_="all"
-        )
-
-    return built
+def small(make_decoder: Callable[..., Decoder]) -> Callable[..., Decoder]:
+    """Builds a decoder of few channels; one that ``SMALL`` does not list is built as configured."""
+    return lambda name, frames: make_decoder(name, frames, *SMALL.get(name, []))
 
 
 @pytest.mark.parametrize("name", members("decoder"))

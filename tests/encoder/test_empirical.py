@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from sci_lightning.encoder import Encoder, empirical
-from sci_lightning.encoder.effects import ChartEffect, Effect
+from sci_lightning.encoder.effects import Effect, MapEffect
 from sci_lightning.encoder.empirical import Empirical, Ghost, MaskField, PatternMixing
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.mask import RandomStructural
@@ -20,10 +20,9 @@ NAMES = [name for name in empirical.__all__ if name != "Empirical"]
 
 def build(name: str, value: float) -> Effect:
     member = getattr(empirical, name)
-    if issubclass(member, ChartEffect):
+    if issubclass(member, MapEffect):
         return member(size=SIZE, std=value)
     chosen = member.of(member.numbers(N, T))
-    chosen.place = torch.arange(N)
     return chosen(**dict.fromkeys(chosen.about, value))
 
 
@@ -31,8 +30,8 @@ def seen(path: LightPath) -> torch.Tensor:
     random = torch.Generator().manual_seed(0)
     video, patterns = torch.rand(N, T, *SIZE, generator=random), torch.rand(T, *SIZE, generator=random)
     light = (video * path.transmittance(patterns)).sum(1) / T
-    ones = torch.ones(N, 1, 1)
-    return path.respond(path.form(Signal(light, torch.zeros(()), ones, 1 / 255, (0, 0), SIZE))).mean
+    ones, position = torch.ones(N, 1, 1), torch.arange(N)
+    return path.respond(path.form(Signal(light, torch.zeros(()), ones, 1 / 255, (0, 0), SIZE, position=position))).mean
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -80,4 +79,4 @@ def test_a_ghost_lies_where_it_says() -> None:
 def test_numbers_that_do_not_exist() -> None:
     with pytest.raises(BadInput, match="numbers c0 to c2, not 'c3'"):
         Ghost(count=3, c3=0.1)
-    assert not issubclass(Empirical, ChartEffect)
+    assert not issubclass(Empirical, MapEffect)

@@ -52,7 +52,7 @@ def test_what_is_refused() -> None:
 def test_from_the_command_line(configuration: Callable[..., DictConfig]) -> None:
     cfg = configuration("train", "size=[16,16]", "effect=[mask_shift,prnu]", "encoder.effects.mask_shift.dx=2")
     encoder = instantiate(cfg.encoder, _convert_="all")
-    shift, prnu = encoder.path.effects
+    shift, prnu = encoder.path.effects.values()
     assert shift.values == {"dx": 2, "dy": pytest.approx(-0.4)} and prnu.map.shape == (16, 16)
     one = configuration("train", "effect=gain", "encoder=rbw_sr").encoder.effects
     assert list(one) == ["gain"]
@@ -90,12 +90,12 @@ def test_the_decoder_gets_what_a_calibrated_camera_would() -> None:
 
 OWN = '''
 """A scratch on the sensor's window."""
-from sci_lightning.encoder.effects import Effect, Parameter
+from sci_lightning.encoder.effects import OpticsEffect, Parameter
 
 
-class Scratch(Effect):
+class Scratch(OpticsEffect):
     """Row 3 loses a part of its light."""
-    name, stage, rank = "scratch", "optics", 45
+    name, rank = "scratch", 45
     about = {"loss": Parameter("1", 0.0, 0, 1, step=0.01, starts=(0.2,))}
 
     def form(self, signal):
@@ -114,6 +114,6 @@ def test_an_effect_of_ones_own(
     own = ["+encoder.effects.scratch._target_=my_effects.Scratch", "+encoder.effects.scratch.loss=0.25"]
     cfg = configuration("train", "encoder=rsw_sr", "encoder/sensor=ideal", "size=[16,16]", "effect=gain", *own)
     encoder = instantiate(cfg.encoder, _convert_="all")
-    assert [effect.name for effect in encoder.path.effects] == ["scratch", "gain"]
+    assert list(encoder.path.effects) == ["scratch", "gain"]
     seen = encoder(torch.full((1, 8, 16, 16), 0.5))[0, :, 0]
     assert float(seen[3]) == pytest.approx(0.5 * 0.75 * 0.8) and float(seen[4]) == pytest.approx(0.5 * 0.8)

@@ -13,6 +13,7 @@ import pytest
 
 from sci_lightning.benchmark import __main__ as benchmark
 from sci_lightning.benchmark import decoder_cost
+from sci_lightning.decoder import kernels
 from sci_lightning.errors import BadInput
 from tests.conftest import members
 from tests.schemas.validation import check
@@ -46,15 +47,17 @@ def test_decoders_that_fail_do_not_stop_the_others(
 
     def cost(config: dict[str, Any], **settings: Any) -> dict[str, Any]:
         measured.append(config["_target_"])
-        assert settings["frames"] == 8 and config.get("frames", 8) == 8
+        assert settings["frames"] == 8 and kernels.are_plain() and config.get("frames", 8) == 8
         if "Res2former" in config["_target_"]:
             raise BadInput("did not fit")
         return {**COST, "memory": 300 * 2**20}
 
     monkeypatch.setattr(decoder_cost, "decoder_cost", cost)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["benchmark", "decoder=all", "size=[256,256]", "device=cpu", "out=run"])
-    with pytest.raises(SystemExit) as caught:
+    monkeypatch.setattr(
+        sys, "argv", ["benchmark", "decoder=all", "size=[256,256]", "device=cpu", "kernels=plain", "out=run"]
+    )
+    with pytest.raises(SystemExit) as caught, kernels.use("auto"):
         benchmark.main()
     out, err = capsys.readouterr()
     assert caught.value.code == 2 and len(measured) == len(members("decoder"))

@@ -34,7 +34,7 @@ def test_train_evaluate_reconstruct(command: Command, tmp_path: Path) -> None:
     for file in ("patterns.npy", "prnu.npy"):  # the checkpoint holds what was measured
         (tmp_path / "camera" / file).rename(tmp_path / file)
     encoder = checkpoint.encoder()
-    (prnu,) = (effect for effect in encoder.path.effects if effect.name == "prnu")
+    prnu = encoder.path.effects["prnu"]
     np.testing.assert_allclose(prnu.map.numpy(), maps, atol=1e-6)
     scenes = ["ckpt_path=run/checkpoints/last.ckpt", "data=synthetic", "data.scenes_count=1"]
     done = command("evaluate", *scenes, "out=again")

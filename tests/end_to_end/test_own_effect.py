@@ -23,13 +23,13 @@ from tests.end_to_end.test_train import TINY
 Run = Callable[..., str]
 SLOPE = 0.137
 MODULE = '''
-from sci_lightning.encoder.effects import Effect, Parameter
+from sci_lightning.encoder.effects import OpticsEffect, Parameter
 
 
-class Slope(Effect):
+class Slope(OpticsEffect):
     """One side is brighter than the other."""
 
-    name, stage, rank = "slope", "optics", 45
+    name, rank = "slope", 45
     about = {"slope": Parameter("1", 0.0, -0.5, 0.5, step=0.01, starts=(-0.1, 0.1))}
 
     def form(self, signal):

@@ -8,27 +8,29 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sci_lightning.virtual_camera import Session, Shots, VirtualCamera, choose
-from sci_lightning.virtual_camera.hardware.effect import Effect
+from sci_lightning.virtual_camera import Acquisition, Session, choose_effects
+from sci_lightning.virtual_camera.hardware.camera import Camera
 
 SMALL = Session(size=(32, 32), frames=4, flat=2, all_on=1, all_off=1, dark=2, static=2, dynamic=2)
 
 
 @pytest.fixture
 def signal() -> Callable[..., np.ndarray]:
-    """``signal(shots, mask_shift={"dx": 1})``: what reaches the converter, (N, H, W), without noise."""
+    """``signal(acquisition, mask_shift={"dx": 1})``: what reaches the converter, (N, H, W), without noise."""
 
-    def without_noise(shots: Shots, *, session: Session = SMALL, **wish: dict[str, float | str]) -> np.ndarray:
-        session = replace(session, size=shots.patterns.shape[1:], frames=shots.sequence.shape[1])
-        effects: dict[str, Effect] = choose(wish, session, 0)
-        camera = VirtualCamera(session, effects, 0)
-        return camera.signal(camera.light(shots), shots)
+    def without_noise(
+        acquisition: Acquisition, *, session: Session = SMALL, **wish: dict[str, float | str]
+    ) -> np.ndarray:
+        session = replace(session, size=acquisition.patterns.shape[1:], frames=acquisition.sequence.shape[1])
+        effects = choose_effects(wish, session, 0)
+        camera = Camera(session, effects, 0)
+        return camera.signal(camera.irradiance(acquisition), acquisition)
 
     return without_noise
 
 
-def shots(coding: np.ndarray, scene: np.ndarray | float = 1.0, *, exposure: float = 1.0) -> Shots:
+def one_capture(coding: np.ndarray, scene: np.ndarray | float = 1.0, *, exposure: float = 1.0) -> Acquisition:
     """One capture: T coding patterns (T, H, W) in their order, before a scene (T, H, W) or an even one."""
     video = np.broadcast_to(np.float32(scene), coding.shape)[None]
     sequence = np.arange(len(coding))[None]
-    return Shots(coding, sequence, video, np.ones(1), np.full(1, exposure), ("unknown",))
+    return Acquisition(coding, sequence, video, np.ones(1), np.full(1, exposure), ("unknown",))

@@ -7,19 +7,20 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY, VirtualCamera
+from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY
+from sci_lightning.virtual_camera.hardware.camera import Camera
 from sci_lightning.virtual_camera.stream import stream
-from tests.virtual_camera.conftest import SMALL, shots
+from tests.virtual_camera.conftest import SMALL, one_capture
 
 STAGES = ("modulator", "relay", "exposure", "optics", "sensor")
-TOLD = SMALL.shots(1)
-IDEAL = VirtualCamera(SMALL, {}, 1)
+TOLD = SMALL.acquisition(1)
+IDEAL = Camera(SMALL, {}, 1)
 
 
 def one_mirror(row=8, column=5, size=(16, 16)):
     coding = np.zeros((2, *size))
     coding[:, row, column] = 0.5
-    return shots(coding)
+    return one_capture(coding)
 
 
 def one_slot_each(slots=4, size=(16, 16)):
@@ -46,36 +47,36 @@ def test_the_vocabulary_is_the_documented_one():
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_neutral_is_the_identity_and_drawn_is_not(name):
-    neutral = VirtualCamera(SMALL, {name: EFFECTS[name].neutral(SMALL)}, 1)
-    np.testing.assert_allclose(neutral.light(TOLD), IDEAL.light(TOLD), atol=1e-12)
+    neutral = Camera(SMALL, {name: EFFECTS[name].neutral(SMALL)}, 1)
+    np.testing.assert_allclose(neutral.irradiance(TOLD), IDEAL.irradiance(TOLD), atol=1e-12)
     np.testing.assert_array_equal(neutral.record(TOLD), IDEAL.record(TOLD))
     for seed in range(3):
         drawn = EFFECTS[name].draw(stream(seed, name), SMALL)
-        again = EFFECTS[name].read(drawn.values, SMALL)  # what is drawn could have been told
+        again = EFFECTS[name].from_values(drawn.values, SMALL)  # what is drawn could have been told
         assert again == drawn
-        camera = VirtualCamera(SMALL, {name: drawn}, 1)
+        camera = Camera(SMALL, {name: drawn}, 1)
         assert (camera.record(TOLD) != IDEAL.record(TOLD)).sum() > 5, drawn
 
 
 @pytest.mark.parametrize(("first", "second"), list(combinations(EFFECTS, 2))[::17])
 def test_effects_combine(first, second):
     pair = {name: EFFECTS[name].draw(stream(5, name), SMALL) for name in (second, first)}
-    recorded = VirtualCamera(SMALL, pair, 1).record(TOLD)
+    recorded = Camera(SMALL, pair, 1).record(TOLD)
     assert recorded.shape == TOLD.scene[:, 0].shape
     for name in pair:
-        assert (recorded != VirtualCamera(SMALL, {name: pair[name]}, 1).record(TOLD)).any()
+        assert (recorded != Camera(SMALL, {name: pair[name]}, 1).record(TOLD)).any()
 
 
 def test_ideal_light_is_the_nominal_measurement():
     nominal = (TOLD.patterns[TOLD.sequence] * TOLD.scene).sum(1, dtype=np.float64) * TOLD.aperture[:, None, None]
-    np.testing.assert_allclose(IDEAL.light(TOLD), nominal, atol=1e-12)
+    np.testing.assert_allclose(IDEAL.irradiance(TOLD), nominal, atol=1e-12)
 
 
 def test_pattern_order(signal):
     coding, scene = one_slot_each(), np.zeros((4, 16, 16))
     scene[2] = 1
     for offset in (1, -1, 5):
-        assert signal(shots(coding, scene), pattern_order={"offset": offset})[0, 0, 0] == (2 - offset) % 4 / 8
+        assert signal(one_capture(coding, scene), pattern_order={"offset": offset})[0, 0, 0] == (2 - offset) % 4 / 8
 
 
 @pytest.mark.parametrize(
@@ -93,14 +94,14 @@ def test_pattern_order(signal):
 def test_mask_orientation(signal, operation, expected):
     coding = np.random.default_rng(0).random((2, 17, 17)) / 2
     np.testing.assert_allclose(
-        signal(shots(coding), mask_orientation={"operation": operation})[0], expected(coding.sum(0)), atol=1e-12
+        signal(one_capture(coding), mask_orientation={"operation": operation})[0], expected(coding.sum(0)), atol=1e-12
     )
 
 
 def test_mask_levels_and_contrast(signal):
     coding = np.full((2, 16, 16), 0.25)
-    assert signal(shots(coding), mask_level_gamma={"gamma": 2})[0, 0, 0] == 2 * 0.25**2
-    assert signal(shots(coding), mask_contrast={"leak": 0.1})[0, 0, 0] == pytest.approx(2 * (0.1 + 0.9 * 0.25))
+    assert signal(one_capture(coding), mask_level_gamma={"gamma": 2})[0, 0, 0] == 2 * 0.25**2
+    assert signal(one_capture(coding), mask_contrast={"leak": 0.1})[0, 0, 0] == pytest.approx(2 * (0.1 + 0.9 * 0.25))
 
 
 def test_mask_lag_starts_from_the_last_pattern(signal):
@@ -110,7 +111,7 @@ def test_mask_lag_starts_from_the_last_pattern(signal):
         shown = (1 - lag) * told[slot] + lag * shown
         scene = np.zeros((4, 16, 16))
         scene[slot] = 1
-        seen = signal(shots(one_slot_each(), scene), mask_lag={"lag": lag})
+        seen = signal(one_capture(one_slot_each(), scene), mask_lag={"lag": lag})
         assert seen[0, 0, 0] == pytest.approx(shown)
 
 
@@ -119,7 +120,7 @@ def test_sync_offset(signal, offset, neighbour):
     scene = np.zeros((4, 16, 16))
     scene[0] = 1
     told = one_slot_each()[:, 0, 0]
-    seen = signal(shots(one_slot_each(), scene), sync_offset={"offset": offset})
+    seen = signal(one_capture(one_slot_each(), scene), sync_offset={"offset": offset})
     assert seen[0, 0, 0] == pytest.approx(0.7 * told[0] + 0.3 * told[neighbour])
 
 
@@ -127,7 +128,9 @@ def test_flicker_is_integrated_over_each_slot(signal):
     for slot in range(4):
         scene = np.zeros((4, 16, 16))
         scene[slot] = 1
-        seen = signal(shots(np.ones((4, 16, 16)), scene), flicker={"amplitude": 0.2, "frequency": 1.7, "phase": 0.4})
+        seen = signal(
+            one_capture(np.ones((4, 16, 16)), scene), flicker={"amplitude": 0.2, "frequency": 1.7, "phase": 0.4}
+        )
         moments = slot + (np.arange(1000) + 0.5) / 1000
         shining = 1 + 0.2 * np.sin(2 * np.pi * 1.7 * moments / 4 + 0.4)
         assert seen[0, 0, 0] == pytest.approx(shining.mean(), abs=1e-6)
@@ -136,18 +139,18 @@ def test_flicker_is_integrated_over_each_slot(signal):
 def test_rolling_shutter(signal):
     coding = one_slot_each()
     scene = np.ones((4, 16, 16)) * np.array([0.1, 0.2, 0.3, 0.4])[:, None, None]
-    seen = signal(shots(coding, scene), rolling_shutter={"delay": 1.5})[0, :, 0]
+    seen = signal(one_capture(coding, scene), rolling_shutter={"delay": 1.5})[0, :, 0]
     told, frame = coding[:, 0, 0], scene[:, 0, 0]
     assert seen[0] == pytest.approx((told * frame).sum())
     # the last row: half of slot 1, slots 2 and 3, then patterns 0 and half of 1 with the last frame held
     held = frame[3] * (told[0] + 0.5 * told[1] * 2)
     late = 0.5 * told[1] * frame[1] + told[2] * frame[2] + told[3] * frame[3] + held - 0.5 * told[1] * frame[3]
     assert seen[-1] == pytest.approx(late)
-    assert seen[5] == pytest.approx(signal(shots(coding, scene), rolling_shutter={"delay": 0.5})[0, -1, 0])
+    assert seen[5] == pytest.approx(signal(one_capture(coding, scene), rolling_shutter={"delay": 0.5})[0, -1, 0])
 
 
 def test_vignetting(signal):
-    seen = signal(shots(np.full((2, 17, 31), 0.5)), vignetting={"strength": 0.3})[0]
+    seen = signal(one_capture(np.full((2, 17, 31), 0.5)), vignetting={"strength": 0.3})[0]
     assert seen[8, 15] == 1
     assert seen[0, 0] == seen[-1, -1] == seen[0, -1] == pytest.approx(0.7)
     assert seen[8, 0] == pytest.approx(1 - 0.3 * 15**2 / (15**2 + 8**2))
@@ -155,23 +158,25 @@ def test_vignetting(signal):
 
 def test_veiling_glare_keeps_the_light(signal):
     coding = np.random.default_rng(0).random((2, 16, 16)) / 2
-    seen = signal(shots(coding), veiling_glare={"fraction": 0.2})[0]
+    seen = signal(one_capture(coding), veiling_glare={"fraction": 0.2})[0]
     np.testing.assert_allclose(seen, 0.8 * coding.sum(0) + 0.2 * coding.sum(0).mean())
 
 
 def test_response(signal):
-    grey = shots(np.full((2, 16, 16), 0.25))
+    grey = one_capture(np.full((2, 16, 16), 0.25))
     assert signal(grey, gain={"factor": 1.2})[0, 0, 0] == pytest.approx(0.6)
     assert signal(grey, response_gamma={"gamma": 2})[0, 0, 0] == pytest.approx(0.25)
     assert signal(grey, saturation={"level": 0.4})[0, 0, 0] == pytest.approx(0.4)
     assert signal(grey, black_level={"offset": -0.1})[0, 0, 0] == pytest.approx(0.4)
     assert signal(grey, gain={"factor": 3}, saturation={"level": 0.8}, black_level={"offset": 0.1})[0, 0, 0] == 0.9
-    low, high = (signal(shots(np.full((2, 16, 16), v / 2)), s_shaped_response={"strength": 0.5}) for v in (0.2, 0.8))
+    low, high = (
+        signal(one_capture(np.full((2, 16, 16), v / 2)), s_shaped_response={"strength": 0.5}) for v in (0.2, 0.8)
+    )
     assert low[0, 0, 0] < 0.2 and high[0, 0, 0] > 0.8
 
 
 def test_maps_have_the_stated_deviation(signal):
-    grey = shots(np.full((2, 24, 40), 0.25))
+    grey = one_capture(np.full((2, 24, 40), 0.25))
     gains = signal(grey, prnu={"std": 0.03})[0] / 0.5
     assert gains.mean() == pytest.approx(1) and gains.std() == pytest.approx(0.03)
     columns = signal(grey, column_noise={"std": 0.01})[0] - 0.5
@@ -181,7 +186,7 @@ def test_maps_have_the_stated_deviation(signal):
 
 
 def test_dark_signal_grows_with_exposure(signal):
-    once, twice = (shots(np.zeros((2, 32, 32)), exposure=time) for time in (1, 2))
+    once, twice = (one_capture(np.zeros((2, 32, 32)), exposure=time) for time in (1, 2))
     for wish in ({"hot_pixels": {"fraction": 0.01}}, {"light_leak": {"strength": 0.1}}):
         np.testing.assert_allclose(signal(twice, **wish), 2 * signal(once, **wish))
     hot = signal(once, hot_pixels={"fraction": 0.01})
@@ -204,7 +209,7 @@ def test_astigmatism_blurs_light_along_x_only(signal):
 def test_flare_keeps_the_light(signal):
     coding = np.random.default_rng(0).random((2, 40, 50)) / 2
     wish = {"flare": {"fraction": 0.2, "x": 0.7, "y": 0.3, "radius": 0.05}}
-    added = signal(shots(coding), **wish)[0] - 0.8 * coding.sum(0)
+    added = signal(one_capture(coding), **wish)[0] - 0.8 * coding.sum(0)
     assert added.sum() == pytest.approx(0.2 * coding.sum())
     row, column = np.unravel_index(added.argmax(), added.shape)
     assert row in (11, 12) and column in (34, 35)  # (0.3, 0.7) of the sides
@@ -215,8 +220,8 @@ def test_swapped_patterns_and_short_slot(signal):
     scene = np.zeros((4, 16, 16))
     scene[1] = 1
     coding = one_slot_each()
-    assert signal(shots(coding, scene), swapped_patterns={"first": 1, "second": 3})[0, 0, 0] == coding[3, 0, 0]
-    assert signal(shots(coding, scene), short_slot={"slot": 1, "loss": 0.2})[0, 0, 0] == 0.8 * coding[1, 0, 0]
+    assert signal(one_capture(coding, scene), swapped_patterns={"first": 1, "second": 3})[0, 0, 0] == coding[3, 0, 0]
+    assert signal(one_capture(coding, scene), short_slot={"slot": 1, "loss": 0.2})[0, 0, 0] == 0.8 * coding[1, 0, 0]
 
 
 def test_light_differs_by_slot_or_by_capture(signal):
@@ -229,13 +234,13 @@ def test_light_differs_by_slot_or_by_capture(signal):
     for slot in range(4):
         scene = np.zeros((4, 16, 16))
         scene[slot] = 1
-        seen = signal(shots(np.ones((4, 16, 16)) / 4, scene), uneven_slots={"std": 0.1, "course": 3})
+        seen = signal(one_capture(np.ones((4, 16, 16)) / 4, scene), uneven_slots={"std": 0.1, "course": 3})
         levels.append(4 * seen[0, 0, 0])
     assert np.mean(levels) == pytest.approx(1) and np.std(levels) == pytest.approx(0.1)
 
 
 def test_gains_by_row_column_and_capture(signal):
-    grey = shots(np.full((2, 16, 16), 0.25))
+    grey = one_capture(np.full((2, 16, 16), 0.25))
     rows = signal(grey, interlaced_gain={"difference": 0.1})[0, :, 0]
     assert rows[0] == pytest.approx(0.525) and rows[1] == pytest.approx(0.475)
     assert signal(grey, dead_column={"column": 4, "loss": 1.0})[0, :, 4].max() == 0
@@ -257,17 +262,17 @@ def test_banding_moves_on_from_capture_to_capture(signal):
 
 
 def test_rows_flutter_anew_in_every_capture():
-    dark = SMALL.shots(1)
-    fluttering = VirtualCamera(SMALL, {"row_flutter": EFFECTS["row_flutter"].read({"std": 0.02}, SMALL)}, 1)
+    dark = SMALL.acquisition(1)
+    fluttering = Camera(SMALL, {"row_flutter": EFFECTS["row_flutter"].from_values({"std": 0.02}, SMALL)}, 1)
     random = stream(1, "noise")
     offset = (fluttering.signal(np.full(dark.scene[:, 0].shape, 0.5), dark, random) - 0.5).mean(2)  # (N, H)
     assert offset.std() == pytest.approx(0.02, rel=0.1)
     assert abs(np.corrcoef(offset[0], offset[1])[0, 1]) < 0.5
-    still = VirtualCamera(SMALL, {}, 1).signal(np.full(dark.scene[:, 0].shape, 0.5), dark, stream(1, "noise"))
+    still = Camera(SMALL, {}, 1).signal(np.full(dark.scene[:, 0].shape, 0.5), dark, stream(1, "noise"))
     assert (still - 0.5).mean(2).std() < 0.002
 
 
 def test_converter_step(signal):
     for level, expected in ((0.4, 0.4), (0.6, 0.63)):
-        seen = signal(shots(np.full((2, 16, 16), level / 2)), converter_step={"step": 0.03})
+        seen = signal(one_capture(np.full((2, 16, 16), level / 2)), converter_step={"step": 0.03})
         assert seen[0, 0, 0] == pytest.approx(expected)

@@ -9,7 +9,7 @@ import pytest
 from scipy.special import ndtr
 
 from sci_lightning.virtual_camera.hardware.relay import Relay
-from tests.virtual_camera.conftest import SMALL, shots
+from tests.virtual_camera.conftest import SMALL, one_capture
 from tests.virtual_camera.test_effects import one_mirror
 
 RANDOM = np.random.default_rng(2).random((1, 12, 15))
@@ -120,7 +120,7 @@ def test_light_that_crosses_into_the_next_pixel(signal):
 def test_mask_blur_leaves_the_scene_and_optical_blur_does_not(signal):
     scene = np.zeros((2, 16, 16))
     scene[:, :, 8:] = 1
-    even = shots(np.full((2, 16, 16), 0.5), scene)
+    even = one_capture(np.full((2, 16, 16), 0.5), scene)
     assert signal(even, mask_blur={"sigma": 1.0})[0, 8, 7] == 0
     assert signal(even, optical_blur={"sigma": 1.0})[0, 8, 7] > 0.2
 
@@ -146,7 +146,7 @@ def test_both_turns_are_about_the_middle(signal):
 
 def test_cells_are_as_fine_as_the_light_is_uneven():
     def count(relay, *, sharp=False, oversampling=8):
-        rows, columns = relay.cells((16, 20), oversampling, sharp=sharp)
+        rows, columns = relay.cells((16, 20), oversampling, sharp_optics=sharp)
         assert rows[0] == columns[0] == 0 and rows[-1] == 16 and columns[-1] == 20
         return len(rows) - 1, len(columns) - 1
 

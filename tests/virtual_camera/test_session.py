@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sci_lightning.errors import BadInput
-from sci_lightning.virtual_camera import Session, Shots, capture_session
+from sci_lightning.virtual_camera import Acquisition, Session, VirtualCamera
 from sci_lightning.virtual_camera.patterns import structural
 
 
@@ -29,35 +29,35 @@ def test_structural_patterns(bits, frames):
 @pytest.mark.parametrize(("size", "frames", "bit_depth"), [((17, 31), 4, 10), ((16, 16), 16, 12), ((33, 20), 5, 8)])
 def test_any_size(mask, size, frames, bit_depth):
     session = Session(size=size, frames=frames, bit_depth=bit_depth, mask=mask, flat=1, static=1, dynamic=1, unknown=1)
-    captures = capture_session(session, {"mask_rotation": {"angle": 1.0}}, 2)
+    captures = VirtualCamera(session, {"mask_rotation": {"angle": 1.0}}).capture(2)
     count = 4 + 1 + 2 + 2 + frames + 1 + 1 + 1
     assert captures.measurement.shape == (count, *size)
     assert captures.measurement.dtype == (np.uint8 if bit_depth == 8 else np.uint16)
     assert captures.measurement.max() < 2**bit_depth
-    assert captures.shots.patterns.shape == (frames + 2, *size)
+    assert captures.patterns.shape == (frames + 2, *size)
     assert captures.scene.shape == (count, frames, *size) and captures.scene.dtype == np.float32
     assert np.isnan(captures.scene[-1]).all() and np.isfinite(captures.scene[:-1]).all()
     assert np.nanmin(captures.scene) >= 0 and np.nanmax(captures.scene) <= 1
 
 
 def test_kinds():
-    shots = Session(size=(16, 16), frames=4, dark_exposures=(1.0, 4.0)).shots(0)
-    assert set(shots.kind) == {"dark", "flat", "pattern", "static", "dynamic"}
-    by_kind = {kind: np.array(shots.kind) == kind for kind in shots.kind}
-    assert shots.scene[by_kind["dark"]].max() == 0
-    np.testing.assert_array_equal(shots.exposure[by_kind["dark"]], [1, 4, 1, 4])
-    assert np.ptp(shots.scene[by_kind["static"]], axis=1).max() == 0
-    assert (np.ptp(shots.scene[by_kind["dynamic"]], axis=1).max((1, 2)) > 0.1).all()
-    single = shots.sequence[by_kind["pattern"]][-4:]  # pattern t in slot t, all off in the others
+    acquisition = Session(size=(16, 16), frames=4, dark_exposures=(1.0, 4.0)).acquisition(0)
+    assert set(acquisition.kind) == {"dark", "flat", "pattern", "static", "dynamic"}
+    by_kind = {kind: np.array(acquisition.kind) == kind for kind in acquisition.kind}
+    assert acquisition.scene[by_kind["dark"]].max() == 0
+    np.testing.assert_array_equal(acquisition.exposure[by_kind["dark"]], [1, 4, 1, 4])
+    assert np.ptp(acquisition.scene[by_kind["static"]], axis=1).max() == 0
+    assert (np.ptp(acquisition.scene[by_kind["dynamic"]], axis=1).max((1, 2)) > 0.1).all()
+    single = acquisition.sequence[by_kind["pattern"]][-4:]  # pattern t in slot t, all off in the others
     np.testing.assert_array_equal(single, np.where(np.eye(4, dtype=bool), np.arange(4), 4))
-    bare = Session(size=(16, 16), dark=0, flat=0, all_on=0, all_off=0, pattern=0, static=0, dynamic=3).shots(0)
+    bare = Session(size=(16, 16), dark=0, flat=0, all_on=0, all_off=0, pattern=0, static=0, dynamic=3).acquisition(0)
     assert bare.kind == ("dynamic",) * 3
 
 
 def test_white_just_fills_the_range():
     for mask in ("structural", "binary"):
-        shots = Session(size=(64, 64), mask=mask).shots(0)
-        full = shots.patterns[:8].sum(0).mean() * shots.aperture[-1]
+        acquisition = Session(size=(64, 64), mask=mask).acquisition(0)
+        full = acquisition.patterns[:8].sum(0).mean() * acquisition.aperture[-1]
         assert full == pytest.approx(1, rel=0.01)
 
 
@@ -65,17 +65,17 @@ def test_patterns_of_a_file(tmp_path):
     patterns = np.random.default_rng(0).random((3, 16, 20))
     np.save(tmp_path / "mask.npy", patterns)
     session = Session(size=(16, 20), frames=3, mask=str(tmp_path / "mask.npy"))
-    np.testing.assert_allclose(session.shots(0).patterns[:3], patterns, atol=1e-7)
+    np.testing.assert_allclose(session.acquisition(0).patterns[:3], patterns, atol=1e-7)
     with pytest.raises(BadInput, match=r"\(3, 16, 20\).*4 patterns of 16 x 20"):
-        Session(size=(16, 20), frames=4, mask=session.mask).shots(0)
+        Session(size=(16, 20), frames=4, mask=session.mask).acquisition(0)
     np.save(tmp_path / "mask.npy", patterns * 2)
     with pytest.raises(BadInput, match=r"\[0, 1\]"):
-        session.shots(0)
+        session.acquisition(0)
     (tmp_path / "mask.npy").write_bytes(b"no array")
     with pytest.raises(BadInput, match="not a readable"):
-        session.shots(0)
+        session.acquisition(0)
     with pytest.raises(BadInput, match="no such file"):
-        Session(mask="solid").shots(0)
+        Session(mask="solid").acquisition(0)
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_wrong_sessions(wrong, message):
         Session(**wrong)
 
 
-def test_shots_that_do_not_fit():
+def test_an_acquisition_that_does_not_fit():
     fitting = {
         "patterns": np.zeros((4, 16, 16)),
         "sequence": np.zeros((2, 4), int),
@@ -111,7 +111,7 @@ def test_shots_that_do_not_fit():
         "exposure": np.ones(2),
         "kind": ("dark", "dark"),
     }
-    Shots(**fitting)
+    Acquisition(**fitting)
     for name, value in (("scene", np.zeros((2, 3, 16, 16))), ("sequence", np.full((2, 4), 4)), ("kind", ("dark",))):
         with pytest.raises(BadInput, match=name):
-            Shots(**{**fitting, name: value})
+            Acquisition(**{**fitting, name: value})

@@ -7,15 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sci_lightning.virtual_camera import Session, VirtualCamera, capture_session, choose
-from tests.virtual_camera.conftest import shots
+from sci_lightning.virtual_camera import Session, VirtualCamera, choose_effects
+from sci_lightning.virtual_camera.hardware.camera import Camera
+from tests.virtual_camera.conftest import one_capture
 
 DEEP = Session(size=(200, 200), frames=2, bit_depth=16, full_well_e=2000.0, read_noise_dn=0.0)
 
 
 def recorded(session, level, **wish):
-    camera = VirtualCamera(session, choose(wish, session, 0), 3)
-    return camera.record(shots(np.full((2, *session.size), level / 2))).astype(float) / camera.full_scale
+    camera = Camera(session, choose_effects(wish, session, 0), 3)
+    return camera.record(one_capture(np.full((2, *session.size), level / 2))).astype(float) / camera.full_scale
 
 
 @pytest.mark.parametrize("level", [0.05, 0.8])
@@ -52,18 +53,18 @@ def test_wells_that_are_full_do_not_flicker():
 def test_effective_bits():
     session = Session(size=(64, 64), frames=2)
     ramp = np.linspace(0, 0.5, 64 * 64).reshape(1, 64, 64).repeat(2, 0)
-    camera = VirtualCamera(session, choose({"bit_depth": {"bits": 6}}, session, 0), 0)
-    codes = np.unique(camera.record(shots(ramp), noise=False))
+    camera = Camera(session, choose_effects({"bit_depth": {"bits": 6}}, session, 0), 0)
+    codes = np.unique(camera.record(one_capture(ramp), noise=False))
     assert len(codes) == 64 and codes[0] == 0 and codes[-1] == 255
 
 
 def test_a_session_is_one_seed():
     session = Session(size=(24, 24), frames=4)
-    first, again = (capture_session(session, "random", 5) for _ in range(2))
+    first, again = (VirtualCamera(session, "random").simulate(5) for _ in range(2))
     np.testing.assert_array_equal(first.measurement, again.measurement)
     assert first.effects == again.effects
-    other = capture_session(session, "random", 6)
+    other = VirtualCamera(session, "random").simulate(6)
     assert (first.measurement != other.measurement).any()
-    ideal = capture_session(session, None, 5)  # what is hidden changes neither patterns nor scenes
-    np.testing.assert_array_equal(first.shots.scene, ideal.shots.scene)
-    np.testing.assert_array_equal(first.shots.patterns, ideal.shots.patterns)
+    ideal = VirtualCamera(session).simulate(5)  # what is hidden changes neither patterns nor scenes
+    np.testing.assert_array_equal(first.acquisition.scene, ideal.acquisition.scene)
+    np.testing.assert_array_equal(first.acquisition.patterns, ideal.acquisition.patterns)

@@ -3,30 +3,31 @@
 from __future__ import annotations
 
 import torch
+from torch.nn import functional as F
 
 from sci_lightning.configuration.bounds import Steps
 from sci_lightning.decoder.denoiser.denoiser import Denoiser
+from sci_lightning.decoder.kernels.switch import are_plain
+from sci_lightning.decoder.kernels.total_variation import total_variation
 from sci_lightning.errors import BadInput
 
-AXES = (-2, -1)
 TAU = 0.25
-"""Step of the dual variable; Chambolle observed the projection to converge up to it."""
-
-CACHED = 2**17
-"""Pixels that a core works on at a time: its seven arrays of them fit the cache, which is half as fast again."""
+"""Step of the dual variable; Chambolle observed that the projection converges up to this value."""
 
 
 class TotalVariation(Denoiser):
-    """The minimum over z of |z - x|^2 / 2 + strength * sum over all pixels of |gradient of z|, frame by frame.
+    r"""The minimum over z of :math:`|z - x|^2 / 2 + s \sum |\nabla z|`, frame by frame, with the strength s.
 
-    No gradients flow through it: everything is computed in place.
+    Chambolle's projection starts from a dual variable p = 0. A step takes the forward differences g of the present z,
+    replaces p by (p - tau g) / (1 + tau |g| / s), and z by x less the backward differences of p. No gradients flow
+    through it, since everything is computed in place.
 
     Args:
-        steps: of Chambolle's projection; its result is that of scikit-image's ``denoise_tv_chambolle`` of each frame
-            with ``max_num_iter = steps + 1`` and no tolerance.
+        steps: number of steps of the projection. The result is that of scikit-image's ``denoise_tv_chambolle`` of
+            every frame with ``max_num_iter = steps + 1`` and no tolerance.
 
     Raises:
-        BadInput: no step at all.
+        BadInput: the number of steps is below 1.
 
     Source: Chambolle, "An algorithm for total variation minimization and applications", J. Math. Imaging Vis. 2004.
     """
@@ -39,35 +40,24 @@ class TotalVariation(Denoiser):
 
     @torch.no_grad()
     def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:
-        """Denoise all frames of all videos; ``strength`` is in units of the video, more is smoother."""
-        denoised = torch.empty_like(video, memory_format=torch.contiguous_format)  # so that parts of it are views
-        frames, found = (each.reshape(-1, *video.shape[-2:]) for each in (video, denoised))
-        number = len(frames) if video.device.type != "cpu" else max(1, CACHED // frames[0].numel())
-        for part, out in zip(frames.split(number), found.split(number), strict=True):
-            self._nearest(part, strength, out)
+        """Denoise all frames ``(N, T, H, W)``; ``strength`` is in units of the video, and more is smoother."""
+        if not are_plain():
+            return total_variation(video, strength, self.steps, TAU)
+        denoised, dual = video, torch.zeros(2, *video.shape, dtype=video.dtype, device=video.device)
+        for _ in range(self.steps):
+            gradient = _gradient(denoised)
+            norm = gradient.square().sum(0).sqrt()
+            dual = (dual - TAU * gradient) / (1 + TAU / strength * norm)
+            denoised = video - _backward_differences(dual)
         return denoised
 
-    def _nearest(self, frames: torch.Tensor, strength: float, out: torch.Tensor) -> None:
-        """Denoise ``frames`` into ``out``."""
-        scaled = frames * (TAU / strength)  # so that the dual variable's rule has no factor left
-        dual = [torch.zeros_like(scaled) for _ in AXES]
-        slope = [torch.zeros_like(scaled) for _ in AXES]  # 0 across the last row and column for good
-        norm, found = torch.empty_like(scaled), scaled.clone()
-        for _ in range(self.steps):
-            for number, (axis, g) in enumerate(zip(AXES, slope, strict=True)):
-                torch.sub(_but_first(found, axis), _but_last(found, axis), out=_but_last(g, axis))
-                norm = norm.addcmul_(g, g) if number else torch.mul(g, g, out=norm)
-            norm.sqrt_().add_(1)
-            for number, (axis, p, g) in enumerate(zip(AXES, dual, slope, strict=True)):
-                p.sub_(g).div_(norm)
-                torch.sub(found if number else scaled, p, alpha=TAU, out=found)
-                _but_first(found, axis).add_(_but_last(p, axis), alpha=TAU)
-        torch.mul(found, strength / TAU, out=out)
+
+def _gradient(video: torch.Tensor) -> torch.Tensor:
+    """Return the forward differences ``(2, .., H, W)`` down and right, 0 across the last row and column."""
+    return torch.stack([F.pad(video.diff(dim=-2), (0, 0, 0, 1)), F.pad(video.diff(dim=-1), (0, 1))])
 
 
-def _but_first(frames: torch.Tensor, axis: int) -> torch.Tensor:
-    return frames.narrow(axis, 1, frames.shape[axis] - 1)
-
-
-def _but_last(frames: torch.Tensor, axis: int) -> torch.Tensor:
-    return frames.narrow(axis, 0, frames.shape[axis] - 1)
+def _backward_differences(dual: torch.Tensor) -> torch.Tensor:
+    """Return the sum ``(.., H, W)`` of the backward differences of ``(2, .., H, W)``, with zeros before the first."""
+    down, right = dual
+    return down - F.pad(down[..., :-1, :], (0, 0, 1, 0)) + right - F.pad(right[..., :-1], (1, 0))

@@ -1,108 +1,108 @@
-"""Convolution over time, height and width, by whichever of several equal ways is fastest."""
+"""Convolution over time, height and width that keeps T, computed in the fastest of five ways.
+
+Each way returns what ``torch.nn.functional.conv3d`` returns, to rounding. The conditions below were measured on CPUs;
+on a GPU the vendor's library chooses for itself among algorithms for what the last three ways hand to it.
+"""
 
 from __future__ import annotations
 
 import torch
-from torch import nn
 from torch.nn import functional as F
 
+from sci_lightning.decoder.kernels.layout import as_frames, as_video, channels_last
 from sci_lightning.decoder.kernels.winograd import winograd
 
+FEWEST_WINOGRAD_CHANNELS = 32
+"""Below this many inputs or outputs, transforming the tiles takes longer than the multiplications that it saves."""
 
-class Conv3d(nn.Conv3d):
-    """``nn.Conv3d`` that keeps T, and H and W up to the stride: same weights, same result to rounding.
+MOST_STACKED_OUTPUTS = 16
+"""So many outputs of a two-dimensional convolution, the float32 values of a vector register, cost as much as one."""
 
-    Input ``(N, C, T, H, W)``, fastest in channels-last layout (``memory_format=torch.channels_last_3d``), in which it
-    also returns.
+LARGEST_SMALL_COLUMN = 20480
+"""Values of one column of pixels, N C T H, up to which torch keeps a convolution from its fast library."""
+
+
+def convolution3d(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor, stride: int) -> torch.Tensor:
+    """Return the convolution ``(N, O, T, H', W')`` of x in channels-last layout, zeros around it.
 
     Args:
-        channels: C of the input.
-        outputs: channels of the output.
-        kernel: taps along time, height and width, all odd; one number for all three.
-        stride: 1, or 2 to halve height and width (rounded up).
+        x: ``(N, C, T, H, W)``, fastest in channels-last layout.
+        weight: ``(O, C, taps, height, width)``, all odd.
+        bias: ``(O,)``.
+        stride: 1, or 2 to halve H and W (rounded up).
     """
-
-    def __init__(self, channels: int, outputs: int, kernel: int | tuple[int, int, int], stride: int = 1) -> None:
-        sides = (kernel, kernel, kernel) if isinstance(kernel, int) else kernel
-        padding = (sides[0] // 2, sides[1] // 2, sides[2] // 2)
-        super().__init__(channels, outputs, sides, (1, stride, stride), padding)
-
-    def forward(self, x: torch.Tensor) -> torch.Tensor:
-        assert self.bias is not None
-        taps = self.kernel_size[0]
-        x = x.contiguous(memory_format=torch.channels_last_3d)
-        if self._suits_winograd(x):
-            return winograd(x, self.weight, self.bias)
-        if taps == 1:
-            return as_video(self._of_frames(as_frames(x), self.weight.squeeze(2), self.bias), len(x))
-        if taps * self.out_channels <= 16:
-            return self._taps_as_outputs(x)
-        # torch keeps a small convolution of a single clip from the fast library, but not one of a batch of frames;
-        # and the gradient of more taps than frames has NaN in it, in bfloat16 on a CPU
-        small = len(x) == 1 and x[..., 0].numel() <= 20480 and max(self.kernel_size) <= 3
-        if small or x.shape[2] < taps:
-            return self._taps_as_inputs(x)
-        return super().forward(x)
-
-    def _suits_winograd(self, x: torch.Tensor) -> bool:
-        """On a GPU, and in mixed precision, the vendor's library chooses for itself."""
-        return (
-            x.device.type == "cpu"
-            and x.dtype == torch.float32
-            and not torch.is_autocast_enabled("cpu")
-            and self.kernel_size[1:] == (3, 3)
-            and self.stride == (1, 1, 1)
-            and min(self.in_channels, self.out_channels) >= 32
-        )
-
-    def _taps_as_outputs(self, x: torch.Tensor) -> torch.Tensor:
-        """One 2-D convolution with an output for each tap along time: up to 16 cost the same."""
-        assert self.bias is not None
-        taps, t = self.kernel_size[0], x.shape[2]
-        parts = self._of_frames(as_frames(x), self.weight.permute(2, 0, 1, 3, 4).flatten(0, 1), None)
-        parts = F.pad(as_video(parts, len(x)), (0, 0, 0, 0, taps // 2, taps // 2)).unflatten(1, (taps, -1))
-        shifted = [parts[:, tap, :, tap : tap + t] for tap in range(taps)]
-        return torch.stack(shifted).sum(0) + self.bias.view(-1, 1, 1, 1)
-
-    def _taps_as_inputs(self, x: torch.Tensor) -> torch.Tensor:
-        """One 2-D convolution of each frame with its neighbours as further channels."""
-        taps, t = self.kernel_size[0], x.shape[2]
-        padded = F.pad(x, (0, 0, 0, 0, taps // 2, taps // 2))
-        neighbours = torch.cat([padded[:, :, tap : tap + t] for tap in range(taps)], dim=1)
-        weight = self.weight.transpose(1, 2).flatten(1, 2)
-        return as_video(self._of_frames(as_frames(neighbours), weight, self.bias), len(x))
-
-    def _of_frames(self, x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor | None) -> torch.Tensor:
-        return F.conv2d(x, weight, bias, self.stride[1:], self.padding[1:])
+    x = channels_last(x)
+    if winograd_saves_time(x, weight, stride):
+        return winograd(x, weight, bias)
+    if has_one_tap_in_time(weight):
+        return as_video(_of_frames(as_frames(x), weight.squeeze(2), bias, stride), len(x))
+    if stacked_outputs_fit_a_register(weight):
+        return _taps_as_outputs(x, weight, bias, stride)
+    if is_small_for_torch(x, weight) or has_more_taps_than_frames(x, weight):
+        return _taps_as_inputs(x, weight, bias, stride)
+    rows, columns = weight.shape[3] // 2, weight.shape[4] // 2
+    return F.conv3d(x, weight, bias, (1, stride, stride), (weight.shape[2] // 2, rows, columns))
 
 
-class Doubling(nn.ConvTranspose3d):
-    """Transposed 1x3x3 convolution that doubles H and W, ``(N, C, T, H, W)`` to ``(N, O, T, 2H, 2W)``."""
-
-    def __init__(self, channels: int, outputs: int) -> None:
-        super().__init__(channels, outputs, (1, 3, 3), (1, 2, 2), (0, 1, 1), (0, 1, 1))
-
-    def forward(self, x: torch.Tensor, output_size: list[int] | None = None) -> torch.Tensor:
-        frames = as_frames(x.contiguous(memory_format=torch.channels_last_3d))
-        return as_video(F.conv_transpose2d(frames, self.weight.squeeze(2), self.bias, 2, 1, 1), len(x))
-
-
-def shuffle_up(x: torch.Tensor) -> torch.Tensor:
-    """Pixel shuffle by 2 in every frame: ``(N, 4C, T, H, W)`` to ``(N, C, T, 2H, 2W)``."""
-    frames = F.pixel_shuffle(as_frames(x), 2)
-    return as_video(frames, len(x)).contiguous(memory_format=torch.channels_last_3d)
+def winograd_saves_time(x: torch.Tensor, weight: torch.Tensor, stride: int) -> bool:
+    """Return whether a convolution has 3 x 3 taps and enough channels; not on a GPU nor in mixed precision."""
+    return (
+        x.device.type == "cpu"
+        and x.dtype == torch.float32
+        and not torch.is_autocast_enabled("cpu")
+        and weight.shape[3:] == (3, 3)
+        and stride == 1
+        and min(weight.shape[:2]) >= FEWEST_WINOGRAD_CHANNELS
+    )
 
 
-def one_channel(video: torch.Tensor) -> torch.Tensor:
-    """``(N, T, H, W)`` as features ``(N, 1, T, H, W)``, with strides that tell torch of the channels-last layout."""
-    return video.contiguous().unsqueeze(-1).permute(0, 4, 1, 2, 3)
+def has_one_tap_in_time(weight: torch.Tensor) -> bool:
+    """Return whether a convolution works on every frame by itself: then it is one of two dimensions."""
+    return weight.shape[2] == 1
 
 
-def as_frames(x: torch.Tensor) -> torch.Tensor:
-    """``(N, C, T, H, W)`` to ``(N * T, C, H, W)``, without a copy from channels-last layout."""
-    return x.transpose(1, 2).flatten(0, 1)
+def stacked_outputs_fit_a_register(weight: torch.Tensor) -> bool:
+    """Return whether the outputs of all taps along time are so few that together they cost as much as one tap's."""
+    return weight.shape[2] * weight.shape[0] <= MOST_STACKED_OUTPUTS
 
 
-def as_video(x: torch.Tensor, snapshots: int) -> torch.Tensor:
-    """``(N * T, C, H, W)`` to ``(N, C, T, H, W)``, with N = ``snapshots``."""
-    return x.unflatten(0, (snapshots, -1)).transpose(1, 2)
+def is_small_for_torch(x: torch.Tensor, weight: torch.Tensor) -> bool:
+    """Return whether torch keeps this convolution of one snapshot from its fast library; a batch of frames gets it."""
+    return len(x) == 1 and x[..., 0].numel() <= LARGEST_SMALL_COLUMN and max(weight.shape[2:]) <= 3
+
+
+def has_more_taps_than_frames(x: torch.Tensor, weight: torch.Tensor) -> bool:
+    """Return whether there are more taps than frames: then torch's gradient has NaN in it, in bfloat16 on a CPU."""
+    return x.shape[2] < weight.shape[2]
+
+
+def _taps_as_outputs(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor, stride: int) -> torch.Tensor:
+    """One two-dimensional convolution with an output for every tap along time; then the taps are shifted and summed."""
+    taps, t = weight.shape[2], x.shape[2]
+    parts = _of_frames(as_frames(x), weight.permute(2, 0, 1, 3, 4).flatten(0, 1), None, stride)
+    parts = F.pad(as_video(parts, len(x)), (0, 0, 0, 0, taps // 2, taps // 2)).unflatten(1, (taps, -1))
+    shifted = [parts[:, tap, :, tap : tap + t] for tap in range(taps)]
+    return torch.stack(shifted).sum(0) + bias.view(-1, 1, 1, 1)
+
+
+def _taps_as_inputs(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor, stride: int) -> torch.Tensor:
+    """One two-dimensional convolution of every frame with its neighbours in time as further channels."""
+    taps, t = weight.shape[2], x.shape[2]
+    padded = F.pad(x, (0, 0, 0, 0, taps // 2, taps // 2))
+    neighbours = torch.cat([padded[:, :, tap : tap + t] for tap in range(taps)], dim=1)
+    return as_video(_of_frames(as_frames(neighbours), weight.transpose(1, 2).flatten(1, 2), bias, stride), len(x))
+
+
+def _of_frames(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor | None, stride: int) -> torch.Tensor:
+    return F.conv2d(x, weight, bias, stride, (weight.shape[2] // 2, weight.shape[3] // 2))
+
+
+def transposed_convolution(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor | None) -> torch.Tensor:
+    """Return the transposed convolution of 1 x 3 x 3 taps that doubles H and W, computed on all frames as a batch.
+
+    Args:
+        x: ``(N, C, T, H, W)``.
+        weight: ``(C, O, 1, 3, 3)``.
+        bias: ``(O,)``.
+    """
+    return as_video(F.conv_transpose2d(as_frames(channels_last(x)), weight.squeeze(2), bias, 2, 1, 1), len(x))

@@ -15,12 +15,13 @@ import torch
 from torch.autograd.function import FunctionCtx, once_differentiable
 from torch.nn import functional as F
 
+from sci_lightning.decoder.kernels import block_sizes
+
 TILE = 4
 READ = TILE + 2  # inputs that a tile's outputs depend on, each way
 # and infinity; pairs of reciprocals keep the powers small: with the usual 0, 1, -1, 2, -2 results are rounded to
 # 2e-6 (r.m.s., 64 channels), with these to 8e-7, in a direct convolution to 2e-7
 POINTS = (0, 2 / 3, -2 / 3, 3 / 2, -3 / 2)
-TILES_AT_ONCE = 256  # as many as keep their 36 products in the processor's cache
 
 
 def winograd(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor) -> torch.Tensor:
@@ -119,7 +120,7 @@ def strips(x: torch.Tensor) -> Iterator[tuple[int, slice, torch.Tensor]]:
     n, _, t, h, w = x.shape
     frames = F.pad(x.permute(0, 2, 3, 4, 1), (0, 0, 1, -w % TILE + 1, 1, -h % TILE + 1))
     tiles = frames.unfold(2, READ, TILE).unfold(3, READ, TILE).permute(5, 6, 0, 1, 2, 3, 4)
-    step = max(1, TILES_AT_ONCE // (t * tiles.shape[5]))
+    step = max(1, block_sizes.WINOGRAD_TILES // (t * tiles.shape[5]))
     for snapshot in range(n):
         for start in range(0, tiles.shape[4], step):
             rows = slice(start, start + step)

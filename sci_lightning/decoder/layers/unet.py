@@ -8,6 +8,8 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from sci_lightning.decoder.kernels.layout import channels_last
+
 
 class DoubleConvolution(nn.Module):
     """Twice 3x3 and ReLU, ``(N, C, H, W)`` to ``(N, C', H, W)``."""
@@ -48,8 +50,7 @@ class UNet(nn.Module):
         self.conv_last = nn.Conv2d(full, frames, 1)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        # channels-last is the layout in which CPU and GPU convolutions run fastest
-        skip1 = self.dconv_down1(x.contiguous(memory_format=torch.channels_last))
+        skip1 = self.dconv_down1(channels_last(x))
         skip2 = self.dconv_down2(F.max_pool2d(skip1, 2))
         deep = self.dconv_down3(F.max_pool2d(skip2, 2))
         deep = self.dconv_up2(torch.cat([self.upsample2(deep), skip2], dim=1))

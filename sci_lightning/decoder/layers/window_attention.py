@@ -6,8 +6,12 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
+from sci_lightning.decoder.kernels.attention import frame_by_frame
+from sci_lightning.decoder.kernels.switch import are_plain
+
 OUT_OF_REACH = -100.0
-"""Added to the score of two pixels that a shifted window has brought together from opposite sides, as published."""
+"""Added to the product of query and key of two pixels that a shifted window has brought together from opposite sides,
+as published."""
 
 
 class WindowAttention(nn.Module):
@@ -43,19 +47,27 @@ class WindowAttention(nn.Module):
         sides = min(self.window, height), min(self.window, width)
         shifts = [self.shift if side > self.window else 0 for side in (height, width)]
         bias = self.bias(height, width, sides, shifts)
-        # frame by frame: what one needs fits the processor's cache
-        frames = [
-            self.attend(frame.roll([-shift for shift in shifts], (0, 1)), sides, bias) for frame in x.flatten(0, 1)
-        ]
-        return torch.stack([frame.roll(shifts, (0, 1)) for frame in frames]).view_as(x)
 
-    def attend(self, frame: torch.Tensor, sides: tuple[int, int], bias: torch.Tensor) -> torch.Tensor:
-        """One frame ``(H, W, C)``; bias: of the scores, ``(windows or 1, heads, pixels, pixels)``."""
-        tokens = windows(frame, sides)
-        q, k, v = self.qkv(tokens).unflatten(2, (3, self.heads, -1)).permute(2, 0, 3, 1, 4)
-        mixed = self.proj(F.scaled_dot_product_attention(q, k, v, attn_mask=bias).transpose(1, 2).flatten(2))
-        grid = frame.shape[0] // sides[0], frame.shape[1] // sides[1]
-        return mixed.view(*grid, *sides, -1).transpose(1, 2).reshape(frame.shape)
+        def attend(frames: torch.Tensor) -> torch.Tensor:
+            rolled = frames.roll([-shift for shift in shifts], (-3, -2))
+            return self.attend(rolled, sides, bias).roll(shifts, (-3, -2))
+
+        frames = x.flatten(0, 1)
+        return (attend(frames) if are_plain() else frame_by_frame(attend, frames)).view_as(x)
+
+    def attend(self, frames: torch.Tensor, sides: tuple[int, int], bias: torch.Tensor) -> torch.Tensor:
+        """Return the attention inside the windows of one frame ``(H, W, C)`` or of several, ``(F, H, W, C)``.
+
+        Args:
+            frames: features.
+            sides: height and width of a window.
+            bias: added to the products of queries and keys, ``(windows or 1, heads, pixels, pixels)``.
+        """
+        tokens = windows(frames, sides)
+        q, k, v = self.qkv(tokens).unflatten(-1, (3, self.heads, -1)).movedim(-3, 0).transpose(-3, -2)
+        mixed = self.proj(F.scaled_dot_product_attention(q, k, v, attn_mask=bias).transpose(-3, -2).flatten(-2))
+        grid = frames.shape[-3] // sides[0], frames.shape[-2] // sides[1]
+        return mixed.view(*frames.shape[:-3], *grid, *sides, -1).transpose(-4, -3).reshape(frames.shape)
 
     def bias(self, height: int, width: int, sides: tuple[int, int], shifts: list[int]) -> torch.Tensor:
         pixels = sides[0] * sides[1]
@@ -73,7 +85,8 @@ class WindowAttention(nn.Module):
         return (places >= side - self.window).long() + (places >= side - shift) if shift else torch.zeros_like(places)
 
 
-def windows(frame: torch.Tensor, sides: tuple[int, int]) -> torch.Tensor:
-    """``(H, W, C)`` to ``(windows, pixels of a window, C)``."""
+def windows(frames: torch.Tensor, sides: tuple[int, int]) -> torch.Tensor:
+    """Cut ``(.., H, W, C)`` into windows, ``(.., windows, pixels of a window, C)``."""
     rows, columns = sides
-    return frame.unflatten(1, (-1, columns)).unflatten(0, (-1, rows)).transpose(1, 2).flatten(0, 1).flatten(1, 2)
+    cut = frames.unflatten(-2, (-1, columns)).unflatten(-4, (-1, rows)).transpose(-4, -3)
+    return cut.flatten(-5, -4).flatten(-3, -2)

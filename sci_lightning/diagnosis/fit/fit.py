@@ -99,7 +99,7 @@ class Fitter:
         return [
             chart_of(self.model, hypothesis, name, prediction, now, self.use)
             for name in hypothesis.effects
-            if self.model.known[name].chart
+            if self.model.known[name].map_kind
         ]
 
     def free_parameters(self, hypothesis: Hypothesis) -> list[Name]:
@@ -107,7 +107,7 @@ class Fitter:
         found = []
         for name in hypothesis.effects:
             effect = self.model.known[name]
-            if effect.chart is None:
+            if effect.map_kind is None:
                 found += [(name, each) for each in hypothesis.effects[name] if not effect.about[each].choices]
         return found
 

@@ -12,8 +12,9 @@ import torch
 from sci_lightning.diagnosis.model.ceiling import Ceiling
 from sci_lightning.diagnosis.model.likelihood import LEAST_DEVIATION
 from sci_lightning.diagnosis.model.observation import Observation
-from sci_lightning.encoder.effects import ChartEffect, Effect, Saturation
+from sci_lightning.encoder.effects import Effect, MapEffect, OpticsEffect, SensorEffect
 from sci_lightning.encoder.effects.parameter import Value
+from sci_lightning.encoder.effects.stage import ExposureEffect, ModulatorEffect, RelayEffect
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.signal import Signal
 
@@ -76,14 +77,13 @@ class CameraModel:
         self._formed: OrderedDict[Any, Any] = OrderedDict()
 
     def starts(self, name: str, hypothesis: Hypothesis) -> list[Setting]:
-        """Where a search for an effect sets out; a saturation also from where pixels have piled up."""
+        """Where a search for an effect sets out; a ceiling of the signal also from where pixels have piled up."""
         seen, effect = self.observation, self.known[name]
         found = effect.starts(seen.frames, seen.size, seen.bit_depth)
-        if effect is Saturation:
+        if parameter := _ceiling_parameter(effect):
             behind = self._behind(self.path(hypothesis), effect)
-            found += [
-                {"level": level} for level in (self._before(behind, each) for each in seen.pile_ups) if 0 < level < 1
-            ]
+            levels = (self._before(behind, level) for level in seen.pile_ups)
+            found += [{parameter: level} for level in levels if 0 < level < 1]
         return found
 
     def adding(
@@ -91,15 +91,17 @@ class CameraModel:
     ) -> Hypothesis:
         """The hypothesis with one more effect. If signal ends, then where it is recorded to end now: that is plain."""
         found = hypothesis.having(name, setting, chart)
-        if Saturation.name in hypothesis.effects and self.known[name].rank > Saturation.rank:
-            level = torch.full((1, *self.observation.size), float(hypothesis.effects[Saturation.name]["level"]))
-            recorded = self._recorded(self._behind(self.path(hypothesis), Saturation), level)
-            level_before = self._before(self._behind(self.path(found), Saturation), recorded)
-            found = found.having(Saturation.name, {"level": level_before})
+        for other in hypothesis.effects:
+            parameter = _ceiling_parameter(self.known[other])
+            if parameter and self.known[name].rank > self.known[other].rank:
+                level = torch.full((1, *self.observation.size), float(hypothesis.effects[other][parameter]))
+                recorded = self._recorded(self._behind(self.path(hypothesis), self.known[other]), level)
+                level_before = self._before(self._behind(self.path(found), self.known[other]), recorded)
+                found = found.having(other, {**found.effects[other], parameter: level_before})
         return found
 
     def _behind(self, path: LightPath, effect: type[Effect]) -> LightPath:
-        return LightPath(each for each in path.of("sensor") if each.rank > effect.rank)
+        return LightPath(each for each in path.of(SensorEffect) if each.rank > effect.rank)
 
     def _before(self, behind: LightPath, recorded: float) -> float:
         """The signal that is recorded as so much behind some effects of the sensor, by bisection."""
@@ -117,14 +119,14 @@ class CameraModel:
     def blank_chart(self, name: str) -> torch.Tensor | None:
         """The map of an effect, all 0; None for an effect without one."""
         effect = self.known[name]
-        return torch.zeros(effect.shape(self.observation.size)) if issubclass(effect, ChartEffect) else None
+        return torch.zeros(effect.shape(self.observation.size)) if issubclass(effect, MapEffect) else None
 
     def path(self, hypothesis: Hypothesis) -> LightPath:
         """The hypothesis as modules."""
         effects = []
         for name, values in hypothesis.effects.items():
             effect = self.known[name](**values)
-            if isinstance(effect, ChartEffect):
+            if isinstance(effect, MapEffect):
                 _fill(effect, hypothesis.charts.get(name), self.observation.size)
             effects.append(effect)
         return LightPath(effects)
@@ -133,20 +135,24 @@ class CameraModel:
     def predict(self, hypothesis: Hypothesis) -> Prediction:
         """Mean and deviation of every pixel; see :class:`Prediction`."""
         seen, path = self.observation, self.path(hypothesis)
-        early = tuple(_key(effect) for stage in ("modulator", "relay", "exposure") for effect in path.of(stage))
-        lens = tuple(_key(effect) for effect in path.of("optics"))
+        early = tuple(
+            _key(effect) for effect in (*path.of(ModulatorEffect), *path.of(RelayEffect), *path.of(ExposureEffect))
+        )
+        lens = tuple(_key(effect) for effect in path.of(OpticsEffect))
         formed = self._recall(self._formed, (early, path.cells, lens), lambda: self._form(path, early))
         light = replace(formed, variance=torch.zeros(()))
         mean, deviation = self._in_dn(path.respond(light))
         return Prediction(mean, deviation, path.effective_bits(seen.bit_depth), self._ceiling(path, light))
 
     def _ceiling(self, path: LightPath, light: Signal) -> Ceiling | None:
-        ends = [effect for effect in path.of("sensor") if isinstance(effect, Saturation) and float(effect.level) < 1]
+        effects = path.of(SensorEffect)
+        limits = {effect: getattr(effect, effect.ceiling) for effect in effects if effect.ceiling}
+        ends = [effect for effect, level in limits.items() if float(level) < 1]
         if not ends:
             return None
-        open_ = self._in_dn(LightPath(each for each in path.of("sensor") if each not in ends).respond(light))
-        behind = self._behind(path, Saturation)
-        full = light.with_mean(ends[0].level * torch.ones_like(light.mean))
+        open_ = self._in_dn(LightPath(each for each in effects if each not in ends).respond(light))
+        behind = self._behind(path, type(ends[0]))
+        full = light.with_mean(limits[ends[0]] * torch.ones_like(light.mean))
         return Ceiling(*open_, *self._in_dn(behind.respond(full)))
 
     def _in_dn(self, signal: Signal) -> tuple[torch.Tensor, torch.Tensor]:
@@ -175,7 +181,7 @@ class CameraModel:
                 else:
                     images[number] = (masks * _fine(scene, cells)).sum(0)
         light = torch.stack(images) * seen.aperture
-        return Signal(light, torch.zeros(()), seen.exposure, 1 / seen.full_scale, (0, 0), seen.size, cells)
+        return Signal(light, torch.zeros(()), seen.exposure, 1 / seen.full_scale, (0, 0), seen.size, cells, seen.number)
 
     def _recall(self, memory: OrderedDict[Any, Any], key: Any, make: Any) -> Any:
         if key not in memory:
@@ -186,7 +192,12 @@ class CameraModel:
         return memory[key]
 
 
-def _fill(effect: ChartEffect, chart: torch.Tensor | None, size: tuple[int, int]) -> None:
+def _ceiling_parameter(effect: type[Effect]) -> str | None:
+    """Return the parameter at which the signal ends, for an effect of the sensor that limits it."""
+    return effect.ceiling if issubclass(effect, SensorEffect) else None
+
+
+def _fill(effect: MapEffect, chart: torch.Tensor | None, size: tuple[int, int]) -> None:
     """Give the effect its map: in units of its standard deviation, where it has one."""
     shape = effect.shape(size)
     if chart is None:
@@ -198,7 +209,7 @@ def _fill(effect: ChartEffect, chart: torch.Tensor | None, size: tuple[int, int]
 
 
 def _key(effect: Effect) -> Any:
-    chart = effect.map.sum().item() if isinstance(effect, ChartEffect) else None
+    chart = effect.map.sum().item() if isinstance(effect, MapEffect) else None
     return (effect.name, tuple(effect.values.items()), chart)
 
 

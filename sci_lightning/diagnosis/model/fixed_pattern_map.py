@@ -113,7 +113,7 @@ def chart_of(
     model: CameraModel, hypothesis: Hypothesis, name: str, prediction: Prediction, now: Score, use: torch.Tensor
 ) -> Chart:
     """The map of an effect at a hypothesis, with the prior's width that makes the captures likeliest."""
-    kind = model.known[name].chart or ""
+    kind = model.known[name].map_kind or ""
     values = _values(model, hypothesis, name)
     jacobian = derivative(model, hypothesis, name, prediction)
     slope = _reduce(kind, (jacobian * now.slope * use).sum(0)).double()

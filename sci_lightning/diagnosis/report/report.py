@@ -102,7 +102,7 @@ def write_encoder(diagnosis: Diagnosis, out: str | Path) -> None:
         effects[name] = {"_target_": f"{effect.__module__}.{effect.__qualname__}", **values}
         if issubclass(effect, Empirical):
             effects[name]["count"] = effect.count
-        if effect.chart and name in fit.hypothesis.charts:
+        if effect.map_kind and name in fit.hypothesis.charts:
             scale = float(values["std"]) if "std" in values else 1.0
             _save(out / f"{name}.npy", (fit.hypothesis.charts[name] / max(scale, 1e-12)).numpy())
             effects[name] |= {"file": f"{name}.npy", "size": [height, width]}

@@ -109,9 +109,7 @@ def report_page(
             effect_rows=_effect_rows(diagnosis),
             uncertainty=uncertainty_note,
             correlation=correlation,
-            correlation_figure=pictures.correlation_figure(list(correlation.names), correlation.matrix)
-            if many
-            else None,
+            correlation_figure=trade_offs,
             gap_rows=_gap_rows(diagnosis),
             significance=f"{diagnosis.settings.significance:g}",
             tolerated=sum(test.significant for test in diagnosis.after.tests) - len(diagnosis.remaining),

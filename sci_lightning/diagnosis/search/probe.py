@@ -77,7 +77,7 @@ def probe(fitter: Fitter, base: Fit, charts: Mapping[str, type[Effect]] | None =
     for name, effect in asked.items():
         if name in base.hypothesis.effects:
             continue
-        if effect.chart:
+        if effect.map_kind:
             fitter.model.known[name] = effect
             chart = chart_of(fitter.model, base.hypothesis, name, base.prediction, now, fitter.use)
             p_value = float(chi2.sf(2 * max(chart.evidence, 0.0), 1))
@@ -99,7 +99,6 @@ def _free_form(
     count = effect.numbers(captures, frames)
     model = fitter.model
     about = effect.of(count)
-    about.place = model.observation.number
     model.known[effect.name] = about
     if effect.name == "ghost":
         return _ghost(fitter, base, linear, about)

@@ -93,7 +93,7 @@ def likeliest(
         fitter.model.known[each.name] = each.effect
         trial = fitter.fit(each.added(fitter, fit.hypothesis), iterations=15)
         value = worth(fitter, fit, trial) - each.choice
-        if each.effect.chart and each.name in (maps or {}):  # a map with structure can stand in for much
+        if each.effect.map_kind and each.name in (maps or {}):  # a map with structure can stand in for much
             value *= 1 - fitter.settings.surrogate_fraction
         if value > largest:
             best, most, largest = each, trial, value

@@ -29,7 +29,7 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
     evidence = fit.total - without.total
     close = []
     for other, effect in model.vocabulary.items():
-        if other in fit.hypothesis.effects or effect.noise or effect.chart:
+        if other in fit.hypothesis.effects or effect.noise or effect.map_kind:
             continue
         starts = model.starts(other, without.hypothesis)[: settings.rival_starts]
         trials = [model.predict(model.adding(without.hypothesis, other, start)) for start in starts]

@@ -48,7 +48,7 @@ def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
     for name, effect in model.vocabulary.items():
         if name in base.hypothesis.effects or effect.noise:
             continue
-        if effect.chart:
+        if effect.map_kind:
             chart = chart_of(model, base.hypothesis, name, prediction, now, fitter.use)
             start: Setting = dict.fromkeys(effect.about, chart.std)
             found.append(Candidate(name, chart.evidence, start))

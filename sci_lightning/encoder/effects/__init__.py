@@ -1,63 +1,61 @@
-"""Effects: named physical deviations from the ideal encoder, one a file."""
+"""Effects: named physical deviations from the ideal encoder, one file each, in a folder for each stage.
+
+A new effect is one file ``<stage>/<name>.py`` with one class, such as ``relay/mask_shift.py`` with ``MaskShift``, and
+one file ``conf/effect/<name>.yaml`` that names it and gives its values; then commands take ``effect=<name>`` and every
+diagnosis considers it. No list needs an edit: this package finds its effects by their files, and
+``from sci_lightning.encoder.effects import MaskShift`` loads the file when the name is used. An effect outside of this
+package is used the same way, by the path of its class: ``_target_: my_module.MyEffect``.
+
+The class derives from the base class of its stage (:mod:`~sci_lightning.encoder.effects.stage` has their formulas), and
+from :class:`MapEffect` as well if every pixel, row or column has a value of its own.
+"""
+
+from importlib import import_module
+from pathlib import Path
+from typing import Any
 
 from sci_lightning.encoder.effects.effect import Effect
-from sci_lightning.encoder.effects.exposure.flicker import Flicker
-from sci_lightning.encoder.effects.exposure.rolling_shutter import RollingShutter
-from sci_lightning.encoder.effects.map_effect import ChartEffect
-from sci_lightning.encoder.effects.modulator.mask_contrast import MaskContrast
-from sci_lightning.encoder.effects.modulator.mask_lag import MaskLag
-from sci_lightning.encoder.effects.modulator.mask_level_gamma import MaskLevelGamma
-from sci_lightning.encoder.effects.modulator.mask_orientation import MaskOrientation
-from sci_lightning.encoder.effects.modulator.pattern_order import PatternOrder
-from sci_lightning.encoder.effects.modulator.sync_offset import SyncOffset
-from sci_lightning.encoder.effects.optics.optical_blur import OpticalBlur
-from sci_lightning.encoder.effects.optics.veiling_glare import VeilingGlare
-from sci_lightning.encoder.effects.optics.vignetting import Vignetting
+from sci_lightning.encoder.effects.map_effect import FixedPatternGain, FixedPatternOffset, MapEffect
 from sci_lightning.encoder.effects.parameter import Parameter
-from sci_lightning.encoder.effects.relay.mask_blur import MaskBlur
-from sci_lightning.encoder.effects.relay.mask_rotation import MaskRotation
-from sci_lightning.encoder.effects.relay.mask_scale import MaskScale
-from sci_lightning.encoder.effects.relay.mask_shift import MaskShift
-from sci_lightning.encoder.effects.sensor.bit_depth import BitDepth
-from sci_lightning.encoder.effects.sensor.black_level import BlackLevel
-from sci_lightning.encoder.effects.sensor.column_noise import ColumnNoise
-from sci_lightning.encoder.effects.sensor.gain import Gain
-from sci_lightning.encoder.effects.sensor.hot_pixels import HotPixels
-from sci_lightning.encoder.effects.sensor.prnu import Prnu
-from sci_lightning.encoder.effects.sensor.read_noise import ReadNoise
-from sci_lightning.encoder.effects.sensor.response_gamma import ResponseGamma
-from sci_lightning.encoder.effects.sensor.row_noise import RowNoise
-from sci_lightning.encoder.effects.sensor.saturation import Saturation
-from sci_lightning.encoder.effects.sensor.shot_noise import ShotNoise
+from sci_lightning.encoder.effects.stage import (
+    STAGES,
+    ExposureEffect,
+    ModulatorEffect,
+    OpticsEffect,
+    RelayEffect,
+    SensorEffect,
+)
+
+FILES = {
+    "".join(word.capitalize() for word in path.stem.split("_")): f"{__name__}.{stage}.{path.stem}"
+    for stage in STAGES
+    for path in sorted((Path(__file__).parent / stage).glob("[a-z]*.py"))
+}
+"""The module of every effect's class, by the name of the class: ``MaskShift`` is in ``relay.mask_shift``."""
 
 __all__ = [
-    "BitDepth",
-    "BlackLevel",
-    "ChartEffect",
-    "ColumnNoise",
     "Effect",
-    "Flicker",
-    "Gain",
-    "HotPixels",
-    "MaskBlur",
-    "MaskContrast",
-    "MaskLag",
-    "MaskLevelGamma",
-    "MaskOrientation",
-    "MaskRotation",
-    "MaskScale",
-    "MaskShift",
-    "OpticalBlur",
+    "ExposureEffect",
+    "FixedPatternGain",
+    "FixedPatternOffset",
+    "MapEffect",
+    "ModulatorEffect",
+    "OpticsEffect",
     "Parameter",
-    "PatternOrder",
-    "Prnu",
-    "ReadNoise",
-    "ResponseGamma",
-    "RollingShutter",
-    "RowNoise",
-    "Saturation",
-    "ShotNoise",
-    "SyncOffset",
-    "VeilingGlare",
-    "Vignetting",
+    "RelayEffect",
+    "SensorEffect",
 ]
+__all__ += sorted(FILES)
+
+
+def __getattr__(name: str) -> Any:
+    """Load the class of an effect when it is first used (PEP 562)."""
+    if name not in FILES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    effect = getattr(import_module(FILES[name]), name)
+    globals()[name] = effect
+    return effect
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,4 +1,4 @@
-"""Effects with a map that belongs to one camera."""
+"""Effects with a fixed-pattern map: different in every pixel, column or row, the same in every capture."""
 
 from __future__ import annotations
 
@@ -9,17 +9,19 @@ import torch
 
 from sci_lightning.configuration.bounds import Seed, Size
 from sci_lightning.encoder.effects.effect import Effect
+from sci_lightning.encoder.effects.stage import SensorEffect
+from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput
 from sci_lightning.files.array_file import read_array
 
 
-class ChartEffect(Effect):
-    """An effect that is different in every pixel, column or row, and the same in every capture.
+class MapEffect(Effect):
+    """An effect with a map that belongs to one camera; a subclass also derives from the base class of its stage.
 
     Args:
-        size: (H, W) of the field; None for a map of nothing, to be filled later.
+        size: (H, W) of the field; None for a map of zeros, to be filled later.
         file: .npy of the map, ``(H, W)``, ``(1, W)`` or ``(H, 1)``; None draws one.
-        seed: of the drawn map.
+        seed: seed of the drawn map.
         values: parameters by name.
 
     Raises:
@@ -34,21 +36,61 @@ class ChartEffect(Effect):
         super().__init__(**values)
         shape = (1, 1) if size is None else self.shape((size[0], size[1]))
         if file is not None:
-            chart = torch.from_numpy(read_array(file, prefer="map", dimensions=2).astype("float32"))
-            if size is not None and chart.shape != shape:
-                raise BadInput(f"{file}: the map of {self.name} is {tuple(chart.shape)}, this run needs {tuple(shape)}")
+            values_of_map = torch.from_numpy(read_array(file, prefer="map", dimensions=2).astype("float32"))
+            if size is not None and values_of_map.shape != shape:
+                raise BadInput(
+                    f"{file}: the map of {self.name} is {tuple(values_of_map.shape)}, this run needs {tuple(shape)}"
+                )
         elif size is not None:
-            chart = self.draw(shape, torch.Generator().manual_seed(seed))
+            values_of_map = self.draw(shape, torch.Generator().manual_seed(seed))
         else:
-            chart = torch.zeros(shape)
-        self.register_buffer("map", chart)
+            values_of_map = torch.zeros(shape)
+        self.register_buffer("map", values_of_map)
 
     @classmethod
     def shape(cls, size: tuple[int, int]) -> tuple[int, int]:
-        """Of the map on a field of ``size``."""
-        return (1 if cls.chart == "column" else size[0], 1 if cls.chart == "row" else size[1])
+        """Return the shape of the map on a field of ``size``."""
+        return (1 if cls.map_kind == "column" else size[0], 1 if cls.map_kind == "row" else size[1])
 
     def draw(self, size: tuple[int, int], random: torch.Generator) -> torch.Tensor:
-        """A map by chance, of mean 0 and standard deviation 1."""
+        """Draw a random map of mean 0 and standard deviation 1."""
         numbers = torch.randn(size, generator=random)
         return (numbers - numbers.mean()) / numbers.std().clamp(min=1e-6)
+
+
+class FixedPatternOffset(MapEffect, SensorEffect):
+    r"""Offsets that are the same in every capture: :math:`m + s\, c`, with a map c of mean 0 and standard deviation 1.
+
+    A subclass says in ``map_kind`` whether pixels, columns or rows have an offset of their own.
+
+    Args:
+        std: s, standard deviation of the offsets, fraction of full scale, 0 to 1.
+        size, file, seed: see :class:`MapEffect`.
+    """
+
+    def respond(self, signal: Signal) -> Signal:
+        return signal.with_mean(signal.mean + self.std * signal.window(self.map))
+
+    def undo(self, signal: Signal) -> Signal:
+        return signal.with_mean(signal.mean - self.std * signal.window(self.map))
+
+
+class FixedPatternGain(MapEffect, SensorEffect):
+    r"""Gains that are the same in every capture: :math:`m\,(1 + s\, c)`, with c of mean 0 and standard deviation 1.
+
+    The variance grows by the square. A subclass says in ``map_kind`` whether pixels, columns or rows have a gain.
+
+    Args:
+        std: s, standard deviation of the gains, 0 to 1.
+        size, file, seed: see :class:`MapEffect`.
+    """
+
+    def respond(self, signal: Signal) -> Signal:
+        gain = self._gain(signal)
+        return signal.with_moments(signal.mean * gain, signal.variance * gain.square())
+
+    def undo(self, signal: Signal) -> Signal:
+        return signal.with_mean(signal.mean / self._gain(signal).clamp(min=0.05))  # a dead pixel stays dark
+
+    def _gain(self, signal: Signal) -> torch.Tensor:
+        return 1 + self.std * signal.window(self.map)

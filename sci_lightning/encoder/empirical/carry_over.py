@@ -5,11 +5,12 @@ from __future__ import annotations
 import torch
 
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import SensorEffect
 from sci_lightning.encoder.empirical.empirical import Empirical
 from sci_lightning.encoder.signal import Signal
 
 
-class CarryOver(Empirical):
+class CarryOver(Empirical, SensorEffect):
     """A part c0 of each capture is in the next one of the file.
 
     Args:
@@ -18,7 +19,6 @@ class CarryOver(Empirical):
     """
 
     name = "carry_over"
-    stage = "sensor"
     rank = 55.7
     where = "a part of each capture is left over in the next"
     number = Parameter("1", 0.0, -1, 1, step=0.001)
@@ -29,8 +29,8 @@ class CarryOver(Empirical):
         return min(1, captures - 1)
 
     def respond(self, signal: Signal) -> Signal:
-        if self.place is None or len(self.place) != len(signal.mean):
+        if signal.position is None:
             return signal
-        follows = (self.place[:, None] == self.place + 1).to(signal.mean)  # (capture, the one before it)
+        follows = (signal.position[:, None] == signal.position + 1).to(signal.mean)  # (capture, the one before it)
         left = torch.einsum("ij,jhw->ihw", follows, signal.mean)
         return signal.with_mean(signal.mean + self.coefficients.to(signal.mean) * left)

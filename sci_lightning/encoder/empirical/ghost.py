@@ -5,11 +5,12 @@ from __future__ import annotations
 import torch
 
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import OpticsEffect
 from sci_lightning.encoder.empirical.empirical import Empirical
 from sci_lightning.encoder.signal import Signal
 
 
-class Ghost(Empirical):
+class Ghost(Empirical, OpticsEffect):
     """A part c0 of the light forms a second image, displaced by (c1, c2) pixels, +x right and +y down.
 
     Args:
@@ -18,7 +19,6 @@ class Ghost(Empirical):
     """
 
     name = "ghost"
-    stage = "optics"
     rank = 44
     where = "a second image lies beside the first"
     number = Parameter("part; pixel; pixel", 0.0, -1024, 1024, step=0.01)

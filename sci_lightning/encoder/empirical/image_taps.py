@@ -5,11 +5,12 @@ from __future__ import annotations
 import torch
 
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import OpticsEffect
 from sci_lightning.encoder.empirical.empirical import Empirical, window_of_taps
 from sci_lightning.encoder.signal import Signal
 
 
-class ImageTaps(Empirical):
+class ImageTaps(Empirical, OpticsEffect):
     """Light of every pixel also falls on its neighbours, 5 x 5 but the middle.
 
     Args:
@@ -18,7 +19,6 @@ class ImageTaps(Empirical):
     """
 
     name = "image_taps"
-    stage = "optics"
     rank = 43
     where = "the image is smeared"
     number = Parameter("1", 0.0, -1, 1, step=0.005)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import torch
 
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import ModulatorEffect
 from sci_lightning.encoder.empirical.empirical import Empirical, piecewise_linear
 
 
-class LevelCurve(Empirical):
+class LevelCurve(Empirical, ModulatorEffect):
     """Displayed = told + a curve through the numbers, at equidistant levels from 0 to 1.
 
     Args:
@@ -17,7 +18,6 @@ class LevelCurve(Empirical):
     """
 
     name = "level_curve"
-    stage = "modulator"
     rank = 18
     where = "levels are displayed otherwise than told"
     number = Parameter("1", 0.0, -1, 1, step=0.005)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import torch
 
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import RelayEffect
 from sci_lightning.encoder.empirical.empirical import Empirical, polynomials
 
 DEGREE = 3
 
 
-class MaskField(Empirical):
+class MaskField(Empirical, RelayEffect):
     """A smooth field of displacements (pixel): polynomials of the place, half the numbers for y and half for x.
 
     Args:
@@ -19,7 +20,6 @@ class MaskField(Empirical):
     """
 
     name = "mask_field"
-    stage = "relay"
     rank = 26
     where = "the mask's image is distorted"
     number = Parameter("pixel", 0.0, -16, 16, step=0.05)

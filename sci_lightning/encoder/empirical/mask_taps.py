@@ -5,10 +5,11 @@ from __future__ import annotations
 import torch
 
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import RelayEffect
 from sci_lightning.encoder.empirical.empirical import Empirical, window_of_taps
 
 
-class MaskTaps(Empirical):
+class MaskTaps(Empirical, RelayEffect):
     """Light of every mirror also falls on its neighbours, 5 x 5 but the middle; the scene stays sharp.
 
     Args:
@@ -17,7 +18,6 @@ class MaskTaps(Empirical):
     """
 
     name = "mask_taps"
-    stage = "relay"
     rank = 27
     where = "the mask's image is smeared"
     number = Parameter("1", 0.0, -1, 1, step=0.005)

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from sci_lightning.encoder.effects.map_effect import ChartEffect
+from sci_lightning.encoder.effects.map_effect import FixedPatternOffset
 from sci_lightning.encoder.effects.parameter import Parameter
-from sci_lightning.encoder.signal import Signal
 
 
-class OffsetMap(ChartEffect):
+class OffsetMap(FixedPatternOffset):
     """Signal plus a number for every pixel, the same in every capture.
 
     Args:
         std: standard deviation of the numbers, fraction of full scale, 0 to 1.
-        size, file, seed: of the map, see :class:`ChartEffect`.
+        size, file, seed: of the map, see :class:`MapEffect`.
     """
 
     name = "offset_map"
-    stage = "sensor"
     rank = 57.5
     where = "pixels differ in their offset"
     about = {"std": Parameter("1", 0.0, 0, 1, step=0.0005, starts=(0.005,))}
-    chart = "pixel"
-
-    def respond(self, signal: Signal) -> Signal:
-        return signal.with_mean(signal.mean + self.std * signal.window(self.map))
+    map_kind = "pixel"

@@ -5,10 +5,11 @@ from __future__ import annotations
 import torch
 
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import ModulatorEffect
 from sci_lightning.encoder.empirical.empirical import Empirical
 
 
-class PatternMixing(Empirical):
+class PatternMixing(Empirical, ModulatorEffect):
     r"""In the place of pattern p of n, :math:`M_p + \sum_q c_{p n + q} M_q` is displayed.
 
     Args:
@@ -17,7 +18,6 @@ class PatternMixing(Empirical):
     """
 
     name = "pattern_mixing"
-    stage = "modulator"
     rank = 19
     where = "patterns are displayed in the place of others, or mixed with them"
     number = Parameter("1", 0.0, -4, 4, step=0.02)

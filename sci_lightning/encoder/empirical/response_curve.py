@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import SensorEffect
 from sci_lightning.encoder.empirical.empirical import Empirical, piecewise_linear
 from sci_lightning.encoder.signal import Signal
 
 
-class ResponseCurve(Empirical):
+class ResponseCurve(Empirical, SensorEffect):
     """Signal plus a curve through the numbers, at equidistant levels from 0 to 1.
 
     Args:
@@ -16,7 +17,6 @@ class ResponseCurve(Empirical):
     """
 
     name = "response_curve"
-    stage = "sensor"
     rank = 55.5
     where = "the response to light is curved"
     number = Parameter("1", 0.0, -1, 1, step=0.002)

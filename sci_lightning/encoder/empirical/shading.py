@@ -5,13 +5,14 @@ from __future__ import annotations
 import torch
 
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import OpticsEffect
 from sci_lightning.encoder.empirical.empirical import Empirical, polynomials
 from sci_lightning.encoder.signal import Signal
 
 DEGREE = 4
 
 
-class Shading(Empirical):
+class Shading(Empirical, OpticsEffect):
     """Light times 1 + a polynomial of the place.
 
     Args:
@@ -20,7 +21,6 @@ class Shading(Empirical):
     """
 
     name = "shading"
-    stage = "optics"
     rank = 45
     where = "parts of the image receive less light than others"
     number = Parameter("1", 0.0, -4, 4, step=0.005)

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import ExposureEffect
 from sci_lightning.encoder.empirical.empirical import Empirical
 from sci_lightning.encoder.exposure import Exposure
 
 
-class SlotWeights(Empirical):
+class SlotWeights(Empirical, ExposureEffect):
     """Slot t collects 1 + c_t times its light.
 
     Args:
@@ -18,7 +19,6 @@ class SlotWeights(Empirical):
     """
 
     name = "slot_weights"
-    stage = "exposure"
     rank = 33
     where = "slots of one exposure collect more or less light than others"
     number = Parameter("1", 0.0, -1, 4, step=0.005)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import torch
 
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import ExposureEffect
 from sci_lightning.encoder.empirical.empirical import Empirical, legendre
 from sci_lightning.encoder.signal import Signal
 
 
-class SourcePower(Empirical):
+class SourcePower(Empirical, ExposureEffect):
     """Captures receive 1 + a polynomial of their turn times their light: a matter of the captures, not of the camera.
 
     Args:
@@ -18,7 +19,6 @@ class SourcePower(Empirical):
     """
 
     name = "source_power"
-    stage = "exposure"
     rank = 34
     where = "the light drifts from capture to capture"
     number = Parameter("1", 0.0, -1, 4, step=0.005)
@@ -29,8 +29,8 @@ class SourcePower(Empirical):
         return min(3, captures - 1)
 
     def form(self, signal: Signal) -> Signal:
-        if self.place is None or len(self.place) != len(signal.mean):
+        if signal.position is None:
             return signal
-        turn = 2 * self.place.to(signal.mean) / max(int(self.place.max()), 1) - 1  # from -1 to 1
+        turn = 2 * signal.position.to(signal.mean) / max(int(signal.position.max()), 1) - 1  # from -1 to 1
         basis = torch.stack(legendre(turn, 3)[1 : self.count + 1])
         return signal.with_mean(signal.mean * (1 + self.coefficients.to(signal.mean) @ basis)[:, None, None])

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import OpticsEffect
 from sci_lightning.encoder.empirical.empirical import Empirical
 from sci_lightning.encoder.empirical.shading import DEGREE, smooth
 from sci_lightning.encoder.signal import Signal
 
 
-class StrayLight(Empirical):
+class StrayLight(Empirical, OpticsEffect):
     """Light plus a polynomial of the place that grows with the integration time, in dark frames too.
 
     Args:
@@ -17,7 +18,6 @@ class StrayLight(Empirical):
     """
 
     name = "stray_light"
-    stage = "optics"
     rank = 46
     where = "light reaches the sensor that does not come from the scene"
     number = Parameter("1", 0.0, -1, 1, step=0.001)

@@ -1,1 +1,1 @@
-"""The parts of the virtual camera, and the effects that can be hidden in each."""
+"""The optics and electronics of the virtual camera, one module for each part, with the effects that act there."""

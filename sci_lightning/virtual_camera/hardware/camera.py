@@ -1,4 +1,4 @@
-"""The virtual camera: light to numbers, through every effect that is hidden in it."""
+"""The camera itself: from light to numbers, through every effect that is hidden in it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from sci_lightning.virtual_camera.acquisition import Acquisition
 from sci_lightning.virtual_camera.hardware.converter import BitDepth, ReadNoise, ShotNoise
 from sci_lightning.virtual_camera.hardware.effect import Effect
 from sci_lightning.virtual_camera.hardware.exposure import ExposureEffect, Timing
@@ -17,97 +18,120 @@ from sci_lightning.virtual_camera.hardware.relay import Relay, RelayEffect
 from sci_lightning.virtual_camera.hardware.sensor import Readout, SensorEffect
 from sci_lightning.virtual_camera.hardware.vocabulary import EFFECTS
 from sci_lightning.virtual_camera.session import Session
-from sci_lightning.virtual_camera.shots import Shots
 from sci_lightning.virtual_camera.stream import stream
 
 S = TypeVar("S", bound=Effect)
 
 
-class VirtualCamera:
-    """A camera for video SCI that is not as its datasheet says.
+class Camera:
+    """One particular camera for video SCI, with its hidden effects and its own fixed-pattern maps.
 
-    An ideal one has shot noise, read noise and a converter as the session states; hidden effects come on top, in the
-    order light meets them: modulator, relay, exposure, aperture, optics, sensor.
+    An ideal camera has shot noise, read noise and a converter as the session's datasheet states. Hidden effects are
+    applied on top, in the order in which light meets them: modulator, relay, exposure, aperture, optics, sensor.
 
     Args:
-        session: size, datasheet, oversampling.
-        effects: by name, what to hide.
-        seed: of the noise and of the maps that are this camera's own (``charts``).
+        session: image size, datasheet and oversampling.
+        effects: the hidden effects by name.
+        seed: of the noise and of the camera's own maps.
+
+    Attributes:
+        effects: all effects in the order of the light's path, the ideal camera's noise and converter included.
+        fixed_maps: the camera's own maps by the name of their effect, such as its per-pixel gains.
     """
 
     def __init__(self, session: Session, effects: Mapping[str, Effect], seed: int) -> None:
-        ideal = {step.name: step.neutral(session) for step in (ShotNoise, ReadNoise, BitDepth)}
+        ideal = {effect.name: effect.neutral(session) for effect in (ShotNoise, ReadNoise, BitDepth)}
         present: dict[str, Effect] = {**ideal, **effects}
         self.session = session
         self.seed = seed
         self.effects = [present[name] for name in EFFECTS if name in present]
-        charts = {each.name: each.chart(stream(seed, each.name), session.size) for each in self.effects}
-        self.charts = {name: chart for name, chart in charts.items() if chart is not None}
-
-    def light(self, shots: Shots) -> np.ndarray:
-        """Irradiance of every pixel over the exposure, (N, H, W) float64, 1 at full scale; no noise yet.
-
-        What the relay makes of a pattern is worked out once per pattern, on cells finer than pixels. Light being
-        additive, delays and mixtures of patterns are then moved to the scene: each pattern gets the scene's light of
-        all the moments that show it.
-        """
-        slots = shots.sequence.shape[1]
-        patterns = shots.patterns.astype(np.float64)
-        shown = np.eye(slots)
-        for mirrors in self.of(ModulatorEffect):
-            patterns = mirrors.show(patterns, self.charts.get(mirrors.name))
-            shown = mirrors.schedule(slots) @ shown
-        relay = reduce(lambda before, effect: effect.misalign(before), self.of(RelayEffect), Relay())
-        timing = reduce(lambda before, effect: effect.disturb(before), self.of(ExposureEffect), Timing())
-        images = reduce(lambda before, effect: effect.form(before), self.of(OpticsEffect), [Image()])
-
-        rows, columns = relay.cells(self.session.size, self.session.oversampling, sharp=images == [Image()])
-        transmitted = relay.image(patterns, rows, columns, self.session.surround)
-        pixel = np.ix_(rows[:-1].astype(int), columns[:-1].astype(int))  # that each cell lies in
-        weights = timing.light(slots, self.session.size[0])
-        power = timing.power(len(shots.sequence)) * shots.aperture
-        light = np.empty((len(shots.sequence), *self.session.size))
-        for number, (sequence, scene) in enumerate(zip(shots.sequence, shots.scene, strict=True)):
-            during = np.zeros(scene.shape)
-            for slot, weight in enumerate(weights):
-                during[slot % slots] += weight[:, None] * scene[min(slot, slots - 1)]
-            through = np.tensordot(shown, during, (0, 0)) * power[number]
-            modulated = np.zeros(transmitted.shape[1:])
-            for pattern in np.unique(sequence):
-                modulated += transmitted[pattern] * through[sequence == pattern].sum(0)[pixel]
-            light[number] = sum(image.collect(modulated, rows, columns, self.session.surround) for image in images)
-        for effect in self.of(OpticsEffect):
-            light = effect.fall(light, shots.exposure)
-        return light
-
-    def signal(
-        self, light: np.ndarray, shots: Shots, random: np.random.Generator | None = None, deviations: float = 0.0
-    ) -> np.ndarray:
-        """What reaches the converter, (N, H, W), 1 at full scale.
-
-        Without ``random`` there is no noise in it, but shot noise of so many standard ``deviations`` everywhere.
-        """
-        readout = Readout(self.full_scale, shots.exposure, random, deviations)
-        for step in self.of(SensorEffect):
-            if not isinstance(step, BitDepth):
-                light = step.respond(light, readout, self.charts.get(step.name))
-        return light
-
-    def convert(self, signal: np.ndarray) -> np.ndarray:
-        """Raw DN (N, H, W), uint8 up to 8 bits, else uint16."""
-        (converter,) = self.of(BitDepth)
-        level = converter.respond(signal, Readout(self.full_scale, np.ones(len(signal))), None)
-        return np.rint(level * self.full_scale).astype(np.uint8 if self.session.bit_depth <= 8 else np.uint16)
-
-    def record(self, shots: Shots, *, noise: bool = True) -> np.ndarray:
-        """The captures: raw DN (N, H, W)."""
-        return self.convert(self.signal(self.light(shots), shots, stream(self.seed, "noise") if noise else None))
+        maps = {effect.name: effect.draw_map(stream(seed, effect.name), session.size) for effect in self.effects}
+        self.fixed_maps = {name: values for name, values in maps.items() if values is not None}
 
     @property
     def full_scale(self) -> int:
-        """The largest DN."""
+        """The largest DN, 2**bit_depth - 1."""
         return 2**self.session.bit_depth - 1
 
-    def of(self, stage: type[S]) -> list[S]:
-        """The effects of one stage, in order."""
-        return [effect for effect in self.effects if isinstance(effect, stage)]
+    def record(self, acquisition: Acquisition, *, noise: bool = True) -> np.ndarray:
+        """Return the captures of an acquisition: raw DN (N, H, W), with the noise of the camera's seed if ``noise``."""
+        random = stream(self.seed, "noise") if noise else None
+        return self.convert(self.signal(self.irradiance(acquisition), acquisition, random))
+
+    def irradiance(self, acquisition: Acquisition) -> np.ndarray:
+        """Return the light that every pixel collects over the exposure, without noise.
+
+        The relay's image of every pattern is computed once, on cells finer than pixels. Because light is additive, the
+        delays and mixtures of patterns can then be applied to the scene: every pattern is multiplied by the scene's
+        light of all the moments at which it is displayed.
+
+        Returns:
+            (N, H, W) float64, 1 at full scale.
+        """
+        slots = acquisition.sequence.shape[1]
+        surround = self.session.surround
+        patterns = acquisition.patterns.astype(np.float64)
+        schedule = np.eye(slots)
+        for modulator in self._stage(ModulatorEffect):
+            patterns = modulator.display(patterns, self.fixed_maps)
+            schedule = modulator.schedule(slots) @ schedule
+        relay = reduce(lambda before, effect: effect.apply(before), self._stage(RelayEffect), Relay())
+        timing = reduce(lambda before, effect: effect.apply(before), self._stage(ExposureEffect), Timing())
+        images = reduce(lambda before, effect: effect.apply(before), self._stage(OpticsEffect), [Image()])
+
+        rows, columns = relay.cells(self.session.size, self.session.oversampling, sharp_optics=images == [Image()])
+        transmitted = relay.image(patterns, rows, columns, surround)
+        pixel_of_cell = np.ix_(rows[:-1].astype(int), columns[:-1].astype(int))
+        slot_light = timing.slot_light(slots, self.session.size[0])
+        power = timing.power(len(acquisition.sequence)) * acquisition.aperture
+        light = np.empty((len(acquisition.sequence), *self.session.size))
+        for number, (sequence, scene) in enumerate(zip(acquisition.sequence, acquisition.scene, strict=True)):
+            scene_light = np.zeros(scene.shape)
+            for slot, row_light in enumerate(slot_light):
+                scene_light[slot % slots] += row_light[:, None] * scene[min(slot, slots - 1)]
+            pattern_light = np.tensordot(schedule, scene_light, (0, 0)) * power[number]
+            modulated = np.zeros(transmitted.shape[1:])
+            for pattern in np.unique(sequence):
+                modulated += transmitted[pattern] * pattern_light[sequence == pattern].sum(0)[pixel_of_cell]
+            light[number] = sum(image.integrate(modulated, rows, columns, surround) for image in images)
+        for effect in self._stage(OpticsEffect):
+            light = effect.change_irradiance(light, acquisition.exposure)
+        return light
+
+    def signal(
+        self,
+        light: np.ndarray,
+        acquisition: Acquisition,
+        random: np.random.Generator | None = None,
+        shot_noise_sigmas: float = 0.0,
+    ) -> np.ndarray:
+        """Return the signal that reaches the converter.
+
+        Args:
+            light: (N, H, W) irradiance of the pixels, see :meth:`irradiance`.
+            acquisition: gives the exposures.
+            random: source of the noise; None for none.
+            shot_noise_sigmas: without a source of noise, how many standard deviations of its shot noise are added to
+                every pixel.
+
+        Returns:
+            (N, H, W), 1 at full scale.
+        """
+        readout = Readout(self.full_scale, acquisition.exposure, self.fixed_maps, random, shot_noise_sigmas)
+        for step in self._stage(SensorEffect):
+            light = step.respond(light, readout)
+        return light
+
+    def convert(self, signal: np.ndarray) -> np.ndarray:
+        """Return the raw DN (N, H, W) of a signal: uint8 up to 8 bits, else uint16."""
+        dtype = np.uint8 if self.session.bit_depth <= 8 else np.uint16
+        return self.part(BitDepth).quantise(signal, self.full_scale).astype(dtype)
+
+    def part(self, kind: type[S]) -> S:
+        """Return the only effect of a kind that every camera has, such as ``ReadNoise``."""
+        (effect,) = self._stage(kind)
+        return effect
+
+    def _stage(self, kind: type[S]) -> list[S]:
+        """Return the effects of one stage, in the order of the light's path."""
+        return [effect for effect in self.effects if isinstance(effect, kind)]

@@ -1,4 +1,4 @@
-"""From photons to numbers: what every camera does, and an ideal one does as its datasheet says."""
+"""From photons to DN: shot noise, read noise and the converter, which an ideal camera has as its datasheet says."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ShotNoise(SensorEffect):
-    """Photons come one by one: a Poisson number of electrons, ``full_well`` of them at full scale on average.
+    """The number of electrons is Poisson distributed, with ``full_well`` of them on average at full scale.
 
-    Neutral is the session's (the datasheet's) full well; hidden, it is another.
+    The neutral value is the full well that the session's datasheet states; a hidden effect has another one.
     """
 
     name = "shot_noise"
@@ -34,21 +34,21 @@ class ShotNoise(SensorEffect):
         return cls(session.full_well_e * float(random.uniform(2, 4) ** random.choice((-1, 1))))
 
     @classmethod
-    def suits(cls, session: Session) -> bool:
-        return session.datasheet  # noise that no datasheet states deviates from nothing
+    def is_visible_in(cls, session: Session) -> bool:
+        return session.datasheet  # without a datasheet there is no stated noise to deviate from
 
-    def respond(self, signal: np.ndarray, readout: Readout, chart: np.ndarray | None) -> np.ndarray:
+    def respond(self, signal: np.ndarray, readout: Readout) -> np.ndarray:
         electrons = signal * self.full_well
         if readout.random is None:
-            return np.maximum(electrons + readout.deviations * np.sqrt(electrons), 0) / self.full_well
+            return np.maximum(electrons + readout.shot_noise_sigmas * np.sqrt(electrons), 0) / self.full_well
         return readout.random.poisson(electrons) / self.full_well
 
 
 @dataclass(frozen=True)
 class ReadNoise(SensorEffect):
-    """Gaussian noise of the amplifier, ``std`` in DN, before the converter rounds.
+    """Gaussian noise of the amplifier with standard deviation ``std`` in DN, before the converter rounds.
 
-    Neutral is the session's (the datasheet's) read noise; hidden, it is another.
+    The neutral value is the read noise that the session's datasheet states; a hidden effect has another one.
     """
 
     name = "read_noise"
@@ -63,10 +63,10 @@ class ReadNoise(SensorEffect):
         return cls(max(session.read_noise_dn, 0.5) * float(random.uniform(1.5, 3)))
 
     @classmethod
-    def suits(cls, session: Session) -> bool:
+    def is_visible_in(cls, session: Session) -> bool:
         return session.datasheet
 
-    def respond(self, signal: np.ndarray, readout: Readout, chart: np.ndarray | None) -> np.ndarray:
+    def respond(self, signal: np.ndarray, readout: Readout) -> np.ndarray:
         if readout.random is None:
             return signal
         return signal + readout.random.normal(0, self.std / readout.full_scale, signal.shape)
@@ -74,23 +74,23 @@ class ReadNoise(SensorEffect):
 
 @dataclass(frozen=True)
 class ConverterStep(SensorEffect):
-    """The converter's largest weight is off: everything from half scale upwards reads ``step`` (of full scale) higher.
+    """The converter's most significant bit weighs too much: from half scale upwards it reads ``step`` too high.
 
-    Outside the vocabulary.
+    ``step`` is a fraction of full scale. Outside the vocabulary.
     """
 
     name = "converter_step"
     step: float = parameter("full scale", -0.5, 0.5, (0.01, 0.04), neutral=0.0, signed=True)
 
-    def respond(self, signal: np.ndarray, readout: Readout, chart: np.ndarray | None) -> np.ndarray:
+    def respond(self, signal: np.ndarray, readout: Readout) -> np.ndarray:
         return signal + self.step * (signal >= 0.5)
 
 
 @dataclass(frozen=True)
 class BitDepth(SensorEffect):
-    """The converter has ``bits`` only: 2**bits codes, evenly from 0 to full scale, each written as the nearest DN.
+    """The converter has only ``bits`` effective bits: 2**bits codes from 0 to full scale, written as the nearest DN.
 
-    Neutral is the session's bit depth. It clips to [0, full scale], always.
+    The neutral value is the session's bit depth. The converter always clips to [0, full scale].
     """
 
     name = "bit_depth"
@@ -108,13 +108,14 @@ class BitDepth(SensorEffect):
         if self.bits > session.bit_depth:
             raise BadInput(f"bit_depth.bits must be at most the file's bit depth {session.bit_depth}, got {self.bits}")
 
-    def respond(self, signal: np.ndarray, readout: Readout, chart: np.ndarray | None) -> np.ndarray:
+    def quantise(self, signal: np.ndarray, full_scale: int) -> np.ndarray:
+        """Return the raw DN, whole numbers from 0 to ``full_scale``, of a signal that is 1 at full scale."""
         codes = 2**self.bits - 1
         code = np.floor(np.clip(signal, 0, 1) * codes + 0.5)
-        return np.floor(code * readout.full_scale / codes + 0.5) / readout.full_scale
+        return np.floor(code * full_scale / codes + 0.5)
 
     def interval(self, dn: np.ndarray, full_scale: int) -> tuple[np.ndarray, np.ndarray]:
-        """The signals that this converter writes as ``dn``: from, to (infinite at the ends)."""
+        """Return the bounds of the signals that this converter writes as ``dn``, infinite at both ends of the range."""
         codes = 2**self.bits - 1
         code = np.round(dn * (codes / full_scale))
         low = np.where(code == 0, -np.inf, (code - 0.5) / codes)

@@ -1,10 +1,10 @@
-"""What every hidden effect has in common."""
+"""The base class of everything that can be hidden in the virtual camera."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 import numpy as np
 
@@ -19,67 +19,81 @@ E = TypeVar("E", bound="Effect")
 
 @dataclass(frozen=True)
 class Effect:
-    """A physical deviation from the ideal camera; the dataclass fields are its parameters.
+    """A physical deviation from the ideal camera. The dataclass fields of a subclass are its parameters.
+
+    Each stage of the camera has a base class of its own with the method that changes the light there; see
+    :class:`.modulator.ModulatorEffect`, :class:`.relay.RelayEffect`, :class:`.exposure.ExposureEffect`,
+    :class:`.optics.OpticsEffect` and :class:`.sensor.SensorEffect`.
 
     Attributes:
-        name: what the effect is called in truth files and on the command line.
-        stage: where on the light's way it sits: modulator, relay, exposure, optics or sensor.
-        gaussian: its chart is Gaussian numbers, of which a diagnosis knows nothing beforehand.
+        name: the effect's name in truth files and on the command line.
+        stage: where it acts on the light: ``modulator``, ``relay``, ``exposure``, ``optics`` or ``sensor``.
+        gaussian_map: whether it has a fixed-pattern map of independent Gaussian values, which a diagnosis has to
+            estimate from the captures.
     """
 
     name: ClassVar[str]
     stage: ClassVar[str]
-    gaussian: ClassVar[bool] = False
+    gaussian_map: ClassVar[bool] = False
 
     @classmethod
     def parameters(cls) -> dict[str, Parameter]:
-        """Every parameter by name."""
-        return {each.name: each.metadata["parameter"] for each in fields(cls)}
+        """Return the description of every parameter by its name."""
+        return {field.name: field.metadata["parameter"] for field in fields(cls)}
 
     @property
     def values(self) -> dict[str, Value]:
-        """Every parameter's value by name."""
+        """The value of every parameter by its name."""
         return {name: getattr(self, name) for name in self.parameters()}
 
     @classmethod
-    def read(cls: type[E], values: Mapping[str, Any], session: Session) -> E:
-        """The effect with the given parameters, those not given at their neutral value; BadInput if it cannot be."""
-        known = cls.parameters()
-        unknown = [name for name in values if name not in known]
+    def from_values(cls: type[E], values: Mapping[str, object], session: Session) -> E:
+        """Return the effect with the given parameter values; a parameter that is not given keeps its neutral value.
+
+        Raises:
+            BadInput: an unknown parameter, a value out of range, or one that does not suit the session.
+        """
+        parameters = cls.parameters()
+        unknown = [name for name in values if name not in parameters]
         if unknown:
-            raise BadInput(f"effect {cls.name} has no parameter '{unknown[0]}'; it has {', '.join(known)}")
-        given = {name: known[name].read(f"{cls.name}.{name}", value) for name, value in values.items()}
-        effect = replace(cls.neutral(session), **given)
+            raise BadInput(f"effect {cls.name} has no parameter '{unknown[0]}'; it has {', '.join(parameters)}")
+        checked = {name: parameters[name].checked(f"{cls.name}.{name}", value) for name, value in values.items()}
+        effect = replace(cls.neutral(session), **checked)
         effect.check(session)
         return effect
 
     @classmethod
     def neutral(cls: type[E], session: Session) -> E:
-        """The effect at the parameters that leave the session's camera as it is."""
+        """Return the effect with the parameters that leave the session's camera as it is."""
         return cls()
 
     @classmethod
     def draw(cls: type[E], random: np.random.Generator, session: Session) -> E:
-        """The effect at random parameters, clear to see in a full session."""
+        """Return the effect with random parameters, strong enough to be clearly visible in a full session."""
         neutral = cls.neutral(session)
-        drawn = {name: about.draw(random, getattr(neutral, name)) for name, about in cls.parameters().items()}
+        drawn = {name: parameter.draw(random, getattr(neutral, name)) for name, parameter in cls.parameters().items()}
         return replace(neutral, **drawn)
 
     @classmethod
-    def suits(cls, session: Session) -> bool:
-        """Whether the effect can show in the session at all, and so may be drawn for it."""
+    def is_visible_in(cls, session: Session) -> bool:
+        """Return whether the effect can show in the session's captures at all, and so may be drawn for it."""
         return True
 
     def check(self, session: Session) -> None:
-        """Raise BadInput if the parameters do not fit the session's size, slots or bits."""
+        """Raise BadInput if the parameters do not fit the session's image size, number of slots or bit depth."""
 
     def weakened(self: E, share: float, session: Session) -> E:
-        """The effect with its magnitudes at ``share`` of their distance from neutral."""
+        """Return the effect with every magnitude reduced to ``share`` of its distance from the neutral value."""
         neutral = self.neutral(session)
-        magnitudes = [name for name, about in self.parameters().items() if about.magnitude and not about.integer]
-        start = {name: getattr(neutral, name) for name in magnitudes}
-        return replace(self, **{name: start[name] + share * (getattr(self, name) - start[name]) for name in magnitudes})
+        names = [name for name, known in self.parameters().items() if known.magnitude and not known.integer]
+        start = {name: getattr(neutral, name) for name in names}
+        return replace(self, **{name: start[name] + share * (getattr(self, name) - start[name]) for name in names})
 
-    def chart(self, random: np.random.Generator, size: tuple[int, int]) -> np.ndarray | None:
-        """The map that belongs to this camera alone (its per-pixel gains, its dust, ..), where the effect has one."""
+    def draw_map(self, random: np.random.Generator, size: tuple[int, int]) -> np.ndarray | None:
+        """Return this camera's own map for the effect (its per-pixel gains, its dust), None if it has none.
+
+        Args:
+            random: source of the map's values.
+            size: (H, W) of the field in pixels; the map broadcasts to it.
+        """
         return None

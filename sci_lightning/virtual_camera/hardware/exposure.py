@@ -1,4 +1,4 @@
-"""The exposure: when the light shines and when each row looks."""
+"""The exposure: how the light source shines over time, and when every row is exposed. Its effects."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Timing:
-    """The course of one exposure, in slots from the moment the first row opens.
+    """Timing of the exposure, in slots from the moment at which the first row opens.
 
     Attributes:
-        delay: slots between the first row's exposure and the last's.
+        delay: slots between the start of the first row's exposure and that of the last row's.
         amplitude, frequency, phase: the source shines as 1 + amplitude sin(2 pi frequency s / T + phase).
-        slot, loss: that slot is shut for its last ``loss``, in every turn of the sequence.
-        drift: change of the source's power from the first to the last capture.
-        uneven, unsteady: standard deviation of the light of each slot, and of each capture, about the others'; which of
-            all random courses they take.
+        slot, loss: slot number ``slot`` is dark for its last part ``loss``, in every repetition of the sequence.
+        drift: relative change of the source's power from the first to the last capture.
+        uneven: standard deviation of the light of the slots, and the seed of its random values.
+        unsteady: standard deviation of the light of the captures, and the seed of its random values.
     """
 
     delay: float = 0.0
@@ -40,10 +40,17 @@ class Timing:
     uneven: tuple[float, int] = (0.0, 0)
     unsteady: tuple[float, int] = (0.0, 0)
 
-    def light(self, slots: int, rows: int) -> np.ndarray:
-        """(K, rows): the light that each row collects during slot k; 1 where all is in order, K >= T with a delay.
+    def slot_light(self, slots: int, rows: int) -> np.ndarray:
+        """Return the light that every row collects during every slot, 1 for the ideal camera.
 
-        The source is integrated in closed form over the time that slot and row have in common.
+        The source's power is integrated in closed form over the time that slot and row have in common.
+
+        Args:
+            slots: T, slots per capture.
+            rows: H, rows of the sensor.
+
+        Returns:
+            (K, H), K >= T; with a delay, the last rows are still exposed after slot T.
         """
         opens = np.linspace(0, self.delay, rows)
         slot = np.arange(slots + math.ceil(self.delay))[:, None]
@@ -52,37 +59,37 @@ class Timing:
         stop = np.maximum(start, stop)
         rate = 2 * np.pi * self.frequency / slots
         swing = np.cos(rate * start + self.phase) - np.cos(rate * stop + self.phase)
-        level = _course(*self.uneven, slots)[slot % slots]
+        level = _random_levels(*self.uneven, slots)[slot % slots]
         return level * np.maximum(stop - start + self.amplitude / rate * swing, 0)  # rounding may leave -1e-16
 
     def power(self, captures: int) -> np.ndarray:
-        """(N,): of the source during each capture."""
-        return (1 + self.drift * np.linspace(-0.5, 0.5, captures)) * _course(*self.unsteady, captures)
+        """Return the relative power (N,) of the source during each of N captures."""
+        return (1 + self.drift * np.linspace(-0.5, 0.5, captures)) * _random_levels(*self.unsteady, captures)
 
 
-def _course(deviation: float, course: int, length: int) -> np.ndarray:
-    """(length,): Gaussian numbers of mean 1 and the given standard deviation, exactly; none is negative."""
-    numbers = stream(course, "course").standard_normal(length)
+def _random_levels(deviation: float, seed: int, length: int) -> np.ndarray:
+    """Return (length,) Gaussian numbers with exactly mean 1 and the given standard deviation, clipped at 0."""
+    numbers = stream(seed, "course").standard_normal(length)
     spread = numbers.std() if length > 1 else 1.0
     return np.maximum(1 + deviation * (numbers - numbers.mean()) / spread, 0)
 
 
 @dataclass(frozen=True)
 class ExposureEffect(Effect):
-    """Changes the light over time."""
+    """Changes the amount of light over time."""
 
     stage: ClassVar[str] = "exposure"
 
-    def disturb(self, timing: Timing) -> Timing:
-        """The exposure with this fault."""
+    def apply(self, timing: Timing) -> Timing:
+        """Return the timing with this fault."""
         return timing
 
 
 @dataclass(frozen=True)
 class Flicker(ExposureEffect):
-    """The source pulsates: 1 + amplitude sin(2 pi frequency s / T + phase), s in slots from the exposure's start.
+    """The source flickers: 1 + amplitude sin(2 pi frequency s / T + phase), s in slots from the exposure's start.
 
-    Each slot collects the integral, so that fast flicker averages out within a slot.
+    Every slot collects the integral, so that fast flicker averages out within a slot.
     """
 
     name = "flicker"
@@ -90,24 +97,27 @@ class Flicker(ExposureEffect):
     frequency: float = parameter("cycles per exposure", 0.01, 1000, (0.5, 3), neutral=1.0, magnitude=False)
     phase: float = parameter("rad", -2 * math.pi, 2 * math.pi, (-math.pi, math.pi), neutral=0.0, magnitude=False)
 
-    def disturb(self, timing: Timing) -> Timing:
+    def apply(self, timing: Timing) -> Timing:
         return replace(timing, amplitude=self.amplitude, frequency=self.frequency, phase=self.phase)
 
 
 @dataclass(frozen=True)
 class RollingShutter(ExposureEffect):
-    """Row r opens, and shuts, delay * r / (H - 1) slots late. Patterns and source go on; the last frame is held."""
+    """Row r starts and ends its exposure delay * r / (H - 1) slots late.
+
+    Meanwhile the patterns go on cyclically and the source shines on; the last frame of the scene stays.
+    """
 
     name = "rolling_shutter"
     delay: float = parameter("slots", 0, 64, (0.2, 1.5), neutral=0.0)
 
-    def disturb(self, timing: Timing) -> Timing:
+    def apply(self, timing: Timing) -> Timing:
         return replace(timing, delay=self.delay)
 
 
 @dataclass(frozen=True)
 class ShortSlot(ExposureEffect):
-    """One slot of the sequence loses its last part, ``loss`` of a slot. Outside the vocabulary."""
+    """One slot of the sequence is dark for its last part, ``loss`` of a slot. Outside the vocabulary."""
 
     name = "short_slot"
     loss: float = parameter("slots", 0, 1, (0.05, 0.4), neutral=0.0)
@@ -121,43 +131,46 @@ class ShortSlot(ExposureEffect):
         if self.slot >= session.frames:
             raise BadInput(f"short_slot.slot must be from 0 to {session.frames - 1}, got {self.slot}")
 
-    def disturb(self, timing: Timing) -> Timing:
+    def apply(self, timing: Timing) -> Timing:
         return replace(timing, slot=self.slot, loss=self.loss)
 
 
 @dataclass(frozen=True)
 class DriftingSource(ExposureEffect):
-    """The lamp warms up: its power changes by ``drift`` from first to last capture, evenly. Outside the vocabulary."""
+    """The lamp warms up: its power changes linearly by ``drift`` over the captures. Outside the vocabulary."""
 
     name = "drifting_source"
     drift: float = parameter("1", -1, 1, (0.03, 0.15), neutral=0.0, signed=True)
 
-    def disturb(self, timing: Timing) -> Timing:
+    def apply(self, timing: Timing) -> Timing:
         return replace(timing, drift=self.drift)
 
 
 @dataclass(frozen=True)
 class UnevenSlots(ExposureEffect):
-    """Slots differ in length or light, each by its own amount, in every capture alike. Outside the vocabulary.
+    """The slots differ in light by Gaussian amounts, the same in every capture. Outside the vocabulary.
 
-    ``course`` chooses the Gaussian numbers.
+    ``course`` is the seed of the amounts.
     """
 
     name = "uneven_slots"
     std: float = parameter("1", 0, 0.5, (0.02, 0.1), neutral=0.0)
     course: int = parameter("", 0, 2**31 - 1, (0, 2**31 - 1), neutral=0, integer=True)
 
-    def disturb(self, timing: Timing) -> Timing:
+    def apply(self, timing: Timing) -> Timing:
         return replace(timing, uneven=(self.std, self.course))
 
 
 @dataclass(frozen=True)
 class UnsteadySource(ExposureEffect):
-    """The source's power, or the shutter, differs from capture to capture at random. Outside the vocabulary."""
+    """The source's power, or the shutter, varies at random from capture to capture. Outside the vocabulary.
+
+    ``course`` is the seed of the powers.
+    """
 
     name = "unsteady_source"
     std: float = parameter("1", 0, 0.5, (0.01, 0.05), neutral=0.0)
     course: int = parameter("", 0, 2**31 - 1, (0, 2**31 - 1), neutral=0, integer=True)
 
-    def disturb(self, timing: Timing) -> Timing:
+    def apply(self, timing: Timing) -> Timing:
         return replace(timing, unsteady=(self.std, self.course))

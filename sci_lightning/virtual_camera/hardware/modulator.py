@@ -1,7 +1,8 @@
-"""The modulator: patterns in memory, mirrors that show them one slot after the other."""
+"""The modulator: patterns in memory, and mirrors that display them slot by slot. Its effects."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -11,7 +12,7 @@ from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera.hardware.effect import Effect
 from sci_lightning.virtual_camera.hardware.overlap import overlap
 from sci_lightning.virtual_camera.hardware.parameter import choice, parameter
-from sci_lightning.virtual_camera.hardware.spots import spots
+from sci_lightning.virtual_camera.hardware.random_maps import dust_spots
 
 if TYPE_CHECKING:
     from sci_lightning.virtual_camera.session import Session
@@ -19,24 +20,32 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ModulatorEffect(Effect):
-    """Acts on what the mirrors show, or on when they show it."""
+    """Changes what the mirrors display, or when they display it."""
 
     stage: ClassVar[str] = "modulator"
 
-    def show(self, patterns: np.ndarray, chart: np.ndarray | None) -> np.ndarray:
-        """(P, H, W) transmittance of each pattern as shown."""
+    def display(self, patterns: np.ndarray, fixed_maps: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the transmittance of every pattern as it is displayed.
+
+        Args:
+            patterns: (P, H, W) transmittance so far.
+            fixed_maps: the camera's own maps by the name of their effect.
+
+        Returns:
+            (P, H, W).
+        """
         return patterns
 
     def schedule(self, slots: int) -> np.ndarray:
-        """(T, T): how much of slot s's pattern is on the mirrors during slot t."""
+        """Return the mixing matrix (T, T): the part of slot t during which the pattern of slot s is displayed."""
         return np.eye(slots)
 
 
 @dataclass(frozen=True)
 class PatternOrder(ModulatorEffect):
-    """The trigger of the sequence comes ``offset`` slots early or late: slot t shows pattern t - offset, cyclic.
+    """The sequence starts ``offset`` slots late: slot t displays pattern t - offset, cyclically.
 
-    Formulated as the overlap in time of the slots with the patterns' own intervals, moved by whole slots.
+    Computed as the overlap in time of the slots with the intervals of the patterns, shifted by whole slots.
     """
 
     name = "pattern_order"
@@ -48,14 +57,14 @@ class PatternOrder(ModulatorEffect):
         return cls(int(random.choice([step for step in range(-((slots - 1) // 2), slots // 2 + 1) if step])))
 
     def schedule(self, slots: int) -> np.ndarray:
-        return _moved(self.offset, slots)
+        return _overlap_in_time(self.offset, slots)
 
 
 @dataclass(frozen=True)
 class MaskOrientation(ModulatorEffect):
-    """The modulator is mounted mirrored or turned. A quarter turn is counter-clockwise on the screen, as NumPy's.
+    """The modulator is mounted mirrored or turned. A quarter turn is counter-clockwise on the screen, as in NumPy.
 
-    Formulated by coordinates: which mirror (row, column) lies at each place, counted from the middle.
+    Computed by coordinates: which mirror (row, column), counted from the centre, lies at every place.
     """
 
     name = "mask_orientation"
@@ -63,7 +72,7 @@ class MaskOrientation(ModulatorEffect):
         *("identity", "flip_lr", "flip_ud", "rot90", "rot180", "rot270", "transpose", "antitranspose"),
         neutral="identity",
     )
-    # (row, column) of the mirror from (row, column) of its image, both from the middle
+    # matrix from (row, column) of the image to (row, column) of the mirror, both counted from the centre
     MIRROR: ClassVar[dict[str, tuple[tuple[int, int], tuple[int, int]]]] = {
         "identity": ((1, 0), (0, 1)),
         "flip_lr": ((1, 0), (0, -1)),
@@ -87,7 +96,7 @@ class MaskOrientation(ModulatorEffect):
                 f"mask_orientation.operation {self.operation} needs square masks, the size is {session.size}"
             )
 
-    def show(self, patterns: np.ndarray, chart: np.ndarray | None) -> np.ndarray:
+    def display(self, patterns: np.ndarray, fixed_maps: Mapping[str, np.ndarray]) -> np.ndarray:
         height, width = patterns.shape[1:]
         place = np.indices((height, width)) * 2 - np.array([height - 1, width - 1])[:, None, None]
         turned = np.einsum("ij,jyx->iyx", self.MIRROR[self.operation], place)
@@ -97,37 +106,41 @@ class MaskOrientation(ModulatorEffect):
 
 @dataclass(frozen=True)
 class MaskLevelGamma(ModulatorEffect):
-    """Grey levels come out wrong, as with a liquid crystal: shown = told ** gamma. Invisible with binary masks."""
+    """Grey levels are displayed wrongly, as by a liquid crystal: displayed = commanded ** gamma.
+
+    Invisible with binary masks.
+    """
 
     name = "mask_level_gamma"
     gamma: float = parameter("1", 0.1, 10, (0.1, 0.4), neutral=1.0, signed=True)
 
     @classmethod
-    def suits(cls, session: Session) -> bool:
+    def is_visible_in(cls, session: Session) -> bool:
         return not session.is_binary
 
-    def show(self, patterns: np.ndarray, chart: np.ndarray | None) -> np.ndarray:
+    def display(self, patterns: np.ndarray, fixed_maps: Mapping[str, np.ndarray]) -> np.ndarray:
         return patterns**self.gamma
 
 
 @dataclass(frozen=True)
 class MaskContrast(ModulatorEffect):
-    """Mirrors that are off still send a part ``leak`` of the light: shown = leak + (1 - leak) * told."""
+    """Mirrors that are off still pass a part ``leak`` of the light: displayed = leak + (1 - leak) * commanded."""
 
     name = "mask_contrast"
     leak: float = parameter("1", 0, 1, (0.02, 0.15), neutral=0.0)
 
-    def show(self, patterns: np.ndarray, chart: np.ndarray | None) -> np.ndarray:
-        on = patterns  # the time a mirror is on; the rest of the slot it is off, and leaks
+    def display(self, patterns: np.ndarray, fixed_maps: Mapping[str, np.ndarray]) -> np.ndarray:
+        on = patterns  # the part of the slot during which a mirror is on; off, it leaks
         return on * 1.0 + (1 - on) * self.leak
 
 
 @dataclass(frozen=True)
 class MaskLag(ModulatorEffect):
-    """Mirrors settle slowly: a part ``lag`` of a slot's light still follows what was shown before.
+    """Mirrors settle slowly: a part ``lag`` of the light of a slot still follows what was displayed before.
 
-    The recursion shown_t = (1 - lag) told_t + lag shown_(t-1), started from the last slot's pattern as told, summed
-    up: lag ** k (1 - lag) of the pattern told k slots ago, and what is left of the start.
+    The recursion displayed_t = (1 - lag) commanded_t + lag displayed_(t-1) starts from the last slot's commanded
+    pattern. It is used in its summed form: the pattern commanded k slots ago contributes lag ** k (1 - lag), and the
+    starting pattern the rest.
     """
 
     name = "mask_lag"
@@ -135,29 +148,29 @@ class MaskLag(ModulatorEffect):
 
     def schedule(self, slots: int) -> np.ndarray:
         age = np.arange(slots)[:, None] - np.arange(slots)
-        told = np.where(age >= 0, (1 - self.lag) * self.lag ** np.maximum(age, 0), 0)
-        told[:, -1] += self.lag ** np.arange(1, slots + 1)
-        return told
+        weights = np.where(age >= 0, (1 - self.lag) * self.lag ** np.maximum(age, 0), 0)
+        weights[:, -1] += self.lag ** np.arange(1, slots + 1)
+        return weights
 
 
 @dataclass(frozen=True)
 class SyncOffset(ModulatorEffect):
-    """The mirrors switch ``offset`` slots late (negative: early), so that a part of each slot shows a neighbour.
+    """The mirrors switch ``offset`` slots late (negative: early), so that part of every slot displays a neighbour.
 
-    The overlap in time of the slots with the moved patterns: late, slot t has ``offset`` of pattern t - 1; early,
-    ``-offset`` of pattern t + 1, since light cannot be negative. Cyclic.
+    The overlap in time of the slots with the shifted patterns, cyclically: late, slot t contains ``offset`` of pattern
+    t - 1; early, ``-offset`` of pattern t + 1, since light cannot be negative.
     """
 
     name = "sync_offset"
     offset: float = parameter("slots", -0.5, 0.5, (0.06, 0.45), neutral=0.0, signed=True)
 
     def schedule(self, slots: int) -> np.ndarray:
-        return _moved(self.offset, slots)
+        return _overlap_in_time(self.offset, slots)
 
 
 @dataclass(frozen=True)
 class SwappedPatterns(ModulatorEffect):
-    """Two coding patterns exchanged places in the modulator's memory. Outside the vocabulary."""
+    """Two coding patterns have exchanged places in the modulator's memory. Outside the vocabulary."""
 
     name = "swapped_patterns"
     first: int = parameter("pattern", 0, 1023, neutral=0, integer=True)
@@ -172,7 +185,7 @@ class SwappedPatterns(ModulatorEffect):
         if max(self.first, self.second) >= session.frames:
             raise BadInput(f"swapped_patterns: the coding patterns are 0 to {session.frames - 1}")
 
-    def show(self, patterns: np.ndarray, chart: np.ndarray | None) -> np.ndarray:
+    def display(self, patterns: np.ndarray, fixed_maps: Mapping[str, np.ndarray]) -> np.ndarray:
         order = np.arange(len(patterns))
         order[[self.first, self.second]] = self.second, self.first
         return patterns[order]
@@ -180,28 +193,28 @@ class SwappedPatterns(ModulatorEffect):
 
 @dataclass(frozen=True)
 class StuckMirrors(ModulatorEffect):
-    """A ``fraction`` of the mirrors no longer moves: each is for ever on or for ever off. Outside the vocabulary."""
+    """A ``fraction`` of the mirrors no longer moves and is always on or always off. Outside the vocabulary."""
 
     name = "stuck_mirrors"
     fraction: float = parameter("1", 0, 1, (0.002, 0.02), neutral=0.0)
 
-    def chart(self, random: np.random.Generator, size: tuple[int, int]) -> np.ndarray:
-        """(H, W): -1 for a mirror that moves, else where it stands."""
+    def draw_map(self, random: np.random.Generator, size: tuple[int, int]) -> np.ndarray:
+        """Return (H, W): -1 for a mirror that moves, else its constant state, 0 or 1."""
         stuck = np.full(size, -1.0)
-        where = random.permutation(stuck.size)[: round(self.fraction * stuck.size)]
-        stuck.flat[where] = random.integers(0, 2, len(where))
+        chosen = random.permutation(stuck.size)[: round(self.fraction * stuck.size)]
+        stuck.flat[chosen] = random.integers(0, 2, len(chosen))
         return stuck
 
-    def show(self, patterns: np.ndarray, chart: np.ndarray | None) -> np.ndarray:
-        assert chart is not None
-        return np.where(chart < 0, patterns, chart)
+    def display(self, patterns: np.ndarray, fixed_maps: Mapping[str, np.ndarray]) -> np.ndarray:
+        stuck = fixed_maps[self.name]
+        return np.where(stuck < 0, patterns, stuck)
 
 
 @dataclass(frozen=True)
 class ModulatorDust(ModulatorEffect):
     """Grains on the modulator's window, a little out of focus: soft dark spots. Outside the vocabulary.
 
-    They move with the mask's image; with a relay in order they look like dust on the sensor.
+    The spots move with the mask's image; through a faultless relay they look like dust on the sensor.
     """
 
     name = "modulator_dust"
@@ -209,18 +222,17 @@ class ModulatorDust(ModulatorEffect):
     radius: float = parameter("pixel", 0.5, 64, (1.5, 4), neutral=2.5, magnitude=False)
     count: int = parameter("grains", 0, 1000, (3, 8), neutral=5, integer=True)
 
-    def chart(self, random: np.random.Generator, size: tuple[int, int]) -> np.ndarray:
-        """(H, W) transmittance."""
-        return 1 - self.depth * spots(random, size, self.count, self.radius)
+    def draw_map(self, random: np.random.Generator, size: tuple[int, int]) -> np.ndarray:
+        """Return the transmittance (H, W) of the window."""
+        return 1 - self.depth * dust_spots(random, size, self.count, self.radius)
 
-    def show(self, patterns: np.ndarray, chart: np.ndarray | None) -> np.ndarray:
-        assert chart is not None
-        return patterns * chart
+    def display(self, patterns: np.ndarray, fixed_maps: Mapping[str, np.ndarray]) -> np.ndarray:
+        return patterns * fixed_maps[self.name]
 
 
-def _moved(offset: float, slots: int) -> np.ndarray:
-    """(T, T): overlap of slot t with pattern s, which shows from s + offset to s + 1 + offset, and every T again."""
+def _overlap_in_time(offset: float, slots: int) -> np.ndarray:
+    """Return (T, T): the overlap of slot t with pattern s, displayed from s + offset to s + 1 + offset, cyclically."""
     whole = int(np.floor(offset))
     shares = overlap(np.arange(slots + 1.0), np.arange(-1, slots + 1) + offset - whole)
-    shares[:, -1] += shares[:, 0]  # the pattern before the first is the last
+    shares[:, -1] += shares[:, 0]  # the pattern before the first one is the last one
     return np.roll(shares[:, 1:], -whole, axis=1)

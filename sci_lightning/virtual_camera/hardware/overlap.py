@@ -1,41 +1,53 @@
-"""How much light of one interval lands in another, through a blur."""
+"""How much light of one interval lands in another one after a Gaussian blur, in closed form."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.special import ndtr
 
-BEYOND = 1e4
-"""Pixels: further out than any optics here reaches."""
+FAR_AWAY = 1e4
+"""Pixels. A border moved this far out lies beyond the reach of every blur that the virtual camera has."""
 
 
-def lit(z: np.ndarray, sigma: float) -> np.ndarray:
-    r"""Light up to ``z`` behind an edge at 0 that a Gaussian blurs: :math:`\int_{-\infty}^z \Phi(s/\sigma)\,ds`."""
+def light_below(z: np.ndarray, sigma: float) -> np.ndarray:
+    r"""Return the light below ``z`` when all light above 0 is blurred by a Gaussian.
+
+    This is :math:`\int_{-\infty}^z \Phi(s/\sigma)\,ds`, or :math:`\max(z, 0)` without a blur.
+
+    Args:
+        z: positions, in any unit.
+        sigma: standard deviation of the blur in that unit, 0 for none.
+    """
     if sigma == 0:
         return np.maximum(z, 0)
     return z * ndtr(z / sigma) + sigma / np.sqrt(2 * np.pi) * np.exp(-0.5 * (z / sigma) ** 2)
 
 
 def overlap(targets: np.ndarray, sources: np.ndarray, sigma: float = 0.0) -> np.ndarray:
-    """Light of each source interval, of irradiance 1, that falls into each target interval.
+    """Return the light of each source interval, of irradiance 1, that falls into each target interval.
 
-    In closed form: uniform sources, blurred by a Gaussian, integrated over the targets. Two-dimensional squares
-    are products of two of these.
+    Uniform sources are blurred by a Gaussian and integrated over the targets, in closed form. For squares in two
+    dimensions, multiply the results of both axes.
 
     Args:
         targets: (n + 1,) ascending edges.
         sources: (m + 1,) ascending edges.
-        sigma: standard deviation of the blur, in the edges' unit; 0 for none.
+        sigma: standard deviation of the blur in the edges' unit, 0 for none.
 
     Returns:
         (n, m).
     """
-    light = lit(targets[:, None] - sources[None, :], sigma)
+    light = light_below(targets[:, None] - sources[None, :], sigma)
     return np.maximum(np.diff(light[:, :-1] - light[:, 1:], axis=0), 0)  # rounding may leave -1e-16
 
 
-def sources_with(surround: str, edges: np.ndarray) -> np.ndarray:
-    """The edges of the sources when beyond the field it is ``dark``, or its ``edge`` goes on for ever."""
+def with_surround(surround: str, edges: np.ndarray) -> np.ndarray:
+    """Return the edges of the sources with the first and last moved outwards if the field's ``edge`` goes on.
+
+    Args:
+        surround: ``dark`` leaves the edges as they are, ``edge`` extends the outermost sources.
+        edges: (m + 1,) ascending edges, pixel.
+    """
     if surround == "dark":
         return edges
-    return np.concatenate(([edges[0] - BEYOND], edges[1:-1], [edges[-1] + BEYOND]))
+    return np.concatenate(([edges[0] - FAR_AWAY], edges[1:-1], [edges[-1] + FAR_AWAY]))

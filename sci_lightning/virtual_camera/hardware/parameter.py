@@ -1,4 +1,4 @@
-"""One number (or choice) of an effect: what it may be, and how a seed draws it."""
+"""A parameter of an effect: which values are possible, and how one is drawn at random."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ Value: TypeAlias = float | int | str
 
 @dataclass(frozen=True)
 class Parameter:
-    """Unit, range and draw of a parameter.
+    """Unit, range and random distribution of a parameter.
 
     Attributes:
-        unit: as in ``pixel``; ``1`` for a ratio, empty for a choice.
-        low, high: the values that are possible, both included.
-        drawn: the span to draw from. A ``magnitude`` is drawn as its distance from the neutral value, uniform in the
-            logarithm; anything else as the value itself, uniform.
-        signed: a magnitude may lie on either side of its neutral value.
-        magnitude: scales how much the effect does; a weak effect has this one reduced and the others as they are.
-        integer: whole numbers only.
-        choices: the words that are possible, for a parameter that is no number.
+        unit: such as ``pixel``; ``1`` for a ratio, empty for a word.
+        low, high: smallest and largest possible value.
+        drawn: range of random values. For a ``magnitude`` it holds distances from the neutral value, log-uniformly
+            distributed; for anything else the values themselves, uniformly distributed.
+        signed: whether a magnitude may be drawn on either side of its neutral value.
+        magnitude: whether the parameter scales how strong the effect is. Weak effects have their magnitudes reduced and
+            their other parameters unchanged.
+        integer: whether only whole numbers are possible.
+        choices: the possible words, for a parameter that is not a number.
     """
 
     unit: str
@@ -39,9 +40,9 @@ class Parameter:
     choices: tuple[str, ...] = ()
 
     def draw(self, random: np.random.Generator, neutral: Value) -> Value:
-        """A value by chance, clear to see and on no grid; ``neutral`` is where the effect does nothing."""
+        """Return a random value that is clearly away from ``neutral``, where the effect does nothing."""
         if self.choices:
-            return str(random.choice([choice for choice in self.choices if choice != neutral]))
+            return str(random.choice([word for word in self.choices if word != neutral]))
         if self.integer:
             return int(random.integers(int(self.drawn[0]), int(self.drawn[1]), endpoint=True))
         if not self.magnitude:
@@ -50,14 +51,26 @@ class Parameter:
         upwards = random.random() < 0.5 if self.signed else float(neutral) < self.high
         return float(neutral) + (distance if upwards else -distance)
 
-    def read(self, where: str, value: Any) -> Value:
-        """``value`` as this parameter's type; BadInput, naming ``where``, when it is none or out of range."""
+    def checked(self, where: str, value: object) -> Value:
+        """Return ``value`` as this parameter's type.
+
+        Args:
+            where: names the parameter in the message, such as ``gain.factor``.
+            value: anything that a user gave.
+
+        Raises:
+            BadInput: a value of another type or out of range.
+        """
         if self.choices:
             if value not in self.choices:
                 raise BadInput(f"{where} must be one of {', '.join(self.choices)}; got {value!r}")
             return str(value)
-        number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        if not number or not self.low <= value <= self.high or (self.integer and value != int(value)):
+        if (
+            not isinstance(value, (int, float))
+            or isinstance(value, bool)
+            or not self.low <= value <= self.high
+            or (self.integer and value != int(value))
+        ):
             kind = "a whole number" if self.integer else "a number"
             unit = "" if self.unit == "1" else f" {self.unit}"
             raise BadInput(f"{where} must be {kind} from {self.low:g} to {self.high:g}{unit}, got {value!r}")
@@ -75,11 +88,11 @@ def parameter(
     magnitude: bool = True,
     integer: bool = False,
 ) -> Any:
-    """A dataclass field that is a :class:`Parameter`; its default is the neutral value, where there is one."""
-    about = Parameter(unit, low, high, (drawn[0], drawn[1]), signed, magnitude, integer)
-    return field(default=neutral, metadata={"parameter": about})
+    """Return a dataclass field described by a :class:`Parameter`; its default is the neutral value, if there is one."""
+    description = Parameter(unit, low, high, (drawn[0], drawn[1]), signed, magnitude, integer)
+    return field(default=neutral, metadata={"parameter": description})
 
 
 def choice(*words: str, neutral: str) -> Any:
-    """A dataclass field that is one of ``words``."""
+    """Return a dataclass field whose value is one of ``words``."""
     return field(default=neutral, metadata={"parameter": Parameter("", choices=words, magnitude=False)})

@@ -1,35 +1,38 @@
-"""The relay: the lens that images the mirrors onto the pixels."""
+"""The relay: the lens that images the modulator's mirrors onto the pixels."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
 from sci_lightning.virtual_camera.hardware.effect import Effect
-from sci_lightning.virtual_camera.hardware.overlap import lit, overlap, sources_with
-from sci_lightning.virtual_camera.hardware.parameter import parameter
+from sci_lightning.virtual_camera.hardware.overlap import light_below, overlap, with_surround
 
-ENTRIES = 4_000_000
-"""Of a sparse matrix at a time; about 50 MB."""
+MAX_ENTRIES = 4_000_000
+"""Non-zero entries of the sparse matrix that is built at a time; they take about 50 MB."""
 
 
 @dataclass(frozen=True)
 class Relay:
-    """Where the mirrors' image lies, and how sharp it is.
+    """Where the image of the mirrors lies on the pixels, and how sharp it is.
 
-    A mirror at m (x, y from the middle) is seen at ``scale * R(angle) m + (dx, dy)``, so that (dx, dy) is where the
-    middle went whatever else is wrong. x points right and y down; R turns x towards y: clockwise on the screen.
-    The light on the image is the mirror's transmittance, however large the image.
+    A mirror at m (x, y from the centre of the field) is seen at ``scale * R(angle) m + (dx, dy)``; (dx, dy) is the
+    displacement of the centre, whatever else is wrong. x points right and y down; R turns x towards y, which is
+    clockwise on the screen. The irradiance of the image equals the transmittance of the mirror at any magnification.
 
     Attributes:
-        angle: radian. scale: 1. dx, dy: pixel. sigma: of the blur, pixel.
-        across: of a further blur, along x only, pixel.
-        keystone: how much larger the image is at its lower end than in the middle, and smaller at its upper end.
-        barrel: how much further out the mirror lies that is seen in a corner, relative; grows with the radius squared.
+        angle: rotation, radian.
+        scale: magnification, 1.
+        dx, dy: displacement to the right and down, pixel.
+        sigma: standard deviation of the Gaussian blur, pixel.
+        sigma_x: standard deviation of a further blur along x only, pixel.
+        keystone: relative increase of the magnification from the centre to the lower edge; it decreases upwards.
+        barrel: relative radial distance by which the mirror seen in a corner lies further out; it grows with the
+            square of the radius.
     """
 
     angle: float = 0.0
@@ -37,107 +40,129 @@ class Relay:
     dx: float = 0.0
     dy: float = 0.0
     sigma: float = 0.0
-    across: float = 0.0
+    sigma_x: float = 0.0
     keystone: float = 0.0
     barrel: float = 0.0
 
     @property
-    def upright(self) -> bool:
-        """Whether the mirrors' borders are straight lines along the pixels'."""
+    def is_upright(self) -> bool:
+        """Whether the borders of the mirrors' images are straight and parallel to those of the pixels."""
         return not (self.angle or self.keystone or self.barrel)
 
     @property
     def sigmas(self) -> tuple[float, float]:
-        """Of the blur down and across, pixel."""
-        return self.sigma, math.hypot(self.sigma, self.across)
+        """Standard deviations of the blur along y and along x, pixel."""
+        return self.sigma, math.hypot(self.sigma, self.sigma_x)
 
-    def cells(self, size: tuple[int, int], oversampling: int, *, sharp: bool) -> tuple[np.ndarray, np.ndarray]:
-        """The edges, down and across, of the cells in each of which the light counts as even.
+    def cells(self, size: tuple[int, int], oversampling: int, *, sharp_optics: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Return the grid of cells within which the modulated light is taken as uniform.
 
-        Whole pixels do when the lens that follows is ``sharp``: only what a pixel collects matters then. Else the
-        squares are cut at the edges of pixels and of mirrors, within which it is even; and a turned, bent or blurred
-        image into ``oversampling`` cells per pixel and axis. ``oversampling`` 1 asks for whole pixels in any case.
+        With ``sharp_optics`` and an upright image, whole pixels are exact, because only the light that a pixel collects
+        matters. With blurred optics a sharp upright image is cut at the borders of pixels and mirrors, between which it
+        is uniform; a rotated, distorted or blurred image is sampled by ``oversampling`` cells per pixel and axis.
+        ``oversampling`` 1 gives whole pixels in any case.
+
+        Args:
+            size: (H, W) of the field in pixels.
+            oversampling: cells per pixel and axis where the image is not uniform piece by piece.
+            sharp_optics: whether the lens behind the relay forms one sharp, undisplaced image.
+
+        Returns:
+            The edges of the cells along y and along x, ascending from 0 to H and to W.
         """
         pixels = [np.arange(length + 1.0) for length in size]
-        if oversampling == 1 or (sharp and self.upright):
+        if oversampling == 1 or (sharp_optics and self.is_upright):
             return pixels[0], pixels[1]
-        if not self.upright or any(self.sigmas):
-            parts = min(oversampling, 4) if sharp else oversampling
-            return np.arange(parts * size[0] + 1) / parts, np.arange(parts * size[1] + 1) / parts
-        down, across = self._borders(size)
-        return _cut(pixels[0], down), _cut(pixels[1], across)
+        if not self.is_upright or any(self.sigmas):
+            count = min(oversampling, 4) if sharp_optics else oversampling
+            return np.arange(count * size[0] + 1) / count, np.arange(count * size[1] + 1) / count
+        down, across = self._mirror_edges(size)
+        return _merge_edges(pixels[0], down), _merge_edges(pixels[1], across)
 
     def image(self, patterns: np.ndarray, rows: np.ndarray, columns: np.ndarray, surround: str) -> np.ndarray:
-        """The image of square, touching mirrors, averaged over cells.
+        """Return the image of square, touching mirrors, averaged over cells.
+
+        The image is exact when it is upright. Otherwise the footprint of a cell on the mirrors is taken as an upright
+        square that has the same size everywhere.
 
         Args:
             patterns: (P, H, W) transmittance of the mirrors.
-            rows, columns: (n + 1,) and (m + 1,) edges of the cells; evenly spaced unless the relay is upright.
-            surround: what lies beyond the mirrors: ``dark``, or the ``edge`` mirrors going on.
+            rows, columns: (n + 1,) and (m + 1,) edges of the cells; evenly spaced unless the image is upright.
+            surround: what lies beyond the mirrors: ``dark``, or the ``edge`` mirrors repeated for ever.
 
         Returns:
-            (P, n, m). Exact when upright; else a cell's footprint on the mirrors is taken as an upright square, of the
-            same size everywhere.
+            (P, n, m) irradiance for a scene of irradiance 1.
         """
-        if not self.upright:
-            return self._turned(patterns, rows, columns, surround)
-        axes = zip((rows, columns), self._borders(patterns.shape[1:]), self.sigmas, strict=True)
+        if not self.is_upright:
+            return self._resampled(patterns, rows, columns, surround)
+        axes = zip((rows, columns), self._mirror_edges(patterns.shape[1:]), self.sigmas, strict=True)
         down, across = (
-            overlap(cells, sources_with(surround, mirrors), sigma) / np.diff(cells)[:, None]
+            overlap(cells, with_surround(surround, mirrors), sigma) / np.diff(cells)[:, None]
             for cells, mirrors, sigma in axes
         )
         return down @ patterns @ across.T
 
-    def _borders(self, size: tuple[int, ...]) -> list[np.ndarray]:
-        """Edges of the mirrors' images, down and across, when upright."""
+    def _mirror_edges(self, size: tuple[int, ...]) -> list[np.ndarray]:
+        """Return the borders of the mirrors' images along y and along x, for an upright image."""
         return [
             (np.arange(length + 1) - length / 2) * self.scale + length / 2 + shift
             for length, shift in zip(size, (self.dy, self.dx), strict=True)
         ]
 
-    def _turned(self, patterns: np.ndarray, rows: np.ndarray, columns: np.ndarray, surround: str) -> np.ndarray:
+    def _resampled(self, patterns: np.ndarray, rows: np.ndarray, columns: np.ndarray, surround: str) -> np.ndarray:
+        """Return the image by tracing every cell back to the mirrors, a strip of rows at a time to bound the memory."""
         count, height, width = patterns.shape
         mirrors = patterns.reshape(count, -1).T
         y = (rows[1:] + rows[:-1]) / 2 - height / 2 - self.dy
         x = (columns[1:] + columns[:-1]) / 2 - width / 2 - self.dx
         cos, sin = math.cos(self.angle) / self.scale, math.sin(self.angle) / self.scale
-        half, sigma, wide = ((rows[1] - rows[0]) / 2 / self.scale, *(each / self.scale for each in self.sigmas))
-        parts = math.ceil(len(x) * len(y) * _window(half, sigma) * _window(half, wide) / ENTRIES)
+        half = (rows[1] - rows[0]) / 2 / self.scale
+        sigma_v, sigma_u = (sigma / self.scale for sigma in self.sigmas)
+        entries = len(x) * len(y) * _reach(half, sigma_v) * _reach(half, sigma_u)
         strips = []
-        for some in np.array_split(y, min(parts, len(y))):
-            u, v = (cos * x + sin * some[:, None]).ravel(), (cos * some[:, None] - sin * x).ravel()
-            bent = 1 + self.barrel * 4 * (u**2 + v**2) / (width**2 + height**2)
-            bent /= 1 + self.keystone * 2 * v / height
-            u, v = u * bent + width / 2, v * bent + height / 2
-            column, across = _collected(u, half, wide, width, surround)
-            line, down = _collected(v, half, sigma, height, surround)
-            mirror = line[:, :, None] * width + column[:, None, :]
-            share = down[:, :, None] * across[:, None, :]
+        for strip in np.array_split(y, min(math.ceil(entries / MAX_ENTRIES), len(y))):
+            u, v = (cos * x + sin * strip[:, None]).ravel(), (cos * strip[:, None] - sin * x).ravel()
+            stretch = 1 + self.barrel * 4 * (u**2 + v**2) / (width**2 + height**2)
+            stretch /= 1 + self.keystone * 2 * v / height
+            u, v = u * stretch + width / 2, v * stretch + height / 2
+            column, share_x = _footprint(u, half, sigma_u, width, surround)
+            row, share_y = _footprint(v, half, sigma_v, height, surround)
+            mirror = row[:, :, None] * width + column[:, None, :]
+            share = share_y[:, :, None] * share_x[:, None, :]
             starts = np.arange(len(u) + 1) * share[0].size
             light = csr_matrix((share.ravel(), mirror.ravel(), starts), (len(u), height * width)) @ mirrors
-            strips.append(light.T.reshape(count, len(some), len(x)))
+            strips.append(light.T.reshape(count, len(strip), len(x)))
         return np.concatenate(strips, axis=1)
 
 
-def _cut(pixels: np.ndarray, mirrors: np.ndarray) -> np.ndarray:
-    """The edges of pixels, and those of mirrors between them."""
+def _merge_edges(pixels: np.ndarray, mirrors: np.ndarray) -> np.ndarray:
+    """Return the edges of the pixels and, between them, those of the mirrors that do not coincide with one."""
     inside = mirrors[(mirrors > pixels[0]) & (mirrors < pixels[-1])]
-    return np.union1d(pixels, inside[np.abs(inside - np.round(inside)) > 1e-6])  # a sliver is no cell
+    return np.union1d(pixels, inside[np.abs(inside - np.round(inside)) > 1e-6])
 
 
-def _window(half: float, sigma: float) -> int:
-    """How many mirrors in a row can reach a footprint of this half width."""
+def _reach(half: float, sigma: float) -> int:
+    """Return how many mirrors in a row can send light into a footprint of half width ``half``, out to 5 sigma."""
     return math.ceil(2 * (half + 5 * sigma)) + 1
 
 
-def _collected(
+def _footprint(
     centre: np.ndarray, half: float, sigma: float, length: int, surround: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Which mirrors light the footprints around ``centre`` (n,), and with what share: (n, K) each."""
+    """Return which of ``length`` mirrors light the footprints around ``centre`` (n,), and each one's share.
+
+    Returns:
+        Two arrays (n, K): the index of the mirror, and its share of the footprint's irradiance.
+    """
     first = np.floor(centre - half - 5 * sigma).astype(np.int64)
-    mirror = first[:, None] + np.arange(_window(half, sigma))
+    mirror = first[:, None] + np.arange(_reach(half, sigma))
     z = centre[:, None] - mirror
-    share = lit(z + half, sigma) - lit(z - half, sigma) - lit(z + half - 1, sigma) + lit(z - half - 1, sigma)
+    share = (
+        light_below(z + half, sigma)
+        - light_below(z - half, sigma)
+        - light_below(z + half - 1, sigma)
+        + light_below(z - half - 1, sigma)
+    )
     if surround == "dark":
         share *= (mirror >= 0) & (mirror < length)
     return mirror.clip(0, length - 1), np.maximum(share, 0) / (2 * half)
@@ -145,55 +170,10 @@ def _collected(
 
 @dataclass(frozen=True)
 class RelayEffect(Effect):
-    """Moves or blurs the mirrors' image; the scene stays as it is."""
+    """Moves, distorts or blurs the image of the mirrors; the scene stays as it is."""
 
     stage: ClassVar[str] = "relay"
 
-    def misalign(self, relay: Relay) -> Relay:
-        """The relay with this fault."""
+    def apply(self, relay: Relay) -> Relay:
+        """Return the relay with this fault."""
         return relay
-
-
-@dataclass(frozen=True)
-class MaskShift(RelayEffect):
-    """The mirrors' image lies ``dx`` to the right and ``dy`` further down: exact overlap of squares with pixels."""
-
-    name = "mask_shift"
-    dx: float = parameter("pixel", -32, 32, (0.15, 1.5), neutral=0.0, signed=True)
-    dy: float = parameter("pixel", -32, 32, (0.15, 1.5), neutral=0.0, signed=True)
-
-    def misalign(self, relay: Relay) -> Relay:
-        return replace(relay, dx=self.dx, dy=self.dy)
-
-
-@dataclass(frozen=True)
-class MaskRotation(RelayEffect):
-    """The mirrors' image is turned about its middle, positive from +x to +y: clockwise on the screen."""
-
-    name = "mask_rotation"
-    angle: float = parameter("degree", -45, 45, (0.15, 1.2), neutral=0.0, signed=True)
-
-    def misalign(self, relay: Relay) -> Relay:
-        return replace(relay, angle=math.radians(self.angle))
-
-
-@dataclass(frozen=True)
-class MaskScale(RelayEffect):
-    """The mirrors' image is ``scale`` times as large, about its middle: exact overlap of squares with pixels."""
-
-    name = "mask_scale"
-    scale: float = parameter("1", 0.5, 2, (0.003, 0.02), neutral=1.0, signed=True)
-
-    def misalign(self, relay: Relay) -> Relay:
-        return replace(relay, scale=self.scale)
-
-
-@dataclass(frozen=True)
-class MaskBlur(RelayEffect):
-    """The mirrors are out of focus, the scene is not: squares blurred by a Gaussian, integrated in closed form."""
-
-    name = "mask_blur"
-    sigma: float = parameter("pixel", 0, 4, (0.25, 1.2), neutral=0.0)
-
-    def misalign(self, relay: Relay) -> Relay:
-        return replace(relay, sigma=self.sigma)

@@ -1,30 +1,38 @@
-"""The sensor: irradiance to a signal, step by step."""
+"""The sensor: from irradiance to the signal that reaches the converter. Effects that every pixel has alike.
+
+Effects that differ from pixel to pixel are in :mod:`.fixed_pattern`; noise and the converter in :mod:`.converter`.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 
 from sci_lightning.virtual_camera.hardware.effect import Effect
+from sci_lightning.virtual_camera.hardware.parameter import parameter
 
 
 @dataclass(frozen=True)
 class Readout:
-    """What the sensor's steps know about the captures that pass.
+    """What the steps of the sensor know about the captures that are read out.
 
     Attributes:
         full_scale: the largest DN.
-        time: (N,) each capture's exposure.
-        random: where noise comes from; None: no noise.
-        deviations: without noise, how many standard deviations of its shot noise every pixel is off.
+        exposure: (N,) integration time of every capture relative to nominal.
+        fixed_maps: the camera's own maps by the name of their effect.
+        random: source of the noise; None for a signal without noise.
+        shot_noise_sigmas: without a source of noise, how many standard deviations of its shot noise are added to every
+            pixel.
     """
 
     full_scale: int
-    time: np.ndarray
+    exposure: np.ndarray
+    fixed_maps: Mapping[str, np.ndarray] = field(default_factory=dict)
     random: np.random.Generator | None = None
-    deviations: float = 0.0
+    shot_noise_sigmas: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -33,6 +41,110 @@ class SensorEffect(Effect):
 
     stage: ClassVar[str] = "sensor"
 
-    def respond(self, signal: np.ndarray, readout: Readout, chart: np.ndarray | None) -> np.ndarray:
-        """The signal (N, H, W) after this step, 1 at full scale."""
+    def respond(self, signal: np.ndarray, readout: Readout) -> np.ndarray:
+        """Return the signal (N, H, W) after this step, 1 at full scale."""
         return signal
+
+
+@dataclass(frozen=True)
+class ImageLag(SensorEffect):
+    """Pixels are not emptied completely: a ``fraction`` of every capture is in the next one. Outside the vocabulary.
+
+    Captures follow each other in the order of their numbers; nothing precedes the first.
+    """
+
+    name = "image_lag"
+    fraction: float = parameter("1", 0, 0.5, (0.01, 0.05), neutral=0.0)
+
+    def respond(self, signal: np.ndarray, readout: Readout) -> np.ndarray:
+        before = np.concatenate((np.zeros_like(signal[:1]), signal[:-1]))
+        return signal + self.fraction * before
+
+
+@dataclass(frozen=True)
+class Gain(SensorEffect):
+    """More or fewer of the photons are detected: light * factor, before the photons are counted."""
+
+    name = "gain"
+    factor: float = parameter("1", 0.01, 100, (0.04, 0.2), neutral=1.0, signed=True)
+
+    def respond(self, signal: np.ndarray, readout: Readout) -> np.ndarray:
+        return signal * self.factor
+
+
+@dataclass(frozen=True)
+class Saturation(SensorEffect):
+    """The wells are full at ``level``, a fraction of full scale; electrons beyond it are lost, noise included."""
+
+    name = "saturation"
+    level: float = parameter("full scale", 0, 1, (0.08, 0.4), neutral=1.0)
+
+    def respond(self, signal: np.ndarray, readout: Readout) -> np.ndarray:
+        return np.minimum(signal, self.level)
+
+
+@dataclass(frozen=True)
+class ResponseGamma(SensorEffect):
+    """A power law after the wells: out = in ** gamma."""
+
+    name = "response_gamma"
+    gamma: float = parameter("1", 0.1, 10, (0.05, 0.3), neutral=1.0, signed=True)
+
+    def respond(self, signal: np.ndarray, readout: Readout) -> np.ndarray:
+        return signal**self.gamma
+
+
+@dataclass(frozen=True)
+class SShapedResponse(SensorEffect):
+    """The response is flat at both ends and steep between: in - strength sin(2 pi in) / 2 pi.
+
+    Outside the vocabulary.
+    """
+
+    name = "s_shaped_response"
+    strength: float = parameter("1", 0, 1, (0.15, 0.6), neutral=0.0)
+
+    def respond(self, signal: np.ndarray, readout: Readout) -> np.ndarray:
+        return signal - self.strength * np.sin(2 * np.pi * np.clip(signal, 0, 1)) / (2 * np.pi)
+
+
+@dataclass(frozen=True)
+class BlackLevel(SensorEffect):
+    """The amplifier adds ``offset``, a fraction of full scale, at any exposure; a negative one clips the dark."""
+
+    name = "black_level"
+    offset: float = parameter("full scale", -1, 1, (0.01, 0.06), neutral=0.0, signed=True)
+
+    def respond(self, signal: np.ndarray, readout: Readout) -> np.ndarray:
+        return signal + self.offset
+
+
+@dataclass(frozen=True)
+class RowFlutter(SensorEffect):
+    """The supply voltage flutters: every row of every capture has its own random offset. Outside the vocabulary.
+
+    The offsets are Gaussian with standard deviation ``std``, a fraction of full scale.
+    """
+
+    name = "row_flutter"
+    std: float = parameter("full scale", 0, 1, (0.004, 0.02), neutral=0.0)
+
+    def respond(self, signal: np.ndarray, readout: Readout) -> np.ndarray:
+        if readout.random is None or not self.std:
+            return signal
+        return signal + readout.random.normal(0, self.std, (*signal.shape[:2], 1))
+
+
+@dataclass(frozen=True)
+class Banding(SensorEffect):
+    """Hum of the mains: a sine over the rows that advances by ``advance`` turns per capture. Outside the vocabulary."""
+
+    name = "banding"
+    amplitude: float = parameter("full scale", 0, 1, (0.005, 0.025), neutral=0.0)
+    period: float = parameter("pixel", 2, 65536, (7, 30), neutral=16.0, magnitude=False)
+    advance: float = parameter("turns", 0, 1, (0.1, 0.9), neutral=0.0, magnitude=False)
+
+    def respond(self, signal: np.ndarray, readout: Readout) -> np.ndarray:
+        number, row = np.ogrid[: signal.shape[0], : signal.shape[1]]
+        wave = np.sin(2 * np.pi * (row / self.period + number * self.advance))
+        return signal + self.amplitude * wave[:, :, None]

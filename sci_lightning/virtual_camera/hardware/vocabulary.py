@@ -1,18 +1,15 @@
-"""Every effect that can be hidden, in the order in which light meets them."""
+"""The list of every effect that can be hidden, in the order in which the light meets them."""
 
 from __future__ import annotations
 
 from sci_lightning.virtual_camera.hardware import (
     converter,
-    distortion,
     exposure,
     fixed_pattern,
-    image_lag,
     modulator,
     optics,
-    pickup,
-    relay,
-    response,
+    relay_effects,
+    sensor,
 )
 from sci_lightning.virtual_camera.hardware.effect import Effect
 
@@ -26,13 +23,13 @@ LIGHT_PATH: tuple[type[Effect], ...] = (
     modulator.ModulatorDust,
     modulator.MaskLag,
     modulator.SyncOffset,
-    relay.MaskShift,
-    relay.MaskRotation,
-    relay.MaskScale,
-    relay.MaskBlur,
-    distortion.Keystone,
-    distortion.BarrelDistortion,
-    distortion.MaskAstigmatism,
+    relay_effects.MaskShift,
+    relay_effects.MaskRotation,
+    relay_effects.MaskScale,
+    relay_effects.MaskBlur,
+    relay_effects.Keystone,
+    relay_effects.BarrelDistortion,
+    relay_effects.MaskAstigmatism,
     exposure.DriftingSource,
     exposure.UnsteadySource,
     exposure.Flicker,
@@ -47,21 +44,21 @@ LIGHT_PATH: tuple[type[Effect], ...] = (
     optics.Flare,
     optics.LightLeak,
     fixed_pattern.SensorDust,
-    image_lag.ImageLag,
-    response.Gain,
+    sensor.ImageLag,
+    sensor.Gain,
     fixed_pattern.Prnu,
     fixed_pattern.InterlacedGain,
     fixed_pattern.DeadColumn,
     converter.ShotNoise,
-    response.Saturation,
-    response.ResponseGamma,
-    response.SShapedResponse,
-    response.BlackLevel,
+    sensor.Saturation,
+    sensor.ResponseGamma,
+    sensor.SShapedResponse,
+    sensor.BlackLevel,
     fixed_pattern.ColumnNoise,
     fixed_pattern.RowNoise,
     fixed_pattern.HotPixels,
-    pickup.RowFlutter,
-    pickup.Banding,
+    sensor.RowFlutter,
+    sensor.Banding,
     converter.ReadNoise,
     converter.ConverterStep,
     converter.BitDepth,
@@ -75,9 +72,9 @@ OUTSIDE: dict[str, type[Effect]] = {
         modulator.SwappedPatterns,
         modulator.StuckMirrors,
         modulator.ModulatorDust,
-        distortion.Keystone,
-        distortion.BarrelDistortion,
-        distortion.MaskAstigmatism,
+        relay_effects.Keystone,
+        relay_effects.BarrelDistortion,
+        relay_effects.MaskAstigmatism,
         exposure.DriftingSource,
         exposure.UnsteadySource,
         exposure.ShortSlot,
@@ -89,14 +86,14 @@ OUTSIDE: dict[str, type[Effect]] = {
         fixed_pattern.SensorDust,
         fixed_pattern.InterlacedGain,
         fixed_pattern.DeadColumn,
-        image_lag.ImageLag,
-        response.SShapedResponse,
-        pickup.RowFlutter,
-        pickup.Banding,
+        sensor.ImageLag,
+        sensor.SShapedResponse,
+        sensor.RowFlutter,
+        sensor.Banding,
         converter.ConverterStep,
     )
 }
-"""Effects that a diagnosis has no name for: it should say where they sit, and must not call them something else."""
+"""Effects for which a diagnosis has no name: it should report the stage at which they act, and no other effect."""
 
 VOCABULARY = {name: effect for name, effect in EFFECTS.items() if name not in OUTSIDE}
 """The effects that a diagnosis can name."""

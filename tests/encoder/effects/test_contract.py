@@ -7,8 +7,8 @@ from string import Formatter
 import pytest
 import torch
 
-from sci_lightning.encoder.effects.effect import STAGES, Effect
-from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects import Effect, Parameter, SensorEffect
+from sci_lightning.encoder.effects.stage import STAGES
 from sci_lightning.errors import BadInput
 from tests.conftest import members
 from tests.encoder.effects.conftest import T, build, configured, encoder, video
@@ -40,10 +40,8 @@ def recorded(*effects: Effect) -> torch.Tensor:
 def test_facts(name: str) -> None:
     effect = build(name)
     assert effect.name == name == type(effect).__module__.rpartition(".")[2]
-    assert effect.stage in STAGES
-    assert {"modulator": 1, "relay": 2, "exposure": 3, "optics": 4, "sensor": 5}[effect.stage] == min(
-        effect.rank // 10, 5
-    )
+    assert isinstance(effect, STAGES[effect.stage]) and type(effect).__module__.split(".")[-2] == effect.stage
+    assert list(STAGES).index(effect.stage) + 1 == min(effect.rank // 10, 5)
     assert type(effect).__doc__
     for about in effect.about.values():
         assert about.choices or (about.unit and about.low < about.high < float("inf") and about.step > 0)
@@ -63,7 +61,7 @@ def test_a_report_says_in_words_what_it_does(name: str) -> None:
 
 
 def test_an_effect_without_a_sentence_lists_its_parameters() -> None:
-    class Scratch(Effect):
+    class Scratch(SensorEffect):
         name = "scratch"
         about = {"depth": Parameter("1", 0.0, 0, 1), "width": Parameter("pixel", 0.0, 0, 9)}
 

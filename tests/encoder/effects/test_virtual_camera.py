@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 import torch
 
-from sci_lightning.encoder.effects import ChartEffect
-from sci_lightning.virtual_camera import VirtualCamera, choose
+from sci_lightning.encoder.effects import MapEffect
+from sci_lightning.virtual_camera import choose_effects
+from sci_lightning.virtual_camera.hardware.camera import Camera
 from tests.conftest import members
 from tests.encoder.effects.conftest import H, T, W, build, encoder, video
-from tests.virtual_camera.conftest import SMALL, shots
+from tests.virtual_camera.conftest import SMALL, one_capture
 
 TURNED = {"mask_rotation": {"angle": 0.4}}
 """At 1 degree, taking a turned pixel's footprint as upright makes 0.1 DN."""
@@ -22,15 +23,15 @@ SESSION = replace(SMALL, size=(H, W), frames=T)
 @pytest.mark.parametrize("name", members("effect"))
 def test_mean(name: str) -> None:
     effect = build(name, **TURNED.get(name, {}))
-    camera = VirtualCamera(SESSION, choose({name: effect.values}, SESSION, 0), 0)
-    if isinstance(effect, ChartEffect):
-        chart = {"prnu": camera.charts[name] - 1}.get(name, camera.charts[name])
+    camera = Camera(SESSION, choose_effects({name: effect.values}, SESSION, 0), 0)
+    if isinstance(effect, MapEffect):
+        chart = {"prnu": camera.fixed_maps[name] - 1}.get(name, camera.fixed_maps[name])
         effect.map = torch.from_numpy(chart / (1 if name == "hot_pixels" else effect.values["std"])).float()
     if effect.noise:
         effect.respond = lambda signal: signal  # type: ignore[method-assign]  # the mean is what is compared
     ours = encoder(effect, bits=8 if name == "bit_depth" else None)
-    taken = shots(ours.mask().detach().numpy(), video(1)[0].numpy())
-    expected = camera.signal(camera.light(taken), taken)
+    taken = one_capture(ours.mask().detach().numpy(), video(1)[0].numpy())
+    expected = camera.signal(camera.irradiance(taken), taken)
     if name == "bit_depth":
         expected = camera.convert(expected) / 255
     with torch.no_grad():

@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import ExposureEffect
 from sci_lightning.encoder.exposure import Exposure
 
 FREQUENCIES = tuple(0.25 + 0.5 * step for step in range(9))
 PHASES = (-1.5 * math.pi / 2, -0.5 * math.pi / 2, 0.5 * math.pi / 2, 1.5 * math.pi / 2)
 
 
-class Flicker(Effect):
+class Flicker(ExposureEffect):
     r"""The source shines as :math:`1 + A \sin(2 \pi f s / T + \varphi)`, s in slots from the exposure's start.
 
     Every slot collects the integral, so that flicker much faster than a slot averages out.
@@ -25,7 +25,6 @@ class Flicker(Effect):
     """
 
     name = "flicker"
-    stage = "exposure"
     rank = 31
     about = {
         "amplitude": Parameter("1", 0.0, 0, 1, step=0.01, starts=(0.1,)),

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import ExposureEffect
 from sci_lightning.encoder.exposure import Exposure
 
 
-class RollingShutter(Effect):
+class RollingShutter(ExposureEffect):
     """Row r opens, and shuts, ``delay * r / (H - 1)`` slots late; patterns go on, the scene's last frame is held.
 
     Args:
@@ -20,7 +20,6 @@ class RollingShutter(Effect):
     """
 
     name = "rolling_shutter"
-    stage = "exposure"
     rank = 30
     about = {"delay": Parameter("slots", 0.0, 0, 64, step=0.02, starts=(0.2, 0.8, 1.6))}
     sentence = "the last row is exposed {delay} slots after the first"

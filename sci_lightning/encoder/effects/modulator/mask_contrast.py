@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import ModulatorEffect
 
 
-class MaskContrast(Effect):
+class MaskContrast(ModulatorEffect):
     r"""Finite contrast: :math:`D = l + (1 - l) M`.
 
     Args:
@@ -16,7 +16,6 @@ class MaskContrast(Effect):
     """
 
     name = "mask_contrast"
-    stage = "modulator"
     rank = 13
     about = {"leak": Parameter("1", 0.0, 0, 1, step=0.005, starts=(0.05,))}
     sentence = "closed mirrors let through {leak} of the light"

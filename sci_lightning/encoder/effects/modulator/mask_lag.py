@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import ModulatorEffect
 
 
-class MaskLag(Effect):
+class MaskLag(ModulatorEffect):
     r"""What is displayed trails behind: :math:`D_t = (1 - l) M_t + l D_{t-1}`, with :math:`D_{-1} = M_{T-1}`.
 
     Args:
@@ -16,7 +16,6 @@ class MaskLag(Effect):
     """
 
     name = "mask_lag"
-    stage = "modulator"
     rank = 14
     about = {"lag": Parameter("1", 0.0, 0, 0.99, step=0.01, starts=(0.1, 0.3))}
     sentence = "{lag} of every pattern stays on during the next slot"

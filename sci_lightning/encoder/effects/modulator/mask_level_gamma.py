@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import ModulatorEffect
 
 
-class MaskLevelGamma(Effect):
+class MaskLevelGamma(ModulatorEffect):
     r"""Displayed transmittance is a power of the one told: :math:`D = M^\gamma`. Binary masks do not show it.
 
     Args:
@@ -16,7 +16,6 @@ class MaskLevelGamma(Effect):
     """
 
     name = "mask_level_gamma"
-    stage = "modulator"
     rank = 12
     about = {"gamma": Parameter("1", 1.0, 0.1, 10, step=0.02, starts=(0.8, 1.25))}
     sentence = "the modulator displays a level as its power of {gamma}"

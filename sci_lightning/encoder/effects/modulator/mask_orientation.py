@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter, Value
+from sci_lightning.encoder.effects.stage import ModulatorEffect
 from sci_lightning.errors import BadInput
 
 OPERATIONS: dict[str, Callable[[torch.Tensor], torch.Tensor]] = {
@@ -22,7 +22,7 @@ OPERATIONS: dict[str, Callable[[torch.Tensor], torch.Tensor]] = {
 UPRIGHT = ("flip_lr", "flip_ud", "rot180")
 
 
-class MaskOrientation(Effect):
+class MaskOrientation(ModulatorEffect):
     """The patterns are shown mirrored or turned; a quarter turn is counter-clockwise on the screen, as NumPy's.
 
     Args:
@@ -34,7 +34,6 @@ class MaskOrientation(Effect):
     """
 
     name = "mask_orientation"
-    stage = "modulator"
     rank = 11
     about = {"operation": Parameter("", "identity", choices=("identity", *OPERATIONS))}
     sentence = "the mask's image is turned or mirrored ({operation})"

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter, Value
+from sci_lightning.encoder.effects.stage import ModulatorEffect
 
 
-class PatternOrder(Effect):
+class PatternOrder(ModulatorEffect):
     r"""Slot t displays the pattern told for slot t - offset, cyclically: :math:`D_t = M_{(t - o) \bmod T}`.
 
     Args:
@@ -16,7 +16,6 @@ class PatternOrder(Effect):
     """
 
     name = "pattern_order"
-    stage = "modulator"
     rank = 10
     about = {"offset": Parameter("slots", 0, choices=tuple(range(-64, 65)))}
     sentence = "the patterns come {offset} slots late"

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import ModulatorEffect
 
 
-class SyncOffset(Effect):
+class SyncOffset(ModulatorEffect):
     r"""A part of every slot shows its neighbour: :math:`D_t = (1 - o) M_t + o M_{t-1}`, cyclically.
 
     Early (o < 0) it is the next pattern, :math:`(1 - |o|) M_t + |o| M_{t+1}`: light is never negative. Whole slots are
@@ -19,7 +19,6 @@ class SyncOffset(Effect):
     """
 
     name = "sync_offset"
-    stage = "modulator"
     rank = 15
     about = {"offset": Parameter("slots", 0.0, -0.5, 0.5, step=0.01, starts=(-0.25, 0.25))}
     sentence = "patterns come {offset} slots late"

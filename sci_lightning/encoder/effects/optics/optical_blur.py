@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import OpticsEffect
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.encoder.square_kernel import square_kernel
 
 
-class OpticalBlur(Effect):
+class OpticalBlur(OpticsEffect):
     """The modulated image is blurred by a Gaussian, integrated over square pixels; beyond the field it is dark.
 
     Args:
@@ -20,7 +20,6 @@ class OpticalBlur(Effect):
     """
 
     name = "optical_blur"
-    stage = "optics"
     rank = 40
     subpixel = True
     about = {"sigma": Parameter("pixel", 0.0, 0, 8, step=0.03, starts=(0.3, 0.8))}

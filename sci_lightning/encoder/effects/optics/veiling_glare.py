@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import OpticsEffect
 from sci_lightning.encoder.signal import Signal
 
 
-class VeilingGlare(Effect):
+class VeilingGlare(OpticsEffect):
     r"""A part of the light is spread evenly: :math:`(1 - f)\, x + f\, \bar x`, the mean over the image.
 
     A window of the field takes its own mean.
@@ -19,7 +19,6 @@ class VeilingGlare(Effect):
     """
 
     name = "veiling_glare"
-    stage = "optics"
     rank = 42
     about = {"fraction": Parameter("1", 0.0, 0, 1, step=0.005, starts=(0.05,))}
     sentence = "{fraction} of the light is spread evenly over the image"

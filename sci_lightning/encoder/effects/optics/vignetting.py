@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import OpticsEffect
 from sci_lightning.encoder.signal import Signal
 
 
-class Vignetting(Effect):
+class Vignetting(OpticsEffect):
     r"""Light is lost as :math:`1 - s\, r^2 / R^2`, r from the middle of the field, R at the centre of the corner pixel.
 
     Args:
@@ -17,7 +17,6 @@ class Vignetting(Effect):
     """
 
     name = "vignetting"
-    stage = "optics"
     rank = 41
     about = {"strength": Parameter("1", 0.0, 0, 1, step=0.01, starts=(0.1,))}
     sentence = "the corners lose {strength} of their light"

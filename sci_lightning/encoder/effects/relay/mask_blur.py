@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import RelayEffect
 from sci_lightning.encoder.relay import Pose
 
 
-class MaskBlur(Effect):
+class MaskBlur(RelayEffect):
     """The mask's image is blurred by a Gaussian, integrated over square mirrors and pixels.
 
     Args:
@@ -19,7 +19,6 @@ class MaskBlur(Effect):
     """
 
     name = "mask_blur"
-    stage = "relay"
     rank = 23
     about = {"sigma": Parameter("pixel", 0.0, 0, 8, step=0.03, starts=(0.3, 0.8))}
     sentence = "the mask's image is blurred (sigma {sigma} pixel)"

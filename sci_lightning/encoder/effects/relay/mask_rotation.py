@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import RelayEffect
 from sci_lightning.encoder.relay import Pose, radians
 
 
-class MaskRotation(Effect):
+class MaskRotation(RelayEffect):
     """The mask's image is turned about the middle of the field.
 
     Args:
@@ -19,7 +19,6 @@ class MaskRotation(Effect):
     """
 
     name = "mask_rotation"
-    stage = "relay"
     rank = 21
     about = {"angle": Parameter("degree", 0.0, -45, 45, step=0.05, starts=(-2.0, -1.0, -0.4, 0.4, 1.0, 2.0))}
     sentence = "the mask's image is turned by {angle} degree"

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import RelayEffect
 from sci_lightning.encoder.relay import Pose
 
 
-class MaskScale(Effect):
+class MaskScale(RelayEffect):
     """The mask's image is magnified about the middle of the field; its brightness stays.
 
     Args:
@@ -19,7 +19,6 @@ class MaskScale(Effect):
     """
 
     name = "mask_scale"
-    stage = "relay"
     rank = 22
     about = {"scale": Parameter("1", 1.0, 0.5, 2, step=0.001, starts=(0.97, 0.985, 0.994, 1.006, 1.015, 1.03))}
     sentence = "the mask's image is {scale} times as large as it should be"

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import RelayEffect
 from sci_lightning.encoder.relay import Pose
 
 STARTS = (-2.4, -1.2, -0.4, 0.0, 0.4, 1.2, 2.4)
 
 
-class MaskShift(Effect):
+class MaskShift(RelayEffect):
     """The mask's image has moved; a fraction of a pixel is the exact overlap of square mirrors with pixels.
 
     Args:
@@ -21,7 +21,6 @@ class MaskShift(Effect):
     """
 
     name = "mask_shift"
-    stage = "relay"
     rank = 20
     about = {name: Parameter("pixel", 0.0, -32, 32, step=0.1, starts=STARTS) for name in ("dx", "dy")}
     sentence = "the mask's image is displaced by ({dx}, {dy}) pixel"

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter, Value
+from sci_lightning.encoder.effects.stage import SensorEffect
 
 
-class BitDepth(Effect):
+class BitDepth(SensorEffect):
     """Only ``2 ** bits`` codes occur, spread evenly from 0 to full scale.
 
     Args:
@@ -14,7 +14,6 @@ class BitDepth(Effect):
     """
 
     name = "bit_depth"
-    stage = "sensor"
     rank = 60
     about = {"bits": Parameter("bits", 16, choices=tuple(range(1, 17)))}
     sentence = "only {bits} bits of the converter count"

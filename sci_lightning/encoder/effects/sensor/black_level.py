@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import SensorEffect
 from sci_lightning.encoder.signal import Signal
 
 
-class BlackLevel(Effect):
+class BlackLevel(SensorEffect):
     """The same offset in every pixel and capture; a negative one clips the dark.
 
     Args:
@@ -17,7 +17,6 @@ class BlackLevel(Effect):
     """
 
     name = "black_level"
-    stage = "sensor"
     rank = 55
     about = {"offset": Parameter("full scale", 0.0, -1, 1, step=0.002, starts=(-0.02, 0.02))}
     sentence = "black is recorded as {offset} of full scale"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import SensorEffect
 from sci_lightning.encoder.signal import Signal
 
 
-class Gain(Effect):
+class Gain(SensorEffect):
     """Light times a factor, before its noise arises.
 
     Args:
@@ -17,7 +17,6 @@ class Gain(Effect):
     """
 
     name = "gain"
-    stage = "sensor"
     rank = 50
     about = {"factor": Parameter("1", 1.0, 0.01, 100, step=0.01, starts=(0.9, 1.1))}
     sentence = "the sensor's gain is {factor} times the nominal one"

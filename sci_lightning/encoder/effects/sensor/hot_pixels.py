@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.encoder.effects.map_effect import ChartEffect
+from sci_lightning.encoder.effects.map_effect import MapEffect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import SensorEffect
 from sci_lightning.encoder.signal import Signal
 
 
-class HotPixels(ChartEffect):
+class HotPixels(MapEffect, SensorEffect):
     """Some pixels have an excess that grows with the integration time and not with the light.
 
     Args:
         fraction: of the pixels that are hot, 0 to 1. At 0 the map is without effect.
-        size, file, seed: of the map, see :class:`ChartEffect`; drawn, an excess is 0.05 to 0.6 of full scale.
+        size, file, seed: of the map, see :class:`MapEffect`; drawn, an excess is 0.05 to 0.6 of full scale.
     """
 
     name = "hot_pixels"
-    stage = "sensor"
     rank = 58
     about = {"fraction": Parameter("1", 0.0, 0, 1, step=0.001, starts=(0.002,))}
     sentence = "{fraction} of the pixels are hot"
-    chart = "hot"
+    map_kind = "hot"
 
     def draw(self, size: tuple[int, int], random: torch.Generator) -> torch.Tensor:
         excess = 0.05 + 0.55 * torch.rand(size, generator=random)

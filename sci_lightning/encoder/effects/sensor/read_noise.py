@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import SensorEffect
 from sci_lightning.encoder.signal import Signal
 
 
-class ReadNoise(Effect):
+class ReadNoise(SensorEffect):
     """Gaussian noise that does not depend on the light.
 
     Args:
@@ -17,11 +17,11 @@ class ReadNoise(Effect):
     """
 
     name = "read_noise"
-    stage = "sensor"
     rank = 59
     about = {"std": Parameter("DN", 0.0, 0, 1000, step=0.03, starts=(0.5, 1.5, 4.0))}
     sentence = "the read noise is {std} DN"
     noise = True
+    sensor_argument = "read_noise"
     std: torch.Tensor
 
     def respond(self, signal: Signal) -> Signal:

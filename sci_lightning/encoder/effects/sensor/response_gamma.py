@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import SensorEffect
 from sci_lightning.encoder.signal import Signal
 
 
-class ResponseGamma(Effect):
+class ResponseGamma(SensorEffect):
     r"""Out = in ** gamma, of the signal with its noise: :math:`\sigma`-points carry mean and variance through.
 
     Args:
@@ -17,7 +17,6 @@ class ResponseGamma(Effect):
     """
 
     name = "response_gamma"
-    stage = "sensor"
     rank = 54
     about = {"gamma": Parameter("1", 1.0, 0.1, 10, step=0.01, starts=(0.8, 1.25))}
     sentence = "the sensor responds with the power {gamma} of the light"

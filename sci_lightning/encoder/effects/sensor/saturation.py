@@ -6,12 +6,12 @@ import math
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import SensorEffect
 from sci_lightning.encoder.signal import Signal
 
 
-class Saturation(Effect):
+class Saturation(SensorEffect):
     """Signal beyond ``level`` is lost, its noise with it: the moments of a Gaussian that is cut off above.
 
     Args:
@@ -19,8 +19,8 @@ class Saturation(Effect):
     """
 
     name = "saturation"
-    stage = "sensor"
     rank = 53
+    ceiling = "level"
     about = {"level": Parameter("full scale", 1.0, 0, 1, step=0.005, starts=(0.9995, 0.985, 0.95, 0.85, 0.7, 0.55))}
     sentence = "the sensor saturates at {level} of full scale"
     level: torch.Tensor

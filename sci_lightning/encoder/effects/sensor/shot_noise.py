@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.stage import SensorEffect
 from sci_lightning.encoder.signal import Signal
 
 
-class ShotNoise(Effect):
+class ShotNoise(SensorEffect):
     r"""Poisson noise of the electrons: the variance grows by :math:`x / W`, in units of full scale squared.
 
     Args:
@@ -17,11 +17,11 @@ class ShotNoise(Effect):
     """
 
     name = "shot_noise"
-    stage = "sensor"
     rank = 52
     about = {"full_well": Parameter("electrons", 1e9, 1, 1e9, step=0.02, starts=(1e3, 1e4, 1e5), log=True)}
     sentence = "the full well holds {full_well} electrons"
     noise = True
+    sensor_argument = "full_well"
     full_well: torch.Tensor
 
     def respond(self, signal: Signal) -> Signal:

@@ -7,58 +7,60 @@ from dataclasses import replace
 import pytest
 
 from sci_lightning.errors import BadInput
-from sci_lightning.virtual_camera import OUTSIDE, VOCABULARY, Session, capture_session, choose
+from sci_lightning.virtual_camera import OUTSIDE, VOCABULARY, Session, VirtualCamera, choose_effects
 
 SESSION = Session(size=(24, 24), frames=4)
 
 
 @pytest.mark.parametrize("nothing", [None, "none", [], {}])
 def test_nothing(nothing):
-    assert choose(nothing, SESSION, 0) == {}
+    assert choose_effects(nothing, SESSION, 0) == {}
 
 
 def test_told():
     told = {"dx": 0.61, "dy": -0.35}
     for wish in ({"mask_shift": told}, [{"name": "mask_shift", **told}]):
-        assert choose(wish, SESSION, 0)["mask_shift"].values == told
-    assert choose({"mask_shift": {"dx": 1}}, SESSION, 0)["mask_shift"].values == {"dx": 1.0, "dy": 0.0}
+        assert choose_effects(wish, SESSION, 0)["mask_shift"].values == told
+    assert choose_effects({"mask_shift": {"dx": 1}}, SESSION, 0)["mask_shift"].values == {"dx": 1.0, "dy": 0.0}
 
 
 def test_by_name_and_seed():
-    drawn = {seed: choose(["mask_shift", "gain"], SESSION, seed) for seed in (1, 2)}
+    drawn = {seed: choose_effects(["mask_shift", "gain"], SESSION, seed) for seed in (1, 2)}
     assert list(drawn[1]) == ["mask_shift", "gain"] and drawn[1] != drawn[2]
-    assert choose("gain", SESSION, 1)["gain"] == choose({"gain": None}, SESSION, 1)["gain"] == drawn[1]["gain"]
+    assert (
+        choose_effects("gain", SESSION, 1)["gain"]
+        == choose_effects({"gain": None}, SESSION, 1)["gain"]
+        == drawn[1]["gain"]
+    )
     offset = drawn[1]["mask_shift"].values["dx"] * 64
     assert offset != round(offset)
 
 
 def test_at_random():
-    names = [tuple(choose("random", SESSION, seed, number=2)) for seed in range(60)]
+    names = [tuple(choose_effects("random", SESSION, seed, number=2)) for seed in range(60)]
     assert all(len(set(pair)) == 2 and set(pair) <= set(VOCABULARY) for pair in names)
     assert len({name for pair in names for name in pair}) == len(VOCABULARY)
-    assert {name for seed in range(200) for name in choose("outside", SESSION, seed)} == set(OUTSIDE)
+    assert {name for seed in range(200) for name in choose_effects("outside", SESSION, seed)} == set(OUTSIDE)
 
 
 def test_random_effects_can_show():
     session = replace(SESSION, size=(24, 30), mask="binary", datasheet=False)
-    everything = choose("random", session, 0, number=len(VOCABULARY) - 3)
+    everything = choose_effects("random", session, 0, number=len(VOCABULARY) - 3)
     assert set(VOCABULARY) - set(everything) == {"mask_level_gamma", "shot_noise", "read_noise"}
     for seed in range(10):
-        operation = choose("mask_orientation", session, seed)["mask_orientation"].values["operation"]
+        operation = choose_effects("mask_orientation", session, seed)["mask_orientation"].values["operation"]
         assert operation in ("flip_lr", "flip_ud", "rot180")
 
 
 @pytest.mark.parametrize("name", ["mask_shift", "optical_blur", "prnu", "saturation", "shot_noise", "ghost", "flicker"])
 def test_weak_effects_are_worth_30_to_100_nats(name):
-    captures = capture_session(SESSION, name, 4, magnitude="weak")
-    clear = capture_session(SESSION, name, 4)
-    assert clear.truth()["log_likelihood_gain"] > 1000
-    gain = captures.truth()["log_likelihood_gain"]
+    assert VirtualCamera(SESSION, name).simulate(4).truth().log_likelihood_gain > 1000
+    gain = VirtualCamera(SESSION, name, magnitude="weak").simulate(4).truth().log_likelihood_gain
     assert (30 <= gain <= 100) if name != "prnu" else gain > 100  # of a map, most must be learned
 
 
 def test_weak_leaves_what_has_no_magnitude():
-    assert choose("pattern_order", SESSION, 1, magnitude="weak") == choose("pattern_order", SESSION, 1)
+    assert choose_effects("pattern_order", SESSION, 1, magnitude="weak") == choose_effects("pattern_order", SESSION, 1)
 
 
 @pytest.mark.parametrize(
@@ -83,16 +85,16 @@ def test_weak_leaves_what_has_no_magnitude():
 )
 def test_wrong_wishes(wish, message):
     with pytest.raises(BadInput, match=message):
-        choose(wish, SESSION, 0)
+        choose_effects(wish, SESSION, 0)
 
 
 def test_wrong_numbers():
     for number in (0, 99, 1.5):
         with pytest.raises(BadInput, match="whole number from 1 to 26"):
-            choose("random", SESSION, 0, number=number)
+            choose_effects("random", SESSION, 0, number=number)
     with pytest.raises(BadInput, match="clear or weak"):
-        choose("gain", SESSION, 0, magnitude="huge")
+        choose_effects("gain", SESSION, 0, magnitude="huge")
     with pytest.raises(BadInput, match="square"):
-        choose({"mask_orientation": {"operation": "rot90"}}, Session(size=(16, 20)), 0)
+        choose_effects({"mask_orientation": {"operation": "rot90"}}, Session(size=(16, 20)), 0)
     with pytest.raises(BadInput, match="seed"):
-        capture_session(SESSION, None, -1)
+        VirtualCamera(SESSION).capture(-1)

@@ -1,4 +1,4 @@
-"""What is put before the camera, and what it is told."""
+"""The input of the camera for a number of captures: patterns, scenes and exposure settings."""
 
 from __future__ import annotations
 
@@ -10,17 +10,20 @@ from sci_lightning.errors import BadInput
 
 
 @dataclass(frozen=True)
-class Shots:
-    """N captures to take.
+class Acquisition:
+    """Everything that is set before N captures are taken.
 
     Attributes:
-        patterns: (P, H, W) in [0, 1], what the modulator has in memory.
-        sequence: (N, T) index of the pattern told for each slot.
-        scene: (N, T, H, W) float32 irradiance in [0, 1], also of those captures whose scene the file will not tell.
+        patterns: (P, H, W) in [0, 1], the patterns in the modulator's memory.
+        sequence: (N, T) index of the pattern that is commanded for every slot.
+        scene: (N, T, H, W) float32 irradiance in [0, 1], also for captures whose scene the file does not state.
         aperture: (N,) scale of the light.
-        exposure: (N,) integration time relative to nominal. It scales what collects in the dark (hot pixels, a light
-            leak) and nothing else: a scene's irradiance is what arrives over its exposure, however long.
+        exposure: (N,) integration time relative to nominal. It scales what collects without the scene's light (hot
+            pixels, a light leak) and nothing else: a scene's irradiance is what arrives over its whole exposure.
         kind: N labels.
+
+    Raises:
+        BadInput: shapes that do not go together, or a sequence with indices outside the patterns.
     """
 
     patterns: np.ndarray

@@ -1,0 +1,96 @@
+"""Faults of the relay: the image of the mirrors is displaced, turned, magnified, distorted or blurred.
+
+The last three (keystone, barrel distortion, astigmatism) are outside the vocabulary of a diagnosis.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from sci_lightning.virtual_camera.hardware.parameter import parameter
+from sci_lightning.virtual_camera.hardware.relay import Relay, RelayEffect
+
+
+@dataclass(frozen=True)
+class MaskShift(RelayEffect):
+    """The mirrors' image lies ``dx`` to the right and ``dy`` further down: exact overlap of squares with pixels."""
+
+    name = "mask_shift"
+    dx: float = parameter("pixel", -32, 32, (0.15, 1.5), neutral=0.0, signed=True)
+    dy: float = parameter("pixel", -32, 32, (0.15, 1.5), neutral=0.0, signed=True)
+
+    def apply(self, relay: Relay) -> Relay:
+        return replace(relay, dx=self.dx, dy=self.dy)
+
+
+@dataclass(frozen=True)
+class MaskRotation(RelayEffect):
+    """The mirrors' image is turned about its centre, positive from +x to +y: clockwise on the screen."""
+
+    name = "mask_rotation"
+    angle: float = parameter("degree", -45, 45, (0.15, 1.2), neutral=0.0, signed=True)
+
+    def apply(self, relay: Relay) -> Relay:
+        return replace(relay, angle=math.radians(self.angle))
+
+
+@dataclass(frozen=True)
+class MaskScale(RelayEffect):
+    """The mirrors' image is ``scale`` times as large, about its centre: exact overlap of squares with pixels."""
+
+    name = "mask_scale"
+    scale: float = parameter("1", 0.5, 2, (0.003, 0.02), neutral=1.0, signed=True)
+
+    def apply(self, relay: Relay) -> Relay:
+        return replace(relay, scale=self.scale)
+
+
+@dataclass(frozen=True)
+class MaskBlur(RelayEffect):
+    """The mirrors are out of focus, the scene is not: squares blurred by a Gaussian, integrated in closed form."""
+
+    name = "mask_blur"
+    sigma: float = parameter("pixel", 0, 4, (0.25, 1.2), neutral=0.0)
+
+    def apply(self, relay: Relay) -> Relay:
+        return replace(relay, sigma=self.sigma)
+
+
+@dataclass(frozen=True)
+class Keystone(RelayEffect):
+    """The modulator is tilted towards the sensor: its image is larger at the lower edge by ``tilt``, a trapezium.
+
+    Perspective: the mirror seen at (x, y) from the centre is the one at (x, y) / (1 + 2 tilt y / H).
+    """
+
+    name = "keystone"
+    tilt: float = parameter("1", -0.3, 0.3, (0.01, 0.05), neutral=0.0, signed=True)
+
+    def apply(self, relay: Relay) -> Relay:
+        return replace(relay, keystone=self.tilt)
+
+
+@dataclass(frozen=True)
+class BarrelDistortion(RelayEffect):
+    """Straight rows of mirrors appear bent: the mirror seen at radius r is the one at r (1 + strength (r / R)**2).
+
+    R is half the diagonal of the field; positive values bend outwards, as a barrel.
+    """
+
+    name = "barrel_distortion"
+    strength: float = parameter("1", -0.3, 0.3, (0.01, 0.05), neutral=0.0, signed=True)
+
+    def apply(self, relay: Relay) -> Relay:
+        return replace(relay, barrel=self.strength)
+
+
+@dataclass(frozen=True)
+class MaskAstigmatism(RelayEffect):
+    """The mirrors' image is blurred along x and sharp along y."""
+
+    name = "mask_astigmatism"
+    sigma: float = parameter("pixel", 0, 4, (0.4, 1.5), neutral=0.0)
+
+    def apply(self, relay: Relay) -> Relay:
+        return replace(relay, sigma_x=self.sigma)

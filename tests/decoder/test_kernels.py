@@ -1,0 +1,77 @@
+"""The switch between fast kernels and plain formulas: both decode to the same, and each does what it says."""
+
+from __future__ import annotations
+
+import doctest
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+import torch
+from torch.nn import functional as F
+
+from sci_lightning.decoder import Decoder, kernels
+from sci_lightning.decoder.kernels import switch
+from sci_lightning.decoder.layers.convolution import Conv3d
+from sci_lightning.errors import BadInput
+from tests.conftest import members
+from tests.decoder.test_decoders import SMALL
+
+WIDE = {
+    "res2former": ["decoder.dim=64", "decoder.depths=[1,1]"],
+    "stformer": ["decoder.dim=32", "decoder.units=1"],
+    "revsci": ["decoder.blocks=1"],
+}
+"""Widths at which the kernels take other ways than at those of ``SMALL``."""
+
+CASES = [(name, SMALL.get(name, [])) for name in members("decoder")] + list(WIDE.items())
+
+
+@pytest.mark.parametrize(("name", "settings"), CASES, ids=lambda value: value if isinstance(value, str) else "")
+@torch.no_grad()
+def test_both_decode_to_the_same(
+    name: str, settings: list[str], make_decoder: Callable[..., Decoder], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for size in ("ATTENTION_TOKENS", "POSITION_WEIGHTS", "TOTAL_VARIATION_PIXELS", "WINOGRAD_TILES"):
+        monkeypatch.setattr(f"sci_lightning.decoder.kernels.block_sizes.{size}", 48)  # several blocks
+    decoder = make_decoder(name, 4, *settings)
+    for parameter in decoder.parameters():
+        if parameter.numel() == 1:  # a gain that starts from 0 hides what stands before it
+            parameter += 0.1
+    mask = torch.rand(4, 18, 17)
+    measurement = (mask * torch.rand(2, 4, 18, 17)).sum(1)
+    video = decoder(measurement, mask)
+    with kernels.use("plain"):
+        plain = decoder(measurement, mask)
+    torch.testing.assert_close(video, plain, rtol=0, atol=2e-5 * float(plain.abs().max()))
+
+
+def test_plain_takes_no_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
+    layer, x = Conv3d(32, 32, 3), torch.rand(1, 32, 4, 8, 8)
+    reference = F.conv3d(x, layer.weight, layer.bias, padding=1)
+    with kernels.use("plain"):
+        assert torch.equal(layer(x), reference)
+
+    def refused(*_: Any) -> torch.Tensor:
+        raise AssertionError("a kernel was called")
+
+    monkeypatch.setattr("sci_lightning.decoder.layers.convolution.convolution3d", refused)
+    with kernels.use("plain"):
+        layer(x)
+    with pytest.raises(AssertionError, match="a kernel"):
+        layer(x)
+
+
+def test_switch() -> None:
+    assert not kernels.are_plain()
+    with kernels.use("plain"):
+        with kernels.use("auto"):
+            assert not kernels.are_plain()
+        assert kernels.are_plain()
+    kernels.use("plain")
+    assert kernels.are_plain()
+    kernels.use("auto")
+    assert not kernels.are_plain()
+    with pytest.raises(BadInput, match="kernels=fast: choose auto or plain"):
+        kernels.use("fast")
+    assert doctest.testmod(switch).failed == 0
