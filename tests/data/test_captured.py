@@ -12,14 +12,14 @@ import torch
 from sci_lightning.captures import Captures, read_captures
 from sci_lightning.data.captured import CapturedSnapshots
 from sci_lightning.errors import BadInput
-from sci_lightning.virtual_camera import Session, capture_session, write_captures
+from sci_lightning.virtual_camera import Session, VirtualCamera
 
 
 @pytest.fixture(scope="module")
 def captures(tmp_path_factory: pytest.TempPathFactory) -> Captures:
     path = tmp_path_factory.mktemp("captured") / "lab.h5"
     session = Session((16, 24), frames=4, bit_depth=10, dark=1, flat=1, static=1, dynamic=3, unknown=1, aperture=0.5)
-    write_captures(path, capture_session(session, seed=3))
+    VirtualCamera(session).write(path, seed=3)
     return read_captures(path)
 
 

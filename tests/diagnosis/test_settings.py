@@ -21,7 +21,7 @@ from sci_lightning.diagnosis.report.sentences import headline
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput
-from sci_lightning.virtual_camera import Session, capture_session, write_captures
+from sci_lightning.virtual_camera import Session, VirtualCamera
 
 
 @pytest.mark.parametrize(
@@ -43,7 +43,7 @@ def test_a_wrong_value_is_refused_by_its_key(key: str, value: Any) -> None:
 
 def test_the_command_ends_with_one_line(tmp_path: Path, refused: Callable[..., str]) -> None:
     assert "most=-1: expected a whole number" in refused("diagnose", "captures=a.h5", "most=-1", f"out={tmp_path}/out")
-    write_captures(tmp_path / "a.h5", capture_session(Session(size=(16, 16)), {}, seed=3))
+    VirtualCamera(Session(size=(16, 16))).write(tmp_path / "a.h5", seed=3)
     with h5py.File(tmp_path / "a.h5", "a") as file:
         file.attrs["name"] = "[/red]\x1b[31m"
         file["scene"][...] = np.nan
@@ -56,7 +56,7 @@ def test_the_command_ends_with_one_line(tmp_path: Path, refused: Callable[..., s
 )
 def test_degenerate_captures_get_a_verdict(degenerate: str, tmp_path: Path) -> None:
     session = Session(size=(16, 16), dark=1, flat=1, all_on=0, all_off=0, pattern=0, static=1, dynamic=1)
-    write_captures(tmp_path / "a.h5", capture_session(session, {}, seed=3))
+    VirtualCamera(session).write(tmp_path / "a.h5", seed=3)
     captures = read_captures(tmp_path / "a.h5")
     rows, columns = {"one pixel": (1, 1), "one row": (1, 16)}.get(degenerate, (16, 16))
     changed = {name: getattr(captures, name)[..., :rows, :columns] for name in ("patterns", "measurement", "scene")}
@@ -90,7 +90,7 @@ def test_degenerate_captures_get_a_verdict(degenerate: str, tmp_path: Path) -> N
     ],
 )
 def test_what_no_camera_can_have_is_refused(changed: dict[str, Any], words: str, tmp_path: Path) -> None:
-    write_captures(tmp_path / "a.h5", capture_session(Session(size=(16, 16), dark=1, flat=1), {}, seed=3))
+    VirtualCamera(Session(size=(16, 16), dark=1, flat=1)).write(tmp_path / "a.h5", seed=3)
     captures = read_captures(tmp_path / "a.h5")
     ((name, value),) = changed.items()
     whole = value if isinstance(value, float) else np.full_like(getattr(captures, name), value)

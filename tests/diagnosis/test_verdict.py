@@ -18,7 +18,7 @@ from sci_lightning.diagnosis.report.report import describe
 from sci_lightning.diagnosis.report.sentences import CLEAN, headline
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE, verdict
 from sci_lightning.diagnosis.vocabulary import vocabulary
-from sci_lightning.virtual_camera import Session, capture_session, write_captures
+from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.diagnosis.report.test_sentences import GHOST, SHIFT
 from tests.diagnosis.residual_tests.test_residual_test import with_p
 
@@ -52,7 +52,7 @@ def few(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
     """A right model of few pixels."""
     path = tmp_path_factory.mktemp("few") / "a.h5"
     session = Session(size=(16, 16), dark=1, flat=2, all_on=0, all_off=0, pattern=2, static=1, dynamic=2)
-    write_captures(path, capture_session(session, {}, seed=3))
+    VirtualCamera(session).write(path, seed=3)
     return diagnose(read_captures(path), {name: vocabulary()[name] for name in ("gain", "shot_noise", "read_noise")})
 
 
@@ -119,7 +119,7 @@ def test_a_name_counts_when_likelihood_rises_though_chi2_does_too() -> None:
 
 def test_explained_by_many_pixels_means_at_most_the_negligible(tmp_path: Path) -> None:
     path = tmp_path / "a.h5"
-    write_captures(path, capture_session(Session(size=(48, 48)), {"gain": {"factor": 0.9}}, seed=3))
+    VirtualCamera(Session(size=(48, 48)), {"gain": {"factor": 0.9}}).write(path, seed=3)
     few = {name: vocabulary()[name] for name in ("gain", "shot_noise", "read_noise")}
     found = diagnose(read_captures(path), few)
     assert found.verdict == "explained"

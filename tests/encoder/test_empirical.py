@@ -76,6 +76,15 @@ def test_a_ghost_lies_where_it_says() -> None:
     assert ghost[0, 6, 11] == pytest.approx(0.1) and ghost[0, 8, 8] == pytest.approx(0.9)
 
 
+def test_a_ghost_is_looked_for_where_the_residuals_repeat_the_image() -> None:
+    light = torch.rand(2, *SIZE, generator=torch.Generator().manual_seed(1)) - 0.5
+    residual = light.roll((-3, 4), (-2, -1))
+    first = Ghost.proposals(light, residual, torch.ones_like(light))[0]
+    assert {(round(float(start["c1"])), round(float(start["c2"]))) for start in first} == {(4, -3)}
+    assert Ghost.scaled(first[0], 2.0) == {**first[0], "c0": 0.04} and Ghost.scaled(first[0], 1e3)["c0"] == 0.5
+    assert not PatternMixing.proposals(light, residual, light)  # linear in its numbers
+
+
 def test_numbers_that_do_not_exist() -> None:
     with pytest.raises(BadInput, match="numbers c0 to c2, not 'c3'"):
         Ghost(count=3, c3=0.1)

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from sci_lightning.virtual_camera import Session, capture_session, write_captures
+from sci_lightning.virtual_camera import Session, VirtualCamera
 
 
 @pytest.mark.parametrize("hidden", [{}, {"mask_shift": {"dx": 0.61, "dy": -0.35}}])
 def test_diagnose(hidden: dict[str, dict[str, float]], tmp_path: Path, command: Callable[..., Any]) -> None:
-    write_captures(tmp_path / "a.h5", capture_session(Session(size=(48, 48)), hidden, seed=3))
+    VirtualCamera(Session(size=(48, 48)), hidden).write(tmp_path / "a.h5", seed=3)
     command("diagnose", f"captures={tmp_path}/a.h5", f"out={tmp_path}/out")
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["verdict"] == ("explained" if hidden else "consistent")
@@ -30,7 +30,7 @@ def test_diagnose(hidden: dict[str, dict[str, float]], tmp_path: Path, command: 
 
 
 def test_dashboard(tmp_path: Path, command: Callable[..., Any]) -> None:
-    write_captures(tmp_path / "a.h5", capture_session(Session(size=(32, 32)), {"gain": {"factor": 0.9}}, seed=3))
+    VirtualCamera(Session(size=(32, 32)), {"gain": {"factor": 0.9}}).write(tmp_path / "a.h5", seed=3)
     done = command("diagnose", f"captures={tmp_path}/a.h5", f"out={tmp_path}/out", "most=1", "logger=tensorboard")
     assert "explained: The sensor's gain is 0." in done.stdout
     events = EventAccumulator(str(tmp_path / "out" / "tensorboard" / "diagnosis"))
@@ -41,7 +41,7 @@ def test_dashboard(tmp_path: Path, command: Callable[..., Any]) -> None:
 
 
 def test_nothing_known(tmp_path: Path, refused: Callable[..., str]) -> None:
-    write_captures(tmp_path / "a.h5", capture_session(Session(size=(32, 32)), {}, seed=3))
+    VirtualCamera(Session(size=(32, 32))).write(tmp_path / "a.h5", seed=3)
     with h5py.File(tmp_path / "a.h5", "a") as file:
         file["scene"][...] = np.nan
     assert "known scene" in refused("diagnose", f"captures={tmp_path}/a.h5", f"out={tmp_path}/out")
@@ -49,7 +49,7 @@ def test_nothing_known(tmp_path: Path, refused: Callable[..., str]) -> None:
 
 @pytest.mark.parametrize(("value", "word"), [(0, "black"), (255, "saturated")])
 def test_nothing_to_see(value: int, word: str, tmp_path: Path, refused: Callable[..., str]) -> None:
-    write_captures(tmp_path / "a.h5", capture_session(Session(size=(32, 32)), {}, seed=3))
+    VirtualCamera(Session(size=(32, 32))).write(tmp_path / "a.h5", seed=3)
     with h5py.File(tmp_path / "a.h5", "a") as file:
         file["measurement"][...] = value
     assert word in refused("diagnose", f"captures={tmp_path}/a.h5", f"out={tmp_path}/out")

@@ -18,7 +18,7 @@ from sci_lightning.cli.command import plain
 from sci_lightning.decoder import GAPNet
 from sci_lightning.metrics.psnr import psnr
 from sci_lightning.runs.checkpoint import write_weights
-from sci_lightning.virtual_camera import Session, capture_session, write_captures
+from sci_lightning.virtual_camera import Session, VirtualCamera
 
 Run = Callable[..., str]
 HIDDEN = {"black_level": {"offset": 0.1}, "mask_shift": {"dx": 0.61, "dy": -0.35}}
@@ -29,7 +29,7 @@ TEST = ["ckpt_path=trained.ckpt", "captures=lab.h5", "metric=[psnr]", "trainer.a
 def captures(tmp_path: Path) -> Captures:
     """``lab.h5``: 4 x 32 x 32, dimmed to a half, with something hidden; ``patterns.npy``: what was told."""
     session = Session((32, 32), frames=4, dark=1, flat=1, static=1, dynamic=2, aperture=0.5)
-    write_captures(tmp_path / "lab.h5", capture_session(session, HIDDEN, seed=3))
+    VirtualCamera(session, HIDDEN).write(tmp_path / "lab.h5", seed=3)
     captures = read_captures(tmp_path / "lab.h5")
     np.save(tmp_path / "patterns.npy", captures.patterns[:4])
     return captures

@@ -15,8 +15,7 @@ import yaml
 from sci_lightning.captures import Captures, read_captures, write_captures
 from sci_lightning.encoder.effects import Effect
 from sci_lightning.errors import BadInput
-from sci_lightning.virtual_camera import Session, capture_session
-from sci_lightning.virtual_camera import write_captures as write_session
+from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.conftest import members
 from tests.end_to_end.test_train import TINY
 
@@ -49,7 +48,7 @@ MEMBER = "# @package encoder.effects.left_to_right\n_target_: own_effect.Slope\n
 def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """``lab.h5``: an ideal session, recorded anew by a camera whose left is darker than its right, and the module."""
     session = Session(size=(32, 32), frames=4)
-    write_session(tmp_path / "ideal.h5", capture_session(session, {}, seed=4))
+    VirtualCamera(session).write(tmp_path / "ideal.h5", seed=4)
     ideal = read_captures(tmp_path / "ideal.h5")
     x = (np.arange(32) - 15.5) / 16
     light = ideal.aperture[:, None, None] * (ideal.patterns[ideal.sequence] * ideal.scene).sum(1) * (1 + SLOPE * x)

@@ -15,8 +15,7 @@ from jsonschema import Draft202012Validator
 
 from sci_lightning.captures import read_captures, recipe, write_captures
 from sci_lightning.schemas import SCHEMAS, outline, read_schema
-from sci_lightning.virtual_camera import Session, capture_session
-from sci_lightning.virtual_camera import write_captures as write_session
+from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.schemas.validation import check, errors
 
 EARLIER = Path(__file__).parents[1] / "earlier_version"
@@ -66,7 +65,7 @@ def test_files_of_the_earlier_version_follow_the_schemas(name: str, file: str) -
 
 def test_captures_files_follow_the_schema(tmp_path: Path) -> None:
     check("captures_file", outline(EARLIER / "captures.h5"))
-    truth = write_session(tmp_path / "a.h5", capture_session(Session(size=(16, 16), frames=2), {"prnu": {}}, seed=1))
+    truth = VirtualCamera(Session(size=(16, 16), frames=2), {"prnu": {}}).write(tmp_path / "a.h5", seed=1)
     check("captures_file", outline(tmp_path / "a.h5"))
     check("captures_truth", json.loads(truth.read_text()))
     write_captures(tmp_path / "b.h5", read_captures(tmp_path / "a.h5"))

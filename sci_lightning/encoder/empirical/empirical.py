@@ -8,17 +8,18 @@ import torch
 
 from sci_lightning.configuration.bounds import Depth
 from sci_lightning.encoder.effects.effect import Effect
-from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.parameter import Parameter, Value
 from sci_lightning.errors import BadInput
 
 
 class Empirical(Effect):
     """A deviation of free form: it says in which stage something is missing, not what.
 
-    Its numbers are called c0, c1, ..; those that are not given are 0, and all at 0 are the identity.
+    A subclass also derives from the base class of its stage. Its parameters are numbers called c0, c1, ..; those that
+    are not given are 0, and with all at 0 the deviation is the identity.
 
     Args:
-        count: how many there are.
+        count: how many numbers there are.
         values: numbers by name.
 
     Raises:
@@ -26,13 +27,11 @@ class Empirical(Effect):
     """
 
     where: ClassVar[str]
-    """What it means if the captures ask for it, in words."""
+    """What a report says if the captures ask for this deviation."""
     number: ClassVar[Parameter]
     """Unit, bounds and step of each number."""
     of_captures: ClassVar[bool] = False
-    """Whether it is a matter of the captures, not of the camera."""
-    place: ClassVar[torch.Tensor | None] = None
-    """``(N,)``: where in their file the captures stand, for what depends on it; None: nothing is known of captures."""
+    """Whether it belongs to the captures and not to the camera, so that no encoder file keeps it."""
     count: int
     about: ClassVar[dict[str, Parameter]] = {}
 
@@ -48,19 +47,40 @@ class Empirical(Effect):
 
     @classmethod
     def of(cls, count: int) -> type[Empirical]:
-        """The class with ``count`` numbers as its parameters; an object has those that it is given."""
+        """Return the subclass whose parameters are ``count`` numbers; an object of it has those that it is given."""
         about = {f"c{index}": cls.number for index in range(count)}
         body = {"about": about, "count": count, "__module__": cls.__module__, "__qualname__": cls.__qualname__}
         return type(cls.__name__, (cls,), body)
 
     @classmethod
     def numbers(cls, captures: int, frames: int) -> int:
-        """How many there are for N captures of T slots each."""
+        """Return how many numbers there are for N captures of T slots each."""
+        raise NotImplementedError
+
+    @classmethod
+    def proposals(
+        cls, light: torch.Tensor, gradient: torch.Tensor, curvature: torch.Tensor
+    ) -> list[list[dict[str, Value]]]:
+        """Return settings at which a probe should try the deviation, in groups; empty if it is linear in its numbers.
+
+        A deviation that is linear in its numbers is tried in all of them at once. One that is not, such as a copy of
+        the image at an unknown displacement, proposes settings of small strength here.
+
+        Args:
+            light: ``(N, H, W)`` predicted captures, in DN.
+            gradient: ``(N, H, W)`` of the log-likelihood with respect to the prediction.
+            curvature: ``(N, H, W)`` expected negative second derivative of the log-likelihood, likewise.
+        """
+        return []
+
+    @classmethod
+    def scaled(cls, setting: dict[str, Value], factor: float) -> dict[str, Value]:
+        """Return a proposed setting at ``factor`` times its strength, within bounds."""
         raise NotImplementedError
 
     @property
     def coefficients(self) -> torch.Tensor:
-        """``(count,)``."""
+        """All numbers, ``(count,)``; 0 where none was given."""
         full = torch.zeros(self.count)
         for name in self.about:
             value = getattr(self, name)
@@ -69,7 +89,7 @@ class Empirical(Effect):
 
 
 def polynomials(y: torch.Tensor, x: torch.Tensor, degree: int) -> torch.Tensor:
-    """Products of Legendre polynomials up to ``degree`` in all, the constant first: ``(K, H, W)``.
+    """Return products of Legendre polynomials up to ``degree`` in all, the constant first, ``(K, H, W)``.
 
     Args:
         y: ``(H, 1)`` and x ``(1, W)`` from -1 to 1.
@@ -79,24 +99,38 @@ def polynomials(y: torch.Tensor, x: torch.Tensor, degree: int) -> torch.Tensor:
 
 
 def legendre(x: torch.Tensor, degree: int) -> list[torch.Tensor]:
-    """Legendre polynomials of degree 0 to ``degree``, on [-1, 1]."""
-    found = [torch.ones_like(x), x]
+    """Return the Legendre polynomials of degree 0 to ``degree`` at x, which is in [-1, 1]."""
+    values = [torch.ones_like(x), x]
     for n in range(1, degree):
-        found.append(((2 * n + 1) * x * found[n] - n * found[n - 1]) / (n + 1))
-    return found
+        values.append(((2 * n + 1) * x * values[n] - n * values[n - 1]) / (n + 1))
+    return values
 
 
 def piecewise_linear(x: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
-    """The curve through ``values`` (K,) at K equidistant places from 0 to 1, level beyond them."""
+    """Return the curve at x that connects ``values`` (K,) at K equidistant places from 0 to 1 and is level beyond."""
     place = x.clamp(0, 1) * (len(values) - 1)
     low = place.detach().floor().long().clamp(max=len(values) - 2)
     share = place - low
     return values[low] * (1 - share) + values[low + 1] * share
 
 
-def window_of_taps(coefficients: torch.Tensor) -> torch.Tensor:
-    """A square kernel ``(1, 1, side, side)`` of all taps but the middle one, which is 1."""
-    middle = len(coefficients) // 2
-    side = round((len(coefficients) + 1) ** 0.5)
-    one = torch.ones(1).to(coefficients)
-    return torch.cat((coefficients[:middle], one, coefficients[middle:])).view(1, 1, side, side)
+class NeighbourTaps(Empirical):
+    """Light also falls on the neighbours of where it should, by a free kernel of 5 x 5 taps whose middle is 1.
+
+    Args:
+        count: 24.
+        values: the neighbours' shares, row by row.
+    """
+
+    number = Parameter("1", 0.0, -1, 1, step=0.005)
+
+    @classmethod
+    def numbers(cls, captures: int, frames: int) -> int:
+        return 24
+
+    def smear(self, images: torch.Tensor) -> torch.Tensor:
+        """Return images ``(N, H, W)`` convolved with the kernel, dark beyond their edges."""
+        taps = self.coefficients.to(images)
+        middle, side = len(taps) // 2, round((len(taps) + 1) ** 0.5)
+        kernel = torch.cat((taps[:middle], torch.ones(1).to(taps), taps[middle:])).view(1, 1, side, side)
+        return torch.nn.functional.conv2d(images[:, None], kernel.flip(-1, -2), padding="same")[:, 0]

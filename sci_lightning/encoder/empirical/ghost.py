@@ -4,10 +4,18 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.encoder.effects.parameter import Parameter
+from sci_lightning.encoder.effects.parameter import Parameter, Value
 from sci_lightning.encoder.effects.stage import OpticsEffect
 from sci_lightning.encoder.empirical.empirical import Empirical
 from sci_lightning.encoder.signal import Signal
+
+PART = 0.02
+"""The part of the light in the second image with which displacements are tried."""
+LARGEST_PART = 0.5
+PEAKS = 4
+"""Displacements that are tried."""
+NEAR = 2.0
+"""Pixels within which a displaced copy cannot be told from a blur."""
 
 
 class Ghost(Empirical, OpticsEffect):
@@ -27,6 +35,41 @@ class Ghost(Empirical, OpticsEffect):
     def numbers(cls, captures: int, frames: int) -> int:
         return 3
 
+    @classmethod
+    def proposals(
+        cls, light: torch.Tensor, gradient: torch.Tensor, curvature: torch.Tensor
+    ) -> list[list[dict[str, Value]]]:
+        """Return settings around the displacements at which a copy of the image would explain most.
+
+        To second order, a faint copy displaced by d gains (sum g l(.-d))^2 / (2 sum w l(.-d)^2) in log-likelihood, with
+        the light l, the gradient g and the curvature w: two correlations give the gain for all displacements at once.
+        """
+        height, width = light.shape[-2:]
+        padded = (2 * height, 2 * width)
+
+        def spectrum(field: torch.Tensor) -> torch.Tensor:
+            return torch.fft.rfft2(field, s=padded)
+
+        slope = torch.fft.irfft2((spectrum(gradient) * spectrum(light).conj()).sum(0), s=padded)
+        weight = torch.fft.irfft2((spectrum(curvature) * spectrum(light.square()).conj()).sum(0), s=padded)
+        farthest = max(3, min(height, width) // 2)
+        gain = slope.clamp(min=0).square() / weight.clamp(min=float(weight.max()) * 1e-2)
+        rows = torch.fft.fftfreq(padded[0], 1 / padded[0])[:, None]
+        columns = torch.fft.fftfreq(padded[1], 1 / padded[1])[None]
+        near = rows.square() + columns.square() < NEAR**2
+        gain = torch.where(near | (rows.abs() > farthest) | (columns.abs() > farthest), 0.0, gain)
+        groups: list[list[dict[str, Value]]] = []
+        for index in gain.flatten().topk(PEAKS).indices.tolist():
+            dy, dx = float(rows[index // padded[1], 0]), float(columns[0, index % padded[1]])
+            # linear interpolation has a kink at whole pixels, from which no derivative leads away
+            sides = [(right, down) for right in (-0.4, 0.4) for down in (-0.4, 0.4)]
+            groups.append([{"c0": PART, "c1": dx + right, "c2": dy + down} for right, down in sides])
+        return groups
+
+    @classmethod
+    def scaled(cls, setting: dict[str, Value], factor: float) -> dict[str, Value]:
+        return {**setting, "c0": min(PART * factor, LARGEST_PART)}
+
     def form(self, signal: Signal) -> Signal:
         signal = signal.pooled()
         part, dx, dy = self.coefficients.to(signal.mean)
@@ -36,6 +79,6 @@ class Ghost(Empirical, OpticsEffect):
 
 
 def _moved(length: int, distance: torch.Tensor) -> torch.Tensor:
-    """``(length, length)``: linear interpolation along one axis, dark beyond."""
+    """Return the matrix ``(length, length)`` that displaces along one axis, by linear interpolation, dark beyond."""
     place = torch.arange(length).to(distance)
     return (1 - (place[:, None] - place - distance).abs()).clamp(min=0)

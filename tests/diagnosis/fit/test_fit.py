@@ -16,14 +16,14 @@ from sci_lightning.diagnosis.fit.split import split
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
 from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.errors import BadInput
-from sci_lightning.virtual_camera import Session, capture_session, write_captures
+from sci_lightning.virtual_camera import Session, VirtualCamera
 
 VOCABULARY = {effect.name: effect for name in effects.__all__ if hasattr(effect := getattr(effects, name), "name")}
 NOISE = Hypothesis({"shot_noise": {"full_well": 1e4}, "read_noise": {"std": 0.8}})
 
 
 def fitter(folder: Path, hidden: dict[str, dict[str, float]]) -> Fitter:
-    write_captures(folder / "a.h5", capture_session(Session(size=(64, 64)), hidden, seed=3))
+    VirtualCamera(Session(size=(64, 64)), hidden).write(folder / "a.h5", seed=3)
     observation = observe(read_captures(folder / "a.h5"))
     return Fitter(CameraModel(observation, VOCABULARY), split(observation))
 
@@ -71,7 +71,7 @@ def test_a_gain_beside_a_map_that_scales_with_it(tmp_path: Path) -> None:
 
 
 def test_the_order_of_the_captures_does_not_matter(tmp_path: Path) -> None:
-    write_captures(tmp_path / "a.h5", capture_session(Session(size=(32, 32)), {}, seed=1))
+    VirtualCamera(Session(size=(32, 32))).write(tmp_path / "a.h5", seed=1)
     captures = read_captures(tmp_path / "a.h5")
     one, other = observe(captures), observe(captures.take(list(range(len(captures)))[::-1]))
     assert torch.equal(one.dn, other.dn)

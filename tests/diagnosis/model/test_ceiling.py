@@ -11,7 +11,7 @@ from sci_lightning.captures import read_captures
 from sci_lightning.diagnosis.diagnosis import diagnose
 from sci_lightning.diagnosis.model.ceiling import Ceiling
 from sci_lightning.diagnosis.vocabulary import vocabulary
-from sci_lightning.virtual_camera import Session, capture_session, write_captures
+from sci_lightning.virtual_camera import Session, VirtualCamera
 
 
 @pytest.mark.parametrize(
@@ -38,7 +38,7 @@ def test_far_from_the_level_nothing_changes() -> None:
 def test_wells_that_are_full_at_the_level_of_a_flat_field(tmp_path: Path) -> None:
     """Shot noise of 39 DN, of which one side is lost, beside a readout noise of 0.8 DN: nothing else is to be seen."""
     session = Session(size=(32, 32), bit_depth=12, pattern=0)
-    write_captures(tmp_path / "a.h5", capture_session(session, {"saturation": {"level": 0.9164}}, seed=3))
+    VirtualCamera(session, {"saturation": {"level": 0.9164}}).write(tmp_path / "a.h5", seed=3)
     found = diagnose(read_captures(tmp_path / "a.h5"), vocabulary())
     assert found.names == ("saturation",) and found.verdict == "explained"
     assert abs(float(found.after.fit.hypothesis.effects["saturation"]["level"]) - 0.9164) < 2e-4

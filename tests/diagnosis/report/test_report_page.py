@@ -29,7 +29,7 @@ from sci_lightning.diagnosis.residual_tests.drawing import OWN
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
 from sci_lightning.diagnosis.search.search import Round
 from sci_lightning.diagnosis.vocabulary import vocabulary
-from sci_lightning.virtual_camera import Session, capture_session, write_captures
+from sci_lightning.virtual_camera import Session, VirtualCamera
 
 VOID = {"meta", "link", "br", "img", "input"}
 
@@ -39,7 +39,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
     """A shift and a map: a page with every section."""
     path = tmp_path_factory.mktemp("page") / "a.h5"
     hidden = {"mask_shift": {"dx": 0.61, "dy": -0.35}, "column_noise": {"std": 0.02}}
-    write_captures(path, capture_session(Session(size=(32, 40)), hidden, seed=3))
+    VirtualCamera(Session(size=(32, 40)), hidden).write(path, seed=3)
     few = {name: vocabulary()[name] for name in ("mask_shift", "column_noise", "gain", "shot_noise", "read_noise")}
     return diagnose(read_captures(path), few)
 
@@ -111,7 +111,7 @@ def test_what_is_left_and_what_to_do(found: Diagnosis) -> None:
 
 
 def test_a_page_of_a_camera_in_which_nothing_is_hidden(tmp_path: Path) -> None:
-    write_captures(tmp_path / "a.h5", capture_session(Session(size=(32, 32)), {}, seed=3))
+    VirtualCamera(Session(size=(32, 32))).write(tmp_path / "a.h5", seed=3)
     few = {name: vocabulary()[name] for name in ("gain", "shot_noise", "read_noise")}
     text = page(diagnose(read_captures(tmp_path / "a.h5"), few))
     assert "<h1>The captures agree with the ideal camera" in text

@@ -18,14 +18,14 @@ from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
 from sci_lightning.diagnosis.residual_tests.where import QUESTIONS, ask, residual_tests
 from sci_lightning.diagnosis.vocabulary import vocabulary
-from sci_lightning.virtual_camera import Session, capture_session, write_captures
+from sci_lightning.virtual_camera import Session, VirtualCamera
 
 SMALL = {"dark": 2, "flat": 3, "all_on": 1, "all_off": 1, "static": 2, "dynamic": 3}
 
 
 def ideal(path: Path, hidden: Any = None, seed: int = 3, **session: Any) -> tuple[Fitter, Fit]:
     """The ideal camera with the datasheet's noise, for captures in which something is hidden."""
-    write_captures(path, capture_session(Session(**{"size": (32, 32), **session}), hidden, seed))
+    VirtualCamera(Session(**{"size": (32, 32), **session}), hidden).write(path, seed=seed)
     observation = observe(read_captures(path))
     subject = Fitter(CameraModel(observation, vocabulary()), split(observation))
     noise, fixed = stated(subject)
@@ -147,7 +147,7 @@ def test_few_captures_of_any_size(size: tuple[int, int], tmp_path: Path) -> None
 
 
 def test_the_order_of_the_captures_matters_only_where_it_is_asked_for(tmp_path: Path) -> None:
-    write_captures(tmp_path / "a.h5", capture_session(Session(size=(32, 32), **SMALL), {}, seed=1))
+    VirtualCamera(Session(size=(32, 32), **SMALL)).write(tmp_path / "a.h5", seed=1)
     captures = read_captures(tmp_path / "a.h5")
     found = []
     for each in (captures, captures.take(list(range(len(captures)))[::-1])):
