@@ -18,6 +18,7 @@ from sci_lightning.diagnosis.residual_tests.drawing import OWN, draw_map, draw_t
 from sci_lightning.diagnosis.residual_tests.position import PLACE
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
 from sci_lightning.diagnosis.search.search import Round
+from sci_lightning.files.plain_text import in_figure
 
 MAX_CANDIDATES = 8
 """Candidates of a round that are drawn."""
@@ -138,14 +139,16 @@ def evidence_figure(rounds: tuple[Round, ...], names: tuple[str, ...]) -> Figure
             colours = [AFTER if name == considered.added else FAINT for name in shown]
             axes.barh(place, fitted, height=0.62, color=colours, label="joint fit")
             axes.plot(screened, place, "|", color=BEFORE, markersize=9, markeredgewidth=1.6, label="at a glance")
-            axes.set_yticks(place, shown)
+            axes.set_yticks(place, list(map(in_figure, shown)))
             axes.set_xscale("log")
             axes.set_xlim(left=1)
             _label_decades(axes)
             axes.tick_params(labelbottom=True)
             added = considered.added
             dropped = " (dropped later)" if added and added not in names else ""
-            axes.set_title(f"round {number}: {added or 'nothing is worth its parameters'}{dropped}", loc="left")
+            axes.set_title(
+                f"round {number}: {in_figure(added or 'nothing is worth its parameters')}{dropped}", loc="left"
+            )
         for axes in grid[len(rounds) :]:
             axes.set_axis_off()
         if len(rounds):
@@ -207,8 +210,9 @@ def correlation_figure(names: list[str], correlation: torch.Tensor) -> Figure:
         axes = figure.subplots()
         others = correlation.clone().fill_diagonal_(math.nan)
         image = axes.imshow(others.numpy(), cmap="RdBu_r", vmin=-1, vmax=1)
-        axes.set_xticks(range(len(names)), names, rotation=40, ha="right")
-        axes.set_yticks(range(len(names)), names)
+        labels = list(map(in_figure, names))
+        axes.set_xticks(range(len(names)), labels, rotation=40, ha="right")
+        axes.set_yticks(range(len(names)), labels)
         axes.spines[:].set_visible(False)
         for row, column in ((r, c) for r in range(len(names)) for c in range(len(names)) if r != c):
             value = float(correlation[row, column])
@@ -252,7 +256,7 @@ def unnamed_figure(unnamed: Unnamed) -> Figure:
         else:
             axes.plot(values, color=AFTER, marker=".")
             axes.axhline(0, color=FAINT, linewidth=0.8)
-        axes.set_title(f"{unnamed.stage}: {unnamed.where}", loc="left")
+        axes.set_title(in_figure(f"{unnamed.stage}: {unnamed.where}"), loc="left")
         return figure
 
 

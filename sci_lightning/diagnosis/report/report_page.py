@@ -139,7 +139,7 @@ def _environment() -> Environment:
 
 
 def _svg(figure: Figure, label: str) -> Markup:
-    return Markup(svg(figure, printable(label)))
+    return Markup(svg(figure, label))
 
 
 def _typeset(text: str) -> str:

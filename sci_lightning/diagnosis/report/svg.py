@@ -12,6 +12,8 @@ from typing import Any
 from matplotlib import style as mpl_style
 from matplotlib.figure import Figure
 
+from sci_lightning.files.plain_text import printable
+
 INK = "#010203"
 """Nearly black where a figure stands alone; replaced by the page's text colour inside a page."""
 BEFORE, AFTER, FAINT = "#d6604d", "#2f86bf", "#8a8f98"
@@ -68,7 +70,7 @@ def svg(figure: Figure, label: str) -> str:
     head = re.compile(r'<svg[^>]*viewBox="([^"]*)"[^>]*>', re.DOTALL)
     return head.sub(
         lambda match: (
-            f'<svg viewBox="{match[1]}" role="img" aria-label="{escape(label)}" '
+            f'<svg viewBox="{match[1]}" role="img" aria-label="{escape(printable(label))}" '
             f'style="max-width:{width * 1.34:.0f}px" xmlns:xlink="http://www.w3.org/1999/xlink">'
         ),
         text,
