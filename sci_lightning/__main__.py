@@ -127,8 +127,8 @@ def print_commands() -> None:
         console.say(styled(name), f": {purpose}")
         console.print(f"  python -m sci_lightning.{name} {example}")
     console.print(
-        "\nEach takes --help (its configuration and choices); all but captures and reveal also --cfg job (what it "
-        'would run with).\nsci-lightning COMMAND is the same; eval "$(sci-lightning completion)" completes it in bash.'
+        "\nEach takes --help (its configuration and choices) and --cfg job (what it would run with).\n"
+        'sci-lightning COMMAND is the same; eval "$(sci-lightning completion)" completes it in bash.'
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from omegaconf import DictConfig
 
 from sci_lightning.cli import command as command_frame
 from sci_lightning.configuration.conf_folder import CONF
+from tests.warm_process import WarmProcesses
 
 ROOT = Path(__file__).parents[1]
 SHARED = ROOT.parent / "shared"
@@ -73,15 +74,22 @@ def reference() -> Path:
     return folder
 
 
+@pytest.fixture(scope="session")
+def warm_processes() -> Iterator[WarmProcesses]:
+    """Processes in which the libraries are imported already, see :mod:`tests.warm_process`."""
+    processes = WarmProcesses(ROOT)
+    yield processes
+    processes.close()
+
+
 @pytest.fixture
-def command(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+def command(tmp_path: Path, warm_processes: WarmProcesses) -> Callable[..., subprocess.CompletedProcess[str]]:
     """``command("train", "encoder=lsw_sr", ..)`` runs a command in a process of its own, in an empty folder."""
 
     def run(name: str, *overrides: str, timeout: float = 300) -> subprocess.CompletedProcess[str]:
         module = f"sci_lightning.{name}" if name else "sci_lightning"
         environment = {**os.environ, "PYTHONPATH": str(ROOT)}  # callbacks of the tests can be named in overrides
-        arguments = [sys.executable, "-m", module, *overrides]
-        return subprocess.run(arguments, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=timeout)
+        return warm_processes.run(module, overrides, tmp_path, environment, timeout)
 
     return run
 

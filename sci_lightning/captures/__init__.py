@@ -1,9 +1,9 @@
-"""Calibration captures of one camera: the file, what is in it, and how it is made from a folder of pictures.
+"""Calibration captures of one camera: reading and writing their file, and packing one from a folder of pictures.
 
-captures = read_captures("captures.h5")
-dark = captures.take([kind == "dark" for kind in captures.kind])
+    captures = read_captures("captures.h5")
+    dark = captures.take([kind == "dark" for kind in captures.kind])
 
-Needs NumPy and h5py only; torch is not loaded.
+Only NumPy and h5py are needed; torch is not loaded.
 """
 
 from sci_lightning.captures.captures import Captures

@@ -1,4 +1,4 @@
-"""Captures of one camera in memory."""
+"""Calibration captures of one camera in memory."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ class Captures:
     The nominal measurement is ``clip(aperture * sum_t patterns[sequence[t]] * scene[t], 0, 1) * full_scale``.
 
     Attributes:
-        patterns: (P, H, W) float32 in [0, 1], what the modulator was told to display.
-        sequence: (N, T) int64, index into ``patterns`` for each slot.
+        patterns: (P, H, W) float32 in [0, 1], the commanded patterns of the modulator.
+        sequence: (N, T) int64, index into ``patterns`` for every slot.
         measurement: (N, H, W) uint8 or uint16, raw DN.
         scene: (N, T, H, W) float32, nominal irradiance, 0 or more; all NaN for a capture whose scene is unknown.
         aperture: (N,) float32, light scale, 0 or more.
         exposure: (N,) float32, integration time relative to nominal, 0 or more.
-        kind: N labels out of :data:`~sci_lightning.captures.kind.KINDS`.
+        kind: N labels, members of :data:`~sci_lightning.captures.kind.KINDS`.
         bit_depth: 1 to 16.
-        read_noise_dn: datasheet, standard deviation in DN; None where not stated.
-        full_well_e: datasheet, electrons at full scale; None where not stated.
+        read_noise_dn: standard deviation of the read noise in DN by the datasheet; None if it is not stated.
+        full_well_e: electrons at full scale by the datasheet; None if it is not stated.
         name: of the camera or the session, for people.
-        path: the file they were read from, None if from none.
+        path: the file that was read; None for captures that were never in a file.
     """
 
     patterns: np.ndarray
@@ -46,43 +46,43 @@ class Captures:
     path: Path | None = None
 
     def __len__(self) -> int:
-        """N."""
+        """The number of captures, N."""
         return len(self.measurement)
 
     @property
     def full_scale(self) -> int:
-        """Largest DN, 2**bit_depth - 1."""
+        """The largest DN, 2**bit_depth - 1."""
         return int(2**self.bit_depth - 1)
 
     @property
     def frames(self) -> int:
-        """T, slots per capture."""
+        """Slots per capture, T."""
         return int(self.sequence.shape[1])
 
     @property
     def size(self) -> tuple[int, int]:
-        """(H, W) in pixels."""
+        """Height and width (H, W) in pixels."""
         height, width = self.measurement.shape[1:]
         return int(height), int(width)
 
     @property
     def known(self) -> np.ndarray:
-        """(N,) bool: the scene is known at every pixel of every frame."""
+        """(N,) bool: whether the scene of the capture is known at every pixel of every frame."""
         return np.array([np.isfinite(scene).all() for scene in self.scene], bool)
 
     @property
     def inferred_kind(self) -> tuple[str, ...]:
-        """N kinds by content, whatever the labels say; see :func:`~sci_lightning.captures.kind.infer_kind`."""
+        """N kinds judged by content, whatever the labels say; see :func:`~sci_lightning.captures.kind.infer_kind`."""
         return infer_kinds(self.patterns, self.sequence, self.scene, self.aperture)
 
     def take(self, indices: Sequence[int] | Sequence[bool] | np.ndarray) -> Captures:
-        """Some of the captures, with all the patterns.
+        """Return some of the captures, with all the patterns.
 
         Args:
-            indices: numbers of captures in the wanted order, or N booleans.
+            indices: numbers of captures in the wanted order, or one boolean for every capture.
 
         Raises:
-            IndexError: a number beyond N, or another number of booleans than N.
+            IndexError: a number that is not below N, or a number of booleans other than N.
         """
         chosen = np.asarray(indices)
         chosen = np.arange(len(self))[chosen if chosen.size or chosen.dtype == bool else chosen.astype(int)]

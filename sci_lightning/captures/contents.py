@@ -1,11 +1,12 @@
-"""What an open HDF5 file holds, by name, with one clear line where it is not what was expected."""
+"""Typed access to the datasets and attributes of an open HDF5 file; anything unexpected is refused in one line."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 import h5py
 import numpy as np
@@ -15,52 +16,65 @@ from sci_lightning.files.hdf5_file import check_dataset, own_dataset, read_datas
 from sci_lightning.files.hdf5_heap import longest_string, longest_strings
 from sci_lightning.files.memory_bound import SMALL
 
+Shape: TypeAlias = Mapping[str, int | None]
+"""The length of every axis by its letter, in order; None stands for any length but 0."""
+
 TYPES = {"ui": "integers", "buif": "numbers"}
 LONGEST_STRING = 1000
-"""Characters of a label."""
+"""Largest number of characters of a label."""
 
 
 @dataclass(frozen=True)
 class Contents:
-    """An open file and its name in messages."""
+    """An open file.
+
+    Attributes:
+        file: the file.
+        called: its name in messages.
+    """
 
     file: h5py.File
     called: str
 
     def refusal(self, text: str) -> BadInput:
-        """The error that says ``text`` of this file."""
+        """Return the error that says ``text`` about this file."""
         return BadInput(f"{self.called}: {' '.join(text.split())}")
 
-    def dataset(self, name: str, shape: dict[str, int | None], *, optional: bool = False) -> h5py.Dataset | None:
-        """A dataset that is in this very file.
+    def required_dataset(self, name: str, shape: Shape) -> h5py.Dataset:
+        """Return a dataset that has to be there; see :meth:`dataset`."""
+        item = self.dataset(name, shape)
+        if item is None:
+            names = ", ".join(list(self.file)[:20]) or "nothing"
+            raise self.refusal(f"no dataset '{name}' {_letters(shape)}; the file holds {names}")
+        return item
+
+    def dataset(self, name: str, shape: Shape) -> h5py.Dataset | None:
+        """Return a dataset that is stored in this very file, None if there is none.
 
         Args:
             name: of the dataset.
-            shape: the length of each axis by its letter, in order, such as ``{"N": 34, "T": None}``; None: any but 0.
-            optional: None is returned where there is none.
+            shape: the length of every axis by its letter, in order, such as ``{"N": 34, "T": None}``; None stands for
+                any length but 0.
 
         Raises:
-            BadInput: missing, no dataset, other dimensions or lengths, or what
+            BadInput: not a dataset, other dimensions or lengths, or what
                 :func:`~sci_lightning.files.hdf5_file.check_dataset` refuses: kept in another file, too large, ...
         """
-        letters = f"({', '.join(shape)}{',' if len(shape) == 1 else ''})"
+        letters = _letters(shape)
         try:
             item = own_dataset(self.file, name, f"a dataset {letters}")
         except BadInput as error:
             raise self.refusal(str(error)) from error
         if item is None:
-            if optional:
-                return None
-            names = ", ".join(list(self.file)[:20]) or "nothing"
-            raise self.refusal(f"no dataset '{name}' {letters}; the file holds {names}")
-        found_shape = item.shape if item.shape is not None else ()
-        holds = f"'{name}' is {item.dtype} of shape {found_shape}"
-        if len(found_shape) != len(shape):
+            return None
+        stored_shape = item.shape if item.shape is not None else ()
+        holds = f"'{name}' is {item.dtype} of shape {stored_shape}"
+        if len(stored_shape) != len(shape):
             raise self.refusal(f"{holds}, expected {len(shape)} dimension{'s' * (len(shape) > 1)} {letters}")
-        if 0 in found_shape:
+        if 0 in stored_shape:
             raise self.refusal(f"{holds}, which is empty; expected {letters} with at least one of each")
-        expected = tuple(given or found for given, found in zip(shape.values(), found_shape, strict=True))
-        if found_shape != expected:
+        expected = tuple(length or stored for length, stored in zip(shape.values(), stored_shape, strict=True))
+        if stored_shape != expected:
             raise self.refusal(f"{holds}, expected {letters} = {expected}")
         try:
             check_dataset(name, item)
@@ -68,31 +82,42 @@ class Contents:
             raise self.refusal(str(error)) from error
         return item
 
-    def numbers(self, name: str, types: str, shape: dict[str, int | None], *, optional: bool = False) -> Any:
-        """A dataset of numbers as an array, None where there is none and it is ``optional``.
+    def required_numbers(self, name: str, types: str, shape: Shape) -> np.ndarray:
+        """Return a dataset of numbers that has to be there; see :meth:`numbers`."""
+        return self._read_numbers(name, types, self.required_dataset(name, shape))
 
-        Numbers of double precision become single precision while they are read.
+    def numbers(self, name: str, types: str, shape: Shape) -> np.ndarray | None:
+        """Return a dataset of numbers as an array, None if there is none.
+
+        Numbers of double precision are converted to single precision while they are read.
 
         Args:
-            types: NumPy's type letters that will do, ``ui`` or ``buif``.
+            name: of the dataset.
+            types: the permitted type letters of NumPy, ``ui`` or ``buif``.
+            shape: see :meth:`dataset`.
 
         Raises:
-            BadInput: as :meth:`dataset`; of another type; cannot be read.
+            BadInput: as :meth:`dataset`; another type, or a dataset that cannot be read.
         """
-        item = self.dataset(name, shape, optional=optional)
-        if item is None:
-            return None
+        item = self.dataset(name, shape)
+        return None if item is None else self._read_numbers(name, types, item)
+
+    def _read_numbers(self, name: str, types: str, item: h5py.Dataset) -> np.ndarray:
         if item.dtype.kind not in types:
             raise self.refusal(f"'{name}' is {_type(item)}, expected {TYPES[types]}")
-        return self._read(name, item, np.float32 if item.dtype.kind == "f" and item.dtype.itemsize > 4 else None)
+        double = item.dtype.kind == "f" and item.dtype.itemsize > 4
+        try:
+            return np.asarray(read_dataset(name, item, np.float32 if double else None))
+        except BadInput as error:
+            raise self.refusal(str(error)) from error
 
-    def strings(self, name: str, shape: dict[str, int | None]) -> tuple[str, ...] | None:
-        """An optional dataset of strings, stored as text or as bytes.
+    def strings(self, name: str, shape: Shape) -> tuple[str, ...] | None:
+        """Return a dataset of strings, stored as text or as bytes; None if there is none.
 
         Raises:
-            BadInput: as :meth:`dataset`; no strings, or not UTF-8.
+            BadInput: as :meth:`dataset`; not strings, or not UTF-8.
         """
-        item = self.dataset(name, shape, optional=True)
+        item = self.dataset(name, shape)
         if item is None:
             return None
         if h5py.check_string_dtype(item.dtype) is None:
@@ -103,8 +128,8 @@ class Contents:
                 raise self.refusal(f"'{name}' is compressed or compact, expected strings that are stored as they are")
             if longest > 4 * LONGEST_STRING:
                 raise self.refusal(f"'{name}' holds strings of more than {LONGEST_STRING} characters, expected labels")
-        # strings of any length lie anywhere in the file, and many may be one and the same: so many at a time that
-        # they fit into memory even if each is as long as the file
+        # Several entries may refer to the same string, of any length. Read only so many at a time that they fit into
+        # memory even if every one of them is as long as the file.
         step = max(1, SMALL // max(1, self.file.id.get_filesize()))
         texts: list[str] = []
         for start in range(0, len(item), step):
@@ -119,8 +144,10 @@ class Contents:
                 raise self.refusal(f"'{name}' holds strings of more than {LONGEST_STRING} characters, expected labels")
         return tuple(texts)
 
-    def attribute(self, name: str) -> Any:
-        """A string, a number or None where there is none; one-element arrays (MATLAB's) are taken apart.
+    def attribute(self, name: str) -> str | int | float | None:
+        """Return an attribute that is a string or a number, None if there is none.
+
+        An array with one element, as MATLAB writes them, counts as its element.
 
         Raises:
             BadInput: neither a string nor one number.
@@ -150,11 +177,10 @@ class Contents:
             raise self.refusal(f"attribute '{name}' is {type(value).__name__}, expected a string or one number")
         return value
 
-    def _read(self, name: str, item: h5py.Dataset, dtype: Any = None) -> Any:
-        try:
-            return read_dataset(name, item, dtype)
-        except BadInput as error:
-            raise self.refusal(str(error)) from error
+
+def _letters(shape: Shape) -> str:
+    """Return the axes as messages name them, such as ``(N, T)``."""
+    return f"({', '.join(shape)}{',' if len(shape) == 1 else ''})"
 
 
 def _type(item: h5py.Dataset) -> str:

@@ -1,4 +1,4 @@
-"""What sort of capture it is, judged by what was shown and not by its label."""
+"""The kind of a capture, judged by its patterns and its scene rather than by its label."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import numpy as np
 
 KINDS = ("dark", "flat", "pattern", "static", "dynamic", "unknown")
 EQUAL = 1e-6
-"""Irradiances closer than this count as the same: float32 keeps no more of a scene near 1."""
+"""Irradiances closer than this count as equal; it is the resolution of float32 near 1."""
 
 
 def infer_kind(patterns: np.ndarray, sequence: np.ndarray, scene: np.ndarray, aperture: float = 1.0) -> str:
-    """The kind of one capture by its content.
+    """Return the kind of one capture by its content.
 
-    The first that holds:
+    It is the first of these that applies:
 
     - dark: no light before the camera (aperture or scene is 0 everywhere),
     - unknown: the scene is not known (NaN),
@@ -24,7 +24,7 @@ def infer_kind(patterns: np.ndarray, sequence: np.ndarray, scene: np.ndarray, ap
 
     Args:
         patterns: (P, H, W) in [0, 1].
-        sequence: (T,) index into ``patterns`` for each slot.
+        sequence: (T,) index into ``patterns`` for every slot.
         scene: (T, H, W) nominal irradiance, NaN where unknown.
         aperture: light scale of the capture, 0 or more.
 
@@ -46,5 +46,5 @@ def infer_kind(patterns: np.ndarray, sequence: np.ndarray, scene: np.ndarray, ap
 
 
 def infer_kinds(patterns: np.ndarray, sequence: np.ndarray, scene: np.ndarray, aperture: np.ndarray) -> tuple[str, ...]:
-    """:func:`infer_kind` of N captures: sequence (N, T), scene (N, T, H, W), aperture (N,)."""
-    return tuple(infer_kind(patterns, *each) for each in zip(sequence, scene, aperture.tolist(), strict=True))
+    """Return :func:`infer_kind` of N captures, given sequence (N, T), scene (N, T, H, W) and aperture (N,)."""
+    return tuple(infer_kind(patterns, *capture) for capture in zip(sequence, scene, aperture.tolist(), strict=True))

@@ -1,10 +1,10 @@
-"""A captures file, opened and checked."""
+"""Reading a captures file and checking all of it."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,18 +17,18 @@ from sci_lightning.files.memory_bound import check_memory
 
 FORMAT, FORMAT_VERSION = "sci-captures", 1
 MOST_CAPTURES = 100_000
-"""Captures in one file; a day of one a second is 86,400."""
+"""Largest number of captures in one file; one per second makes 86,400 a day."""
 
 
 def read_captures(path: str | Path, *, called: str | Path | None = None) -> Captures:
-    """Read a captures file (HDF5, ``sci-captures`` 1) whole and check all of it.
+    """Read a captures file (HDF5, ``sci-captures`` 1) and check all of it.
 
-    Where the file says nothing: every capture shows the patterns in their order (T = P), scenes are unknown (NaN),
-    aperture and exposure are 1, kinds are inferred from the content, the name is the file's.
+    Defaults for what the file does not state: every capture shows the patterns in their order (T = P), scenes are
+    unknown (NaN), aperture and exposure are 1, kinds are inferred from the content, and the name is that of the file.
 
     Args:
         path: the file.
-        called: what error messages call it; None: its path.
+        called: its name in error messages; None for the path.
 
     Raises:
         BadInput: missing, unreadable or of another format; a dataset or attribute that is missing, of another type or
@@ -56,7 +56,7 @@ def _captures(contents: Contents, path: Path) -> Captures:
     count, height, width = measurement.shape
     frame = {"H": height, "W": width}
     with np.errstate(over="ignore"):  # beyond float32 is infinite, and refused as that
-        patterns = contents.numbers("patterns", "buif", {"P": None, **frame}).astype(np.float32)
+        patterns = contents.required_numbers("patterns", "buif", {"P": None, **frame}).astype(np.float32)
         _check_range(contents, "'patterns'", patterns, 1)
         sequence = _sequence(contents, count, len(patterns))
         scene = _scene(contents, {"N": count, "T": sequence.shape[1], **frame})
@@ -65,9 +65,9 @@ def _captures(contents: Contents, path: Path) -> Captures:
     for index, label in enumerate(kind or ()):
         if label not in KINDS:
             raise contents.refusal(f"'kind' of capture {index} is {label!r}, expected one of {', '.join(KINDS)}")
-    label = contents.attribute("name")
-    if not isinstance(label, str | None):
-        raise contents.refusal(f"attribute 'name' is {label!r}, expected a string")
+    title = contents.attribute("name")
+    if not isinstance(title, str | None):
+        raise contents.refusal(f"attribute 'name' is {title!r}, expected a string")
     return Captures(
         patterns=patterns,
         sequence=sequence,
@@ -79,7 +79,7 @@ def _captures(contents: Contents, path: Path) -> Captures:
         bit_depth=int(bits),
         read_noise_dn=_number(contents, "read_noise_dn", "0 or more", lambda v: v >= 0),
         full_well_e=_number(contents, "full_well_e", "a positive number", lambda v: v > 0),
-        name=label or path.stem,
+        name=title or path.stem,
         path=path,
     )
 
@@ -93,29 +93,27 @@ def _check_format(contents: Contents) -> None:
             raise contents.refusal(f"attribute '{name}' is {found!r}, expected {expected!r}")
 
 
-def _number(contents: Contents, name: str, expected: str, right: Any) -> float | None:
+def _number(contents: Contents, name: str, expected: str, is_right: Callable[[float], bool]) -> float | None:
     value = contents.attribute(name)
     if value is None:
         return None
-    if isinstance(value, bool | str) or not math.isfinite(value) or not right(value):
+    if isinstance(value, bool | str) or not math.isfinite(value) or not is_right(value):
         raise contents.refusal(f"attribute '{name}' is {value!r}, expected {expected}")
     return float(value)
 
 
 def _check_sizes(contents: Contents) -> None:
     """Check the shape of every dataset, and that all of them fit into memory together, before any is read."""
-    measurement = contents.dataset("measurement", {"N": None, "H": None, "W": None})
-    assert measurement is not None  # not optional
+    measurement = contents.required_dataset("measurement", {"N": None, "H": None, "W": None})
     count, height, width = measurement.shape
     if count > MOST_CAPTURES:
         raise contents.refusal(f"'measurement' declares {count} captures, expected at most {MOST_CAPTURES}")
-    patterns = contents.dataset("patterns", {"P": None, "H": height, "W": width})
-    assert patterns is not None  # not optional
-    sequence = contents.dataset("sequence", {"N": count, "T": None}, optional=True)
+    patterns = contents.required_dataset("patterns", {"P": None, "H": height, "W": width})
+    sequence = contents.dataset("sequence", {"N": count, "T": None})
     slots = len(patterns) if sequence is None else sequence.shape[1]
-    contents.dataset("scene", {"N": count, "T": slots, "H": height, "W": width}, optional=True)
+    contents.dataset("scene", {"N": count, "T": slots, "H": height, "W": width})
     for name in ("aperture", "exposure", "kind"):
-        contents.dataset(name, {"N": count}, optional=True)
+        contents.dataset(name, {"N": count})
     pixels = height * width
     declared = measurement.dtype.itemsize * count * pixels + 8 * count * slots
     declared += 4 * pixels * (len(patterns) + count * slots)  # the scene is NaN where the file has none
@@ -123,14 +121,14 @@ def _check_sizes(contents: Contents) -> None:
 
 
 def _measurement(contents: Contents, bits: int) -> np.ndarray:
-    item = contents.dataset("measurement", {"N": None, "H": None, "W": None})
+    shape = {"N": None, "H": None, "W": None}
     expected = f"raw DN, integers from 0 to {2**bits - 1} ({bits} bits)"
-    if item is not None and item.dtype.kind == "f":
-        values = contents.numbers("measurement", "buif", {"N": None, "H": None, "W": None})
-        bad = np.isnan(values).any((1, 2))
+    item = contents.required_dataset("measurement", shape)
+    if item.dtype.kind == "f":
+        bad = np.isnan(contents.required_numbers("measurement", "buif", shape)).any((1, 2))
         holds = f"holds NaN (capture {bad.argmax()})" if bad.any() else f"is {item.dtype}"
         raise contents.refusal(f"'measurement' {holds}, expected {expected}")
-    values = contents.numbers("measurement", "ui", {"N": None, "H": None, "W": None})
+    values = contents.required_numbers("measurement", "ui", shape)
     for index, capture in enumerate(values):
         worst = capture.min() if capture.min() < 0 else capture.max()
         if not 0 <= worst < 2**bits:
@@ -139,7 +137,7 @@ def _measurement(contents: Contents, bits: int) -> np.ndarray:
 
 
 def _sequence(contents: Contents, count: int, patterns: int) -> np.ndarray:
-    values = contents.numbers("sequence", "ui", {"N": count, "T": None}, optional=True)
+    values = contents.numbers("sequence", "ui", {"N": count, "T": None})
     if values is None:
         return np.tile(np.arange(patterns, dtype=np.int64), (count, 1))
     wrong = np.argwhere((values < 0) | (values >= patterns))
@@ -153,7 +151,7 @@ def _sequence(contents: Contents, count: int, patterns: int) -> np.ndarray:
 
 
 def _scene(contents: Contents, shape: dict[str, int]) -> np.ndarray:
-    values = contents.numbers("scene", "buif", {**shape}, optional=True)
+    values = contents.numbers("scene", "buif", {**shape})
     if values is None:
         return np.full(tuple(shape.values()), np.nan, np.float32)
     scene = np.asarray(values, np.float32)
@@ -171,7 +169,7 @@ def _scene(contents: Contents, shape: dict[str, int]) -> np.ndarray:
 
 
 def _scale(contents: Contents, name: str, count: int) -> np.ndarray:
-    values = contents.numbers(name, "buif", {"N": count}, optional=True)
+    values = contents.numbers(name, "buif", {"N": count})
     scale = np.ones(count, np.float32) if values is None else np.asarray(values, np.float32)
     _check_range(contents, f"'{name}'", scale, math.inf)
     return scale

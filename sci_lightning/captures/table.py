@@ -1,4 +1,4 @@
-"""What a captures file holds, in numbers."""
+"""A summary of captures for the terminal."""
 
 from __future__ import annotations
 
@@ -10,13 +10,17 @@ from sci_lightning.captures.kind import KINDS
 
 
 def summary_table(captures: Captures) -> Table:
-    """One line per kind: how many, DN, shares of pixels at either end of the range, scenes that are known."""
+    """Return a table with one row per kind.
+
+    Its columns are the number of captures, their mean, smallest and largest DN, the part of the pixels at either end of
+    the range, and the number of known scenes.
+    """
     table = Table("kind", title=captures.name)
     for column in ("captures", "mean DN", "min", "max", "saturated", "at zero", "scenes known"):
         table.add_column(column, justify="right")
     known = captures.known
     for kind in KINDS:
-        chosen = np.array([each == kind for each in captures.kind])
+        chosen = np.array([label == kind for label in captures.kind])
         if chosen.any():
             values = captures.measurement[chosen]
             table.add_row(
@@ -25,15 +29,15 @@ def summary_table(captures: Captures) -> Table:
                 f"{values.mean():.2f}",
                 str(values.min()),
                 str(values.max()),
-                _share(values >= captures.full_scale),
-                _share(values == 0),
+                _percentage(values >= captures.full_scale),
+                _percentage(values == 0),
                 f"{known[chosen].sum()}",
             )
     return table
 
 
-def facts(captures: Captures) -> list[str]:
-    """Lines on the camera, and on captures whose label is not what they look like."""
+def summary_lines(captures: Captures) -> list[str]:
+    """Return lines about the camera, and one for every capture whose label contradicts its content."""
     (height, width), patterns = captures.size, len(captures.patterns)
     datasheet = [
         f"read noise {'not stated' if captures.read_noise_dn is None else f'{captures.read_noise_dn:g} DN'}",
@@ -51,5 +55,5 @@ def facts(captures: Captures) -> list[str]:
     return lines
 
 
-def _share(where: np.ndarray) -> str:
-    return f"{100 * where.mean():.2f} %" if where.any() else "0"
+def _percentage(mask: np.ndarray) -> str:
+    return f"{100 * mask.mean():.2f} %" if mask.any() else "0"

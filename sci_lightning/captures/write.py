@@ -1,10 +1,9 @@
-"""A captures file, written whole and read back before it gets its name."""
+"""Writing a captures file; it is read back and checked before it gets its name."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,20 +17,24 @@ ENDINGS = (".h5", ".hdf5")
 
 
 def write_captures(path: str | Path, captures: Captures) -> Captures:
-    """Write a captures file; what :func:`read_captures` would refuse never gets the name ``path``.
+    """Write a captures file, unless :func:`read_captures` would refuse it.
 
-    Images are compressed without loss. The scene is left out when none is known.
+    Images are compressed without loss. The scene is left out if it is unknown for every capture.
+
+    Args:
+        path: the file, .h5 or .hdf5; it is written whole or not at all.
+        captures: what to write.
 
     Returns:
-        what was written, as read back.
+        The captures as read back from the file.
 
     Raises:
-        BadInput: the name does not end in .h5 or .hdf5, or is a folder's; captures that break the format.
+        BadInput: the path has another ending or is a folder's, or the captures violate the format.
     """
     path = Path(path)
     if path.suffix not in ENDINGS or path.is_dir():
         raise BadInput(f"out={path}: a captures file ends in .h5 or .hdf5")
-    attributes: dict[str, Any] = {"format": FORMAT, "format_version": FORMAT_VERSION}
+    attributes: dict[str, str | int | float] = {"format": FORMAT, "format_version": FORMAT_VERSION}
     for name in ("bit_depth", "read_noise_dn", "full_well_e", "name"):
         if (value := getattr(captures, name)) not in (None, ""):
             attributes[name] = value

@@ -76,6 +76,10 @@ SETTINGS: Mapping[str, Any] = {
     "search": SearchSettings,
     "empirical": bool,
     "candidates": Annotated[Mapping[str, Name], DocInfo("effects of your own, +candidates.mine=my_module.Mine")],
+    # captures, virtual_camera.reveal
+    "folder": Place,
+    "truth": Place,
+    "report": Place,
     # virtual_camera
     "effects": Any,
     "number": Count,

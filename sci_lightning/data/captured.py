@@ -1,4 +1,4 @@
-"""Snapshots that a camera took of known scenes in motion, to test a decoder on."""
+"""Snapshots that a camera took of known moving scenes, on which a decoder is tested."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from sci_lightning.captures import Captures
 from sci_lightning.errors import BadInput
 
 HALF_A_LEVEL = 0.5 / 255
-"""Patterns that differ by no more are the same: a modulator of 8 bits shows them alike."""
+"""Patterns that differ by at most this count as the same: a modulator of 8 bits displays them alike."""
 
 
 class CapturedSnapshots(Dataset[tuple[int, torch.Tensor, torch.Tensor, torch.Tensor]]):
-    """The captures of known, moving scenes behind one mask.
+    """Those of a camera's captures whose scene is known and moves and that were taken with a given mask.
 
-    Item: ``(number, video (T, H, W), measurement (H, W) normalised by full scale, aperture ())``. A capture is dynamic
-    by its content, whatever its label says.
+    An item is ``(number, video (T, H, W), measurement (H, W) normalised by full scale, aperture ())``. Whether a scene
+    moves is decided by its content, not by the label of the capture.
 
     Args:
         captures: of one camera.
-        mask: ``(T, H, W)`` in [0, 1], the patterns that the captures must have been told to show, in this order.
+        mask: ``(T, H, W)`` in [0, 1], the patterns that a capture must have been commanded to display, in this order.
 
     Raises:
-        BadInput: another size or number of slots than the mask's; none with a known scene that moves; none of those
-            was told to show the mask.
+        BadInput: the captures have another size or number of slots than the mask; no known scene moves; or none of
+            the captures of moving scenes displayed the mask.
     """
 
     def __init__(self, captures: Captures, mask: torch.Tensor) -> None:
@@ -38,20 +38,20 @@ class CapturedSnapshots(Dataset[tuple[int, torch.Tensor, torch.Tensor, torch.Ten
         moving = [kind == "dynamic" for kind in captures.inferred_kind]
         if not any(moving):
             raise BadInput(f"{name}: none of its {len(captures)} captures is {needed} (kind dynamic)")
-        told = mask.detach().cpu().numpy()
+        expected = mask.detach().cpu().numpy()
         same = {
-            tuple(sequence): bool(np.abs(captures.patterns[sequence] - told).max() <= HALF_A_LEVEL)
+            tuple(sequence): bool(np.abs(captures.patterns[sequence] - expected).max() <= HALF_A_LEVEL)
             for sequence in np.unique(captures.sequence[moving], axis=0)
         }
-        chosen = [moves and same[tuple(each)] for moves, each in zip(moving, captures.sequence, strict=True)]
-        if not any(chosen):
+        usable = [moves and same[tuple(slots)] for moves, slots in zip(moving, captures.sequence, strict=True)]
+        if not any(usable):
             raise BadInput(
                 f"{name}: none of its {sum(moving)} captures {needed} shows the encoder's mask, pattern by pattern; "
                 "take them with the mask that the decoder was trained with"
             )
-        self.captures = captures.take(chosen)
-        self.names = [f"capture_{index}" for index in np.flatnonzero(chosen)]
-        """After the captures' numbers in the file, from 0."""
+        self.captures = captures.take(usable)
+        self.names = [f"capture_{index}" for index in np.flatnonzero(usable)]
+        """Names made of the captures' numbers in the file, from 0."""
 
     def __len__(self) -> int:
         return len(self.names)

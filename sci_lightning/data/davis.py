@@ -8,35 +8,33 @@ from pathlib import Path
 
 from sci_lightning.configuration.bounds import Frames, Repeats, Seed, Size
 from sci_lightning.data.augmentation import Augmentation
-from sci_lightning.data.source import Clips, Scene
-from sci_lightning.data.store import ClipStore
-from sci_lightning.data.stored_clips import StoredClips, stored_scenes
+from sci_lightning.data.stored_clips import StoredSource
 from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_text import excerpt
 
 NAME = re.compile(r"\w[\w.-]{0,99}", re.ASCII)
-"""What a sequence is called: a folder beside the others, nothing above or beyond."""
+"""Names of sequences: a folder beside the others, never a path that leads elsewhere."""
 
 
-class Davis:
-    """DAVIS 2017: its ``train`` sequences train, its ``val`` sequences are the scenes.
+class Davis(StoredSource):
+    """DAVIS 2017: the ``train`` sequences are the training clips, the ``val`` sequences the held-out scenes.
 
     Source: Pont-Tuset et al., "The 2017 DAVIS Challenge on Video Object Segmentation", arXiv:1704.00675.
 
     Args:
         root: the folder that holds ``JPEGImages/480p/<sequence>/*.jpg`` and
             ``ImageSets/2017/{train,val}.txt``, or the folder above it.
-        frames: T, the frames of one snapshot.
-        size: ``(H, W)`` in pixels: the mask's full size, to which scenes are cut.
-        crop: ``(h, w)`` in pixels: the size that is trained on.
+        frames: T, the number of frames in one snapshot.
+        size: ``(H, W)`` in pixels, the mask's full size, to which scenes are cut.
+        crop: ``(h, w)`` in pixels, the size of training clips.
         seed: decides all that is random in the training clips.
         clips_per_epoch: by default the number of separate groups of T frames in the training sequences.
         store: see :class:`~sci_lightning.data.store.ClipStore`.
         max_stride, reverse, scale, flip, rotate: see :class:`~sci_lightning.data.augmentation.Augmentation`.
 
     Raises:
-        BadInput: a part of the data set is missing, or an argument is out of range. Frames are opened by
-            ``clips`` and ``scenes``, which raise it for a sequence unreadable, short or small.
+        BadInput: a part of the data set is missing, or an argument is out of range. ``clips`` and
+            ``scenes`` read the frames, and raise it for a sequence that is unreadable, too short or too small.
     """
 
     def __init__(
@@ -55,29 +53,25 @@ class Davis:
         flip: bool = True,
         rotate: bool = True,
     ) -> None:
-        self.frames = frames
-        self.size = size
-        self.seed = seed
-        self.clips_per_epoch = clips_per_epoch
-        self.store = store
-        self.augmentation = Augmentation(
+        augmentation = Augmentation(
             frames, crop, max_stride=max_stride, reverse=reverse, scale=scale, flip=flip, rotate=rotate
         )
         folder = _locate(Path(root))
-        self.training = _sequences(folder, "train")
-        self.held_out = _sequences(folder, "val")
-
-    def clips(self) -> Clips:
-        """Augmented float32 ``(T, h, w)`` of the training sequences."""
-        store = ClipStore(self.training, self.store)
-        return StoredClips(store, self.augmentation, seed=self.seed, clips_per_epoch=self.clips_per_epoch)
-
-    def scenes(self) -> list[Scene]:
-        """The validation sequences' centres, float32 ``(N, T, H, W)``."""
-        return stored_scenes(ClipStore(self.held_out, self.store), self.frames, self.size)
+        training, held_out = (_sequences(folder, subset) for subset in ("train", "val"))
+        super().__init__(
+            training,
+            held_out,
+            frames,
+            size,
+            augmentation,
+            seed=seed,
+            clips_per_epoch=clips_per_epoch,
+            store=store,
+        )
 
 
 def _locate(root: Path) -> Path:
+    """Return the folder of the data set: ``root``, or the first folder in it that holds the frames."""
     for folder in (root, *sorted(root.glob("*/"))):
         if (folder / "JPEGImages" / "480p").is_dir():
             return folder
@@ -85,6 +79,7 @@ def _locate(root: Path) -> Path:
 
 
 def _sequences(folder: Path, subset: str) -> list[Path]:
+    """Return the folders of the sequences that the list of a subset, ``train`` or ``val``, names."""
     names = folder / "ImageSets" / "2017" / f"{subset}.txt"
     if not names.is_file():
         raise BadInput(f"{names}: no such file; it lists the {subset} sequences of DAVIS 2017")

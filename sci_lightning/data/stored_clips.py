@@ -1,4 +1,4 @@
-"""Training clips and test scenes out of a store of decoded clips."""
+"""Training clips and test scenes from a store of decoded clips."""
 
 from __future__ import annotations
 
@@ -17,12 +17,14 @@ from sci_lightning.errors import BadInput
 
 
 class StoredClips(Clips):
-    """Augmented training clips of a :class:`ClipStore`: a clip is drawn by its length, then augmented.
+    """Augmented training clips from a :class:`ClipStore`.
+
+    A clip is drawn with a probability in proportion to its length, and then augmented.
 
     Args:
-        store: where the clips are.
-        augmentation: what makes float32 ``(T, h, w)`` in [0, 1] of a stored clip.
-        seed: with the index, it alone decides what is drawn.
+        store: the decoded clips.
+        augmentation: makes float32 ``(T, h, w)`` in [0, 1] of a stored clip.
+        seed: decides, together with the index of a training clip, what is drawn.
         clips_per_epoch: ``len``; by default the number of separate groups of T frames in the store.
 
     Raises:
@@ -59,8 +61,52 @@ class StoredClips(Clips):
         return self.augmentation(self.store[clip], random)
 
 
+class StoredSource:
+    """The part that all sources of files have in common: clips to train on and held-out scenes, decoded into a store.
+
+    Args:
+        training, held_out: the clips, files or folders.
+        frames: T, the number of frames in one snapshot.
+        size: ``(H, W)`` in pixels, to which scenes are cut.
+        augmentation: makes training clips of the stored ones.
+        seed: decides all that is random in the training clips.
+        clips_per_epoch: by default the number of separate groups of T frames in the training clips.
+        store: folder of decoded clips, see :class:`~sci_lightning.data.store.ClipStore`.
+    """
+
+    def __init__(
+        self,
+        training: Sequence[Path],
+        held_out: Sequence[Path],
+        frames: int,
+        size: Sequence[int],
+        augmentation: Augmentation,
+        *,
+        seed: int = 0,
+        clips_per_epoch: int | None = None,
+        store: str | Path | None = None,
+    ) -> None:
+        self.training = list(training)
+        self.held_out = list(held_out)
+        self.frames = frames
+        self.size = size
+        self.augmentation = augmentation
+        self.seed = seed
+        self.clips_per_epoch = clips_per_epoch
+        self.store = store
+
+    def clips(self) -> Clips:
+        """Return augmented training clips, float32 ``(T, h, w)`` in [0, 1]."""
+        store = ClipStore(self.training, self.store)
+        return StoredClips(store, self.augmentation, seed=self.seed, clips_per_epoch=self.clips_per_epoch)
+
+    def scenes(self) -> list[Scene]:
+        """Return the centres of the held-out clips, float32 ``(N, T, H, W)`` in [0, 1], named after the clips."""
+        return stored_scenes(ClipStore(self.held_out, self.store), self.frames, self.size)
+
+
 class StoredVideo:
-    """The centre of one stored clip, read group by group: a scene takes no memory until it is looked at."""
+    """The centre of one stored clip, read group by group, so that a scene takes no memory until it is used."""
 
     def __init__(
         self, store: ClipStore, clip: int, frames: int, corner: tuple[int, int], size: tuple[int, int]
@@ -81,11 +127,11 @@ class StoredVideo:
 
 
 def stored_scenes(store: ClipStore, frames: int, size: Sequence[int]) -> list[Scene]:
-    """The clips of ``store`` as scenes: their centre, whole groups of ``frames``, named after the clips.
+    """Return the centres of all clips as scenes of whole groups of T frames, named after the clips.
 
     Args:
-        store: where the clips are.
-        frames: T; what is left over at a clip's end is dropped.
+        store: the decoded clips.
+        frames: T; remaining frames at a clip's end are dropped.
         size: ``(H, W)`` in pixels, cut from the centre.
 
     Raises:
@@ -106,7 +152,7 @@ def stored_scenes(store: ClipStore, frames: int, size: Sequence[int]) -> list[Sc
 
 
 def _scene_names(clips: Sequence[Path]) -> list[str]:
-    """The clips' own names; where several share one, with the folders that tell them apart."""
+    """Return the names of the clips; where several have the same name, with the folders in which they differ."""
     names = [clip.name if clip.is_dir() else clip.stem for clip in clips]
     count = Counter(names)
     root = os.path.commonpath(clips)

@@ -26,9 +26,12 @@ class Decoder(nn.Module):
     multiple: ClassVar[int] = 1
     """The architecture takes H and W that are multiples of this; others are replicated up to one and cropped back."""
     published_names: ClassVar[tuple[tuple[str, str], ...]] = ()
-    """(regular expression of a published state-dict key, replacement that makes it ours), matched in full."""
+    """What the authors call our state-dict keys: (regular expression of our key, replacement to make it theirs).
+
+    An expression has to match all of a key. Where several match, the authors' tensors are joined in this order.
+    """
     published_unused: ClassVar[tuple[str, ...]] = ()
-    """Regular expressions of published state-dict keys that are knowingly not used."""
+    """Regular expressions of published state-dict keys that are not used on purpose."""
 
     def forward(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """Estimate the video ``(N, T, H, W)``, nominally in [0, 1], not clipped: the last of :meth:`stages`.

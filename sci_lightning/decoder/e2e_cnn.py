@@ -43,12 +43,12 @@ class E2ECNN(Decoder):
     """
 
     published_names: ClassVar[tuple[tuple[str, str], ...]] = (
-        (r"conv1\.(.*)", r"first.\1"),
-        *((rf"encode{i + 1}\.conv1\.(.*)", rf"encode.{i}.layers.0.\1") for i in range(5)),
-        *((rf"encode{i + 1}\.conv2\.(.*)", rf"encode.{i}.layers.2.\1") for i in range(5)),
-        *((rf"decode{5 - i}\.conv1\.(.*)", rf"decode_blocks.{i}.layers.0.\1") for i in range(5)),
-        *((rf"decode{5 - i}\.conv2\.(.*)", rf"decode_blocks.{i}.layers.2.\1") for i in range(5)),
-        (r"last_act\.0\.(.*)", r"last.\1"),
+        (r"first\.(.*)", r"conv1.\1"),
+        *((rf"encode\.{i}\.layers\.0\.(.*)", rf"encode{i + 1}.conv1.\1") for i in range(5)),
+        *((rf"encode\.{i}\.layers\.2\.(.*)", rf"encode{i + 1}.conv2.\1") for i in range(5)),
+        *((rf"decode_blocks\.{i}\.layers\.0\.(.*)", rf"decode{5 - i}.conv1.\1") for i in range(5)),
+        *((rf"decode_blocks\.{i}\.layers\.2\.(.*)", rf"decode{5 - i}.conv2.\1") for i in range(5)),
+        (r"last\.(.*)", r"last_act.0.\1"),
     )
 
     def __init__(self, frames: Frames, channels: Width = 64, blocks: Depth = 5, input_residual: bool = False) -> None:

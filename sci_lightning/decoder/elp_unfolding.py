@@ -7,7 +7,7 @@ from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.layers.named_block import named_block
+from sci_lightning.decoder.layers.sequential import named_block
 from sci_lightning.errors import BadInput
 
 Features = list[torch.Tensor]

@@ -79,7 +79,7 @@ class Iterative(Decoder):
         if not isinstance(motion, MotionFilter | None):
             raise BadInput(f"decoder.motion={motion}: give null, or override its settings: decoder.motion.reach=4")
         self.denoiser = denoiser
-        names = tuple((pattern, rf"denoiser.{place}") for pattern, place in denoiser.published_names)
+        names = tuple((rf"denoiser\.{ours}", theirs) for ours, theirs in denoiser.published_names)
         self.published_names = names  # type: ignore[misc]  # those of a class elsewhere; here of what it holds
         self.plan = tuple(zip(strengths, iterations, strict=True))
         """Strengths, and for how many iterations."""

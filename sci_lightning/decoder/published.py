@@ -1,4 +1,4 @@
-"""Weights as their authors published them, into our decoders."""
+"""Loading weights into our decoders as their authors published them."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_text import excerpt, with_article
 
 STATES = ("state_dict", "model_state_dict", "color_SCI_backward_dict")
-"""What the authors call the state inside the dictionary that they save; without one the dictionary is the state."""
+"""Keys of the saved dictionary under which authors keep the state; without any of them the dictionary is the state."""
 BESIDE = ("pretrain_epoch", "epoch", "best_psnr", "optimizer", "optim_state_dict", "amp")
-"""What may lie beside it: how far the training had come, of which nothing is used."""
+"""Keys that may stand beside the state: the progress of the training, of which nothing is used."""
 WRAPPERS = ("module.", "_orig_mod.")
-"""Put before every key by data-parallel training and by ``torch.compile``."""
+"""Prefixes that data-parallel training and ``torch.compile`` put before every key."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def load_published(decoder: Decoder, state_dict: Mapping[str, Any]) -> Published
 
 
 def unpack(content: Mapping[str, Any]) -> tuple[dict[str, torch.Tensor], PublishedMask | None]:
-    """The bare state of the decoder by its authors' keys, and the mask, of what :func:`load_published` takes."""
+    """Return the decoder's state under its authors' keys, and the mask, of what :func:`load_published` takes."""
     inside = next((name for name in STATES if isinstance(content.get(name), Mapping)), None)
     real = content.get("continuous_mask") if inside else None
     if inside:
@@ -82,71 +82,53 @@ def unpack(content: Mapping[str, Any]) -> tuple[dict[str, torch.Tensor], Publish
 
 
 def our_state(decoder: Decoder, weights: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """The decoder's state, made of its authors' (bare keys); raises as :func:`load_published` does.
+    """Return the decoder's state, made of its authors' tensors; raises as :func:`load_published` does.
 
-    A key goes where the first pattern of ``decoder.published_names`` that matches all of it says, and is ours already
-    where none does. Keys that go to one place are joined along their first dimension, in the order of the patterns.
+    Args:
+        decoder: of the published size. Its ``published_names`` say what the authors call every key; a key that they
+            call as we do, or that is in the file under our name, needs no entry there.
+        weights: the authors' state without wrappers. Tensors that are one tensor here are joined along their first
+            dimension, in the order of ``published_names``.
     """
     name, wanted = type(decoder).__name__, decoder.state_dict()
-    sources: dict[str, list[tuple[int, str]]] = {}
+    another = "is it of another network, or of another size?"
+    sources = {key: authors_keys(decoder, key) for key in wanted}
+    for key, theirs in sources.items():
+        if key in weights and not any(part in weights for part in theirs):
+            sources[key] = [key]
+    used = {part for theirs in sources.values() for part in theirs}
     for key in weights:
-        if any(re.fullmatch(pattern, key) for pattern in decoder.published_unused):
-            continue
-        order, place = _place(decoder, key)
-        if place not in wanted:
-            raise BadInput(f"'{key}' has no place in {name}; is it of another network, or of another size?")
-        sources.setdefault(place, []).append((order, key))
+        if key not in used and not any(re.fullmatch(pattern, key) for pattern in decoder.published_unused):
+            raise BadInput(f"'{key}' has no place in {name}; {another}")
     state = {}
-    for place, like in wanted.items():
-        if place not in sources:
-            ours = "" if (authors := authors_key(decoder, place)) == place else f" ('{place}' here)"
-            raise BadInput(
-                f"'{authors}'{ours} is missing, {name} needs it; is it of another network, or of another size?"
-            )
-        parts = {key: weights[key] for _, key in sorted(sources[place])}
-        state[place] = _joined(list(parts.values()))
-        if state[place].shape != like.shape:
-            shapes = " and ".join(f"'{key}' {tuple(part.shape)}" for key, part in parts.items())
+    for key, like in wanted.items():
+        for part in sources[key]:
+            if part not in weights:
+                ours = "" if part == key else f" ('{key}' here)"
+                raise BadInput(f"'{part}'{ours} is missing, {name} needs it; {another}")
+        state[key] = _joined([weights[part] for part in sources[key]])
+        if state[key].shape != like.shape:
+            shapes = " and ".join(f"'{part}' {tuple(weights[part].shape)}" for part in sources[key])
             raise BadInput(
                 f"{shapes}: {name} as configured has {tuple(like.shape)} there; set frames= and decoder.* to the file's"
             )
     return state
 
 
-def authors_key(decoder: Decoder, place: str) -> str:
-    """The authors' key that goes to ``place``, for messages: our own where no pattern can be read backwards."""
-    for pattern, replacement in decoder.published_names:
-        literals = re.split(r"\([^()]*\)", pattern.replace("\\.", "."))
-        groups = re.findall(r"\([^()]*\)", pattern)
-        if re.compile(pattern).groups != len(groups):  # nested, or not capturing
-            continue
-        pieces = re.split(r"\\(\d)", replacement)  # literal, number of a group, literal, ..
-        numbers = [int(each) - 1 for each in pieces[1::2]]
-        backwards = "".join(groups[numbers[n // 2]] if n % 2 else re.escape(each) for n, each in enumerate(pieces))
-        if match := re.fullmatch(backwards, place):
-            told = dict(zip(numbers, match.groups(), strict=True))
-            key = literals[0] + "".join(told.get(n, "") + literal for n, literal in enumerate(literals[1:]))
-            if _place(decoder, key)[1] == place:
-                return key
-    return place
+def authors_keys(decoder: Decoder, key: str) -> list[str]:
+    """Return what the authors call the tensor of a key of ours; several where they keep its parts apart."""
+    matches = ((re.fullmatch(ours, key), theirs) for ours, theirs in decoder.published_names)
+    return [match.expand(theirs) for match, theirs in matches if match] or [key]
 
 
 def _joined(parts: list[torch.Tensor]) -> torch.Tensor:
-    """Side by side along the first dimension; of what cannot be joined, the first."""
+    """Join tensors along their first dimension; return the first of those that cannot be joined, such as counters."""
     alike = len({part.shape[1:] for part in parts}) == 1 and parts[0].ndim > 0
     return torch.cat(parts) if alike and len(parts) > 1 else parts[0]
 
 
-def _place(decoder: Decoder, key: str) -> tuple[int, str]:
-    """Where an authors' key goes, and the number of the pattern that says so."""
-    for number, (pattern, replacement) in enumerate(decoder.published_names):
-        if match := re.fullmatch(pattern, key):
-            return number, match.expand(replacement)
-    return len(decoder.published_names), key
-
-
 def _unwrapped(state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """A state whose keys start with no wrapper's name."""
+    """Return a state without the wrappers' prefixes before its keys."""
     bare: dict[str, torch.Tensor] = {}
     for key, value in state.items():
         short = re.sub(rf"^({'|'.join(map(re.escape, WRAPPERS))})+", "", key)

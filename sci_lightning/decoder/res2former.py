@@ -11,13 +11,13 @@ from torch import nn
 from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.kernels.layout import as_one_channel
-from sci_lightning.decoder.layers.chain import Chain
 from sci_lightning.decoder.layers.convolution import Conv3d, pixel_shuffle
+from sci_lightning.decoder.layers.sequential import Chain
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.errors import BadInput
 
-PUBLISHED_LEVELS = ((r"encoder\.0\.0", "encode"), ("bottleneck", "bottleneck"), (r"decoder\.0\.2", "decode_blocks"))
-"""Where the authors keep the ResTSA modules of each level, and where we do."""
+PUBLISHED_LEVELS = (("encode", "encoder.0.0"), ("bottleneck", "bottleneck"), ("decode_blocks", "decoder.0.2"))
+"""Names of the ResTSA modules of every level, here and in the authors' files."""
 
 
 class TSABranch(nn.Module):
@@ -66,7 +66,7 @@ class Res2former(Decoder):
         depths: (N1, N2), ResTSA modules at the outer level (each way) and at the bottleneck (3, 3; L: 5, 5).
         groups: branches of a ResTSA module at the outer level and at the bottleneck (2, 4; L: 4, 8).
         heads: attention heads in each branch (4).
-        checkpoint: train on less memory; see :class:`~sci_lightning.decoder.layers.chain.Chain`.
+        checkpoint: train on less memory; see :class:`~sci_lightning.decoder.layers.sequential.Chain`.
 
     Raises:
         BadInput: widths that do not divide into groups and heads.
@@ -77,18 +77,18 @@ class Res2former(Decoder):
 
     multiple = 4
     published_names: ClassVar[tuple[tuple[str, str], ...]] = (
-        (r"conv_first\.(.*)", r"extract.\1"),
+        (r"extract\.(.*)", r"conv_first.\1"),
         *(
-            (rf"{theirs}\.blocks\.(\d+)\.cformer_list\.(\d+)\.{part}\.(.*)", rf"{ours}.\1.branches.\2.{name}.\3")
-            for theirs, ours in PUBLISHED_LEVELS
-            for part, name in (("conv", "conv"), ("tsab", "attention"), ("ffn", "feed_forward"))
+            (rf"{ours}\.(\d+)\.branches\.(\d+)\.{name}\.(.*)", rf"{theirs}.blocks.\1.cformer_list.\2.{part}.\3")
+            for ours, theirs in PUBLISHED_LEVELS
+            for name, part in (("conv", "conv"), ("attention", "tsab"), ("feed_forward", "ffn"))
         ),
-        *((rf"{theirs}\.blocks\.(\d+)\.last_conv\.(.*)", rf"{ours}.\1.last.\2") for theirs, ours in PUBLISHED_LEVELS),
-        (r"encoder\.0\.1\.(.*)", r"down.\1"),
-        (r"decoder\.0\.0\.0\.(.*)", r"up.\1"),
-        (r"decoder\.0\.1\.(.*)", r"fuse.\1"),
-        (r"conv_last\.0\.(.*)", r"expand.\1"),
-        (r"conv_last\.4\.(.*)", r"last.\1"),
+        *((rf"{ours}\.(\d+)\.last\.(.*)", rf"{theirs}.blocks.\1.last_conv.\2") for ours, theirs in PUBLISHED_LEVELS),
+        (r"down\.(.*)", r"encoder.0.1.\1"),
+        (r"up\.(.*)", r"decoder.0.0.0.\1"),
+        (r"fuse\.(.*)", r"decoder.0.1.\1"),
+        (r"expand\.(.*)", r"conv_last.0.\1"),
+        (r"last\.(.*)", r"conv_last.4.\1"),
     )
 
     def __init__(

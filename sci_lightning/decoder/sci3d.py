@@ -13,7 +13,7 @@ from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.kernels.attention import neighbourhood_product
 from sci_lightning.decoder.kernels.layout import channels_last
 from sci_lightning.decoder.kernels.switch import are_plain
-from sci_lightning.decoder.layers.named_block import named_block
+from sci_lightning.decoder.layers.sequential import named_block
 from sci_lightning.imaging.operator import SnapshotOperator
 
 Maps = tuple[torch.Tensor, torch.Tensor, torch.Tensor]

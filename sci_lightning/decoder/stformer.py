@@ -11,9 +11,8 @@ from torch.nn import functional as F
 from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.kernels.layout import as_one_channel
-from sci_lightning.decoder.layers.chain import Chain
 from sci_lightning.decoder.layers.convolution import Conv3d, TransposedConv3d
-from sci_lightning.decoder.layers.named_block import named_block
+from sci_lightning.decoder.layers.sequential import Chain, named_block
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.decoder.layers.window_attention import WindowAttention
 
@@ -70,7 +69,7 @@ class STFormer(Decoder):
         frames: T.
         dim: C, width at full resolution after the first layer; 4C, of 4 heads, in the blocks (64; small: 16).
         units: pairs of blocks (4; large: 8).
-        checkpoint: train on less memory; see :class:`~sci_lightning.decoder.layers.chain.Chain`.
+        checkpoint: train on less memory; see :class:`~sci_lightning.decoder.layers.sequential.Chain`.
 
     Parameters: 19,490,177 with the defaults at T = 8.
     Source: Wang, Cao, Zhong and Yuan, "Spatial-temporal transformer for video snapshot compressive imaging", TPAMI

@@ -14,7 +14,7 @@ from omegaconf import DictConfig
 from torch import nn
 
 from sci_lightning.decoder import E2ECNN, Decoder, Res2former
-from sci_lightning.decoder.published import authors_key, load_published, our_state, unpack
+from sci_lightning.decoder.published import authors_keys, load_published, our_state, unpack
 from sci_lightning.errors import BadInput
 from tests.conftest import members
 from tests.decoder.test_paper_count import FILES
@@ -25,17 +25,15 @@ DENOISERS = {"pnp_ffdnet": "ffdnet_gray", "pnp_fastdvdnet": "fastdvdnet_gray"}  
 
 def as_published(decoder: Decoder) -> State:
     """The decoder's state under its authors' keys."""
-    return {authors_key(decoder, key): value for key, value in decoder.state_dict().items()}
+    return {authors_keys(decoder, key)[0]: value for key, value in decoder.state_dict().items()}
 
 
 class Merged(Decoder):
     """One layer in the place of three of its authors', and a buffer that they save and we compute."""
 
     published_names = (
-        (r"attn\.q\.(weight|bias)", r"qkv.\1"),
-        (r"attn\.k\.(weight|bias)", r"qkv.\1"),
-        (r"attn\.v\.(weight|bias)", r"qkv.\1"),
-        (r"stage(\d)\.net(\d)\.(.*)", r"nets.\2.\1.\3"),
+        *((r"qkv\.(.*)", rf"attn.{part}.\1") for part in "qkv"),
+        (r"nets\.(\d)\.(\d)\.(.*)", r"stage\2.net\1.\3"),
     )
     published_unused = (r"table\d+",)
 
@@ -62,12 +60,12 @@ def test_merged_renamed_and_unused_keys() -> None:
     assert torch.equal(decoder.qkv.weight, torch.cat([state[f"attn.{part}.weight"] for part in "qkv"]))
     assert torch.equal(decoder.qkv.bias, torch.cat([state[f"attn.{part}.bias"] for part in "qkv"]))
     assert torch.equal(decoder.nets["1"]["5"].weight, state["stage5.net1.weight"])
-    assert authors_key(decoder, "nets.1.5.bias") == "stage5.net1.bias"
+    assert authors_keys(decoder, "nets.1.5.bias") == ["stage5.net1.bias"]
     state["attn.q.weight"] = torch.rand(2, 5)
     with pytest.raises(BadInput, match=r"'attn.q.weight' \(2, 5\).*\(6, 4\)"):
         load_published(decoder, state)
     del state["attn.q.weight"]
-    with pytest.raises(BadInput, match=r"'attn.k.weight' \(2, 4\) and 'attn.v.weight' \(2, 4\): Merged.*\(6, 4\)"):
+    with pytest.raises(BadInput, match=r"'attn.q.weight' \('qkv.weight' here\) is missing, Merged needs it"):
         load_published(decoder, state)
 
 

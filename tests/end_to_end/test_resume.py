@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import torch
 
 from sci_lightning.runs.checkpoint import load_file
-from tests.conftest import ROOT
+from tests.end_to_end.test_sweep import KILLED
 from tests.end_to_end.test_train import TINY
 
 # windows of a larger mask and sensor noise: everything that is random in a step
@@ -39,22 +37,9 @@ def test_killed_in_the_middle_of_an_epoch(
     assert whole.returncode == 0, whole.stderr
 
     last = tmp_path / "killed" / "checkpoints" / "last.ckpt"
-    process = subprocess.Popen(
-        [sys.executable, "-m", "sci_lightning.train", *RUN, "out=killed"],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
-    deadline = time.monotonic() + 120
-    while not last.is_file() or torch.load(last, weights_only=True)["global_step"] < 23:
-        assert time.monotonic() < deadline and process.poll() is None, "the run ended before it could be killed"
-        time.sleep(0.01)
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-    step = torch.load(last, weights_only=True)["global_step"]
-    assert 23 <= step < 40  # of 2 epochs of 20 steps: in the middle of the second
+    killed = command("train", *RUN, "out=killed", KILLED % "E2ECNN: 23")
+    assert killed.returncode == -signal.SIGKILL
+    assert torch.load(last, weights_only=True)["global_step"] == 23  # of 2 epochs of 20 steps: in the second
 
     resumed = command("train", *RUN, f"ckpt_path={last}", "out=resumed")
     assert resumed.returncode == 0, resumed.stderr

@@ -7,9 +7,8 @@ import os
 import re
 import signal
 import subprocess
-import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -27,16 +26,32 @@ Command = Callable[..., subprocess.CompletedProcess[str]]
 ROWS = ["experiment=table2", "scale=smoke", "decoder=e2e_cnn,metasci", "data.scenes_count=1"]
 QUICK = ["trainer.accelerator=cpu", "metrics.qscore=null", "logger=none", "out=sweep"]
 STEPS = ["data.clips_per_epoch=20", "callbacks.last.every_minutes=null", "callbacks.last.every_n_steps=1"]
-SLOW = "+callbacks.steps={_target_: tests.end_to_end.test_sweep.Steps}"
+KILLED = "+callbacks.steps={_target_: tests.end_to_end.test_sweep.Steps, kill_at: {%s}}"
 
 
 class Steps(L.Callback):
-    """Notes every step in a file, and takes its time, so that a test can kill the run in time."""
+    """Notes every step in a file, and kills the run and all its processes once, at a stated step.
+
+    Args:
+        kill_at: the step at which the training of each decoder waits; when all of them have come there, the processes
+            are killed. A folder with a file ``killed_once`` has seen this before: the run goes through.
+    """
+
+    def __init__(self, kill_at: Mapping[str, int]) -> None:
+        self.kill_at = kill_at
 
     def on_train_batch_start(self, trainer: L.Trainer, *_: Any) -> None:
+        decoder = type(trainer.lightning_module.decoder).__name__
         with Path("steps.txt").open("a") as file:
-            file.write(f"{type(trainer.lightning_module.decoder).__name__} {trainer.global_step}\n")
-        time.sleep(0.1)
+            file.write(f"{decoder} {trainer.global_step}\n")
+        if self.kill_at.get(decoder) != trainer.global_step or Path("killed_once").exists():
+            return
+        while not all(step in steps(Path(), name) for name, step in self.kill_at.items()):
+            time.sleep(0.01)
+        if decoder != next(iter(self.kill_at)):
+            signal.pause()
+        Path("killed_once").touch()
+        os.killpg(0, signal.SIGKILL)
 
 
 def steps(folder: Path, decoder: str) -> list[int]:
@@ -50,40 +65,17 @@ def reached(folder: Path) -> int:
     return int(torch.load(last, weights_only=True)["global_step"]) if last.is_file() else 0
 
 
-def started(folder: Path, *overrides: str) -> subprocess.Popen[bytes]:
-    return subprocess.Popen(
-        [sys.executable, "-m", "sci_lightning.train", "-m", *overrides],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
-
-
-def wait_for(process: subprocess.Popen[bytes], done: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 600
-    while not done():
-        assert time.monotonic() < deadline and process.poll() is None, "the sweep ended before it could be killed"
-        time.sleep(0.01)
-
-
-def killed(process: subprocess.Popen[bytes]) -> None:
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-
-
 def test_killed_and_started_again(command: Command, tmp_path: Path) -> None:
-    process = started(tmp_path, *ROWS, *QUICK, *STEPS, SLOW)
+    words = ["-m", *ROWS, *QUICK, *STEPS, KILLED % "MetaSCI: 4"]
+    assert command("train", *words).returncode == -signal.SIGKILL
     first, second = (tmp_path / "sweep" / "rbw_osr_1bit" / name / "seed0" for name in ("e2e_cnn", "metasci"))
-    wait_for(process, lambda: reached(second) >= 4)
-    killed(process)
     kept = (first / "metrics.json").stat().st_mtime_ns
     assert not (second / "metrics.json").is_file()
     step = reached(second)
+    assert step == 4
     before = len(steps(tmp_path, "MetaSCI"))
 
-    done = command("train", "-m", *ROWS, *QUICK, *STEPS, SLOW)
+    done = command("train", *words)
     assert done.returncode == 0, done.stderr
     assert "finished before, kept" in done.stdout
     assert (first / "metrics.json").stat().st_mtime_ns == kept
@@ -104,19 +96,16 @@ def test_killed_and_started_again(command: Command, tmp_path: Path) -> None:
 
 def test_killed_and_started_again_in_processes_of_joblib(command: Command, tmp_path: Path) -> None:
     pytest.importorskip("hydra_plugins.hydra_joblib_launcher", reason="pip install sci-lightning[launchers]")
-    both = ["hydra/launcher=joblib", "hydra.launcher.n_jobs=2", *ROWS, *QUICK, *STEPS, SLOW]
-    process = started(tmp_path, *both)
+    both = ["hydra/launcher=joblib", "hydra.launcher.n_jobs=2", *ROWS, *QUICK, *STEPS, KILLED % "MetaSCI: 2, E2ECNN: 3"]
+    assert command("train", "-m", *both).returncode == -signal.SIGKILL
     names = {"E2ECNN": "e2e_cnn", "MetaSCI": "metasci"}
     folders = {kind: tmp_path / "sweep" / "rbw_osr_1bit" / name / "seed0" for kind, name in names.items()}
-    wait_for(process, lambda: all(reached(folder) >= 2 for folder in folders.values()))
-    killed(process)
     left = {kind: (reached(folder), len(steps(tmp_path, kind))) for kind, folder in folders.items()}
-    kept = [kind for kind, folder in folders.items() if (folder / "metrics.json").is_file()]
 
     assert command("train", "-m", *both).returncode == 0
     for kind, (step, before) in left.items():
-        again = [] if kind in kept else list(range(step, 10))  # goes on where the checkpoint is
-        assert steps(tmp_path, kind)[before:] == again
+        assert step == {"E2ECNN": 3, "MetaSCI": 2}[kind]
+        assert steps(tmp_path, kind)[before:] == list(range(step, 10))  # goes on where the checkpoint is
         assert (folders[kind] / "metrics.json").is_file()
 
 

@@ -29,7 +29,7 @@ PRINTING = {
 }
 COMMANDS = {
     "__main__": {"sci_lightning.cli.command", "omegaconf", *PRINTING},
-    "reveal": PRINTING,
+    "reveal": {"sci_lightning.cli.command", "sci_lightning.cli.plain_words", "omegaconf", *PRINTING},
     "reveal_files": {"sci_lightning.files.bounded_file"},
 }
 

@@ -32,8 +32,8 @@ class FastDVDnet(Denoiser):
     """
 
     published_names = (
-        (r"(temp\d\.\w+)\.convblock\.(\d)\.convblock\.(.*)", r"\1.\2.\3"),
-        (r"(temp\d\.\w+)\.convblock\.(.*)", r"\1.\2"),
+        (r"(temp\d\.\w+)\.(\d)\.(\d\..*)", r"\1.convblock.\2.convblock.\3"),
+        (r"(temp\d\.\w+)\.(\d\.[a-z].*)", r"\1.convblock.\2"),
     )
 
     def __init__(self, channels: Sequence[Width] = (32, 64, 128), inner: Depth = 30) -> None:

@@ -25,7 +25,7 @@ class FFDNet(Denoiser):
     Trans. Image Processing 2018, in the form of the public code cszn/FFDNet's port that PnP-SCI uses (grayscale).
     """
 
-    published_names = ((r"intermediate_dncnn\.itermediate_dncnn\.(.*)", r"net.\1"),)
+    published_names = ((r"net\.(.*)", r"intermediate_dncnn.itermediate_dncnn.\1"),)
 
     def __init__(self, channels: Width = 64, layers: Depth = 15) -> None:
         super().__init__()

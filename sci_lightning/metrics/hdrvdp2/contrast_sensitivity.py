@@ -7,8 +7,7 @@ import math
 import torch
 
 from sci_lightning.metrics.hdrvdp2.fourier import frequencies, spectrum, upper_left
-from sci_lightning.metrics.hdrvdp2.lookup import log_luminances, look_up
-from sci_lightning.metrics.hdrvdp2.precomputed import precomputed
+from sci_lightning.metrics.hdrvdp2.tabulated import log_luminances, look_up, precomputed
 
 POINTS = 256
 LUMINANCE = (0.002, 0.02, 0.2, 2.0, 20.0, 150.0)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import torch
 
-from sci_lightning.metrics.hdrvdp2.precomputed import precomputed
+from sci_lightning.metrics.hdrvdp2.tabulated import precomputed
 
 BLACK, RANGE = 1.0, 99.0
 """Luminance of the modelled display at 0, and what it adds up to 1, in cd/m2."""

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import torch
 
-from sci_lightning.metrics.hdrvdp2.precomputed import precomputed
+from sci_lightning.metrics.hdrvdp2.tabulated import precomputed
 
 
 def spectrum(images: torch.Tensor, field: Sequence[int]) -> torch.Tensor:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import torch
 
-from sci_lightning.metrics.hdrvdp2.precomputed import precomputed
+from sci_lightning.metrics.hdrvdp2.tabulated import precomputed
 
 
 def imresize(images: torch.Tensor, size: Sequence[int]) -> torch.Tensor:

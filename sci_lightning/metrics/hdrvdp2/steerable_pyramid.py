@@ -8,7 +8,7 @@ from torch.nn import functional as F
 
 from sci_lightning.metrics.hdrvdp2 import sp3_filters
 from sci_lightning.metrics.hdrvdp2.fourier import spectrum, upper_left
-from sci_lightning.metrics.hdrvdp2.precomputed import precomputed
+from sci_lightning.metrics.hdrvdp2.tabulated import precomputed
 
 SMALLEST = 17
 """A level is made of sides no shorter than this, its longest filter."""

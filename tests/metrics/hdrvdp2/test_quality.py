@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from pathlib import Path
 from typing import Any
 
@@ -255,16 +254,3 @@ def test_bad_input(test: torch.Tensor, reference: torch.Tensor, arguments: dict[
 def test_luminance_that_is_none_is_warned_of() -> None:
     with pytest.warns(UserWarning, match="cd/m2"):
         hdrvdp2_q(GOOD, GOOD, encoding="luminance")
-
-
-@pytest.mark.slow
-def test_speed() -> None:
-    """A batch of eight, 256 x 256, float64."""
-    truth = frames(8, 256, 256)
-    test = noisy(truth)
-    seconds = []
-    for _ in range(5):
-        start = time.perf_counter()
-        hdrvdp2_q(test, truth)
-        seconds.append((time.perf_counter() - start) / 8)
-    assert min(seconds) < 0.1

@@ -10,12 +10,11 @@ from scipy.ndimage import correlate
 
 from sci_lightning.metrics.hdrvdp2 import sp3_filters
 from sci_lightning.metrics.hdrvdp2.contrast_sensitivity import band_sensitivity, filter_base, sensitivity
+from sci_lightning.metrics.hdrvdp2.eye import modulation_transfer, response, scatter
 from sci_lightning.metrics.hdrvdp2.imresize import imresize
-from sci_lightning.metrics.hdrvdp2.optics import modulation_transfer, scatter
-from sci_lightning.metrics.hdrvdp2.photoreceptors import response
-from sci_lightning.metrics.hdrvdp2.pooling import pool
-from sci_lightning.metrics.hdrvdp2.precomputed import precomputed
+from sci_lightning.metrics.hdrvdp2.masking import pool
 from sci_lightning.metrics.hdrvdp2.steerable_pyramid import levels, steerable_pyramid
+from sci_lightning.metrics.hdrvdp2.tabulated import precomputed
 
 DOUBLE = torch.zeros((), dtype=torch.float64)
 
