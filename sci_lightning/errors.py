@@ -72,6 +72,14 @@ def _failure(path: str | Path | None, reason: str) -> MachineFailure:
     )
 
 
+class TrainingDiverged(MachineFailure):
+    """A training's loss or gradient is no longer finite.
+
+    Nothing that the user gave was malformed, so that commands report it as they report a failure of the machine: one
+    line without a traceback, exit status 1.
+    """
+
+
 class OtherSize(BadInput):
     """Scenes of another size than the mask's; ``size`` is theirs, height and width in pixels."""
 

@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[1]
 SHARED = ROOT.parent / "shared"
 
 
-LONGEST = ("test_readme.py", "test_sweep.py", "test_bad_input.py")
+LONGEST = ("test_how_to.py", "test_sweep.py", "test_bad_input.py")
 """Files that take minutes: begun first, so that no process is left with one of them when the others are done."""
 
 

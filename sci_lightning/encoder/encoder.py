@@ -18,28 +18,30 @@ from sci_lightning.errors import BadInput
 from sci_lightning.imaging.operator import SnapshotOperator
 
 LEAST_VARIANCE = 1e-11
-"""Of noise that is drawn; less is a fifth of a 16-bit step, and what floating point leaves behind."""
+"""Noise of less variance is not drawn: it is a fifth of a 16-bit step, and the size of rounding errors."""
 
 
 class Encoder(nn.Module):
-    r"""A video SCI camera: :math:`y = R(a \sum_t M_t \odot x_t)`, and what is wrong with it.
+    r"""A video SCI camera: :math:`y = R(a \sum_t M_t \odot x_t)`, with the effects by which a real one differs.
 
-    Effects act in the order of the light, however they are given: modulator, relay and exposure on the mask, then the
-    aperture, then optics and sensor effects on the sum, whose noise is drawn last and as a Gaussian (torch's global
-    generator). The sensor then adds its own noise, clips and rounds. Without effects nothing of this is computed.
+    Effects act in the order of the light, in whatever order they are given: modulator, relay and exposure effects on
+    the mask, then the aperture, then optics and sensor effects on the sum; their noise is drawn last, as a Gaussian
+    from torch's global generator. The sensor then adds its own noise, clips and rounds. Without effects nothing of this
+    is computed. :mod:`sci_lightning.encoder.effects.stage` has the formula with effects.
 
     On the command line ``effect=[mask_shift,prnu] encoder.effects.mask_shift.dx=0.6`` adds members of ``conf/effect``,
-    and ``+encoder.effects.mine._target_=my_module.Mine`` one of your own.
+    and ``+encoder.effects.mine._target_=my_module.Mine`` adds an effect of your own.
 
     Args:
         mask: the transmittance M, ``(T, H, W)`` in [0, 1].
         sensor: the response R, light to measurement.
-        aperture: a, scale of the light before the sensor, > 0. ``auto`` asks the mask ("automatic aperture": 2/T
-            for binary masks, 1 for structural ones), so that a white scene just fills the sensor on average.
-        effects: any, each at most once; of a mapping the values count and None is no effect.
+        aperture: a, scale of the light before the sensor, > 0. ``auto`` takes the mask's own ("automatic aperture":
+            2/T for binary masks, 1 for structural ones), with which a white scene just fills the sensor on average.
+        effects: effects, each name at most once; None is ignored, and of a mapping only the values are used.
 
     Raises:
-        BadInput: aperture neither ``auto`` nor a positive number; an effect twice; fewer bits for a sensor without.
+        BadInput: an aperture that is neither ``auto`` nor a positive number; an effect given twice; noise stated both
+            by the sensor and as an effect; an effect of fewer bits with a sensor that does not round.
 
     Source: "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Eq. 1 to 3.
     """
@@ -79,7 +81,7 @@ class Encoder(nn.Module):
 
     @property
     def aperture(self) -> float:
-        """Scale of the light before the sensor."""
+        """The scale of the light before the sensor."""
         return self.mask.automatic_aperture if isinstance(self._aperture, str) else float(self._aperture)
 
     @property
@@ -88,16 +90,16 @@ class Encoder(nn.Module):
         return 1 / (2 ** (self._bits or 8) - 1)
 
     def transmittance(self) -> torch.Tensor:
-        """What the frames are multiplied with: the mask after modulator, relay and exposure.
+        """Return what the frames are multiplied with: the mask after the effects of modulator, relay and exposure.
 
         Returns:
-            ``(T, qH, qW)``: where a displaced mask meets a blurred lens a pixel counts as q x q cells
-            (``path.cells``), else q = 1.
+            ``(T, qH, qW)``, with q x q cells per pixel (``path.cells``) where a displaced mask is seen through a
+            blurring lens, else q = 1.
         """
         return self.path.transmittance(self.mask())
 
     def decoder_mask(self, mask: torch.Tensor) -> torch.Tensor:
-        """The mask as a decoder wants it, in whole pixels: ``(T, H, W)`` of a ``(T, qH, qW)`` transmittance."""
+        """Return the mask ``(T, H, W)`` for a decoder: the transmittance ``(T, qH, qW)`` averaged over whole pixels."""
         return SnapshotOperator(mask, self.path.cells).in_pixels().mask
 
     def forward(self, video: torch.Tensor) -> torch.Tensor:
@@ -105,11 +107,11 @@ class Encoder(nn.Module):
         return self.record(video, self.transmittance())
 
     def record(self, video: torch.Tensor, mask: torch.Tensor, origin: tuple[int, int] = (0, 0)) -> torch.Tensor:
-        """One snapshot of each video.
+        """Record one snapshot of every video.
 
         Args:
             video: float32 ``(N, T, H, W)`` irradiance; 1.0 fills the sensor's range when fully transmitted.
-            mask: ``(T, qH, qW)`` what :meth:`transmittance` gave, or a window of whole pixels of it.
+            mask: ``(T, qH, qW)`` from :meth:`transmittance`, or a window of whole pixels of it.
             origin: (row, column) of the window's first pixel in the field.
 
         Returns:
@@ -133,7 +135,7 @@ class Encoder(nn.Module):
         return self._convert(_draw(light) if self.path.of(SensorEffect) else light.mean)
 
     def linearise(self, measurement: torch.Tensor, origin: tuple[int, int] = (0, 0)) -> torch.Tensor:
-        """Undo what can be undone of sensor and optics, as a calibrated camera's software does before decoding.
+        """Undo the effects of sensor and optics where possible, as a calibrated camera's software does before decoding.
 
         Args:
             measurement: ``(N, H, W)``, normalised by full scale.
@@ -151,14 +153,15 @@ class Encoder(nn.Module):
         return signal.mean
 
     def rescale(self, measurement: torch.Tensor) -> torch.Tensor:
-        """Measurement ``(N, H, W)`` as the decoder wants it: divided by the aperture, so near sum_t M_t x_t."""
+        """Return the measurement ``(N, H, W)`` over the aperture, which is near sum_t M_t x_t, as decoders take it."""
         return measurement / self.aperture
 
     @torch.no_grad()
     def as_deepinv(self) -> Any:
-        """What is linear of it as deepinv's physics, see :func:`~sci_lightning.encoder.physics.deepinv_physics`.
+        """Return the linear part as deepinv's physics, see :func:`~sci_lightning.encoder.physics.deepinv_physics`.
 
-        That is mask, effects up to the exposure, and aperture; solvers get ``linearise(measurement)[:, None]``.
+        The linear part is the mask, the effects up to the exposure, and the aperture. Give solvers the measurement as
+        ``linearise(measurement)[:, None]``.
 
         Raises:
             BadInput: deepinv is not installed.

@@ -1,4 +1,4 @@
-"""One exposure in time: when the source shines, when each row looks, and what that makes of the masks."""
+"""One exposure in time: when the source shines, when each row is open, and the masks that follow from it."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from dataclasses import dataclass
 import torch
 
 STEPS = 8
-"""Steps in which the course of a slot is followed, where a rolling shutter cuts it."""
+"""Steps into which a slot is divided, because a rolling shutter may open or shut a row within it."""
 
 
 @dataclass(frozen=True)
 class Exposure:
-    """The course of one exposure, in slots from the moment the first row opens.
+    """One exposure in time, counted in slots from the moment the first row opens.
 
     Attributes:
         slots: T.
         rows: H.
-        power: ``(K, S)`` of the source in every step of every slot, 1 when all is in order; K >= T slots.
-        open: ``(K, S, H)`` or one that broadcasts to it: the part of the step during which the row looks.
+        power: ``(K, S)`` power of the source in every step of every slot, nominally 1; K >= T slots.
+        open: ``(K, S, H)`` or a shape that broadcasts to it: the part of the step during which the row is open.
     """
 
     slots: int
@@ -28,23 +28,23 @@ class Exposure:
 
     @staticmethod
     def ideal(slots: int, rows: int, like: torch.Tensor) -> Exposure:
-        """A steady source, and all rows looking from 0 to T."""
+        """Return an exposure with a steady source and all rows open from 0 to T."""
         ones = torch.ones(slots, STEPS, device=like.device, dtype=like.dtype)
         return Exposure(slots, rows, ones, ones[..., None])
 
     def times(self) -> torch.Tensor:
-        """``(K, S)``: the middle of every step, in slots."""
+        """Return the middle of every step, ``(K, S)``, in slots."""
         count, steps = self.power.shape
         time = torch.arange(count * steps, device=self.power.device, dtype=self.power.dtype)
         return ((time + 0.5) / steps).view(count, steps)
 
     def mask(self, shown: torch.Tensor) -> torch.Tensor:
-        """What each frame meets in all.
+        """Return the transmittance that multiplies every frame over the whole exposure.
 
-        Patterns go on cyclically beyond the last slot, while the scene's last frame is held.
+        Beyond the last slot the patterns continue cyclically, while the scene stays at its last frame.
 
         Args:
-            shown: ``(U, T, H, W)`` transmittance of every slot; several lines a row, in order, if they are finer.
+            shown: ``(U, T, H, W)`` transmittance of every slot; with cells, several lines per row of pixels.
 
         Returns:
             ``(U, T, H, W)`` transmittance that multiplies every frame.

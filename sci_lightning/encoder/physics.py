@@ -11,9 +11,9 @@ from sci_lightning.imaging.operator import SnapshotOperator
 
 
 def deepinv_physics(transmittance: torch.Tensor, aperture: float) -> Any:
-    """deepinv's ``LinearPhysics`` of y = a * sum over t of M_t x_t: A, A_adjoint and A_dagger in closed form.
+    """Return y = a * sum over t of M_t x_t as deepinv's ``LinearPhysics``, with A, A_adjoint, A_dagger in closed form.
 
-    To deepinv the T frames are channels, and so is the one snapshot: x ``(N, T, H, W)``, y ``(N, 1, H, W)``.
+    For deepinv the T frames are channels, and the snapshot is a single channel: x ``(N, T, H, W)``, y ``(N, 1, H, W)``.
 
     Args:
         transmittance: M, ``(T, H, W)``, in whole pixels.
@@ -27,7 +27,7 @@ def deepinv_physics(transmittance: torch.Tensor, aperture: float) -> Any:
     except ImportError as error:
         raise BadInput("encoder.as_deepinv() needs deepinv: pip install 'sci-lightning[deepinv]'") from error
 
-    class Snapshot(LinearPhysics):  # here, as its base may not be installed
+    class Snapshot(LinearPhysics):  # defined here, because its base class may not be installed
         def __init__(self) -> None:
             super().__init__(img_size=tuple(transmittance.shape))
             self.register_buffer("mask", aperture * transmittance)

@@ -13,13 +13,14 @@ from sci_lightning.encoder.square_kernel import reach, square_kernel
 
 @dataclass(frozen=True)
 class Pose:
-    """Where the mask's image lies and how sharp it is; None where nothing is wrong.
+    """Where the mask's image lies and how sharp it is; None is the nominal value.
 
-    A mirror at m (x, y from the middle) is seen at ``scale * R(angle) m + (dx, dy)``. x points right and y down;
-    R turns x towards y: clockwise on the screen.
+    A mirror at m (x, y from the field's centre) is imaged to ``scale * R(angle) m + (dx, dy)``. x points right and y
+    down; R turns x towards y: clockwise on the screen.
 
     Attributes:
-        angle: radian. scale: 1. dx, dy: pixel. sigma: of the blur on the image, pixel. All tensors of no dimension.
+        angle: rotation, radian. scale: magnification, 1. dx, dy: displacement, pixel. sigma: standard deviation of the
+            blur on the image, pixel. All are tensors of no dimension.
     """
 
     angle: torch.Tensor | None = None
@@ -29,13 +30,13 @@ class Pose:
     sigma: torch.Tensor | None = None
 
     def image(self, patterns: torch.Tensor, cells: int = 1) -> torch.Tensor:
-        """The image of touching square mirrors, integrated over the pixels; dark beyond the mirrors.
+        """Return the image of touching square mirrors, integrated over the pixels; it is dark beyond the mirrors.
 
-        Exact when upright; when turned, a pixel's footprint on the mirrors is taken as upright.
+        The integral is exact without rotation; with rotation, a pixel's footprint on the mirrors is taken as upright.
 
         Args:
             patterns: ``(P, H, W)`` transmittance of the mirrors.
-            cells: q, into how many cells a pixel is cut along either axis.
+            cells: q, the number of cells along either axis of a pixel.
 
         Returns:
             ``(P, q H, q W)`` transmittance that each cell sees.
@@ -43,11 +44,11 @@ class Pose:
         if all(value is None for value in vars(self).values()):
             return patterns.repeat_interleave(cells, -1).repeat_interleave(cells, -2) if cells > 1 else patterns
         height, width = patterns.shape[-2:]
-        of: Any = {"device": patterns.device, "dtype": patterns.dtype}
-        zero = torch.zeros((), **of)
-        scale = torch.ones((), **of) if self.scale is None else self.scale
-        y = (_centres(height, cells, of) - (zero if self.dy is None else self.dy)) / scale
-        x = (_centres(width, cells, of) - (zero if self.dx is None else self.dx)) / scale
+        options: Any = {"device": patterns.device, "dtype": patterns.dtype}
+        zero = torch.zeros((), **options)
+        scale = torch.ones((), **options) if self.scale is None else self.scale
+        y = (_centres(height, cells, options) - (zero if self.dy is None else self.dy)) / scale
+        x = (_centres(width, cells, options) - (zero if self.dx is None else self.dx)) / scale
         sigma = None if self.sigma is None or float(self.sigma.detach()) < 1e-6 else self.sigma / scale
         pixel = 1 / (cells * scale)
         if self.angle is None:
@@ -59,15 +60,15 @@ class Pose:
         return _turned(patterns, row, column, sigma, pixel)
 
 
-def _centres(length: int, cells: int, of: Any) -> torch.Tensor:
-    """Of the cells along an axis, in pixels from the middle of the field."""
-    return (torch.arange(length * cells, **of) + 0.5) / cells - length / 2
+def _centres(length: int, cells: int, options: Any) -> torch.Tensor:
+    """Return the centres of the cells along an axis, in pixels from the centre of the field."""
+    return (torch.arange(length * cells, **options) + 0.5) / cells - length / 2
 
 
 def _taps(
     centre: torch.Tensor, sigma: torch.Tensor | None, pixel: torch.Tensor, length: int
 ) -> list[tuple[torch.Tensor, torch.Tensor]]:
-    """(index, weight) pairs of all the mirrors that may light the pixels around ``centre``."""
+    """Return (index, weight) pairs of all the mirrors that may light the pixels around ``centre``."""
     radius = reach(0.0 if sigma is None else float(sigma.detach()), float(pixel.detach()))
     first = torch.floor(centre.detach()).long()
     taps = []
@@ -80,7 +81,7 @@ def _taps(
 
 
 def _shares(centre: torch.Tensor, sigma: torch.Tensor | None, pixel: torch.Tensor, length: int) -> torch.Tensor:
-    """``(cells, length)``: how much each mirror lights each cell, along one axis."""
+    """Return ``(cells, length)``: how much every mirror lights every cell, along one axis."""
     return square_kernel(centre[:, None] - torch.arange(length).to(centre), sigma, pixel)
 
 
@@ -102,5 +103,5 @@ def _turned(
 
 
 def radians(degrees: torch.Tensor) -> torch.Tensor:
-    """Degrees to radians."""
+    """Convert degrees to radians."""
     return degrees * (math.pi / 180)

@@ -1,4 +1,4 @@
-"""Rounding that a gradient can cross."""
+"""Rounding, and straight-through gradients across it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import torch
 
 
 def round_half_up(x: torch.Tensor) -> torch.Tensor:
-    """Nearest integer of ``x`` (any shape), halves up; exact for every float, no gradient.
+    """Round ``x`` (any shape) to the nearest integer, halves up; exact for every float, without gradient.
 
     ``floor(x + 0.5)``, as the paper prints it, is wrong for the largest float below one half,
     because the sum is rounded before the floor sees it.
@@ -16,10 +16,10 @@ def round_half_up(x: torch.Tensor) -> torch.Tensor:
 
 
 def straight_through(value: torch.Tensor, source: torch.Tensor) -> torch.Tensor:
-    """``value`` in the forward pass, the identity on ``source`` in the backward pass.
+    """Return ``value`` with the gradient of ``source``: the straight-through estimator.
 
     Args:
-        value: the discrete result, same shape as ``source``; returned bit for bit.
+        value: the discrete result, of the shape of ``source``; returned bit for bit.
         source: what the gradient flows to (Hubara et al., 2016; Algorithm 1 of the paper, "Backward").
     """
     return value.detach() + (source - source.detach())

@@ -1,4 +1,4 @@
-"""Squares of light, blurred, on square pixels: the weights of a resampling that integrates over both."""
+"""Resampling of squares of light onto square pixels, with a Gaussian blur: the integral over both squares."""
 
 from __future__ import annotations
 
@@ -7,32 +7,34 @@ import math
 import torch
 
 REACH = 4.0
-"""Standard deviations of a blur beyond which nothing is left (6e-5 of the light)."""
+"""Standard deviations beyond which a blur is cut off (6e-5 of the light are lost)."""
 
 
 def square_kernel(
     distance: torch.Tensor, sigma: torch.Tensor | None, pixel: torch.Tensor | float = 1.0
 ) -> torch.Tensor:
-    r"""The share of a unit square's light that falls on a pixel, in one dimension.
+    r"""Return the share of a unit square's light that falls on a pixel, in one dimension.
 
-    :math:`\frac{1}{b} (\mathrm{box}_1 * \mathcal{N}_\sigma * \mathrm{box}_b)(d)`, by the second antiderivative of the
-    Gaussian. Without a blur and for b = 1 it is the triangle, so that moving squares is linear interpolation.
+    :math:`\frac{1}{b} (\mathrm{box}_1 * \mathcal{N}_\sigma * \mathrm{box}_b)(d)`, from the second antiderivative of
+    the Gaussian. Without a blur and for b = 1 it is the triangle, so that a displacement is linear interpolation.
 
     Args:
         distance: d between the centres, in units of the square; any shape.
-        sigma: of the blur, same unit; None for none.
+        sigma: standard deviation of the blur, same unit; None for no blur.
         pixel: b, width of the pixel, same unit.
     """
     wide, narrow = (1 + pixel) / 2, (1 - pixel) / 2
     given = distance.dtype
-    distance = distance.double().abs().neg()  # far out on this side antiderivatives are near 0: nothing cancels
+    distance = (
+        distance.double().abs().neg()
+    )  # far out on the negative side the antiderivatives are near 0, so that no digits cancel
     edges = (distance + wide, distance + narrow, distance - narrow, distance - wide)
     a, b, c, d = (_twice_integrated(edge, sigma) for edge in edges)
     return ((a - b - c + d) / pixel).to(given)
 
 
 def _twice_integrated(x: torch.Tensor, sigma: torch.Tensor | None) -> torch.Tensor:
-    """Second antiderivative of a Gaussian (of a spike, without sigma)."""
+    """Return the second antiderivative of a Gaussian at x (of a delta function, without sigma)."""
     if sigma is None:
         return x.clamp(min=0)
     z = x / sigma
@@ -41,5 +43,5 @@ def _twice_integrated(x: torch.Tensor, sigma: torch.Tensor | None) -> torch.Tens
 
 
 def reach(sigma: float, pixel: float = 1.0) -> int:
-    """How many squares on either side of a pixel's centre can send light to it."""
+    """Return how many squares on either side of a pixel's centre can send light to it."""
     return math.ceil((1 + pixel) / 2 + REACH * sigma - 1e-6)

@@ -1,4 +1,4 @@
-"""Does an encoder out of a file record at all? Settings can be right one by one and wrong together."""
+"""A trial recording of an encoder that a file configures: settings can be valid one by one and fail together."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from sci_lightning.errors import BadInput, MachineFailure
 
 @torch.no_grad()
 def check_recording(encoder: Encoder, where: str) -> None:
-    """Record a dark scene and undo what can be undone; the random generator is left as it was.
+    """Record and linearise a dark scene; the state of the random generator does not change.
 
     Args:
-        encoder: any.
-        where: what configures it, for the message.
+        encoder: the encoder to try.
+        where: the file that configures it, for the message.
 
     Raises:
-        BadInput: it cannot, for whatever reason a library gives.
+        BadInput: the recording fails, for whatever reason a library gives.
     """
     with torch.random.fork_rng(devices=[]):
         try:

@@ -1,4 +1,4 @@
-"""Videos a person can look at: frames as pictures, and one animation."""
+"""Reconstructed videos as pictures and as an animation."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from sci_lightning.files.atomic_file import whole_file
 
 
 def to_bytes(video: torch.Tensor) -> torch.Tensor:
-    """Clip to [0, 1] and round to uint8, any shape."""
+    """Return a video of any shape, clipped to [0, 1] and rounded, as uint8."""
     return (video.detach().float().clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu()
 
 
 def write_frames(video: torch.Tensor, folder: str | Path) -> None:
-    """Write ``(N, T, H, W)`` as 8-bit ``NNN_TT.png``, both counted from 0."""
+    """Write ``(N, T, H, W)`` as 8-bit ``NNN_TT.png``: snapshot and frame, both counted from 0."""
     for snapshot, frames in enumerate(to_bytes(video).numpy()):
         for slot, frame in enumerate(frames):
             with whole_file(Path(folder) / f"{snapshot:03d}_{slot:02d}.png") as temporary:
@@ -24,7 +24,7 @@ def write_frames(video: torch.Tensor, folder: str | Path) -> None:
 
 
 def write_gif(video: torch.Tensor, path: str | Path, fps: float = 8.0) -> None:
-    """Write ``(N, T, H, W)`` as one endless animated GIF, snapshot after snapshot."""
+    """Write ``(N, T, H, W)`` as one animated GIF that repeats, snapshot after snapshot."""
     first, *rest = [Image.fromarray(frame) for frame in to_bytes(video).flatten(0, 1).numpy()]
     with whole_file(path) as temporary:
         first.save(temporary, save_all=True, append_images=rest, duration=1000 / fps, loop=0)

@@ -1,4 +1,4 @@
-"""Pictures of masks, measurements and reconstructions, for dashboards, run folders and talks."""
+"""Figures of masks, measurements and reconstructions, for dashboards and run folders."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from matplotlib.figure import Figure
 from sci_lightning.files.atomic_file import whole_file
 from sci_lightning.files.plain_text import in_figure
 
-MOST_FRAMES = 8
-"""Longer videos show this many frames, evenly chosen."""
+MAX_FRAMES = 8
+"""Of longer videos, so many frames are shown at equal distances."""
 
 
 def mask_figure(mask: torch.Tensor, bits: int | None = None, title: str = "") -> Figure:
-    """Slots of a mask side by side, a close-up, and the histogram of its levels.
+    """Draw the slots of a mask side by side, a close-up, its sum over time, and the histogram of its levels.
 
     Args:
         mask: ``(T, H, W)`` in [0, 1].
-        bits: bit depth of its levels, None for two levels.
-        title: above everything, e.g. the encoder and the step.
+        bits: bit depth of its levels; None for two levels.
+        title: heading, such as the encoder and the step.
     """
-    slots = _chosen(mask)
+    slots = _shown_frames(mask)
     values = mask.detach().float().cpu().numpy()
     levels = 2**bits if bits else 2
     figure = Figure(figsize=(1.55 * len(slots), 5.6), layout="constrained")
@@ -50,13 +50,13 @@ def mask_figure(mask: torch.Tensor, bits: int | None = None, title: str = "") ->
 def reconstruction_figure(
     measurement: torch.Tensor, truth: torch.Tensor, estimate: torch.Tensor, title: str = ""
 ) -> Figure:
-    """One snapshot: the measurement, then frames, their reconstruction and the error, column by column.
+    """Draw one snapshot: the measurement, then in every column a frame, its reconstruction and the error.
 
     Args:
         measurement: ``(H, W)``; truth, estimate: ``(T, H, W)``; all with white at 1.0.
-        title: above everything, e.g. the scene's name.
+        title: heading, such as the scene's name.
     """
-    shown = _chosen(truth)
+    shown = _shown_frames(truth)
     x, y, m = (v.detach().float().cpu().numpy() for v in (estimate, truth, measurement))
     error = np.abs(x - y)
     figure = Figure(figsize=(1.55 * (len(shown) + 1), 5.2), layout="constrained")
@@ -68,26 +68,27 @@ def reconstruction_figure(
     for label, axes in zip(("frame", "reconstruction", "error x 5"), grid[:, 1], strict=True):
         axes.text(-0.06, 0.5, label, transform=axes.transAxes, rotation=90, va="center", ha="right", fontsize=9)
     for column, frame in enumerate(shown, start=1):
-        score = -10 * np.log10(max(float(np.mean((x[frame] - y[frame]) ** 2)), 1e-10))
+        psnr = -10 * np.log10(max(float(np.mean((x[frame] - y[frame]) ** 2)), 1e-10))
         show_picture(grid[0, column], y[frame], f"{frame + 1}")
-        show_picture(grid[1, column], x[frame], f"{score:.1f} dB")
+        show_picture(grid[1, column], x[frame], f"{psnr:.1f} dB")
         show_picture(grid[2, column], 5 * error[frame], "", colours="magma")
     return figure
 
 
-def _chosen(video: torch.Tensor) -> list[int]:
-    count = min(len(video), MOST_FRAMES)
+def _shown_frames(video: torch.Tensor) -> list[int]:
+    """Return the numbers of at most ``MAX_FRAMES`` frames at equal distances."""
+    count = min(len(video), MAX_FRAMES)
     return [int(index) for index in np.linspace(0, len(video) - 1, count).round()]
 
 
 def show_picture(axes: Axes, image: np.ndarray, title: str, high: float = 1.0, colours: str = "gray") -> None:
-    """An image ``(H, W)`` from 0 to ``high`` under its title, pixel by pixel."""
+    """Draw an image ``(H, W)`` from 0 (black) to ``high`` under a title, without interpolation."""
     axes.imshow(image, cmap=colours, vmin=0, vmax=high, interpolation="nearest")
     axes.set_title(in_figure(title), fontsize=10)
     axes.set_axis_off()
 
 
 def write_figure(figure: Figure, path: str | Path) -> None:
-    """Write a PNG, whole or not at all, without margins."""
+    """Write a figure as PNG without margins; an existing file is replaced only by a complete one."""
     with whole_file(path) as temporary:
         figure.savefig(temporary, dpi=150, bbox_inches="tight")

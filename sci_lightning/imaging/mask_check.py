@@ -1,4 +1,4 @@
-r"""Does a mask belong to a snapshot? Asked before anything is decoded, of the two alone.
+r"""Test from a snapshot and a mask alone, before decoding, whether the mask belongs to the snapshot.
 
 Inside a block of a few pixels a scene hardly changes from pixel to pixel, so that the snapshot is close to
 :math:`y(p) = c_0 + \sum_t c_t M_t(p)`: its fine structure is the mask's. The least-squares residual of this model,
@@ -14,77 +14,81 @@ from dataclasses import dataclass
 
 import torch
 
+from sci_lightning.imaging.operator import SnapshotOperator
 from sci_lightning.imaging.slot_order import better_order
 
 BLOCK = 8
 """Side of a block in pixels; twice that for masks of more than ``FEW_SLOTS`` slots, which need more equations."""
 FEW_SLOTS = 20
-LEAST_BLOCKS = 48
-DISPLACED = 5
-"""Far displacements that the mask is compared with."""
-REACH = 2
-"""Pixels in either direction within which a displaced mask is looked for."""
-LEAST_SHARE = 0.1
-"""The share of the snapshot's fine structure that the mask's sum must account for; below, it says nothing.
+MIN_BLOCKS = 48
+FAR_SHIFTS = 5
+"""Far displacements of the mask, for comparison."""
+SEARCH_RADIUS = 2
+"""Displacements of the mask by up to so many pixels in either direction are tried."""
+MIN_EXPECTED_SHARE = 0.1
+"""The test says nothing if the mask's sum should account for a smaller part of the snapshot's fine structure.
 
-Structural masks, whose sum is the same everywhere, are such: of a scene at rest they all give the same snapshot.
+That is so for structural masks, whose sum is the same everywhere: a scene at rest gives the same snapshot with each.
 """
-LEAST_FOUND = 0.3
-"""The part of that share that has to be found.
+MIN_EXPLAINED = 0.3
+"""The part of the expected share that has to be there.
 
-Chosen between what was measured on the benchmark's scenes (19 snapshots with the mask in their files) and on 53 clips
-recorded with binary and gray random masks, without noise, with a sensor's, and with that at a tenth of the light. The
-right mask: 0.88 to 5.5 in 233 cases; half a pixel off: 0.83 and more in 72; so no false alarm. The mask of another
-file, displaced, flipped or transposed: -0.04 to 0.04 in 287 cases. A random mask in the place of the structural one
-that the snapshot was taken with: at most 0.3 in 71 of 72.
+Set between values measured on the six test scenes (19 snapshots with the mask in their files) and on 53 clips recorded
+with binary and gray random masks, without noise, with a sensor's, and with that at a tenth of the light. The right
+mask: 0.88 to 5.5 in 233 cases; half a pixel off: 0.83 and more in 72; so no false alarm. The mask of another file,
+displaced, flipped or transposed: -0.04 to 0.04 in 287 cases. A random mask in place of the structural one that the
+snapshot was recorded with: at most 0.3 in 71 of 72.
 """
-CERTAIN = 5.0
-"""Standard errors by which another position or orientation has to be better.
+MIN_STANDARD_ERRORS = 5.0
+"""Another position or orientation has to be better by so many standard errors.
 
-On the same scenes no right mask, structural ones included, was beaten by that much (447 cases). Of masks shifted by one
-pixel or flipped all random ones were beaten, and three quarters of the structural ones, which only motion tells apart.
+On the same scenes no other position or orientation was better than the right mask by so much, for structural masks
+either (447 cases). Masks shifted by one pixel or flipped were recognised: all random ones, and three quarters of the
+structural ones, which only motion tells apart.
 """
-LEAST_GAIN = 0.02
-"""Nats per block by which it has to be better."""
+MIN_GAIN = 0.02
+"""Another position or orientation has to be better by so many nats per block."""
 SATURATED = 0.999
-MOST_SNAPSHOTS = 4
-MOST_BLOCKS = 1500
-"""Blocks that are looked at, evenly chosen."""
+MAX_SNAPSHOTS = 4
+MAX_BLOCKS = 1500
+"""Of more blocks, so many are used, at equal distances."""
 
 
 @dataclass(frozen=True)
 class MaskCheck:
-    """What a snapshot says of a mask.
+    """The result of the test.
 
     Attributes:
         share: the part of the snapshot's fine structure that the mask's sum over time must account for, from 0 to 1.
-        found: the part of that share that is there: near 1 for the right mask, near 0 for another; 1 where the share
-            is too small to tell.
-        better: where the mask fits better than as it was given, in words; empty: nowhere.
-        order: of the slots in which the scene moves more steadily, from 0; empty: no doubt of the given one.
+        explained: the part of that share that is there: near 1 for the right mask, near 0 for another; 1 where the
+            share is too small to tell.
+        better: the position or orientation in which the mask fits better, in words; empty if there is none.
+        order: an order of the slots, from 0, in which the scene moves more steadily; empty if there is no doubt.
     """
 
     share: float
-    found: float
+    explained: float
     better: str
     order: tuple[int, ...] = ()
 
     @property
     def belongs(self) -> bool:
-        """False if the mask is contradicted; True also where the snapshot cannot tell."""
-        return not self.better and not self.order and (self.share < LEAST_SHARE or self.found >= LEAST_FOUND)
+        """False if the snapshot contradicts the mask; True if it does not or cannot tell."""
+        return (
+            not self.better and not self.order and (self.share < MIN_EXPECTED_SHARE or self.explained >= MIN_EXPLAINED)
+        )
 
 
 @torch.no_grad()
 def check_mask(measurement: torch.Tensor, mask: torch.Tensor) -> MaskCheck | None:
-    """Ask a snapshot whether it was taken with a mask.
+    """Test whether a snapshot was recorded with a mask.
 
     Args:
         measurement: ``(H, W)``, linear in the light, 1.0 is full scale.
         mask: ``(T, H, W)`` in [0, 1].
 
     Returns:
-        None where the two are too small, too saturated or too dark for an answer.
+        The result; None if the two are too small, too saturated or too dark for a test.
     """
     side = BLOCK if len(mask) <= FEW_SLOTS else 2 * BLOCK
     if len(mask) > side * side // 3:
@@ -93,48 +97,50 @@ def check_mask(measurement: torch.Tensor, mask: torch.Tensor) -> MaskCheck | Non
     if not blocks.numel():
         return None
     usable = (blocks.amax(-1) < SATURATED * float(blocks.max().clamp(min=1))) & (blocks.amax(-1) > blocks.amin(-1))
-    chosen = usable.nonzero()[:, 0]
-    if len(chosen) < LEAST_BLOCKS:
+    used = usable.nonzero()[:, 0]
+    if len(used) < MIN_BLOCKS:
         return None
-    chosen = chosen[:: -(-len(chosen) // MOST_BLOCKS)]
-    blocks = blocks[chosen]
+    used = used[:: -(-len(used) // MAX_BLOCKS)]
+    blocks = blocks[used]
 
     def residual(other: torch.Tensor) -> torch.Tensor:
-        return _residual(blocks, _blocks(other, side)[:, chosen])
+        return _residual(blocks, _blocks(other, side)[:, used])
 
     rounding = side**2 * torch.finfo(torch.float32).eps
     height, width = measurement.shape
-    far = [(height * k // (DISPLACED + 2) + 3, width * (k + 1) // (DISPLACED + 2) + 5) for k in range(1, DISPLACED + 1)]
+    far = [
+        (height * k // (FAR_SHIFTS + 2) + 3, width * (k + 1) // (FAR_SHIFTS + 2) + 5) for k in range(1, FAR_SHIFTS + 1)
+    ]
     unrelated = torch.stack([residual(mask.roll(shift, (1, 2))) for shift in far]).mean(0) + rounding
     given = residual(mask) + rounding
-    total = _blocks(mask.sum(0), side)[chosen]
+    total = _blocks(SnapshotOperator(mask).total(), side)[used]
     dark = float(measurement.flatten().kthvalue(max(1, measurement.numel() // 100)).values)  # a black level is no light
     light = (blocks.mean(-1) - dark).clamp(min=0) / total.mean(-1).clamp(min=1e-6)
     freedom = 1 - (len(mask) + 1) / side**2
     expected = (total.var(-1, correction=0) * side**2 * light.square() * freedom / unrelated).clamp(max=1)
     share = float(expected.mean())
-    found = float((1 - given / unrelated).mean()) / share if share >= LEAST_SHARE else 1.0
+    explained = float((1 - given / unrelated).mean()) / share if share >= MIN_EXPECTED_SHARE else 1.0
     gains = {}
     for words, other in _elsewhere(mask):
         gain = (given / (residual(other) + rounding)).log()
-        if float(gain.mean()) > max(LEAST_GAIN, CERTAIN * float(gain.std()) / len(gain) ** 0.5):
+        if float(gain.mean()) > max(MIN_GAIN, MIN_STANDARD_ERRORS * float(gain.std()) / len(gain) ** 0.5):
             gains[words] = float(gain.mean())
     better = max(gains, key=lambda words: gains[words], default="")
-    known = share < LEAST_SHARE or found >= LEAST_FOUND
-    order = better_order(blocks, _blocks(mask, side)[:, chosen]) if known and not better else []
-    return MaskCheck(share, found, better, tuple(order))
+    undisputed = share < MIN_EXPECTED_SHARE or explained >= MIN_EXPLAINED
+    order = better_order(blocks, _blocks(mask, side)[:, used]) if undisputed and not better else []
+    return MaskCheck(share, explained, better, tuple(order))
 
 
 def mask_warning(measurement: torch.Tensor, mask: torch.Tensor) -> str:
-    """Say in one line that a mask does not seem to belong to snapshots, and what to check.
+    """Return one line that says that a mask does not seem to belong to snapshots, and what to check.
 
-    Empty where at least half of the snapshots that can tell say nothing against it.
+    It is empty if at least half of the snapshots that can tell do not contradict the mask.
 
     Args:
-        measurement: ``(N, H, W)``, linear in the light, 1.0 is full scale; at most ``MOST_SNAPSHOTS`` are looked at.
+        measurement: ``(N, H, W)``, linear in the light, 1.0 is full scale; at most ``MAX_SNAPSHOTS`` are tested.
         mask: ``(T, H, W)`` in [0, 1].
     """
-    checks = [check_mask(one, mask) for one in measurement[:MOST_SNAPSHOTS]]
+    checks = [check_mask(one, mask) for one in measurement[:MAX_SNAPSHOTS]]
     answers = [check for check in checks if check is not None]
     doubts = [check for check in answers if not check.belongs]
     if len(doubts) * 2 <= len(answers):
@@ -146,26 +152,27 @@ def mask_warning(measurement: torch.Tensor, mask: torch.Tensor) -> str:
         return (
             f"the scene moves more steadily with the mask's slots in the order {slots}: check the order of the frames"
         )
-    found = max(0.0, max(check.found for check in doubts))
+    explained = max(0.0, max(check.explained for check in doubts))
     return (
-        f"the mask does not seem to belong to this snapshot, in which {found:.0%} is found of the fine structure that "
-        "it must leave: check whether it is this camera's and this session's, its orientation (flipped, transposed), "
-        "its size, a shift of more than two pixels, and which of several arrays or patterns it is"
+        f"the mask does not seem to belong to this snapshot, in which {explained:.0%} is found of the fine structure "
+        "that it must leave: check whether it is this camera's and this session's, its orientation (flipped, "
+        "transposed), its size, a shift of more than two pixels, and which of several arrays or patterns it is"
     )
 
 
 def _blocks(image: torch.Tensor, side: int) -> torch.Tensor:
-    """Cut ``(..., H, W)`` into ``(..., blocks, side * side)``; what is left at the right and lower edge is dropped."""
+    """Cut ``(..., H, W)`` into ``(..., blocks, side * side)``, without an incomplete right and lower edge."""
     height, width = (length // side for length in image.shape[-2:])
     cut = image[..., : height * side, : width * side].unflatten(-1, (width, side)).unflatten(-3, (height, side))
     return cut.transpose(-2, -3).flatten(-2).flatten(-3, -2)
 
 
 def _residual(blocks: torch.Tensor, patterns: torch.Tensor) -> torch.Tensor:
-    """Sum of squares that least squares leaves in each block, ``(blocks,)``.
+    """Return the sum of squared residuals of a least-squares fit in every block, ``(blocks,)``.
 
     Args:
-        blocks: ``(blocks, n)``. patterns: ``(T, blocks, n)``; a constant belongs to the model as well.
+        blocks: ``(blocks, n)`` pixels of the snapshot.
+        patterns: ``(T, blocks, n)`` pixels of the mask, whose combination and a constant are fitted.
     """
     target = (blocks - blocks.mean(-1, keepdim=True)).unsqueeze(-1)
     model = (patterns - patterns.mean(-1, keepdim=True)).permute(1, 2, 0)
@@ -175,8 +182,8 @@ def _residual(blocks: torch.Tensor, patterns: torch.Tensor) -> torch.Tensor:
 
 
 def _elsewhere(mask: torch.Tensor) -> Iterator[tuple[str, torch.Tensor]]:
-    """The mask at other positions and in other orientations, and what they are called."""
-    steps = range(-REACH, REACH + 1)
+    """Yield the mask at other positions and in other orientations, with their names."""
+    steps = range(-SEARCH_RADIUS, SEARCH_RADIUS + 1)
     for down, right in ((down, right) for down in steps for right in steps if down or right):
         yield f"shifted by {right} to the right and {down} down (pixels)", mask.roll((down, right), (1, 2))
     yield "flipped left to right", mask.flip(2)

@@ -1,9 +1,9 @@
-r"""Are a mask's slots in the order of the frames? Asked of a snapshot and its mask, before anything is decoded.
+r"""Test from a snapshot and its mask alone, before decoding, whether the mask's slots are in the order of the frames.
 
-With its slots in any order a mask explains the snapshot, but by a video that jumps to and fro. The brightness
-:math:`c_t` of every slot in a block of pixels follows from least squares, as in
-:mod:`sci_lightning.imaging.mask_check`; in the right order it changes little from slot to slot.
-Reversed time cannot be seen, nor any order where nothing moves.
+A mask explains the snapshot with its slots in any order, but in a wrong order the video that it implies jumps back and
+forth. The brightness :math:`c_t` of every slot in a block of pixels is estimated by least squares, as in
+:mod:`sci_lightning.imaging.mask_check`; in the right order it changes little from slot to slot. The test cannot see
+reversed time, nor any order if nothing moves.
 """
 
 from __future__ import annotations
@@ -12,43 +12,47 @@ from itertools import pairwise
 
 import torch
 
-MOST_SLOTS = 16
-"""Of more the order is not looked for."""
-LEAST_PART = 0.4
-"""The part of the way from the mean over all orders to the best order by which the given one has to be worse.
+MAX_SLOTS = 16
+"""The order of more slots is not tested."""
+MIN_EXCESS = 0.4
+"""The given order is doubted if its changes exceed the best order's by this part of the mean order's excess.
 
-Chosen on 57 snapshots of T = 8, together with ``CERTAIN``: the largest part of a right order that is certain was 0.29.
-Measured then: no right order was doubted (27 snapshots of the benchmark's scenes; 318 of 53 clips, 128 and 192 pixels
-wide, behind binary, gray and structural masks with a sensor's noise). A random order and one of even slots before odd
-ones were doubted in all 11 benchmark files and in a third of the clips, slots that begin three late in half of the
-files and few clips, two slots in exchange never.
+Set together with ``MIN_STANDARD_ERRORS`` on 57 snapshots of T = 8, where right orders reached 0.29 at most. Measured
+then: no right order was doubted (27 snapshots of the six test scenes; 318 of 53 clips, 128 and 192 pixels wide, behind
+binary, gray and structural masks with a sensor's noise). A random order, and all even slots before the odd ones, were
+doubted in all 11 files of the test scenes and in a third of the clips; a sequence that starts three slots late in half
+of the files and few clips; two exchanged slots never.
 """
-CERTAIN = 5.0
-"""Standard errors by which it does so, in blocks that it was not looked for in."""
+MIN_STANDARD_ERRORS = 5.0
+"""Significance of that excess, in standard errors, on blocks that the search for the best order did not use."""
 
 
 @torch.no_grad()
 def better_order(blocks: torch.Tensor, patterns: torch.Tensor) -> list[int]:
-    """Return an order of the slots in which the scene moves more steadily, counted from 0; empty: no doubt.
+    """Return an order of the slots, from 0, in which the scene moves more steadily; empty if there is no doubt.
 
     Args:
-        blocks: snapshot in blocks of n pixels, ``(blocks, n)``.
+        blocks: the snapshot in blocks of n pixels, ``(blocks, n)``.
         patterns: the mask in the same blocks, ``(T, blocks, n)``.
     """
     slots = len(patterns)
-    if not 3 <= slots <= MOST_SLOTS or len(blocks) < 2:
+    if not 3 <= slots <= MAX_SLOTS or len(blocks) < 2:
         return []
     changes = _changes(blocks, patterns)
     order = _steadiest(changes[::2].mean(0))
-    judged = changes[1::2]
-    given, found = (_along(judged, way) for way in (list(range(slots)), order))
-    gain, room = given - found, judged.sum((1, 2)) / slots - found  # the mean over all orders is (T - 1) mean changes
-    certain = float(gain.mean()) > CERTAIN * float(gain.std()) / len(gain) ** 0.5
-    return order if certain and float(gain.mean()) > LEAST_PART * float(room.mean()) > 0 else []
+    held_out = changes[1::2]
+    given, best = (_along(held_out, way) for way in (list(range(slots)), order))
+    mean = held_out.sum((1, 2)) / slots  # over all orders: T - 1 times the mean change
+    excess, mean_excess = given - best, mean - best
+    significant = float(excess.mean()) > MIN_STANDARD_ERRORS * float(excess.std()) / len(excess) ** 0.5
+    return order if significant and float(excess.mean()) > MIN_EXCESS * float(mean_excess.mean()) > 0 else []
 
 
 def _changes(blocks: torch.Tensor, patterns: torch.Tensor) -> torch.Tensor:
-    """Squared differences of the brightness of every two slots less what noise adds, ``(blocks, T, T)``, weighted."""
+    """Return squared differences of brightness between any two slots, ``(blocks, T, T)``, over the noise's variance.
+
+    The expected contribution of the noise is subtracted.
+    """
     model = patterns.permute(1, 2, 0)
     pixels, slots = model.shape[1:]
     inverse = torch.linalg.inv(model.mT @ model + 1e-3 * pixels * torch.eye(slots))
@@ -61,7 +65,7 @@ def _changes(blocks: torch.Tensor, patterns: torch.Tensor) -> torch.Tensor:
 
 
 def _steadiest(changes: torch.Tensor) -> list[int]:
-    """The shortest way through all slots that nearest neighbours and reversals of parts (2-opt) find."""
+    """Return a short path through all slots: the best of nearest-neighbour paths improved by 2-opt reversals."""
     slots, length = len(changes), changes.tolist()
     ways = []
     for first in range(slots):
@@ -74,6 +78,7 @@ def _steadiest(changes: torch.Tensor) -> list[int]:
 
 
 def _improved(length: list[list[float]], way: list[int]) -> list[int]:
+    """Reverse parts of a path as long as that makes it shorter (2-opt)."""
     shortest, improved = _total(length, way), True
     while improved:
         improved = False
@@ -90,5 +95,5 @@ def _total(length: list[list[float]], way: list[int]) -> float:
 
 
 def _along(changes: torch.Tensor, way: list[int]) -> torch.Tensor:
-    """The sum of changes ``(blocks, T, T)`` from each slot of a way to the next, ``(blocks,)``."""
+    """Return the sum ``(blocks,)`` of the changes ``(blocks, T, T)`` along an order of the slots."""
     return changes[:, way[:-1], way[1:]].sum(-1)

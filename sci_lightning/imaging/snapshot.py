@@ -1,4 +1,4 @@
-"""A snapshot that a camera took, read from a file."""
+"""Snapshots that a camera recorded, read from a file."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from sci_lightning.errors import BadInput
 from sci_lightning.files.picture_file import read_pictures
 
 BIT_DEPTHS = (8, 10, 12, 14, 16)
-"""Of cameras."""
-DIM = 0.25
-"""Of full scale: an integer file whose largest value stays below may hold numbers of fewer bits."""
-DARK = 0.01
-"""Of full scale: a snapshot whose mean level stays below is hardly one."""
+"""Usual bit depths of cameras."""
+DIM_LEVEL = 0.25
+"""An integer file whose largest value is below this part of full scale may hold numbers of fewer bits."""
+DARK_LEVEL = 0.01
+"""A snapshot whose mean is below this part of full scale is almost dark."""
 LARGEST_SUM = 100.0
-"""A sum of frames that no sensor clipped is at most T times full scale; beyond this a file holds DN."""
+"""A sum of frames that no sensor clipped is at most T times full scale; larger values are taken for DN."""
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """What a file of snapshots holds.
+    """The content of a file of snapshots.
 
     Attributes:
-        path: of the file.
+        path: the file.
         measurement: float32 ``(N, H, W)``, normalised by full scale.
-        full_scale: the number in the file that is 1.0.
+        full_scale: the number in the file that corresponds to 1.0.
         integer: whether the file holds integers.
     """
 
@@ -38,11 +38,11 @@ class Snapshot:
     integer: bool
 
     def doubt(self, brightest: float) -> str:
-        """Say in one line why the full scale does not seem to be this one, and which may be; empty: no doubt.
+        """Return one line on why the full scale seems to be wrong and which may be right; empty if it seems right.
 
         Args:
-            brightest: the most that a measurement can be, in units of full scale: 1 behind a sensor, the mask's sum
-                over time without one.
+            brightest: the largest possible measurement in units of full scale: 1 behind a sensor, the mask's sum over
+                time without one.
         """
         top, mean = float(self.measurement.max()), float(self.measurement.mean())
         largest = top * self.full_scale
@@ -55,13 +55,13 @@ class Snapshot:
             return (
                 f"{about}; with this mask no more than {brightest:.3g} can be reached: check the units, give {likely}?"
             )
-        if self.integer and top <= DIM and fitting and fitting[0] < self.full_scale:
+        if self.integer and top <= DIM_LEVEL and fitting and fitting[0] < self.full_scale:
             bits = fitting[0].bit_length()
             return (
                 f"{about}; numbers of {bits} bits in a file made for more? Then give full_scale={fitting[0]} (of a sum "
                 "of frames made by software: that of one frame, as 255); else the exposure was short"
             )
-        if mean < DARK:
+        if mean < DARK_LEVEL:
             return f"{about}; that is nearly dark: check full_scale= and the exposure"
         return ""
 
@@ -69,7 +69,7 @@ class Snapshot:
 def read_snapshot(
     path: str | Path, *, key: str | None = None, full_scale: float | None = None, bit_depth: int = 8
 ) -> Snapshot:
-    """Read one or several snapshots.
+    """Read one or more snapshots.
 
     Args:
         path: TIFF or PNG (one grey picture, or a TIFF stack), NPY ``(H, W)`` or ``(N, H, W)``, or MAT, in which several
@@ -77,7 +77,7 @@ def read_snapshot(
         key: name of the array in a MAT file; None takes ``meas``, else the only array that fits.
         full_scale: the value that is 1.0. None: floating-point files are taken as they are; of integer files it is the
             full scale of ``bit_depth`` if no value exceeds it, else the largest value of the integer type.
-        bit_depth: of the sensor that the decoder was trained with.
+        bit_depth: bits of the sensor that the decoder was trained with.
 
     Raises:
         BadInput: unreadable file, colour, not finite, a full scale that is not positive or is needed.

@@ -1,3 +1,4 @@
-"""Training with Lightning: the modules, what they keep, and how they stop.
+"""Training with Lightning: the LightningModules, their checkpoints and callbacks, and how a training is stopped.
 
-Only this room knows Lightning."""
+No other package of the library imports Lightning, except for the commands that train and evaluate.
+"""

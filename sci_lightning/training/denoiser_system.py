@@ -1,4 +1,4 @@
-"""The LightningModule of denoisers: one that an iterative decoder holds learns to take Gaussian noise away."""
+"""The LightningModule that trains the denoiser of an iterative decoder to remove Gaussian noise."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from sci_lightning.training.system import System
 class DenoiserSystem(System):
     """Trains the denoiser alone, on white Gaussian noise; validation and test decode with it as any system does.
 
-    Every batch has one standard deviation, drawn evenly from a range. The mask learns nothing.
+    The noise of every batch has one standard deviation, drawn uniformly from a range. The mask is not trained.
 
     Args:
-        encoder: of validation and test.
-        decoder: an iterative one, whose denoiser learns.
+        encoder: the encoder of validation and test.
+        decoder: an iterative decoder, whose denoiser is trained.
         noise: smallest and largest standard deviation, in units of the video.
-        others: as :class:`~sci_lightning.training.system.System`.
+        others: the further arguments of :class:`~sci_lightning.training.system.System`.
 
     Raises:
-        BadInput: a decoder without a denoiser, a range that is none; in training, as :class:`System`.
+        BadInput: a decoder without a denoiser, or a range whose ends are not in order; in training, as :class:`System`.
 
     Source: Zhang, Zuo and Zhang, IEEE Trans. Image Processing 2018 (strengths 0 to 75 of 255).
     """

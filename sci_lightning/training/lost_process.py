@@ -1,4 +1,4 @@
-"""A training on several devices of which one process died: the others end, and one of them says why."""
+"""A training on several devices of which one process died: the others end, and one of them reports it."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from pathlib import Path
 from sci_lightning.errors import MachineFailure
 
 CONNECTION = re.compile(r"gloo|nccl|connection (reset|closed|refused)|remote process|peer|broken pipe", re.IGNORECASE)
-"""What the libraries that connect the processes say when one of them is gone."""
+"""Words in the errors of the libraries that connect processes when one of these has ended."""
 
 
 def lost_process(error: BaseException, out: str | Path) -> MachineFailure | None:
-    """What to say of an error that came of another process's end; None for any other error.
+    """Return the failure to report if an error came from the end of another process; None for any other error.
 
     Args:
         error: what a collective operation raised.
         out: the run's folder.
 
     Raises:
-        SystemExit: another process says it: the first one, or the second if the first one is the one that died.
+        SystemExit: another process reports it: the first one, or the second one if the first one died.
     """
     if "MASTER_PORT" not in os.environ or not isinstance(error, RuntimeError) or not CONNECTION.search(str(error)):
         return None

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM while a command trains: a first one finishes the step, a second one ends at once."""
+"""Ctrl-C and SIGTERM during a training: the first one finishes the step, the second one ends at once."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ STATUS = 130
 class Stopped(BaseException):
     """The training stopped because it was asked to; its last checkpoint is written.
 
-    Like :class:`KeyboardInterrupt` no ``Exception``: nothing that handles failures is to take it for one.
+    Like :class:`KeyboardInterrupt` it is not an ``Exception``, so that nothing handles it as a failure.
     """
 
 
 class StopSignal:
-    """Notes that somebody asked to stop; ``with StopSignal() as stop:`` around a command's work.
+    """Records a request to stop; use ``with StopSignal() as stop:`` around a command's work.
 
     Outside of the steps of a training a signal raises ``KeyboardInterrupt`` at once. Between :meth:`wait_for_step` and
-    :meth:`act_at_once` the first one sets ``requested``, for whoever is able to finish the step, and the second one
-    ends the process there and then. A signal that somebody else handles already (the launcher of a cluster, which
-    queues the job again) is left alone.
+    :meth:`act_at_once` the first signal only sets ``requested``, so that the step can be finished, and the second one
+    ends the process immediately. A signal that already has a handler (of a cluster's launcher, which requeues the job)
+    is left alone.
 
     Attributes:
         requested: whether a signal arrived.
@@ -51,18 +51,18 @@ class StopSignal:
             signal.signal(number, self._before[number])
 
     def leave(self, number: int) -> None:
-        """Leave a signal to others from now on."""
+        """Restore the former handler of a signal."""
         if number in self._mine:
             self._mine.remove(number)
             signal.signal(number, self._before[number])
 
     def wait_for_step(self) -> None:
-        """From now on a first signal only sets ``requested``."""
+        """Let the first signal from now on only set ``requested``."""
         self._waiting = True
         self._install()  # a trainer puts its own handlers in place when it starts
 
     def act_at_once(self) -> None:
-        """From now on a signal stops the command where it is."""
+        """Let a signal from now on stop the command where it is; one that has arrived does so now."""
         self._waiting = False
         if self.requested:
             raise KeyboardInterrupt

@@ -15,7 +15,7 @@ from lightning.pytorch.callbacks import Timer
 from sci_lightning.configuration.bounds import NonNegative, Positive, Seed
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.encoder import Encoder
-from sci_lightning.errors import BadInput
+from sci_lightning.errors import BadInput, TrainingDiverged
 from sci_lightning.imaging.operator import SnapshotOperator
 from sci_lightning.imaging.pipeline import Pipeline
 from sci_lightning.metrics.frame_metric import FrameMetric
@@ -62,8 +62,8 @@ class System(L.LightningModule):
         run_config: the run's plain, resolved configuration; kept in every checkpoint so that the run can be rebuilt.
 
     Raises:
-        BadInput: unknown loss, bad weights, a metric that sees no frames; in training, more weights than stages, a
-            loss or gradient that is no longer finite.
+        BadInput: unknown loss, bad weights, a metric that sees no frames; in training, more weights than stages.
+        TrainingDiverged: in training, a loss or gradient that is no longer finite.
     """
 
     def __init__(
@@ -175,7 +175,7 @@ class System(L.LightningModule):
         return self.checked(self.stage_loss(stages, video), batch_idx)
 
     def checked(self, loss: torch.Tensor, batch_idx: int) -> torch.Tensor:
-        """Log the loss of a batch and return it; raises BadInput if it is not finite."""
+        """Log the loss of a batch and return it; raises TrainingDiverged if it is not finite."""
         if not torch.isfinite(loss):
             raise self._diverged("the loss became", float(loss.detach()), batch_idx)
         self.log("train/loss", loss, prog_bar=True)
@@ -219,8 +219,8 @@ class System(L.LightningModule):
     def _seed_step(self, step: int, testing: bool = False) -> None:
         torch.manual_seed((((self.seed * 2 + testing) << 40) + (step << 10) + self.global_rank) % 2**63)
 
-    def _diverged(self, what: str, value: float, batch_idx: int) -> BadInput:
-        return BadInput(
+    def _diverged(self, what: str, value: float, batch_idx: int) -> TrainingDiverged:
+        return TrainingDiverged(
             f"{what} {value} at epoch {self.current_epoch}, batch {batch_idx} (step {self.global_step}): stopped; the "
             f"checkpoints hold the last good state; resume from there with a smaller system.lr or check the data"
         )

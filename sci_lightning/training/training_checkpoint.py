@@ -1,4 +1,4 @@
-"""What a training takes from a checkpoint to go on: numbers and tensors that were checked, and nothing else."""
+"""Resuming from a checkpoint: a training takes checked numbers and tensors from the file, and nothing else."""
 
 from __future__ import annotations
 
@@ -20,29 +20,30 @@ from sci_lightning.training.system import System
 from sci_lightning.training.training_position import TrainingPosition
 
 SCALER = "MixedPrecision"
-"""Under this key Lightning keeps the state of the gradient scaler of ``trainer.precision=16-mixed``."""
+"""The key under which Lightning keeps the gradient scaler's state of ``trainer.precision=16-mixed``."""
 
 SCALER_NUMBERS = {"scale", "growth_factor", "backoff_factor", "growth_interval", "_growth_tracker"}
 
 SLURM = "hpc_ckpt_"
-"""Names of checkpoints that Lightning writes when Slurm takes a job off; it reads them wherever it finds them, in the
-test after a training as well, which would then test what was trained before."""
+"""Start of the names of checkpoints that Lightning writes when Slurm requeues a job. Lightning reads them whenever they
+exist, in the test after a training as well, which would then test an earlier state."""
 
 ADAM_TENSORS = {"step", "exp_avg", "exp_avg_sq"}
 
 
 class TrainingCheckpointIO(SafeCheckpointIO):
-    """Lightning's file access in a training: the only way from a checkpoint into its trainer.
+    """Lightning's file access in a training: the only way from a checkpoint into the trainer.
 
-    Lightning believes what it reads: it would remove the files that a checkpoint calls the previous best ones, fill
-    its schedulers with any attributes and its loops with any counts. It gets a dictionary that is made anew here.
-    Everything that does not change while a training goes on comes from the present training; from the file come the
-    weights, the optimizer's tensors and learning rates, the number of steps, the gradient scaler's numbers, and those
-    states of callbacks that hold numbers and tensors only (no text: it might be a path).
+    Lightning trusts what it reads: it would remove the files that a checkpoint calls the previous best ones, set any
+    attribute of its schedulers and any count of its loops. Therefore it gets a new dictionary, built here. Everything
+    that does not change during a training comes from the present training. From the file come the weights, the
+    optimizer's tensors and learning rates, the number of steps, the gradient scaler's numbers, and those states of
+    callbacks that hold numbers and tensors only (text could be a path).
 
     Args:
-        system: that is trained.
-        clips: its training data, which is set to the batch to go on with; to be told before the training starts.
+        system: the system that is trained.
+        clips: its training data, which is set to the batch to continue with. May be set later as an attribute, but
+            before a checkpoint is read.
     """
 
     def __init__(self, system: System, clips: ClipLoader | None = None) -> None:
@@ -56,9 +57,15 @@ class TrainingCheckpointIO(SafeCheckpointIO):
             super().save_checkpoint(checkpoint, Path(path).parent / "checkpoints" / "last.ckpt", storage_options)
 
     def load_checkpoint(self, path: Any, map_location: Any = None, weights_only: bool | None = None) -> dict[str, Any]:
-        """Read a checkpoint; raises BadInput where anything in it is not as a training of this system leaves it."""
+        """Read a checkpoint.
+
+        Raises:
+            BadInput: something in it is not as a training of this system writes it.
+            ValueError: ``clips`` was not set.
+        """
         content = super().load_checkpoint(path, map_location, weights_only)
-        assert self.clips is not None, "give the training data before a checkpoint is read"
+        if self.clips is None:
+            raise ValueError("set clips, the training data, before a checkpoint is read")
         trainer = self.system.trainer
         batches, limit = len(self.clips.epoch_sampler), trainer.limit_train_batches
         batches = min(batches, limit) if isinstance(limit, int) else int(batches * limit)
@@ -96,12 +103,12 @@ class TrainingCheckpointIO(SafeCheckpointIO):
         return state
 
     def _training_state(self, path: Any, content: Mapping[str, Any], steps: int) -> tuple[dict[str, Any], Any]:
-        """States of optimizer and scheduler: those of a new training, with the file's tensors and learning rates."""
+        """Return the states of a new optimizer and scheduler, with the file's tensors and learning rates in them."""
         fresh = self.system.configure_optimizers()
         optimizer, scheduler = fresh["optimizer"], fresh["lr_scheduler"]["scheduler"]
         try:
-            (found,) = content["optimizer_states"]
-            tensors, rates = found["state"], [group["lr"] for group in found["param_groups"]]
+            (saved,) = content["optimizer_states"]
+            tensors, rates = saved["state"], [group["lr"] for group in saved["param_groups"]]
             parameters = [p for group in optimizer.param_groups for p in group["params"]]
             right = len(rates) == len(optimizer.param_groups) and all(_is_number(rate) and rate >= 0 for rate in rates)
             for index, entries in tensors.items():
@@ -119,14 +126,14 @@ class TrainingCheckpointIO(SafeCheckpointIO):
 
 
 def remove_slurm_checkpoints(out: Path) -> None:
-    """Remove what Lightning wrote for Slurm from the folder of a finished training."""
+    """Remove the checkpoints that Lightning wrote for Slurm from the folder of a finished training."""
     for path in out.glob(f"{SLURM}*.ckpt"):
         if re.fullmatch(rf"{SLURM}\d+\.ckpt", path.name) and not path.is_symlink():
             path.unlink(missing_ok=True)
 
 
 def _restore_callbacks(path: Any, states: Any, trainer: L.Trainer) -> None:
-    """Give every callback its state of numbers and tensors; states that hold text are left out."""
+    """Load every callback's state if it holds numbers and tensors only; others are left out."""
     if states is not None and not isinstance(states, dict):
         raise _damaged(path, "the states of its callbacks")
     for callback in trainer.callbacks:  # type: ignore[attr-defined]  # set by Lightning, not declared
@@ -142,7 +149,7 @@ def _restore_callbacks(path: Any, states: Any, trainer: L.Trainer) -> None:
 
 
 def _is_plain(value: Any) -> bool:
-    """Whether a callback's state holds only numbers and tensors, under names that cannot be paths."""
+    """Return whether a callback's state holds only numbers and tensors, under names that cannot be paths."""
     if isinstance(value, dict):
         return all(type(key) is int or (type(key) is str and key.isidentifier()) for key in value) and all(
             map(_is_plain, value.values())
@@ -153,12 +160,12 @@ def _is_plain(value: Any) -> bool:
 
 
 def _is_number(value: Any) -> bool:
-    """Whether a value is one finite number."""
+    """Return whether a value is one finite number."""
     return type(value) in (int, float) and abs(value) < 2**1000 and math.isfinite(value)
 
 
 def _like(value: Any, shape: tuple[int, ...] | torch.Size) -> bool:
-    """Whether a value is a real tensor of this shape in memory."""
+    """Return whether a value is a real-valued dense tensor of this shape."""
     return (
         isinstance(value, torch.Tensor)
         and value.layout == torch.strided

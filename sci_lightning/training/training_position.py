@@ -1,31 +1,31 @@
-"""How far a training has come: one number, from which everything else follows."""
+"""The position of a training: the number of optimizer steps, from which everything else follows."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, TypeGuard
 
 import lightning as L
 
 from sci_lightning.errors import BadInput
 
-LARGEST = 2**40
-"""More steps than any training makes; a file that tells of more is damaged or made to do harm."""
+MAX_STEPS = 2**40
+"""More steps than any training makes; a file with more is damaged or malicious."""
 
 
 @dataclass(frozen=True)
 class TrainingPosition:
-    """Where a training stands: the place of the next batch follows from the number of optimizer steps.
+    """The position of a training; the next batch follows from the number of optimizer steps.
 
-    A checkpoint keeps this instead of the states of Lightning's loops. Those say the same a dozen times over, disagree
-    after a training was resumed at the end of an epoch (Lightning 2.6 then forgets the next epoch's beginning, and a
-    second resume repeats it), and would be trusted blindly when read from a file.
+    A checkpoint keeps this instead of the states of Lightning's loops. Those hold the same number a dozen times,
+    disagree after a training was resumed at the end of an epoch (Lightning 2.6 then forgets that the next epoch began,
+    and a second resume repeats it), and Lightning would trust them without a check when they are read from a file.
 
     Attributes:
-        steps: optimizer steps that were made.
-        batches_per_epoch: batches of an epoch, on one process.
+        steps: optimizer steps made so far.
+        batches_per_epoch: batches of an epoch in one process.
         validated: whether the validation that may follow the last batch has been run.
     """
 
@@ -35,45 +35,43 @@ class TrainingPosition:
 
     @classmethod
     def of(cls, trainer: L.Trainer, validated: bool) -> TrainingPosition:
-        """The position of a trainer."""
+        """Return the position of a trainer."""
         return cls(trainer.global_step, int(trainer.num_training_batches), validated)
 
     @classmethod
     def read(cls, path: object, content: Mapping[str, Any], batches_per_epoch: int) -> TrainingPosition:
-        """The position that a checkpoint holds.
+        """Return the position that a checkpoint holds.
 
         Args:
-            path: of the checkpoint, for messages.
-            content: of the checkpoint. One without ``position`` was written before there was such an entry: its
-                ``global_step`` counts.
-            batches_per_epoch: of the present data.
+            path: the checkpoint's path, for messages.
+            content: the checkpoint's content. One without the entry ``position`` is of an earlier version; then its
+                ``global_step`` is used.
+            batches_per_epoch: batches of an epoch with the present data.
 
         Raises:
-            BadInput: it is not a position, or one in epochs of another length.
+            BadInput: the entry is damaged, or an epoch had another number of batches.
         """
         known = content.get("position", {"steps": content.get("global_step"), "batches_per_epoch": batches_per_epoch})
         known = {"validated": True, **known} if isinstance(known, dict) else {}
         steps, batches, validated = (known.get(key) for key in ("steps", "batches_per_epoch", "validated"))
-        whole = all(type(value) is int and 0 <= value < LARGEST for value in (steps, batches))
-        if not whole or type(validated) is not bool or not batches:
+        if not (_is_count(steps) and _is_count(batches) and batches and type(validated) is bool):
             raise BadInput(f"{path}: damaged: it does not say how many steps of the training were made")
         if batches != batches_per_epoch:
             raise BadInput(
                 f"{path}: an epoch had {batches} batches, now it has {batches_per_epoch}: go on with the same clips, "
                 "batch_size and number of processes"
             )
-        assert isinstance(steps, int)
         return cls(steps, batches_per_epoch, validated)
 
     def state(self) -> dict[str, Any]:
-        """What a checkpoint keeps."""
+        """Return the entry of a checkpoint."""
         return asdict(self)
 
     def place(self, accumulate: int = 1) -> tuple[int, int]:
-        """Epoch and batch, both from 0, of the next batch; the batch is ``batches_per_epoch`` before the validation.
+        """Return epoch and batch, from 0, of the next batch; the batch is ``batches_per_epoch`` before a validation.
 
         Args:
-            accumulate: batches whose gradients make one optimizer step; the last ones of an epoch may be fewer.
+            accumulate: batches per optimizer step; the last step of an epoch may have fewer.
         """
         epoch, steps = divmod(self.steps, math.ceil(self.batches_per_epoch / accumulate))
         if steps == 0 and self.steps and not self.validated:
@@ -81,7 +79,7 @@ class TrainingPosition:
         return epoch, steps * accumulate
 
     def check_plan(self, path: object, trainer: L.Trainer) -> None:
-        """Refuse to go on with a training that has gone further than it is asked to go; raises BadInput."""
+        """Raise BadInput if the training has already gone further than the trainer's limits."""
         epoch, batch = self.place(trainer.accumulate_grad_batches)
         epochs = epoch + (batch > 0)
         for key, limit, done in (
@@ -95,10 +93,10 @@ class TrainingPosition:
                 )
 
     def loops(self, trainer: L.Trainer) -> dict[str, Any]:
-        """The states of Lightning's loops with which its trainer goes on from here."""
+        """Return the states of Lightning's loops with which its trainer continues from this position."""
         epoch, batch = self.place(trainer.accumulate_grad_batches)
         batches = epoch * self.batches_per_epoch + batch
-        within = _counts(1) if batch else _counts(0)  # of an epoch that was begun, beside the finished ones
+        within = _counts(1) if batch else _counts(0)  # counts of an epoch that was begun, beside the finished ones
         begun = {key: epoch + within[key] * (key in ("ready", "started")) for key in within}
         # a batch that was begun and never processed: Lightning runs a validation first, if one is due here
         pending = _counts(1, processed=0, completed=0) if batch and not self.validated else _counts(0)
@@ -128,11 +126,16 @@ class TrainingPosition:
         }
 
 
+def _is_count(value: object) -> TypeGuard[int]:
+    """Return whether a value from a file is a plausible number of steps or batches; a bool is not."""
+    return type(value) is int and 0 <= value < MAX_STEPS
+
+
 TOTALS = ("total", "current")
 """Lightning counts everything over the whole training and within an epoch."""
 
 
 def _counts(number: int, **others: int | None) -> dict[str, int]:
-    """Lightning's four counters, all at ``number`` but for ``others``; None leaves one out."""
+    """Return Lightning's four counters, all at ``number`` except for ``others``; None leaves one out."""
     counts = {**dict.fromkeys(("ready", "started", "processed", "completed"), number), **others}
     return {key: value for key, value in counts.items() if value is not None}

@@ -32,7 +32,7 @@ def recorded(folder: Path, clip: str, mask: torch.Tensor, noise: float = 0.01) -
 def test_benchmark_scenes(shared_data: Path, name: str) -> None:
     snapshot, mask = benchmark(shared_data, name)
     own = check_mask(snapshot, mask)
-    assert own is not None and own.belongs and own.found > 0.9 and own.share > 0.5
+    assert own is not None and own.belongs and own.explained > 0.9 and own.share > 0.5
     assert mask_warning(snapshot[None], mask) == ""
     content = loadmat(shared_data / "mask" / "mask.mat")["mask"].astype(np.float32)
     for other in (torch.from_numpy(content).permute(2, 0, 1), mask.roll((9, 4), (1, 2))):

@@ -1,4 +1,4 @@
-"""One parameter of an effect: its unit, its range, where it does nothing, and where a search for it begins."""
+"""One parameter of an effect: its unit, its range, its neutral value, and where a search for it starts."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ class Parameter:
     """A number within bounds, or a choice.
 
     Attributes:
-        unit: as in ``pixel``; ``1`` for a ratio, empty for a choice.
+        unit: ``pixel``, for example; ``1`` for a ratio, empty for a choice.
         neutral: the value at which the effect is the identity; None where there is none (the phase of a flicker).
         low, high: bounds of a number, both included.
-        step: a difference that is small but can be seen in the measurement; derivatives are taken over it.
-        starts: values from which a search sets out; the neutral value need not be among them.
-        choices: all values of a discrete parameter, in the place of bounds; they are enumerated.
-        log: whether it is its logarithm that is fitted (a positive number of unknown size); ``step`` is then relative.
+        step: a small difference that is visible in the measurement; numerical derivatives are taken over it.
+        starts: values at which a search starts; the neutral value need not be among them.
+        choices: all values of a discrete parameter, in place of bounds; a search tries every one.
+        log: whether the logarithm is fitted, as for a positive number of unknown magnitude; ``step`` is then relative.
     """
 
     unit: str
@@ -35,7 +35,7 @@ class Parameter:
     log: bool = False
 
     def read(self, where: str, value: Any) -> Value:
-        """``value`` as this parameter takes it.
+        """Return ``value`` as this parameter takes it, a number as a float.
 
         Raises:
             BadInput: not a number, not finite, out of bounds, or not one of the choices; names ``where``.

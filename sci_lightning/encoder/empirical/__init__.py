@@ -1,4 +1,4 @@
-"""Free-form deviations: they show in which stage something is missing that no effect of the vocabulary explains."""
+"""Free-form deviations: they show at which stage something is missing that no named effect explains."""
 
 from sci_lightning.encoder.empirical.carry_over import CarryOver
 from sci_lightning.encoder.empirical.column_gain import ColumnGain

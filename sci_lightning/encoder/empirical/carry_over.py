@@ -1,4 +1,4 @@
-"""Carry-over: pixels are not quite empty after readout."""
+"""Carry-over: readout does not empty the pixels completely."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sci_lightning.encoder.signal import Signal
 
 
 class CarryOver(Empirical, SensorEffect):
-    """A part c0 of each capture is in the next one of the file.
+    """A part c0 of every capture's signal is added to the next capture of the file.
 
     Args:
         count: 1.
@@ -31,6 +31,6 @@ class CarryOver(Empirical, SensorEffect):
     def respond(self, signal: Signal) -> Signal:
         if signal.position is None:
             return signal
-        follows = (signal.position[:, None] == signal.position + 1).to(signal.mean)  # (capture, the one before it)
+        follows = (signal.position[:, None] == signal.position + 1).to(signal.mean)  # (capture, its predecessor)
         left = torch.einsum("ij,jhw->ihw", follows, signal.mean)
         return signal.with_mean(signal.mean + self.coefficients.to(signal.mean) * left)

@@ -1,4 +1,4 @@
-"""What all free-form deviations have in common: as many numbers as it takes, and no name in the vocabulary."""
+"""The base class of free-form deviations, which have as many numbers as needed and no name in the vocabulary."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sci_lightning.errors import BadInput
 
 
 class Empirical(Effect):
-    """A deviation of free form: it says in which stage something is missing, not what.
+    """A free-form deviation: it shows at which stage something is missing, not what.
 
     A subclass also derives from the base class of its stage. Its parameters are numbers called c0, c1, ..; those that
     are not given are 0, and with all at 0 the deviation is the identity.

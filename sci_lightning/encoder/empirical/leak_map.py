@@ -1,4 +1,4 @@
-"""Leak map: mirrors that pass light they should not."""
+"""Leak map: mirrors pass light that does not depend on the pattern."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from sci_lightning.encoder.effects.stage import ModulatorEffect
 
 
 class LeakMap(MapEffect, ModulatorEffect):
-    """Displayed = told + a number for every mirror, whatever the pattern.
+    """Displayed = commanded + a number for every mirror, the same for all patterns.
 
     Args:
         std: standard deviation of the numbers, 0 to 1.
-        size, file, seed: of the map, see :class:`MapEffect`.
+        size, file, seed: see :class:`MapEffect`.
     """
 
     name = "leak_map"

@@ -1,4 +1,4 @@
-"""Level curve: what the modulator shows for what it is told."""
+"""Level curve: the displayed level as a free function of the commanded level."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from sci_lightning.encoder.empirical.empirical import Empirical, piecewise_linea
 
 
 class LevelCurve(Empirical, ModulatorEffect):
-    """Displayed = told + a curve through the numbers, at equidistant levels from 0 to 1.
+    """Displayed = commanded + a curve that connects the numbers, at equidistant levels from 0 to 1.
 
     Args:
-        count: of the levels.
-        values: the curve.
+        count: number of levels.
+        values: the curve at these levels.
     """
 
     name = "level_curve"

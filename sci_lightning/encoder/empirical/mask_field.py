@@ -1,4 +1,4 @@
-"""Mask field: every part of the mask's image is displaced in its own way."""
+"""Mask field: the displacement of the mask's image varies over the field."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ DEGREE = 3
 
 
 class MaskField(Empirical, RelayEffect):
-    """A smooth field of displacements (pixel): polynomials of the place, half the numbers for y and half for x.
+    """A smooth displacement field: polynomials of the position, half of the numbers for y and half for x.
 
     Args:
         count: 20 for polynomials up to degree 3.
-        values: in units of pixels, at the field's edge.
+        values: coefficients in pixels, of the products of Legendre polynomials.
     """
 
     name = "mask_field"

@@ -7,11 +7,11 @@ from sci_lightning.encoder.effects.parameter import Parameter
 
 
 class OffsetMap(FixedPatternOffset):
-    """Signal plus a number for every pixel, the same in every capture.
+    """Every pixel's signal plus a number of its own, the same in every capture.
 
     Args:
         std: standard deviation of the numbers, fraction of full scale, 0 to 1.
-        size, file, seed: of the map, see :class:`MapEffect`.
+        size, file, seed: see :class:`MapEffect`.
     """
 
     name = "offset_map"

@@ -1,4 +1,4 @@
-"""Pattern mixing: instead of a pattern, a mixture of patterns is shown."""
+"""Pattern mixing: a mixture of patterns is displayed in place of each pattern."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sci_lightning.encoder.empirical.empirical import Empirical
 
 
 class PatternMixing(Empirical, ModulatorEffect):
-    r"""In the place of pattern p of n, :math:`M_p + \sum_q c_{p n + q} M_q` is displayed.
+    r"""In place of pattern p of n, :math:`M_p + \sum_q c_{p n + q} M_q` is displayed.
 
     Args:
         count: n squared.

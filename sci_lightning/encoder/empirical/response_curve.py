@@ -1,4 +1,4 @@
-"""Response curve: the sensor answers otherwise than in proportion."""
+"""Response curve: the signal as a free function of the light."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from sci_lightning.encoder.signal import Signal
 
 
 class ResponseCurve(Empirical, SensorEffect):
-    """Signal plus a curve through the numbers, at equidistant levels from 0 to 1.
+    """The signal plus a curve that connects the numbers, at equidistant levels from 0 to 1.
 
     Args:
-        count: of the levels.
-        values: the curve, fraction of full scale.
+        count: number of levels.
+        values: the curve at these levels, fraction of full scale.
     """
 
     name = "response_curve"

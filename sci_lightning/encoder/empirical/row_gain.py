@@ -7,11 +7,11 @@ from sci_lightning.encoder.effects.parameter import Parameter
 
 
 class RowGain(FixedPatternGain):
-    """Light times 1 + a number for every row.
+    """The signal of every row is multiplied by 1 + a number of its own.
 
     Args:
         std: standard deviation of the numbers, 0 to 1.
-        size, file, seed: of the map, see :class:`MapEffect`.
+        size, file, seed: see :class:`MapEffect`.
     """
 
     name = "row_gain"

@@ -13,11 +13,11 @@ DEGREE = 4
 
 
 class Shading(Empirical, OpticsEffect):
-    """Light times 1 + a polynomial of the place.
+    """The light is multiplied by 1 + a polynomial of the position.
 
     Args:
         count: 14 for polynomials up to degree 4 without the constant.
-        values: of the Legendre polynomials' products, by degree.
+        values: coefficients of the products of Legendre polynomials, by degree.
     """
 
     name = "shading"
@@ -35,7 +35,7 @@ class Shading(Empirical, OpticsEffect):
 
 
 def smooth(signal: Signal, coefficients: torch.Tensor, degree: int, constant: bool) -> torch.Tensor:
-    """``(H, W)``: a polynomial of the place in the field."""
+    """Return a polynomial of the position in the field, ``(H, W)``."""
     y, x = signal.coordinates()
     basis = polynomials(y * (2 / signal.field[0]), x * (2 / signal.field[1]), degree)
     return torch.einsum("k,khw->hw", coefficients.to(signal.mean), basis if constant else basis[1:])

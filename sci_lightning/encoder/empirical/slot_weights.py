@@ -11,7 +11,7 @@ from sci_lightning.encoder.exposure import Exposure
 
 
 class SlotWeights(Empirical, ExposureEffect):
-    """Slot t collects 1 + c_t times its light.
+    """Slot t collects 1 + c_t times its nominal light.
 
     Args:
         count: T.

@@ -11,11 +11,13 @@ from sci_lightning.encoder.signal import Signal
 
 
 class SourcePower(Empirical, ExposureEffect):
-    """Captures receive 1 + a polynomial of their turn times their light: a matter of the captures, not of the camera.
+    """The light of a capture is multiplied by 1 + a polynomial of its position in the file.
+
+    This is a property of the captures and not of the camera.
 
     Args:
         count: 3, for Legendre polynomials of degree 1 to 3.
-        values: their factors.
+        values: coefficients of the polynomials.
     """
 
     name = "source_power"
@@ -31,6 +33,6 @@ class SourcePower(Empirical, ExposureEffect):
     def form(self, signal: Signal) -> Signal:
         if signal.position is None:
             return signal
-        turn = 2 * signal.position.to(signal.mean) / max(int(signal.position.max()), 1) - 1  # from -1 to 1
-        basis = torch.stack(legendre(turn, 3)[1 : self.count + 1])
+        moment = 2 * signal.position.to(signal.mean) / max(int(signal.position.max()), 1) - 1  # from -1 to 1
+        basis = torch.stack(legendre(moment, 3)[1 : self.count + 1])
         return signal.with_mean(signal.mean * (1 + self.coefficients.to(signal.mean) @ basis)[:, None, None])

@@ -1,4 +1,4 @@
-"""Stray light: light that does not come through the mask."""
+"""Stray light: light that does not pass the mask."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from sci_lightning.encoder.signal import Signal
 
 
 class StrayLight(Empirical, OpticsEffect):
-    """Light plus a polynomial of the place that grows with the integration time, in dark frames too.
+    """The light plus a polynomial of the position that grows with the integration time, in dark captures as well.
 
     Args:
         count: 15 for polynomials up to degree 4.
-        values: fraction of full scale, of the Legendre polynomials' products, by degree.
+        values: coefficients of the products of Legendre polynomials, by degree, fraction of full scale.
     """
 
     name = "stray_light"

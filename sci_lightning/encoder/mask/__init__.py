@@ -1,4 +1,4 @@
-"""Masks: transmittance ``(T, H, W)`` in [0, 1], one kind a file."""
+"""Masks: transmittance ``(T, H, W)`` in [0, 1], one kind per file."""
 
 from sci_lightning.encoder.mask.learned_binary import LearnedBinary
 from sci_lightning.encoder.mask.learned_structural import LearnedStructural

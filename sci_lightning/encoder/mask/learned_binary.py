@@ -14,11 +14,11 @@ from sci_lightning.encoder.rounding import round_half_up, straight_through
 class LearnedBinary(Mask):
     """A real-valued mask that is learned; a slot is open where it is at least 1/2 (straight-through gradient).
 
-    Without a constraint on the sum over time: how much light a pixel takes is learned as well.
+    The sum over time is not constrained: how much light a pixel collects is learned as well.
 
     Args:
         frames, size, tile: see :class:`~sci_lightning.encoder.mask.Mask`.
-        seed: of the initial real-valued mask, uniform in [0, 1): half of the slots start open.
+        seed: seed of the initial real-valued mask, uniform in [0, 1): half of the slots start open.
         bits: mask bit depth, always 1: it is there so that a sweep over bits can name every mask.
 
     Raises:

@@ -20,9 +20,9 @@ class LearnedStructural(Mask):
     Args:
         bits: mask bit depth, 1 to 8 (1: one open slot per pixel).
         frames, size, tile: see :class:`~sci_lightning.encoder.mask.Mask`.
-        seed: of the initial real-valued mask.
-        sharpness: the power, > 0. 1 is the published start; a larger one leaves the light of a pixel to fewer slots,
-            a coding that a decoder learns to undo in fewer steps and that learning can soften again.
+        seed: seed of the initial real-valued mask.
+        sharpness: the power, > 0. 1 is the published start. With a larger power the light of a pixel falls into fewer
+            slots at the start; a decoder learns to undo such a mask in fewer steps, and training can soften it again.
 
     Source: "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Algorithm 1.
     """

@@ -1,4 +1,4 @@
-"""What all masks have in common: a module that, called, gives the transmittance of every slot."""
+"""The base class of all masks: a module that returns the transmittance of every slot when it is called."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ class Mask(nn.Module):
 
     @property
     def automatic_aperture(self) -> float:
-        """Scale of the light that keeps an average snapshot of a white scene at full scale."""
+        """The light scale at which an average snapshot of a white scene just reaches full scale."""
         return 1.0
 
     @property
     def pattern_shape(self) -> tuple[int, int, int]:
-        """(T, h, w) of the values that are stored: the tile, or the whole mask."""
+        """The shape (T, h, w) of the stored values: those of the tile, or of the whole mask."""
         return (self.frames, *self.tile)
 
     def cover(self, pattern: torch.Tensor) -> torch.Tensor:
@@ -54,7 +54,7 @@ class Mask(nn.Module):
 
     @torch.no_grad()
     def project_(self) -> None:
-        """Bring what the optimiser moved back into its range (nothing to do unless learned)."""
+        """Clamp the parameters to their range; masks that are not learned have none."""
 
     def forward(self) -> torch.Tensor:
         raise NotImplementedError
@@ -64,7 +64,7 @@ class Mask(nn.Module):
 
 
 def uniform(shape: Sequence[int], seed: int) -> torch.Tensor:
-    """Seeded float32 values, uniform in [0, 1); the same on every device and in every process."""
+    """Return seeded float32 values, uniform in [0, 1); the same on every device and in every process."""
     return torch.rand(*shape, generator=torch.Generator().manual_seed(seed))
 
 

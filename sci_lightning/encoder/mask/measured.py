@@ -1,4 +1,4 @@
-"""Measured mask: what a calibration of the real modulator found."""
+"""Measured mask: read from a file that a calibration of the real modulator wrote."""
 
 from __future__ import annotations
 
@@ -42,18 +42,18 @@ class Measured(Mask):
             pattern = torch.zeros(frames, *size)
         else:
             raise BadInput("a measured mask needs a file: encoder.mask.file=MASK.mat (or .npy, .h5)")
-        found, wanted = tuple(pattern.shape), (frames or pattern.shape[0], *(size or pattern.shape[1:]))
-        if found != wanted:
+        shape, wanted = tuple(pattern.shape), (frames or pattern.shape[0], *(size or pattern.shape[1:]))
+        if shape != wanted:
             raise BadInput(
-                f"{file}: the mask is {_times(found)} (T x H x W), the run needs {_times(wanted)}; "
-                f"set frames={found[0]} size=[{found[1]},{found[2]}] or give another file"
+                f"{file}: the mask is {_times(shape)} (T x H x W), the run needs {_times(wanted)}; "
+                f"set frames={shape[0]} size=[{shape[1]},{shape[2]}] or give another file"
             )
-        super().__init__(found[0], found[1:])
+        super().__init__(shape[0], shape[1:])
         self.register_buffer("pattern", pattern)
 
     @property
     def automatic_aperture(self) -> float:
-        """1 / (mean over the pixels of the sum over time)."""
+        """1 over the mean of the mask's sum over time."""
         total = float(self.pattern.sum(0).mean())
         return 1 / total if total > 0 else 1.0
 

@@ -1,4 +1,4 @@
-"""A mask as the deep-optics code publishes it, as one of ours."""
+"""Masks as the code of the deep-optics paper publishes them, converted to those of this project."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from sci_lightning.errors import BadInput
 
 
 def published_mask(levels: torch.Tensor, real: torch.Tensor | None, frames: int, size: tuple[int, int]) -> Mask:
-    """The mask whose transmittance is ``levels``, exactly.
+    """Return the mask whose transmittance is exactly ``levels``.
 
-    A structural mask becomes a learned one whose real-valued mask is ``real``, except at pixels where our Algorithm 1
-    (halves up) would derive other levels from it than the released code (halves to even) did: there it is ``levels``.
-    Any other mask becomes a fixed one.
+    A structural mask becomes a learned one with the real-valued mask ``real``. The released code rounds halves to even,
+    Algorithm 1 here rounds them up; at pixels where the two would give different levels, the real-valued mask is set to
+    ``levels`` instead. Any other mask becomes a fixed one.
 
     Args:
         levels: ``(T, H, W)`` in [0, 1]; ``(T, H/2, W/2)`` of the prototype, whose values cover 2 x 2 pixels; or

@@ -14,7 +14,7 @@ class RandomBinary(Mask):
 
     Args:
         frames, size, tile: see :class:`~sci_lightning.encoder.mask.Mask`.
-        seed: of the Bernoulli(1/2) draw.
+        seed: seed of the Bernoulli(1/2) draw.
         bits: mask bit depth, always 1: it is there so that a sweep over bits can name every mask.
 
     Raises:

@@ -15,7 +15,7 @@ class RandomStructural(Mask):
     Args:
         bits: mask bit depth, 1 to 8 (1: one open slot per pixel).
         frames, size, tile: see :class:`~sci_lightning.encoder.mask.Mask`.
-        seed: of the uniform draw that :func:`~sci_lightning.encoder.mask.structure.structure` makes discrete.
+        seed: seed of the uniform draw that :func:`~sci_lightning.encoder.mask.structure.structure` makes discrete.
     """
 
     pattern: torch.Tensor

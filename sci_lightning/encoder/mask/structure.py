@@ -66,13 +66,13 @@ def structure(mask: torch.Tensor, bits: int) -> torch.Tensor:
 
 
 def _share_out(mask: torch.Tensor, levels: int) -> torch.Tensor:
-    """Integer levels ``(T, ...)`` in 0 .. levels - 1 that sum to ``levels`` over dimension 0."""
-    told = round_half_up(mask * levels).clamp(0, levels - 1).to(torch.int32)
-    told = torch.where(told.sum(0) == 0, 1, told)
-    remaining = told.sum(0)
+    """Return integer levels ``(T, ...)`` from 0 to levels - 1 that sum to ``levels`` over dimension 0."""
+    rounded = round_half_up(mask * levels).clamp(0, levels - 1).to(torch.int32)
+    rounded = torch.where(rounded.sum(0) == 0, 1, rounded)
+    remaining = rounded.sum(0)
     surplus = remaining - levels
-    shared = torch.empty_like(told)
-    for slot, level in enumerate(told):
+    shared = torch.empty_like(rounded)
+    for slot, level in enumerate(rounded):
         # floor(a / b + 1/2) = floor((2a + b) / 2b); where nothing remains the level is 0 and so is its share
         share = torch.div(2 * surplus * level + remaining, 2 * remaining.clamp(min=1), rounding_mode="floor")
         shared[slot] = level - share
@@ -82,7 +82,7 @@ def _share_out(mask: torch.Tensor, levels: int) -> torch.Tensor:
 
 
 def _open_second_slot(shared: torch.Tensor, mask: torch.Tensor, levels: int) -> torch.Tensor:
-    """Where one slot holds all the light, hand one level of it to the brightest other slot."""
+    """Where one slot has all the light, move one level of it to the brightest of the other slots."""
     alone = shared == levels
     others = mask.masked_fill(alone, -torch.inf)
     second = torch.zeros_like(shared).scatter_(0, others.argmax(0, keepdim=True), 1)

@@ -1,4 +1,4 @@
-"""Sensors: light ``(N, H, W)`` to measurement ``(N, H, W)``, one kind a file."""
+"""Sensors: light ``(N, H, W)`` to measurement ``(N, H, W)``, one kind per file."""
 
 from sci_lightning.encoder.sensor.clip_quantise import ClipQuantise
 from sci_lightning.encoder.sensor.ideal import Ideal

@@ -14,8 +14,11 @@ class ClipQuantise(nn.Module):
     r"""Light to numbers: :math:`R(x) = \lfloor (2^d - 1)\, \mathrm{clip}(x + n, 0, 1) + 1/2 \rfloor / (2^d - 1)`.
 
     Clipping has its ordinary gradient (zero outside [0, 1]); rounding passes the gradient through. Shot noise is a
-    true Poisson draw whose standard score is held fixed in the backward pass, so that learning feels how the
-    noise grows with the light. Noise is drawn from torch's global generator, in training and in testing alike.
+    true Poisson draw; in the backward pass the draw's deviation in units of its standard deviation stays fixed, so that
+    training takes into account how the noise grows with the light. Noise is drawn from torch's global generator, in
+    training and in testing alike.
+
+    Noise may be stated here or as the effects ``shot_noise`` and ``read_noise``; an encoder refuses to take both.
 
     Args:
         bit_depth: d, bits of the analogue-to-digital converter, 1 to 16.
@@ -46,9 +49,9 @@ class ClipQuantise(nn.Module):
         return 2**self.bit_depth - 1
 
     def forward(self, light: torch.Tensor, bits: int | None = None) -> torch.Tensor:
-        """Light ``(N, H, W)``, 1.0 at full scale, to measurement ``(N, H, W)`` in {0, 1/(2^d - 1), .., 1}.
+        """Return the measurement ``(N, H, W)`` in {0, 1/(2^d - 1), .., 1} of light ``(N, H, W)``, 1.0 at full scale.
 
-        With fewer effective ``bits`` only 2^bits codes occur, evenly from 0 to 1, each written as the nearest DN.
+        With fewer effective ``bits`` only 2^bits values occur, evenly from 0 to 1, rounded to the nearest DN.
         """
         if self.full_well is not None:
             light = self._shot_noise(light, self.full_well)
@@ -63,8 +66,8 @@ class ClipQuantise(nn.Module):
         electrons = (light * full_well).clamp(min=0)
         deviation = electrons.clamp(min=1e-6).sqrt()  # a bound, or the root's gradient is infinite in the dark
         with torch.no_grad():
-            score = (torch.poisson(electrons) - electrons) / deviation
-        return (electrons + score * deviation) / full_well
+            standardised = (torch.poisson(electrons) - electrons) / deviation
+        return (electrons + standardised * deviation) / full_well
 
     def extra_repr(self) -> str:
         return f"bit_depth={self.bit_depth}, full_well={self.full_well}, read_noise={self.read_noise}"

@@ -1,4 +1,4 @@
-"""What looks on while a system trains."""
+"""Lightning callbacks of a training: checkpoints, progress, pictures and throughput."""
 
 from sci_lightning.training.callbacks.best_checkpoint import BestCheckpoint
 from sci_lightning.training.callbacks.last_checkpoint import LastCheckpoint

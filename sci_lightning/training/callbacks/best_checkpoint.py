@@ -1,4 +1,4 @@
-"""``checkpoints/best.ckpt``: the weights that scored best in validation."""
+"""``checkpoints/best.ckpt``: the weights with the best validation metric."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from lightning.pytorch.callbacks import Checkpoint
 class BestCheckpoint(Checkpoint):
     """Writes ``best.ckpt`` after every validation that is better than all before it.
 
-    Its state is the best value, never a path: a resumed training compares with it as long as ``best.ckpt`` is there.
+    Its state is the best value, never a path: a resumed training compares with it as long as ``best.ckpt`` exists.
 
     Args:
-        folder: where it is written.
-        monitor: what validation logs, larger being better.
+        folder: the folder in which it is written.
+        monitor: the logged metric; larger is better.
     """
 
     def __init__(self, folder: str | Path, monitor: str = "val/psnr") -> None:

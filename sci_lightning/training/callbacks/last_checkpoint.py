@@ -1,4 +1,4 @@
-"""``checkpoints/last.ckpt``: where an interrupted training goes on."""
+"""``checkpoints/last.ckpt``: the state from which an interrupted training resumes."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from sci_lightning.training.stop_signal import Stopped, StopSignal
 
 
 class LastCheckpoint(Checkpoint):
-    """Writes ``last.ckpt`` every few minutes or steps of a training, and when somebody asks the training to stop.
+    """Writes ``last.ckpt`` every few minutes or steps of a training, and when the training is asked to stop.
 
     Args:
-        folder: where it is written.
-        every_minutes: of training; None for never.
-        every_n_steps: optimizer steps; None for never.
-        stop: tells whether the training is to stop; None if nobody will ask.
+        folder: the folder in which it is written.
+        every_minutes: minutes of training between two; None for never.
+        every_n_steps: optimizer steps between two; None for never.
+        stop: the request to stop; None if there cannot be one.
 
     Raises:
-        Stopped: the step that was going on when ``stop`` was requested is finished, and ``last.ckpt`` is written.
+        Stopped: after a request to stop, once the current step is finished and ``last.ckpt`` is written.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class LastCheckpoint(Checkpoint):
             self._stop(trainer, stop)
 
     def _is_due(self, trainer: L.Trainer) -> bool:
-        if trainer.global_step == self._written_step:  # gradients of some batches are summed up first
+        if trainer.global_step == self._written_step:  # gradients of several batches may make one step
             return False
         if self.every_n_steps is not None and trainer.global_step % self.every_n_steps == 0:
             return True
@@ -76,5 +76,5 @@ class LastCheckpoint(Checkpoint):
             raise Stopped
 
     def _agreed(self, trainer: L.Trainer, wish: bool) -> bool:
-        """Whether any process wishes it: clocks differ, and a signal may reach one process only."""
+        """Return whether any process wishes it: clocks differ, and a signal may reach one process only."""
         return wish if trainer.world_size == 1 else trainer.strategy.reduce_boolean_decision(wish, all=False)

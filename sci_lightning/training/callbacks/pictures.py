@@ -1,4 +1,4 @@
-"""Pictures of mask and reconstruction in the dashboard and in the run's folder."""
+"""Pictures of mask and reconstructions during a training, in the dashboard and in the run's folder."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from sci_lightning.training.system import System
 
 
 class Pictures(L.Callback):
-    """The mask before the first step, then after every validation the mask and the first snapshot of some scenes.
+    """Draws the mask before the first step, and mask and reconstructions of some scenes after every validation.
 
-    In TensorBoard as an image series; in ``folder`` as PNG files of the latest state.
+    TensorBoard gets a series of images; ``folder`` has PNG files of the latest state.
 
     Args:
-        folder: where the PNG files go (made when needed).
-        scenes: how many scenes are shown.
+        folder: the folder of the PNG files, created when needed.
+        scenes: number of scenes, of which the first snapshot is shown.
     """
 
     def __init__(self, folder: str, scenes: int = 2) -> None:

@@ -14,11 +14,11 @@ from sci_lightning.decoder.iterative import Iteration, Iterative
 class Progress(RichProgressBar):
     """Lightning's Rich progress bar with loss and PSNR, without the logger's version number.
 
-    In a test it shows how far a decoder that iterates is, and the residual. A file, such as the log of a job, shows no
-    bar: there a training writes a line every so many seconds, and one after each validation.
+    In a test it shows the iteration and the residual of an iterative decoder. A file, such as the log of a job, cannot
+    show a bar: a training writes a line every ``line_seconds`` and after every validation instead.
 
     Args:
-        line_seconds: between the lines in a file.
+        line_seconds: seconds between two lines in a file.
     """
 
     def __init__(self, line_seconds: float = 60.0) -> None:
@@ -53,7 +53,7 @@ class Progress(RichProgressBar):
             decoder.watch = None
 
     def _write_line(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
-        """Write how far the training is, unless a terminal shows it."""
+        """Write epoch, step and metrics in one line, unless a terminal shows the bar."""
         if self.progress is None or self.progress.console.is_terminal:
             return
         self._last_line = time.monotonic()

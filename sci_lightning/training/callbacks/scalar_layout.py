@@ -1,4 +1,4 @@
-"""The dashboard's comparison of a sweep's rows: by encoder and by bit depth."""
+"""The comparison of a sweep's runs in the dashboard, by encoder and by bit depth."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from sci_lightning.training.system import System
 
 
 class ScalarLayout(L.Callback):
-    """Groups runs under TensorBoard's "Custom Scalars", whose charts choose by tag and never by run.
+    """Groups runs under TensorBoard's "Custom Scalars", whose diagrams select by tag and cannot select by run.
 
     After every validation ``METRIC/ENCODER_BITSbit`` repeats ``val/METRIC``, and ``loss/ENCODER_BITSbit`` the loss of
     the last step. The layout shows both for the run's encoder, side by side, and the metric for its bit depth.
-    TensorBoard appends the charts of all runs below its log folder in the order of the runs' names, so that each run
-    names all bit depths up to its own: they appear in order, whichever run comes first.
+    TensorBoard joins the layouts of all runs in the order of the runs' names. Therefore every run names all bit depths
+    up to its own, so that they appear in order whichever run comes first.
 
     Args:
-        metric: of validation, by its name in ``metrics.json``.
+        metric: the validation metric, by its name in ``metrics.json``.
     """
 
     def __init__(self, metric: str = "psnr") -> None:
@@ -27,7 +27,7 @@ class ScalarLayout(L.Callback):
         if not isinstance(pl_module, System) or not trainer.is_global_zero:
             return
         encoder, bits = _group(pl_module)
-        charts = {  # of tags that match an expression from the first letter on
+        layout = {  # TensorBoard matches the expressions from the start of a tag
             "encoders": {
                 f"{what}, {encoder}": ["Multiline", [f"{what}/{encoder}_[0-9]+bit$"]] for what in (self.metric, "loss")
             },
@@ -37,7 +37,7 @@ class ScalarLayout(L.Callback):
             },
         }
         for board in _boards(trainer):
-            board.experiment.add_custom_scalars(charts)
+            board.experiment.add_custom_scalars(layout)
 
     def on_validation_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
         if trainer.sanity_checking or not isinstance(pl_module, System) or not trainer.is_global_zero:
@@ -50,7 +50,7 @@ class ScalarLayout(L.Callback):
 
 
 def _group(system: System) -> tuple[str, int]:
-    """The run's encoder by name and its mask's bit depth, by which a sweep names its folders."""
+    """Return the name of the run's encoder and its mask's bit depth, by which a sweep names its folders."""
     config = system.run_config
     return config["names"]["encoder"], int(config["encoder"]["mask"].get("bits", 1))
 

@@ -1,4 +1,4 @@
-"""Pictures of the scenes that are tested on."""
+"""Pictures of the scenes of a test."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from sci_lightning.training.system import System
 
 
 class ScenePictures(L.Callback):
-    """In a test, writes the first snapshot of every scene: measurement, frames, their reconstruction and the error.
+    """Writes the first snapshot of every scene of a test: measurement, frames, their reconstruction and the error.
 
     Args:
-        folder: where ``<scene>.png`` go (made when needed).
-        camera: what was tested with, in words; stands above the picture beside the scene's name.
-        most: scenes of which pictures are written.
+        folder: the folder of ``<scene>.png``, created when needed.
+        camera: decoder and encoder in words, for the heading beside the scene's name.
+        most: largest number of scenes of which pictures are written.
     """
 
     def __init__(self, folder: str | Path, camera: str = "", most: int = 24) -> None:
@@ -50,7 +50,7 @@ class ScenePictures(L.Callback):
                 write_figure(reconstruction_figure(*pictures, title), self.written[scene])
 
     def _path(self, name: str) -> Path:
-        """A file for a scene of this name that no other scene has."""
+        """Return a path for a scene of this name that no other scene has."""
         stem, number = file_name(name), 1
         path = self.folder / f"{stem}.png"
         while path in self.written.values():

@@ -1,4 +1,4 @@
-"""How many clips training takes in a second, and how long it waits for them."""
+"""Clips per second of a training, and the share of time in which it waits for data."""
 
 from __future__ import annotations
 
@@ -10,8 +10,13 @@ import torch
 
 
 class Throughput(L.Callback):
-    """Logs ``train/clips_per_second`` (all processes together) and ``train/loading_share``, the part of a step spent
-    waiting for data, every ``every_n_steps`` batches and over them; never where that is 0."""
+    """Logs ``train/clips_per_second`` and ``train/loading_share`` every so many batches, as means over them.
+
+    Clips are counted over all processes; the loading share is the part of the time spent waiting for data.
+
+    Args:
+        every_n_steps: batches between two logs; 0 for none.
+    """
 
     def __init__(self, every_n_steps: int = 10) -> None:
         self.every_n_steps = every_n_steps
@@ -48,4 +53,4 @@ class Throughput(L.Callback):
         self._paused = time.perf_counter()
 
     def on_validation_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
-        self._ended += time.perf_counter() - self._paused  # validation is no waiting for data
+        self._ended += time.perf_counter() - self._paused  # time in validation is not spent waiting for data

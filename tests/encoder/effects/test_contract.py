@@ -109,6 +109,7 @@ def test_gradients(name: str, at_neutral: bool) -> None:
         assert all(parameter.grad is not None and parameter.grad.any() for parameter in effect.parameters())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", NAMES)
 def test_combines_with_every_other_in_any_order(first: str) -> None:
     for second in NAMES[NAMES.index(first) + 1 :]:

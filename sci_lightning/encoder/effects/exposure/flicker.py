@@ -18,7 +18,7 @@ PHASES = (-1.5 * math.pi / 2, -0.5 * math.pi / 2, 0.5 * math.pi / 2, 1.5 * math.
 class Flicker(ExposureEffect):
     r"""The source shines as :math:`1 + A \sin(2 \pi f s / T + \varphi)`, s in slots from the exposure's start.
 
-    Every slot collects the integral, so that flicker much faster than a slot averages out.
+    Every slot collects the integral, so that flicker much faster than a slot averages to nothing.
 
     Args:
         amplitude: A, 0 to 1. frequency: f, cycles per exposure, 0.05 to 1000. phase: radian, -2 pi to 2 pi.
@@ -39,5 +39,7 @@ class Flicker(ExposureEffect):
     def expose(self, exposure: Exposure) -> Exposure:
         cycles = self.frequency / exposure.slots
         angle = 2 * math.pi * cycles * exposure.times() + self.phase
-        mean = torch.sinc(cycles / exposure.power.shape[1]) * torch.sin(angle)  # over a step, of any frequency
+        mean = torch.sinc(cycles / exposure.power.shape[1]) * torch.sin(
+            angle
+        )  # the mean over a step, exact for any frequency
         return replace(exposure, power=exposure.power * (1 + self.amplitude * mean))

@@ -13,7 +13,9 @@ from sci_lightning.encoder.exposure import Exposure
 
 
 class RollingShutter(ExposureEffect):
-    """Row r opens, and shuts, ``delay * r / (H - 1)`` slots late; patterns go on, the scene's last frame is held.
+    """Row r opens and shuts ``delay * r / (H - 1)`` slots late.
+
+    After the last slot the patterns continue cyclically, and the scene stays at its last frame.
 
     Args:
         delay: slots between the first and the last row, 0 to 64.

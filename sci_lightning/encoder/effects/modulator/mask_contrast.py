@@ -1,4 +1,4 @@
-"""Mask contrast: mirrors that are off still send some light."""
+"""Mask contrast: mirrors that are off still pass some light."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class MaskContrast(ModulatorEffect):
     r"""Finite contrast: :math:`D = l + (1 - l) M`.
 
     Args:
-        leak: l, the part of the light that a mirror sends when off, 0 to 1.
+        leak: l, the part of the light that a mirror passes when it is off, 0 to 1.
     """
 
     name = "mask_contrast"

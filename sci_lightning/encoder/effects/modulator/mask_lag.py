@@ -9,7 +9,7 @@ from sci_lightning.encoder.effects.stage import ModulatorEffect
 
 
 class MaskLag(ModulatorEffect):
-    r"""What is displayed trails behind: :math:`D_t = (1 - l) M_t + l D_{t-1}`, with :math:`D_{-1} = M_{T-1}`.
+    r"""The displayed pattern lags behind: :math:`D_t = (1 - l) M_t + l D_{t-1}`, with :math:`D_{-1} = M_{T-1}`.
 
     Args:
         lag: l, 0 to 0.99.
@@ -22,9 +22,9 @@ class MaskLag(ModulatorEffect):
     lag: torch.Tensor
 
     def schedule(self, slots: int) -> torch.Tensor:
-        told = torch.eye(slots, device=self.lag.device)
-        before, rows = told[-1], []
+        commanded = torch.eye(slots, device=self.lag.device)
+        displayed, rows = commanded[-1], []
         for slot in range(slots):
-            before = (1 - self.lag) * told[slot] + self.lag * before
-            rows.append(before)
+            displayed = (1 - self.lag) * commanded[slot] + self.lag * displayed
+            rows.append(displayed)
         return torch.stack(rows)

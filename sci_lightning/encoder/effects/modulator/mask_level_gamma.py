@@ -1,4 +1,4 @@
-"""Mask level gamma: gray levels of the mask come out wrong."""
+"""Mask level gamma: gray levels of the mask are displayed with another brightness."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from sci_lightning.encoder.effects.stage import ModulatorEffect
 
 
 class MaskLevelGamma(ModulatorEffect):
-    r"""Displayed transmittance is a power of the one told: :math:`D = M^\gamma`. Binary masks do not show it.
+    r"""The displayed transmittance is a power of the commanded one: :math:`D = M^\gamma`. Binary masks do not change.
 
     Args:
         gamma: 0.1 to 10.

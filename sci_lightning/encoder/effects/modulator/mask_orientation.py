@@ -23,7 +23,7 @@ UPRIGHT = ("flip_lr", "flip_ud", "rot180")
 
 
 class MaskOrientation(ModulatorEffect):
-    """The patterns are shown mirrored or turned; a quarter turn is counter-clockwise on the screen, as NumPy's.
+    """The patterns are displayed mirrored or turned; a quarter turn is counter-clockwise on the screen, as in NumPy.
 
     Args:
         operation: identity, flip_lr, flip_ud, rot90, rot180, rot270, transpose or antitranspose (about the other

@@ -1,4 +1,4 @@
-"""Pattern order: the sequence starts some slots early or late."""
+"""Pattern order: the sequence of patterns starts some slots early or late."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from sci_lightning.encoder.effects.stage import ModulatorEffect
 
 
 class PatternOrder(ModulatorEffect):
-    r"""Slot t displays the pattern told for slot t - offset, cyclically: :math:`D_t = M_{(t - o) \bmod T}`.
+    r"""Slot t displays the pattern commanded for slot t - offset, cyclically: :math:`D_t = M_{(t - o) \bmod T}`.
 
     Args:
         offset: o, whole slots, -64 to 64.

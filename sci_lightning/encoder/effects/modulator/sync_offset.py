@@ -11,8 +11,8 @@ from sci_lightning.encoder.effects.stage import ModulatorEffect
 class SyncOffset(ModulatorEffect):
     r"""A part of every slot shows its neighbour: :math:`D_t = (1 - o) M_t + o M_{t-1}`, cyclically.
 
-    Early (o < 0) it is the next pattern, :math:`(1 - |o|) M_t + |o| M_{t+1}`: light is never negative. Whole slots are
-    :class:`PatternOrder`'s.
+    If mirrors switch early (o < 0), the neighbour is the next pattern: :math:`D_t = (1 - |o|) M_t + |o| M_{t+1}`. An
+    offset of whole slots is the effect ``pattern_order``.
 
     Args:
         offset: o, slots, -0.5 to 0.5; positive: late.

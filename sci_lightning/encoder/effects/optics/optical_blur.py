@@ -33,7 +33,7 @@ class OpticalBlur(OpticsEffect):
         return replace(signal, mean=height @ signal.mean @ width.T, cells=1)
 
     def _kernel(self, length: int, signal: Signal) -> torch.Tensor:
-        """``(pixels, cells)`` along one axis, dense: a product of matrices is faster than a wide convolution."""
+        """Return the blur along one axis as a dense matrix ``(pixels, cells)``, faster than a wide convolution."""
         q = signal.cells
         cell = torch.arange(length).to(signal.mean) + 0.5
         pixel = (torch.arange(length // q).to(signal.mean) + 0.5) * q

@@ -12,7 +12,7 @@ from sci_lightning.encoder.signal import Signal
 class VeilingGlare(OpticsEffect):
     r"""A part of the light is spread evenly: :math:`(1 - f)\, x + f\, \bar x`, the mean over the image.
 
-    A window of the field takes its own mean.
+    In a window of the field, the mean is that of the window.
 
     Args:
         fraction: f, 0 to 1.

@@ -10,10 +10,10 @@ from sci_lightning.encoder.signal import Signal
 
 
 class Vignetting(OpticsEffect):
-    r"""Light is lost as :math:`1 - s\, r^2 / R^2`, r from the middle of the field, R at the centre of the corner pixel.
+    r"""Light is lost as :math:`1 - s\, r^2 / R^2`, r from the field's centre, R at the corner pixel's centre.
 
     Args:
-        strength: s, the part lost in the corner, 0 to 1.
+        strength: s, the part of the light lost in the corner, 0 to 1.
     """
 
     name = "vignetting"

@@ -12,7 +12,7 @@ from sci_lightning.encoder.relay import Pose, radians
 
 
 class MaskRotation(RelayEffect):
-    """The mask's image is turned about the middle of the field.
+    """The mask's image is turned about the centre of the field.
 
     Args:
         angle: degrees, -45 to 45, positive from +x (right) to +y (down): clockwise on the screen.

@@ -12,7 +12,7 @@ from sci_lightning.encoder.relay import Pose
 
 
 class MaskScale(RelayEffect):
-    """The mask's image is magnified about the middle of the field; its brightness stays.
+    """The mask's image is magnified about the centre of the field; its brightness does not change.
 
     Args:
         scale: 0.5 to 2; above 1 the image is larger.

@@ -17,7 +17,7 @@ class MaskShift(RelayEffect):
     """The mask's image has moved; a fraction of a pixel is the exact overlap of square mirrors with pixels.
 
     Args:
-        dx, dy: where it moved to, pixels, +x right and +y down, -32 to 32. What comes in from outside is dark.
+        dx, dy: displacement in pixels, +x right and +y down, -32 to 32. What enters from outside the mask is dark.
     """
 
     name = "mask_shift"

@@ -1,1 +1,1 @@
-"""Effects of the sensor: from light to numbers."""
+"""Effects of the sensor: how light becomes a signal with noise."""

@@ -1,4 +1,4 @@
-"""Bit depth: the converter has fewer bits than it says."""
+"""Bit depth: the converter has fewer effective bits than nominal ones."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ class BitDepth(SensorEffect):
     """Only ``2 ** bits`` codes occur, spread evenly from 0 to full scale.
 
     Args:
-        bits: effective, 1 to 16; none below the converter's own are lost when it has no more.
+        bits: effective bits, 1 to 16; no effect where the converter has no more than that.
     """
 
     name = "bit_depth"

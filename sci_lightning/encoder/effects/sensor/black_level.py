@@ -1,4 +1,4 @@
-"""Black level: the converter's zero is off."""
+"""Black level: the dark signal is not at the converter's zero."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sci_lightning.encoder.signal import Signal
 
 
 class BlackLevel(SensorEffect):
-    """The same offset in every pixel and capture; a negative one clips the dark.
+    """The same offset in every pixel and capture; with a negative one, dark pixels are clipped at 0.
 
     Args:
         offset: fraction of full scale, -1 to 1.

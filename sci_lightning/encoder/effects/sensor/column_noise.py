@@ -11,7 +11,7 @@ class ColumnNoise(FixedPatternOffset):
 
     Args:
         std: standard deviation of the offsets, fraction of full scale, 0 to 1.
-        size, file, seed: of the map, see :class:`MapEffect`.
+        size, file, seed: see :class:`MapEffect`.
     """
 
     name = "column_noise"

@@ -1,4 +1,4 @@
-"""Gain: more or less light is turned into signal than the datasheet says."""
+"""Gain: the same light gives more or less signal than nominally."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sci_lightning.encoder.signal import Signal
 
 
 class Gain(SensorEffect):
-    """Light times a factor, before its noise arises.
+    r"""The light is multiplied by a factor before shot noise arises: :math:`m = f \mu`.
 
     Args:
         factor: 0.01 to 100.

@@ -1,4 +1,4 @@
-"""Hot pixels: a few pixels leak charge."""
+"""Hot pixels: a few pixels collect charge without light."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class HotPixels(MapEffect, SensorEffect):
     """Some pixels have an excess that grows with the integration time and not with the light.
 
     Args:
-        fraction: of the pixels that are hot, 0 to 1. At 0 the map is without effect.
-        size, file, seed: of the map, see :class:`MapEffect`; drawn, an excess is 0.05 to 0.6 of full scale.
+        fraction: the part of the pixels that is hot, 0 to 1. At 0 the map has no effect.
+        size, file, seed: see :class:`MapEffect`; in a drawn map the excess is 0.05 to 0.6 of full scale.
     """
 
     name = "hot_pixels"

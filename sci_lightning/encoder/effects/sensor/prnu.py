@@ -11,7 +11,7 @@ class Prnu(FixedPatternGain):
 
     Args:
         std: s, standard deviation of the gains, 0 to 1.
-        size, file, seed: of the map, see :class:`MapEffect`.
+        size, file, seed: see :class:`MapEffect`.
     """
 
     name = "prnu"

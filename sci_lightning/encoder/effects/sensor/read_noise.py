@@ -1,4 +1,4 @@
-"""Read noise: the amplifier's own."""
+"""Read noise: noise of the readout amplifier."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from sci_lightning.encoder.signal import Signal
 
 
 class ReadNoise(SensorEffect):
-    """Gaussian noise that does not depend on the light.
+    r"""Gaussian noise that does not depend on the light: the variance grows by :math:`\sigma^2`.
 
     Args:
-        std: DN, 0 to 1000.
+        std: standard deviation in DN, 0 to 1000.
     """
 
     name = "read_noise"

@@ -1,4 +1,4 @@
-"""Response gamma: the sensor answers with a power of the light."""
+"""Response gamma: the signal is a power of the light."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from sci_lightning.encoder.signal import Signal
 
 
 class ResponseGamma(SensorEffect):
-    r"""Out = in ** gamma, of the signal with its noise: :math:`\sigma`-points carry mean and variance through.
+    r"""Out = in ** gamma, for the signal with its noise: mean and variance follow from the two points m ± sigma.
 
     Args:
-        gamma: 0.1 to 10.
+        gamma: the exponent, 0.1 to 10.
     """
 
     name = "response_gamma"
@@ -32,5 +32,5 @@ class ResponseGamma(SensorEffect):
 
 
 def _power(x: torch.Tensor, exponent: torch.Tensor) -> torch.Tensor:
-    """The power, odd about 0 and with a finite slope there."""
+    """Return the power as an odd function with a finite slope at 0."""
     return x * (x.square() + 1e-8) ** ((exponent - 1) / 2)

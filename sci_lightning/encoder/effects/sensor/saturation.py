@@ -1,4 +1,4 @@
-"""Saturation: the pixels' wells are full before the converter is."""
+"""Saturation: the pixels' wells are full below the converter's full scale."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from sci_lightning.encoder.signal import Signal
 
 
 class Saturation(SensorEffect):
-    """Signal beyond ``level`` is lost, its noise with it: the moments of a Gaussian that is cut off above.
+    """The signal is cut off at ``level``, with its noise: mean and variance are those of a Gaussian clipped above.
 
     Args:
-        level: fraction of full scale, 0 to 1; at 1 the converter clips first.
+        level: fraction of full scale, 0 to 1; at 1 there is no saturation before the converter clips.
     """
 
     name = "saturation"
@@ -35,7 +35,7 @@ class Saturation(SensorEffect):
         edge = torch.exp(-z.square() / 2) / math.sqrt(2 * math.pi)
         above = torch.special.ndtr(z)
         mean = beyond * below - deviation * edge
-        # the second moment less the mean's square, written so that nothing large cancels: far below it is the variance
+        # E[x^2] - E[x]^2, written so that large terms do not cancel; far below the level it is the signal's variance
         variance = beyond.square() * below * above + deviation.square() * (below - edge.square())
         variance = variance - beyond * deviation * edge * (above - below)
         return signal.with_moments(self.level + mean, variance.clamp(min=0))

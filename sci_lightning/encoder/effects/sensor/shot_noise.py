@@ -13,7 +13,7 @@ class ShotNoise(SensorEffect):
     r"""Poisson noise of the electrons: the variance grows by :math:`x / W`, in units of full scale squared.
 
     Args:
-        full_well: W, electrons at full scale, 1 to 1e9; 1e9 is as good as no noise.
+        full_well: W, electrons at full scale, 1 to 1e9; at 1e9 there is no noise.
     """
 
     name = "shot_noise"
