@@ -53,7 +53,7 @@ def diagnosed(
 
 def named(name: str, **changes: Any) -> NamedEffect:
     """``SHIFT`` under another name."""
-    return replace(SHIFT, effect=type("Other", (Effect,), {"name": name, "stage": "optics"}), **changes)
+    return replace(SHIFT, effect=type("Other", (Effect,), {"name": name, "stage": "optics", "about": {}}), **changes)
 
 
 def test_explained() -> None:
