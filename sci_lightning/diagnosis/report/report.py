@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import torch
+import yaml
 from matplotlib.figure import Figure
-from omegaconf import OmegaConf
 
 from sci_lightning import __version__
 from sci_lightning.diagnosis.diagnosis import Diagnosis
@@ -98,7 +98,7 @@ def write_encoder(found: Diagnosis, out: str | Path) -> None:
         "effects": effects,
     }
     with whole_file(out / "encoder.yaml") as temporary:
-        OmegaConf.save(OmegaConf.create(content), temporary)
+        temporary.write_text(yaml.safe_dump(content, sort_keys=False, allow_unicode=True), encoding="utf-8")
 
 
 def _save(path: Path, array: np.ndarray) -> None:
