@@ -1,4 +1,4 @@
-"""All captures at a glance, for a lab book or a talk."""
+"""A contact sheet: one picture with a thumbnail of every capture, for a lab book or a talk."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from sci_lightning.captures.captures import Captures
 from sci_lightning.files.atomic_file import whole_file
 
 MOST = 60
-"""Thumbnails at most; of larger files every kind is shown, its captures evenly chosen."""
+"""Largest number of thumbnails; of more captures, an even selection of every kind is shown."""
 COLUMNS = 10
 PIXELS = 150
 """Larger images are binned to about this side."""
 DIM = 0.1
-"""Captures that leave the range above this part of it empty are stretched."""
+"""Part of the range; the contrast of captures that stay below it is stretched."""
 RED = (0.9, 0.1, 0.1)
 COLOURS = {
     "dark": "#444444",
@@ -39,10 +39,11 @@ def contact_sheet(path: str | Path, captures: Captures) -> int:
     are stretched, each to the DN below it. Saturated pixels are red.
 
     Args:
-        path: the PNG, whole or absent.
+        path: the PNG; it is written whole or not at all.
+        captures: what to draw.
 
     Returns:
-        how many captures are left out, those beyond :data:`MOST`.
+        The number of captures that are left out because there are more than :data:`MOST`.
     """
     figure = contact_sheet_figure(captures)
     with whole_file(path) as temporary:
@@ -51,7 +52,7 @@ def contact_sheet(path: str | Path, captures: Captures) -> int:
 
 
 def contact_sheet_figure(captures: Captures) -> Figure:
-    """The figure of :func:`contact_sheet`."""
+    """Return the figure that :func:`contact_sheet` writes."""
     shown = chosen(captures.kind)
     columns = COLUMNS if len(shown) > 24 else max(6, min(8, len(shown)))
     rows = math.ceil(len(shown) / columns)
@@ -81,12 +82,12 @@ def contact_sheet_figure(captures: Captures) -> Figure:
 
 
 def chosen(kind: tuple[str, ...], most: int = MOST) -> list[int]:
-    """Numbers of at most ``most`` captures, in order: an equal share for every kind, evenly spread over it."""
-    groups = [[index for index, each in enumerate(kind) if each == name] for name in dict.fromkeys(kind)]
+    """Return the numbers of at most ``most`` captures, in order: as many of every kind, evenly spread over it."""
+    groups = [[index for index, label in enumerate(kind) if label == name] for name in dict.fromkeys(kind)]
     share = [0] * len(groups)
     for _ in range(min(most, len(kind))):
-        hungry = [number for number, group in enumerate(groups) if share[number] < len(group)]
-        share[min(hungry, key=lambda number: share[number])] += 1
+        unfinished = [number for number, group in enumerate(groups) if share[number] < len(group)]
+        share[min(unfinished, key=lambda number: share[number])] += 1
     picked = [
         group[round(place)]
         for group, count in zip(groups, share, strict=True)
@@ -139,7 +140,7 @@ def _frame(axes: Axes, shape: tuple[int, ...], colour: str, width: float) -> Non
 
 
 def _binned(image: np.ndarray) -> np.ndarray:
-    """Float32, blocks of a large image averaged: a thumbnail that skipped pixels would show patterns that are none."""
+    """Return the image as float32, a large one averaged over blocks; skipping pixels would show false patterns."""
     step = max(1, math.ceil(max(image.shape) / PIXELS))
     height, width = (max(1, side // step) * step for side in image.shape)
     cut = image[:height, :width].astype(np.float32)

@@ -1,4 +1,4 @@
-"""A folder of pictures and its ``captures.yaml`` made into one captures file."""
+"""Packing a folder of pictures and its ``captures.yaml`` into one captures file."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from sci_lightning.files.memory_bound import check_memory
 from sci_lightning.files.picture_file import read_pictures
 
 MOST_SLOTS = 5_000_000
-"""Of all entries together, which are looked at one by one."""
+"""Largest number of slots of all entries together; every one of them is checked."""
 
 COPIES = 3
-"""Of an array while it is checked and put together with others."""
+"""Copies of an array that are in memory at once while it is checked and joined with others."""
 
 
 def pack_captures(
@@ -35,12 +35,12 @@ def pack_captures(
 
     Args:
         folder: holds ``captures.yaml``.
-        out: the captures file, .h5 or .hdf5; whole or absent.
-        on_warning: called with one line for each thing that is unlikely, see
+        out: the captures file, .h5 or .hdf5; it is written whole or not at all.
+        on_warning: called with one line for everything that is unlikely, see
             :func:`~sci_lightning.captures.plausibility.suspicions`.
 
     Returns:
-        what was written, as read back.
+        The captures as read back from the file.
 
     Raises:
         BadInput: a key or a file that cannot be used, or that contradicts the others; the message names the key.
@@ -48,7 +48,8 @@ def pack_captures(
     """
     recipe = read_recipe(folder)
     bit_depth = recipe.top.whole("bit_depth", low=1, high=16)
-    assert bit_depth is not None  # the recipe would have refused it
+    if bit_depth is None:
+        raise recipe.top.refusal("bit_depth", "is missing")
     patterns, words, level = _patterns(recipe)
     frames = _frames(recipe, len(patterns) - len(words))
     check_memory(f"{recipe.top.where}{len(recipe.entries)} entries of {frames} slots", 8 * len(recipe.entries) * frames)
@@ -97,7 +98,7 @@ def _pack(
 
 
 def _patterns(recipe: Recipe) -> tuple[np.ndarray, dict[str, int], float | None]:
-    """(P, H, W) in [0, 1], the index of all_off and all_on where they are listed, and the value that counts as 1.0."""
+    """Return the patterns (P, H, W) in [0, 1], the indices of all_off and all_on if listed, and the value for 1.0."""
     names = recipe.top.files("patterns")
     words = [name for name in names if name in WORDS]
     stacks = _stacks(recipe.folder, recipe.top, "patterns", [name for name in names if name not in WORDS], "mask")
@@ -117,7 +118,8 @@ def _patterns(recipe: Recipe) -> tuple[np.ndarray, dict[str, int], float | None]
 
 
 def _frames(recipe: Recipe, coding: int) -> int:
-    listed = [len(each) for entry in recipe.entries if isinstance(each := entry.values.get("sequence"), list)]
+    sequences = (entry.values.get("sequence") for entry in recipe.entries)
+    listed = [len(sequence) for sequence in sequences if isinstance(sequence, list)]
     return recipe.top.whole("frames", low=1, high=100_000) or (listed[0] if listed else coding)
 
 
@@ -128,7 +130,7 @@ def _measurement(folder: Path, entry: Node, bit_depth: int, size: tuple[int, ...
     if values.shape[1:] != size:
         swapped = "; are H and W swapped?" if values.shape[1:] == size[::-1] else ""
         raise entry.refusal("measurement", f"(H, W) is {values.shape[1:]}, that of the patterns is {size}{swapped}")
-    # MATLAB keeps whole numbers as double; fractions have been divided by something
+    # MATLAB stores whole numbers as double; fractions mean that the raw DN were divided
     if values.dtype.kind not in "ui" and not np.equal(values, np.round(values)).all():
         raise entry.refusal("measurement", f"{values.dtype} up to {values.max():g}, expected {expected}")
     if values.min() < 0 or values.max() > 2**bit_depth - 1:
@@ -151,11 +153,11 @@ def _sequence(entry: Node, patterns: int, words: dict[str, int], frames: int) ->
     listed = value if isinstance(value, list) else [value] * frames
     if len(listed) != frames:
         raise entry.refusal("sequence", f"has {len(listed)} slots, expected {frames} as the other captures")
-    slots = [words.get(each, -1) if isinstance(each, str) else each for each in listed]
-    for slot, each in zip(slots, listed, strict=True):
+    slots = [words.get(entered, -1) if isinstance(entered, str) else entered for entered in listed]
+    for slot, entered in zip(slots, listed, strict=True):
         if isinstance(slot, bool) or not isinstance(slot, int) or not 0 <= slot < patterns:
             choices = ", ".join((f"0 to {patterns - 1}", *words))
-            raise entry.refusal("sequence", f"{each!r} is no listed pattern, expected {choices}")
+            raise entry.refusal("sequence", f"{entered!r} is no listed pattern, expected {choices}")
     return np.array(slots)
 
 
@@ -180,7 +182,7 @@ def _scene(folder: Path, entry: Node, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _stacks(folder: Path, node: Node, key: str, names: list[str], prefer: str) -> list[np.ndarray]:
-    """(K, H, W) of each file, in the order of the list and, within a glob, in natural order."""
+    """Return the images (K, H, W) of every file, in the order of the list and, within a glob, in natural order."""
     stacks: list[np.ndarray] = []
     for name in names:
         for path in _files(folder, node, key, name):
@@ -200,11 +202,11 @@ def _stacks(folder: Path, node: Node, key: str, names: list[str], prefer: str) -
 
 
 def _files(folder: Path, node: Node, key: str, name: str) -> list[str]:
-    """The files of the folder that a name or a glob fits; what lies outside of it is refused, also behind a link."""
+    """Return the files of the folder that match a name or a glob; files outside it, also behind a link, are refused."""
     if Path(name).is_absolute() or ".." in Path(name).parts:
         raise node.refusal(key, f"'{name}' leads out of {folder}; copy the file into this folder")
     try:
-        # a file of that very name goes before its meaning as a glob: brackets are legal in names
+        # a file of exactly that name takes precedence over a glob: brackets are legal in names
         found = (
             [str(folder / name)] if (folder / name).is_file() else glob.glob(str(Path(glob.escape(str(folder)), name)))
         )
@@ -223,7 +225,7 @@ def _natural(path: str) -> list[tuple[int, str]]:
 
 
 def _normalised(node: Node, key: str, stacks: list[np.ndarray]) -> np.ndarray:
-    """Float32 with 1.0 at ``key``, or at the largest value of an integer type."""
+    """Return float32 values scaled so that the setting ``key``, or the largest value of an integer type, is 1.0."""
     levels = node.number(key, low=0, above=True)
     check_memory(f"{node.where}its numbers", 4 * COPIES * sum(stack.size for stack in stacks))
     scaled = (stack / (levels or (np.iinfo(stack.dtype).max if stack.dtype.kind in "ui" else 1.0)) for stack in stacks)

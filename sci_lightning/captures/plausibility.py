@@ -1,7 +1,7 @@
-"""The likeliest mistakes of a laboratory, found while a folder is packed.
+"""Checks for the most frequent mistakes in a recipe, made while a folder is packed.
 
-What cannot be right is refused; what is merely unlikely is one line that says what to check. A captures file that is
-already packed is never judged here: its format allows more than is likely.
+Impossible values are refused; unlikely ones give one line that says what to check. Captures files that are
+already packed are not checked here, because their format permits more than is likely.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ import numpy as np
 from sci_lightning.captures.recipe import Node, as_number
 
 FAR = 10.0
-"""Factor between measured and predicted level beyond which the recipe is more likely wrong than the camera."""
+"""Ratio of measured and predicted level above which the recipe is more likely to be wrong than the camera."""
 
 BRIGHT_SCENE = 2.0
-"""Irradiance above which a scene is asked whether it is in percent or DN: 1.0 fills the sensor's range."""
+"""Irradiance above which a scene may be in percent or DN: 1.0 fills the sensor's range."""
 
 TOO_BRIGHT = 5.0
-"""Factor between predicted and measured level beyond which such a scene is refused."""
+"""Ratio of predicted and measured level above which such a scene is refused."""
 
 LARGEST_SCALE = 1e6
 """Aperture or exposure that no camera has, relative to nominal."""
 
 DIM_PATTERN = 0.25
-"""A modulator that never opens further than this is asked for its pattern_levels."""
+"""Largest transmittance below which ``pattern_levels`` is likely to be wrong."""
 
 VISIBLE = 0.05
 """Part of full scale below which a level is not compared: offsets and noise are as large."""
@@ -35,7 +35,7 @@ INVERTED = -0.3
 """Correlation of measurement and prediction below which the patterns look inverted."""
 
 MOST_NAMED = 3
-"""Entries that one warning names."""
+"""Largest number of entries that one warning names."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Entry:
         return self.kind != "dark"
 
     def nominal(self, patterns: np.ndarray) -> np.ndarray | None:
-        """(H, W) measurement of the ideal camera before it clips, 1 is full scale; None if the scene is unknown."""
+        """Return the ideal measurement (H, W) before clipping, 1 at full scale; None if the scene is unknown."""
         if not np.isfinite(self.scene[0]).all():
             return None
         total = np.zeros(self.scene.shape[1:], np.float32)
@@ -81,7 +81,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Levels:
-    """What an entry predicts and what was measured, as parts of full scale."""
+    """The predicted and the measured level of an entry, as parts of full scale."""
 
     entry: Entry
     predicted: float
@@ -94,7 +94,7 @@ class Levels:
 
 
 def check_entries(entries: Sequence[Entry]) -> None:
-    """Refuse numbers that no camera has.
+    """Refuse values that no camera has.
 
     Raises:
         BadInput: an aperture or exposure of 0 for a capture with light, or absurdly large.

@@ -39,7 +39,7 @@ from sci_lightning.files.yaml_file import read_yaml
 FILE = "captures.yaml"
 WORDS = ("all_off", "all_on")
 LONGEST_TEXT = 200
-"""Characters of a name."""
+"""Largest number of characters of a name."""
 
 TOP = ("bit_depth", "name", "read_noise_dn", "full_well_e", "frames", "patterns", "pattern_levels", "captures")
 ENTRY = ("measurement", "kind", "aperture", "exposure", "sequence", "scene", "scene_levels")
@@ -47,17 +47,22 @@ ENTRY = ("measurement", "kind", "aperture", "exposure", "sequence", "scene", "sc
 
 @dataclass(frozen=True)
 class Node:
-    """A mapping of the file with its place, for reading values out of it and for messages."""
+    """A mapping in the file.
+
+    Attributes:
+        where: its place, with which messages begin.
+        values: what the file says, unchecked.
+    """
 
     where: str
     values: dict[str, Any]
 
     def refusal(self, key: str, text: str) -> BadInput:
-        """The error that says ``text`` of ``key``."""
+        """Return the error that says ``text`` about ``key``."""
         return BadInput(f"{self.where}{key}: {' '.join(text.split())}")
 
     def number(self, key: str, *, low: float, high: float = math.inf, above: bool = False) -> float | None:
-        """A number from ``low`` (or above it) to ``high``, None where there is none."""
+        """Return a number from ``low`` (or above it) to ``high``, None where the key is absent."""
         value = self.values.get(key)
         if value is None:
             return None
@@ -68,14 +73,14 @@ class Node:
         return number
 
     def whole(self, key: str, *, low: int, high: int) -> int | None:
-        """A whole number from ``low`` to ``high``, None where there is none."""
+        """Return a whole number from ``low`` to ``high``, None where the key is absent."""
         number = self.number(key, low=low, high=high)
         if number is not None and number != int(number):
             raise self.refusal(key, f"expected a whole number from {low} to {high}, got {number:g}")
         return None if number is None else int(number)
 
     def text(self, key: str, choices: tuple[str, ...] = ()) -> str | None:
-        """A string, one of ``choices`` if there are any; None where there is none."""
+        """Return a string, one of ``choices`` if any are given; None where the key is absent."""
         value = self.values.get(key)
         if value is not None and (not isinstance(value, str) or (choices and value not in choices)):
             raise self.refusal(
@@ -86,7 +91,7 @@ class Node:
         return value
 
     def files(self, key: str) -> list[str]:
-        """One or more file names or globs."""
+        """Return one or more file names or globs."""
         value = self.values.get(key)
         listed = value if isinstance(value, list) else [value]
         names = [name for name in listed if isinstance(name, str) and name]
@@ -105,7 +110,7 @@ class Recipe:
 
 
 def read_recipe(folder: str | Path) -> Recipe:
-    """Read ``captures.yaml`` of a folder; keys are checked, values are when they are used.
+    """Read ``captures.yaml`` of a folder; keys are checked here, values when they are used.
 
     Raises:
         BadInput: no such folder or file, not YAML, an unknown or missing key.
@@ -133,8 +138,8 @@ def read_recipe(folder: str | Path) -> Recipe:
     return Recipe(folder, top, tuple(entries))
 
 
-def as_number(value: Any) -> float | None:
-    """A number, also one that YAML 1.1 takes for text (1e4); None for anything else and for NaN."""
+def as_number(value: object) -> float | None:
+    """Return a number, also one that YAML 1.1 takes for text (1e4); None for anything else and for NaN."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         return None
     try:

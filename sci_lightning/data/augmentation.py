@@ -1,4 +1,4 @@
-"""One random training clip out of a longer, larger one."""
+"""Random training clips, cut from longer and larger ones."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from sci_lightning.errors import BadInput
 
 
 class Augmentation:
-    """Draws T frames of ``crop`` pixels from anywhere in a clip, resized, turned and sped up at random.
+    """Random cuts of T frames and ``crop`` pixels from a clip, resized, turned and sped up at random.
 
     Args:
         frames: T.
-        crop: ``(h, w)`` in pixels of what is drawn.
-        max_stride: every 1st, 2nd, ... or ``max_stride``-th frame is taken, as far as the clip is long
-            enough; 1 keeps the speed.
-        reverse: play every other clip backwards.
-        scale: the drawn pixels are resized, with antialiasing, from a region ``s`` times as large, ``s``
-            uniform between these two, as far as the clip is large enough; ``(1, 1)`` keeps the size.
-        flip: mirror left-right and top-bottom, each half of the time.
-        rotate: turn by 0, 90, 180 or 270 degrees; only if ``crop`` is square.
+        crop: ``(h, w)`` in pixels of the result.
+        max_stride: every 1st, 2nd, ... or ``max_stride``-th frame is taken, as far as the clip is long enough; 1 keeps
+            the speed.
+        reverse: whether half of the clips, at random, are played backwards.
+        scale: the result is resized, with antialiasing, from a region s times as large, s uniform between these two
+            numbers, as far as the clip is large enough; ``(1, 1)`` keeps the size.
+        flip: whether clips are mirrored left-right and top-bottom, each with probability 1/2.
+        rotate: whether clips are turned by 0, 90, 180 or 270 degrees; only if ``crop`` is square.
 
     Raises:
         BadInput: an argument is out of range.
@@ -55,11 +55,11 @@ class Augmentation:
             raise BadInput(f"scale={tuple(scale)}: must be two rising positive numbers, as in (0.75, 2.0)")
 
     def region(self, scale: float) -> tuple[int, int]:
-        """Height and width, in pixels of the clip, of what becomes the crop at ``scale``."""
+        """Return height and width, in pixels of the clip, of the region that becomes the crop at ``scale``."""
         return max(1, round(self.height * scale)), max(1, round(self.width * scale))
 
     def check(self, shape: tuple[int, int, int], name: object) -> None:
-        """Raises BadInput, naming the clip, if one of ``shape`` (F, H, W) is too short or too small."""
+        """Raise BadInput with the name of the clip if its shape (F, H, W) is too short or too small."""
         length, height, width = shape
         rows, columns = self.region(self.smallest)
         if length < self.frames:
@@ -68,7 +68,7 @@ class Augmentation:
             raise BadInput(f"{name}: has {height} x {width} pixels; a training clip needs {rows} x {columns}")
 
     def __call__(self, clip: np.ndarray, random: np.random.Generator) -> torch.Tensor:
-        """Float32 ``(T, h, w)`` in [0, 1] from uint8 ``(F, H, W)``, of which only what is used is read."""
+        """Return float32 ``(T, h, w)`` in [0, 1] from uint8 ``(F, H, W)``, of which only the needed part is read."""
         length, height, width = clip.shape
         longest = (length - 1) // max(1, self.frames - 1)
         stride = int(random.integers(1, max(1, min(self.max_stride, longest)), endpoint=True))

@@ -1,7 +1,7 @@
-"""Whether a video file is as long as its container says: decoders take a file that was cut off for a shorter one.
+"""The length that the container of a video file declares, to recognise files that were cut off.
 
-The outermost part of a container states its length: the boxes of MP4 and MOV one after another, the RIFF chunks of AVI,
-the segment of Matroska and WebM. A length that is left open, as live recordings do, says nothing.
+Decoders take a file that was cut off for a shorter video. The outermost parts of a container state their lengths: the
+boxes of MP4 and MOV, the RIFF chunks of AVI, the segment of Matroska and WebM. Live recordings leave the length open.
 Sources: ISO/IEC 14496-12 (box header), RFC 8794 and RFC 9559 (EBML, Matroska), Microsoft's RIFF.
 """
 
@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import BinaryIO
 
 BOXES = frozenset(b"ftyp moov mdat free skip wide pnot uuid meta moof mfra sidx ssix styp pdin prft emsg".split())
-"""What may stand at the top of an MP4 or MOV file."""
+"""Boxes at the top level of an MP4 or MOV file."""
 
 SEGMENT = 0x18538067
-"""The EBML element that holds a Matroska file's content."""
+"""Number of the EBML element that holds the content of a Matroska file."""
 
 
 def declared_bytes(path: Path) -> int:
@@ -43,7 +43,7 @@ def _boxes(stream: BinaryIO, size: int) -> int:
     while place < size:
         stream.seek(place)
         length, name = struct.unpack(">I4s", stream.read(8))
-        if name not in BOXES:  # what a program appended after the last
+        if name not in BOXES:  # a program appended something behind the last box
             return place
         if length == 1:
             (length,) = struct.unpack(">Q", stream.read(8))
@@ -85,7 +85,7 @@ def _matroska(stream: BinaryIO, size: int) -> int:
 
 
 def _width(first: int) -> int:
-    """How many bytes an EBML number has, by the zeros before the first one of its first byte."""
+    """Return the number of bytes of an EBML number, from the leading zero bits of its first byte."""
     if first == 0:
         raise IndexError("not an EBML number")
     return 9 - first.bit_length()

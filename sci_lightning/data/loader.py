@@ -1,4 +1,4 @@
-"""Batches of clips for training, in an order that a resumed run takes up again; scenes for testing."""
+"""Batches of training clips in an order that a resumed run continues, and batches of test scenes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sci_lightning.errors import BadInput
 
 
 class EpochSampler(Sampler[list[int]]):
-    """The batches of one epoch, out of an endless stream of clips.
+    """The batches of one epoch of an endless stream of clips.
 
     Sample j of batch b on process r in epoch e is clip ``e * length + (b * world_size + r) * batch_size
     + j``. Only whole batches are drawn.
@@ -20,7 +20,7 @@ class EpochSampler(Sampler[list[int]]):
     Args:
         length: clips per epoch.
         batch_size: clips per batch on one process.
-        rank: this process, of ``world_size``.
+        rank: number of this process, among ``world_size``.
 
     Raises:
         BadInput: an epoch has no whole batch.
@@ -40,7 +40,7 @@ class EpochSampler(Sampler[list[int]]):
             )
 
     def __len__(self) -> int:
-        """Batches per epoch."""
+        """Return the number of batches per epoch."""
         return self.length // (self.batch_size * self.world_size)
 
     def __iter__(self) -> Iterator[list[int]]:
@@ -55,17 +55,17 @@ class EpochSampler(Sampler[list[int]]):
         return self
 
     def set_epoch(self, epoch: int) -> None:
-        """Chooses the epoch, from 0, of the next iteration."""
+        """Choose the epoch, from 0, of the next iteration."""
         self.epoch = epoch
 
     def start_at(self, epoch: int, batch: int) -> None:
-        """Chooses the epoch, from 0, of the next iteration; that epoch, and no other, begins at ``batch``."""
-        self.epoch = epoch  # now, for workers begin to load as soon as they are started
+        """Choose the epoch, from 0, of the next iteration; that epoch, and no other, begins at ``batch``."""
+        self.epoch = epoch  # now, because workers load as soon as they are started
         self.first = (epoch, batch)
 
 
 class ClipLoader(DataLoader[torch.Tensor]):
-    """Training batches, float32 ``(batch_size, T, h, w)``; ``epoch_sampler.start_at`` takes up an interrupted epoch.
+    """Training batches, float32 ``(batch_size, T, h, w)``; ``epoch_sampler.start_at`` continues an interrupted epoch.
 
     Worker processes compute on one thread each (PyTorch sees to that) and live on between epochs.
 
@@ -73,7 +73,7 @@ class ClipLoader(DataLoader[torch.Tensor]):
         clips: the endless stream.
         batch_size: clips per batch on this process.
         workers: processes that prepare batches; 0 prepares them in this one.
-        rank: this process, of ``world_size``.
+        rank: number of this process, among ``world_size``.
         pin_memory: see :class:`torch.utils.data.DataLoader`.
 
     Raises:
@@ -105,8 +105,8 @@ class SceneSnapshots(Dataset[tuple[int, torch.Tensor]]):
     """Single snapshots of scenes, in order: ``(scene's number, video (T, H, W))``.
 
     Args:
-        scenes: to cut up.
-        rank: gets every ``world_size``-th snapshot, each exactly once.
+        scenes: scenes to cut into snapshots.
+        rank: number of this process, which gets every ``world_size``-th snapshot.
     """
 
     def __init__(self, scenes: Sequence[Scene], *, rank: int = 0, world_size: int = 1) -> None:
@@ -116,11 +116,11 @@ class SceneSnapshots(Dataset[tuple[int, torch.Tensor]]):
 
     @property
     def names(self) -> list[str]:
-        """The scenes' names, by number."""
+        """Names of the scenes, by number."""
         return [scene.name for scene in self.scenes]
 
     def first(self, scene: int) -> torch.Tensor:
-        """The first snapshot ``(T, H, W)`` of scene number ``scene``, on every process."""
+        """Return the first snapshot ``(T, H, W)`` of scene number ``scene``, on every process."""
         return self.scenes[scene].video[0]
 
     def __len__(self) -> int:
@@ -134,5 +134,5 @@ class SceneSnapshots(Dataset[tuple[int, torch.Tensor]]):
 def scene_loader(
     scenes: Sequence[Scene], batch_size: int = 1, *, rank: int = 0, world_size: int = 1
 ) -> DataLoader[tuple[int, torch.Tensor]]:
-    """Loads :class:`SceneSnapshots` in batches: ``(scene numbers (B,), video (B, T, H, W))``."""
+    """Return a loader of :class:`SceneSnapshots` in batches ``(scene numbers (B,), video (B, T, H, W))``."""
     return DataLoader(SceneSnapshots(scenes, rank=rank, world_size=world_size), batch_size=batch_size)

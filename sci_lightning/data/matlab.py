@@ -1,4 +1,4 @@
-"""Frames out of MATLAB files, old and new."""
+"""Frames from MATLAB files, of version 5 and 7.3."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sci_lightning.files.array_file import read_array
 
 
 def read_matlab_video(path: str | Path, key: str) -> np.ndarray:
-    """Reads the frames that a MATLAB file holds under ``key`` on the 0 to 255 scale.
+    """Read the frames that a MATLAB file holds under ``key`` on the 0 to 255 scale.
 
     Args:
         path: a MATLAB 5 file (read by SciPy) or a MATLAB 7.3 one (which is HDF5, with its axes reversed).
@@ -21,7 +21,7 @@ def read_matlab_video(path: str | Path, key: str) -> np.ndarray:
         float32 ``(F, H, W)`` in [0, 1].
 
     Raises:
-        BadInput: the file is missing, damaged or without ``key``, or holds something else than frames.
+        BadInput: the file is missing, damaged or without ``key``, or does not hold frames.
     """
     array = read_array(path, key=key, prefer=key, dimensions=3)
     low, high = float(array.min()), float(array.max())

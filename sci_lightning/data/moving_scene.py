@@ -1,4 +1,4 @@
-"""Pictures that move, turn and occlude each other."""
+"""Synthetic video: pictures that move, turn and occlude each other."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sci_lightning.data.photographs import Photograph
 
 @dataclass(frozen=True)
 class Motion:
-    """A smooth path without end that never leaves the neighbourhood of its centre.
+    """A smooth, endless path in the neighbourhood of its centre.
 
     At time t (frames) the layer's centre is at ``centre + reach * sin(rate * t + phase)`` pixels from the
     middle of the picture, per axis, its angle is ``angle + spin * t`` (radian), and it is
@@ -42,9 +42,9 @@ class Motion:
         tilt: float,
         spin: float,
     ) -> Motion:
-        """A random motion within ``reach`` (pixels), at up to ``speed`` (pixels per frame).
+        """Draw a random motion within ``reach`` (pixels), at up to ``speed`` (pixels per frame).
 
-        It starts turned by up to ``tilt`` (radian) and turns by up to ``spin`` (radian per frame).
+        The layer starts turned by up to ``tilt`` (radian) and turns by up to ``spin`` (radian per frame).
         """
         return cls(
             centre=centre,
@@ -57,7 +57,7 @@ class Motion:
         )
 
     def to_layer(self, times: torch.Tensor) -> torch.Tensor:
-        """(T, 2, 3): takes pixels of the picture to pixels of the layer, both counted from the middle."""
+        """Return maps (T, 2, 3) from pixels of the picture to pixels of the layer, both counted from the middle."""
         centre, reach, phase = map(torch.from_numpy, (self.centre, self.reach, self.phase))
         place = centre + reach * torch.sin(self.rate * times[:, None] + phase)
         angle = self.angle + self.spin * times
@@ -69,12 +69,12 @@ class Motion:
 
 @dataclass(frozen=True)
 class Layer:
-    """A texture on its way.
+    """A texture and its motion.
 
     Attributes:
         texture: (1, H, W) luma, or (2, H, W) luma times opacity, and opacity.
         step: pixels of the texture per pixel of the picture, at rest.
-        motion: where it is when.
+        motion: the path of the layer.
     """
 
     texture: torch.Tensor
@@ -85,11 +85,11 @@ class Layer:
 class MovingScene:
     """A panning background and one to four soft-edged objects in front of it.
 
-    Everything is drawn when the scene is built; rendering is deterministic.
+    All random choices are made when the scene is built; rendering is deterministic.
 
     Args:
-        photographs: the background's, then those that the objects are cut from in turn; two or more.
-        random: where every choice comes from.
+        photographs: that of the background, then those from which objects are cut in turn; two or more.
+        random: source of all random choices.
         size: ``(h, w)`` in pixels of the rendered frames.
     """
 
@@ -100,7 +100,7 @@ class MovingScene:
         self._objects = [self._draw_object(p, random) for p in islice(cycle(photographs[1:]), count)]
 
     def render(self, frames: int) -> torch.Tensor:
-        """Float32 ``(frames, h, w)`` in [0, 1]."""
+        """Return the video, float32 ``(frames, h, w)`` in [0, 1]."""
         times = torch.arange(frames, dtype=torch.float64)
         video = self._look_at(self._background, times, "reflection")[:, 0]
         for layer in self._objects:
@@ -109,7 +109,7 @@ class MovingScene:
         return video.clamp_(0, 1)
 
     def _look_at(self, layer: Layer, times: torch.Tensor, padding: str) -> torch.Tensor:
-        """(T, channels, h, w): the layer as the camera sees it."""
+        """Return the layer as the camera sees it, (T, channels, h, w)."""
         height, width = self.size
         rows, columns = layer.texture.shape[1:]
         x = torch.arange(width) - (width - 1) / 2
@@ -151,12 +151,12 @@ def _log_uniform(random: np.random.Generator, low: float, high: float) -> float:
 
 
 def _relight(picture: torch.Tensor, random: np.random.Generator) -> torch.Tensor:
-    """Other contrast and brightness, so that the same photograph is not always equally bright."""
+    """Change contrast and brightness, so that the same photograph is not always equally bright."""
     return ((picture - 0.5) * random.uniform(0.7, 1.3) + random.uniform(0.35, 0.65)).clamp_(0, 1)
 
 
 def _soft_shape(side: int, random: np.random.Generator) -> torch.Tensor:
-    """(side, side) opacity of a superellipse: from a rhombus over an ellipse to nearly a rectangle."""
+    """Return the opacity (side, side) of a superellipse, between a rhombus and nearly a rectangle."""
     exponent = _log_uniform(random, 1, 10)
     axis = (torch.arange(side) + 0.5) * 2 / side - 1
     x = (axis / random.uniform(0.5, 0.95)).abs() ** exponent

@@ -24,7 +24,7 @@ TRAINING = (
     "text.png",
 )
 HELD_OUT = ("camera.png", "coffee.png", "coins.png", "gravel.png")
-"""Inside the installed package (nothing is downloaded), and no picture twice."""
+"""Photographs inside the installed package: nothing is downloaded, and no picture is used for both."""
 
 
 @dataclass(frozen=True)
@@ -32,21 +32,21 @@ class Photograph:
     """One picture in several resolutions.
 
     Attributes:
-        name: its file name without the ending.
-        levels: float32 ``(H / 2**k, W / 2**k)`` in [0, 1] for k = 0, 1, 2: each half as fine as the last.
+        name: the file name without its ending.
+        levels: float32 ``(H / 2**k, W / 2**k)`` in [0, 1] for k = 0, 1, 2: each of half the resolution before.
     """
 
     name: str
     levels: tuple[torch.Tensor, ...]
 
     def level(self, scale: float) -> tuple[torch.Tensor, float]:
-        """The level fit to be sampled every ``scale`` pixels of the original, and that step in its pixels."""
+        """Return the level for sampling every ``scale`` pixels of the original, and this step in the level's pixels."""
         k = min(max(round(np.log2(scale)), 0), len(self.levels) - 1)
         return self.levels[k], scale / 2**k
 
 
 def load_photographs(names: tuple[str, ...]) -> list[Photograph]:
-    """Loads photographs by file name; raises BadInput when the installed scikit-image lacks one."""
+    """Load photographs by file name; raise BadInput if the installed scikit-image lacks one."""
     import skimage
     from PIL import Image
 

@@ -1,4 +1,4 @@
-"""Any clip on disk, frame by frame, as 8-bit luma."""
+"""Reading clips from disk, frame by frame, as 8-bit luma."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ IMAGES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"})
 VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v"})
 
 FORMATS = ("PNG", "JPEG", "TIFF", "BMP")
-"""Of images, whatever their names end with: Pillow would hand PostScript to an interpreter."""
+"""Image formats that are read, whatever the names end with: Pillow would hand PostScript to an interpreter."""
 
 CONTAINERS = "mov,mp4,m4a,3gp,3g2,mj2,avi,matroska,webm"
-"""Of videos, whatever their names end with: FFmpeg would follow a playlist to other files and to the network."""
+"""Video containers that are read, whatever the names end with: FFmpeg would follow playlists to other files."""
 
 SLACK = 5
-"""Frames by which a video may end before its header says: some writers round, or drop the last ones."""
+"""Number of frames by which a video may be shorter than its header states: some writers round, or drop frames."""
 
 BT601 = np.array([0.299, 0.587, 0.114], dtype=np.float32)
-"""Full-range BT.601: the weights of red, green and blue in luma."""
+"""Weights of red, green and blue in luma, full-range BT.601."""
 
 
 def find_clips(root: str | Path) -> list[Path]:
-    """Lists the clips below ``root`` in natural order (``clip2`` comes before ``clip10``).
+    """List the clips below ``root`` in natural order (``clip2`` comes before ``clip10``).
 
     A clip is a video file, an ``.npz`` file, or a folder that directly holds two or more image files.
-    ``root`` may itself be a clip. Names that start with a dot are passed over.
+    ``root`` may itself be a clip. Names that start with a dot are ignored.
 
     Raises:
         BadInput: ``root`` is missing or holds no clip.
@@ -64,18 +64,18 @@ def find_clips(root: str | Path) -> list[Path]:
 
 
 def frame_files(folder: str | Path) -> list[Path]:
-    """The image files directly in ``folder``, in natural order: the frames of one clip."""
+    """Return the image files directly in ``folder``, the frames of one clip, in natural order."""
     files = [f for f in Path(folder).iterdir() if f.suffix.lower() in IMAGES and not f.name.startswith(".")]
     return sorted(files, key=_natural_order)
 
 
 def read_clip(path: str | Path) -> np.ndarray:
-    """Reads the clip at ``path`` whole: uint8 ``(T, H, W)`` luma; raises as :func:`read_frames` does."""
+    """Return the whole clip at ``path``, uint8 ``(T, H, W)`` luma; raise errors as :func:`read_frames` does."""
     return np.stack(list(read_frames(path)))
 
 
 def read_frames(path: str | Path) -> Iterator[np.ndarray]:
-    """Yields the frames of the clip at ``path``, each uint8 ``(H, W)`` luma of one and the same size.
+    """Yield the frames of the clip at ``path``, uint8 ``(H, W)`` luma, all of one size.
 
     ``path`` is an ``.npz`` file (its array ``frames``, else its first array of three dimensions or of
     four with the colours last: uint8, or floating point in [0, 1]), a folder of 8-bit images, or a
@@ -111,7 +111,7 @@ def read_frames(path: str | Path) -> Iterator[np.ndarray]:
 
 @contextmanager
 def _naming(path: Path) -> Iterator[None]:
-    """Turns whatever a decoder raises for a damaged file into one line that names the file."""
+    """Turn any error of a decoder for a damaged file into one line that names the file."""
     try:
         yield
     except BadInput:
@@ -200,7 +200,7 @@ def _read_video(path: Path) -> Iterator[np.ndarray]:
 
 
 def _duration(stream: Any) -> float | None:
-    """Seconds at which a video stream ends by its own header; None where that does not say."""
+    """Return the end of a video stream in seconds as its header states it; None if it does not."""
     if stream.duration is not None and stream.time_base is not None:
         return float((stream.duration + (stream.start_time or 0)) * stream.time_base)
     try:
@@ -211,7 +211,7 @@ def _duration(stream: Any) -> float | None:
 
 
 def _luma(frame: np.ndarray, where: str) -> np.ndarray:
-    """uint8 (H, W) from uint8 or [0, 1] floating point, (H, W) or (H, W, 3)."""
+    """Return uint8 (H, W) from uint8 or floating point in [0, 1], (H, W) or (H, W, 3)."""
     if np.issubdtype(frame.dtype, np.floating):
         low, high = float(frame.min()), float(frame.max())
         if not (low >= 0 and high <= 1):  # written so that NaN fails too

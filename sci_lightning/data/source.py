@@ -1,4 +1,4 @@
-"""What every source of video offers: clips to train on, scenes to test on."""
+"""The interface of all sources of video: clips to train on, scenes to test on."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Snapshots(Protocol):
     def __len__(self) -> int: ...
 
     def __getitem__(self, index: int) -> torch.Tensor:
-        """Group ``index``, float32 ``(T, H, W)`` in [0, 1]."""
+        """Return group number ``index``, float32 ``(T, H, W)`` in [0, 1]."""
         ...
 
 
@@ -50,15 +50,15 @@ class Clips(Dataset[torch.Tensor]):
 
 @runtime_checkable
 class Source(Protocol):
-    """A source of video (one file of this folder each).
+    """A source of video.
 
-    Both methods raise :class:`~sci_lightning.errors.BadInput` when the source has none to offer.
+    Both methods raise :class:`~sci_lightning.errors.BadInput` if the source has no such clips or scenes.
     """
 
     def clips(self) -> Clips:
-        """Training clips of T frames, cropped to the training size, augmented."""
+        """Return training clips of T frames, cropped to the training size and augmented."""
         ...
 
     def scenes(self) -> list[Scene]:
-        """Held-out scenes at the mask's full size, never seen in training, never augmented."""
+        """Return held-out scenes at the mask's full size, never used for training and never augmented."""
         ...

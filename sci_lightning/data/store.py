@@ -1,4 +1,4 @@
-"""Clips decoded once into memory-mapped files, so that a random crop costs microseconds."""
+"""Clips that are decoded once into memory-mapped files, so that reading a random crop takes microseconds."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ TRAILER = struct.Struct("<8sII")
 MARK = b"SCI-CRC\n"
 """A stored clip ends with this and the checksums of its header and of its pixels; NumPy reads it as if it did not."""
 BLOCK = 2**20
-"""Bytes that are checked at a time."""
+"""Number of bytes whose checksum is computed at a time."""
 
 Layout: TypeAlias = tuple[tuple[int, int, int], int]
-"""(F, H, W) of a stored clip, and the byte where its pixels start."""
+"""Shape (F, H, W) of a stored clip, and the position of its first pixel in bytes."""
 
 
 class ClipStore:
@@ -79,7 +79,7 @@ class ClipStore:
         return len(self.clips)
 
     def __getitem__(self, index: int) -> np.ndarray:
-        """The clip at ``index``, mapped into memory: read-only uint8 ``(F, H, W)``."""
+        """Return the clip at ``index``, mapped into memory: read-only uint8 ``(F, H, W)``."""
         return self._map(index)
 
     @cached_property
@@ -105,11 +105,13 @@ class ClipStore:
         self._verified.add(index)
 
     def __getstate__(self) -> dict[str, object]:
-        return {name: value for name, value in vars(self).items() if name != "_map"}  # maps stay here
+        return {
+            name: value for name, value in vars(self).items() if name != "_map"
+        }  # maps are not sent to other processes
 
     @property
     def shapes(self) -> list[tuple[int, int, int]]:
-        """(F, H, W) of every clip, without opening any."""
+        """Shapes (F, H, W) of all clips, without opening any."""
         return [shape for shape, _ in self._layouts]
 
 
@@ -119,7 +121,7 @@ def _default_folder() -> Path:
 
 
 def _fingerprint(clip: Path) -> str:
-    """Changes when the clip's place, size or modification time does (for a folder: any frame's)."""
+    """Return a hash of a clip's path, size and modification time (for a folder: of all frames)."""
     clip = clip.resolve()
     digest = hashlib.sha256()
     try:
@@ -132,7 +134,7 @@ def _fingerprint(clip: Path) -> str:
 
 
 def _layout(file: Path) -> Layout | None:
-    """The layout of a stored clip; None if it is missing, damaged or of an earlier version without checksums."""
+    """Return the layout of a stored clip; None if it is missing, damaged or of an earlier version without checksums."""
     try:
         with file.open("rb") as stream:
             shape, dtype = npy_header(stream)
@@ -147,14 +149,14 @@ def _layout(file: Path) -> Layout | None:
 
 
 def _decode(clip: Path, file: Path) -> Layout:
-    """As :func:`_write`; says so if it replaces a stored clip that is damaged."""
+    """Decode a clip as :func:`_write` does, with a line on stderr if a damaged stored clip is replaced."""
     if file.exists() and not _is_of_earlier_version(file):
         print(f"{file}: damaged, {clip} is decoded anew", file=sys.stderr)
     return _write(clip, file)
 
 
 def _is_of_earlier_version(file: Path) -> bool:
-    """Whether a stored clip is whole and ends with its pixels: there were no checksums once."""
+    """Return whether a stored clip is complete and ends with its pixels, as in versions without checksums."""
     try:
         with file.open("rb") as stream:
             shape, _ = npy_header(stream)
@@ -164,7 +166,7 @@ def _is_of_earlier_version(file: Path) -> bool:
 
 
 def _trailer(file: Path) -> tuple[int, int]:
-    """The checksums of header and pixels that a stored clip ends with."""
+    """Return the checksums of header and pixels at the end of a stored clip."""
     with file.open("rb") as stream:
         stream.seek(-TRAILER.size, os.SEEK_END)
         mark, header, pixels = TRAILER.unpack(stream.read())
@@ -174,7 +176,7 @@ def _trailer(file: Path) -> tuple[int, int]:
 
 
 def _checksum(file: Path, layout: Layout) -> int:
-    """CRC-32 of the pixels, a few at a time."""
+    """Return the CRC-32 of the pixels, computed block by block."""
     shape, offset = layout
     checksum, left = 0, math.prod(shape)
     with file.open("rb") as stream:
@@ -187,7 +189,7 @@ def _checksum(file: Path, layout: Layout) -> int:
 def _write(clip: Path, file: Path) -> Layout:
     """Decode ``clip`` into ``file`` with one frame in memory at a time."""
     with whole_file(file) as temporary, temporary.open("wb") as stream:
-        stream.write(_header((0, 0, 0)))  # holds the place: the number of frames is known at the end
+        stream.write(_header((0, 0, 0)))  # a placeholder: the number of frames is known at the end
         count, size, pixels = 0, (0, 0), 0
         for frame in read_frames(clip):
             content = frame.tobytes()

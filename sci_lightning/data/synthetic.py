@@ -1,4 +1,4 @@
-"""Video out of nothing but the photographs that scikit-image brings: works anywhere, at once."""
+"""Synthetic video from the photographs of scikit-image, without any download."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from sci_lightning.errors import BadInput
 
 
 class Synthetic:
-    """Photographs that pan, zoom, turn and occlude each other, rendered on the fly.
+    """Photographs that pan, zoom, turn and occlude each other, rendered on demand.
 
-    The scenes show other photographs than the training clips.
+    Scenes and training clips show different photographs.
 
     Args:
-        frames: T, the frames of one snapshot.
-        size: ``(H, W)`` in pixels: the mask's full size, in which scenes are rendered.
-        crop: ``(h, w)`` in pixels: the size that is trained on.
-        seed: decides all that is random.
+        frames: T, the number of frames in one snapshot.
+        size: ``(H, W)`` in pixels, the mask's full size, in which scenes are rendered.
+        crop: ``(h, w)`` in pixels, the size of training clips.
+        seed: decides all random choices.
         clips_per_epoch: ``len`` of the training clips.
-        scenes_count: how many held-out scenes there are.
-        snapshots_per_scene: how many groups of T frames a scene is long, in one continuous motion.
+        scenes_count: number of held-out scenes.
+        snapshots_per_scene: length of a scene in groups of T frames, in one continuous motion.
 
     Raises:
         BadInput: an argument is out of range.
@@ -58,12 +58,12 @@ class Synthetic:
             )
 
     def clips(self) -> Clips:
-        """An endless stream of rendered float32 ``(T, h, w)``."""
+        """Return an endless stream of rendered clips, float32 ``(T, h, w)`` in [0, 1]."""
         photographs = load_photographs(TRAINING)
         return SyntheticClips(photographs, self.frames, self.crop, self.seed, self.clips_per_epoch)
 
     def scenes(self) -> list[Scene]:
-        """Scenes named after the photograph in their background, float32 ``(N, T, H, W)``."""
+        """Return scenes named after the photograph in their background, float32 ``(N, T, H, W)`` in [0, 1]."""
         photographs = load_photographs(HELD_OUT)
         return [self._scene(number, photographs) for number in range(self.scenes_count)]
 
@@ -77,7 +77,7 @@ class Synthetic:
 
 
 class SyntheticClips(Clips):
-    """Training clips of moving photographs; the clip at an index is rendered when it is asked for."""
+    """Training clips of moving photographs; the clip at an index is rendered when it is read."""
 
     def __init__(
         self, photographs: list[Photograph], frames: int, crop: Sequence[int], seed: int, clips_per_epoch: int

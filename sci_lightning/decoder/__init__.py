@@ -1,4 +1,4 @@
-"""Numbers to video: one network or algorithm a file, all called as ``decoder(measurement, mask)``."""
+"""Decoders, one network or algorithm in a file: ``decoder(measurement, mask)`` estimates the video."""
 
 from sci_lightning.decoder.admm import ADMM
 from sci_lightning.decoder.admm_net import ADMMNet

@@ -15,15 +15,18 @@ from sci_lightning.errors import BadInput
 
 
 class ADMM(Iterative):
-    """Every iteration: x = data step of theta + b, theta = denoised x - b, b = b - (x - theta); theta is the estimate.
+    """The alternating direction method of multipliers with any denoiser as the prior, for any T, H and W.
+
+    Every iteration computes x = data step of theta + b, theta = denoise(x - b), b = b - (x - theta). The estimate is
+    theta.
 
     Args:
         denoiser, strengths, iterations, tolerance, start, motion: see :class:`Iterative`.
-        gamma: how much x is held to theta + b where that does not explain the measurement (0.01 is usual); more copes
-            with more noise.
+        gamma: weight with which x is kept near theta + b against the measurement (0.01 is usual); with more noise in
+            the measurement a larger one is right.
 
     Raises:
-        BadInput: as :class:`Iterative`; or a gamma that is not positive.
+        BadInput: as for :class:`Iterative`, or gamma is not positive.
 
     Source: Boyd et al., "Distributed optimization and statistical learning via the alternating direction method of
     multipliers", 2011; for video SCI as in Liu, Yuan, Suo, Brady and Dai, "Rank minimization for snapshot compressive

@@ -13,17 +13,18 @@ from sci_lightning.decoder.layers.unet import UNet
 
 
 class ADMMNet(Decoder):
-    """Stage k, from theta = M * y and b = 0: x = data step of theta + b, theta = U-net of x - b, b = b - (x - theta).
+    """ADMM unfolded into stages, each of a data step and a U-net of its own.
 
-    The data step's weight has a learned gamma_k added, which starts from 0. T is fixed at construction; any H x W.
-    Every stage's theta is given to the loss. Sides are replicated to a multiple of 4 inside.
+    From theta = A^T y and b = 0, stage k computes x = data step of theta + b, theta = U-net(x - b) and
+    b = b - (x - theta). A learned gamma_k, which starts from 0, is added to the weight of its data step. T is fixed at
+    construction; H and W are free (padded to multiples of 4 inside). The loss sees theta of every stage.
 
     Args:
         frames: T.
         stages: number of stages (9 as published).
         channels: widths of the U-nets at full, half and quarter resolution (32, 64, 128 as published).
-        squared: the data step divides by the sum of M squared + gamma_k, the exact minimiser; False: by the sum of M +
-            gamma_k, as published, which is the same for binary masks only.
+        squared: whether the data step divides by the sum of M squared plus gamma_k, the exact minimiser; else by the
+            sum of M plus gamma_k, as published, which is the same for binary masks only.
 
     Parameters: 4,213,809 with the defaults at T = 8.
     Source: Ma, Liu, Shou and Yuan, "Deep tensor ADMM-Net for snapshot compressive imaging", ICCV 2019, in the form of

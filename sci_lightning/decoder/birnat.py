@@ -1,4 +1,4 @@
-"""BIRNAT: a first frame, then one frame after the other by a forward and a backward recurrence."""
+"""BIRNAT: a network for the first frame, then a forward and a backward recurrence for the other frames."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sci_lightning.errors import BadInput
 
 
 class ResidualPart(nn.Module):
-    """Three residual steps x + [3x3, LeakyReLU, 1x1, LeakyReLU, 3x3](x), ``(N, C, H, W)`` to the same."""
+    """Three residual steps ``x + conv3x3(LeakyReLU(conv1x1(LeakyReLU(conv3x3(x)))))`` on features ``(N, C, H, W)``."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -38,10 +38,10 @@ class ResidualPart(nn.Module):
 
 
 class PositionAttention(nn.Module):
-    """x + gain * conv(mix of all positions' values), ``(N, C, H, W)`` to the same; the gain starts from 0.
+    """Self-attention between all positions of features ``(N, C, H, W)``, added with a gain that starts from 0.
 
-    As published, the weights from one position to all others add up to 1, not those to one position from all others:
-    so this is not what ``scaled_dot_product_attention`` computes.
+    As published, the softmax runs over the queries: the weights of one key for all queries add up to 1, while in
+    ``scaled_dot_product_attention`` those of all keys for one query do.
     """
 
     def __init__(self, channels: int) -> None:
@@ -62,7 +62,7 @@ class PositionAttention(nn.Module):
 
 
 class FirstFrame(nn.Sequential):
-    """[m, M * m] to the first frame, ``(N, 1 + T, H, W)`` to ``(N, 1, H, W)``; layers have their published names."""
+    """The network from [m, M * m], ``(N, 1 + T, H, W)``, to the first frame ``(N, 1, H, W)``, with published names."""
 
     def __init__(self, inputs: int, channels: int) -> None:
         half, quarter, eighth = channels // 2, channels // 4, channels // 8
@@ -97,10 +97,10 @@ class FirstFrame(nn.Sequential):
 
 
 class Recurrence(nn.Module):
-    """From the first frame of an order of slots, the others one by one.
+    """A recurrence from the first frame over all later slots.
 
     Args:
-        hidden: width of the state, and of the features of the frame before; those of the measurement have half of it.
+        hidden: width of the state and of the features of the frame before; the measurement's have half of it.
 
     Convolutions that follow each other without an activation are as published.
     """
@@ -158,7 +158,7 @@ class Recurrence(nn.Module):
         mean: torch.Tensor,
         mask: torch.Tensor,
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """The video in the mask's order of slots, ``(N, T, H, W)``, and the last state.
+        """Return the video ``(N, T, H, W)`` in the mask's order of slots, and the last state.
 
         Args:
             frame: estimate of the first slot, ``(N, 1, H, W)``.
@@ -169,7 +169,8 @@ class Recurrence(nn.Module):
         frames = [frame]
         unexplained = measurement
         for slot in range(1, len(mask)):
-            # this slot's share of the measurement: known frames are taken off it, those to come count as the mean
+            # The part of the measurement that belongs to this slot: estimated frames are subtracted from it, and for
+            # the frames to come the mean frame is subtracted.
             unexplained = unexplained - mask[slot - 1] * frame[:, 0]
             share = unexplained - mask[slot + 1 :].sum(0) * mean
             measured = self.conv_x(channels_last(torch.stack([mean, share], dim=1)))
@@ -182,12 +183,12 @@ class Recurrence(nn.Module):
 
 
 class BIRNAT(Decoder):
-    """The first frame by a network with attention over all positions, the rest by two recurrences.
+    """A network with attention between all positions for the first frame, and two recurrences for the others.
 
-    The forward recurrence runs from the first frame to the last, the backward one from there to the first again, with
-    weights of its own and the state that the forward one left. Both videos are given to the loss; the backward one is
-    the estimate. T is fixed at construction; any H x W: odd sides are replicated to an even one inside. The attention's
-    cost grows with the square of the number of pixels.
+    The forward recurrence runs from the first frame to the last; the backward one, with weights of its own, starts from
+    that last frame and the state of the forward one, and runs to the first. The loss sees both videos; the backward one
+    is the estimate. T is fixed at construction; H and W are free (padded to multiples of 2 inside). The cost of the
+    attention grows with the square of the number of pixels.
 
     Args:
         frames: T.
@@ -195,7 +196,7 @@ class BIRNAT(Decoder):
         hidden: width of the recurrent state, even (20 as published).
 
     Raises:
-        BadInput: widths that do not divide.
+        BadInput: channels is no multiple of 8, or hidden is odd.
 
     Parameters: 4,131,640 with the defaults at T = 8.
     Source: Cheng, Lu, Wang, Zhang, Chen, Meng and Yuan, "BIRNAT: bidirectional recurrent neural networks with

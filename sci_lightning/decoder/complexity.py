@@ -1,4 +1,4 @@
-"""What a decoder costs: parameters and multiply-accumulates."""
+"""The cost of a decoder: number of parameters and of multiply-accumulate operations."""
 
 from __future__ import annotations
 
@@ -9,14 +9,18 @@ from torch.utils.flop_counter import FlopCounterMode
 
 
 def count_parameters(decoder: nn.Module) -> int:
-    """Number of learned values."""
+    """Return the number of values in all parameters of a decoder."""
     return sum(parameter.numel() for parameter in decoder.parameters())
 
 
 def count_macs(decoder: nn.Module, frames: int, height: int, width: int) -> int:
-    """Multiply-accumulates of one measurement: convolutions, linear layers and matrix products, exactly.
+    """Return the multiply-accumulates for one measurement: convolutions, linear layers and matrix products, exactly.
 
-    Counted by torch on tensors without data, so it costs no computation and no memory, at any size.
+    torch counts them on tensors without data, so that this takes neither time nor memory at any size.
+
+    Args:
+        decoder: any network.
+        frames, height, width: T, H and W of the measurement.
     """
     with FlopCounterMode(display=False) as counter:
         call_without_data(decoder, frames, height, width)
@@ -25,7 +29,7 @@ def count_macs(decoder: nn.Module, frames: int, height: int, width: int) -> int:
 
 @torch.no_grad()
 def call_without_data(decoder: nn.Module, frames: int, height: int, width: int) -> None:
-    """Decode one measurement of T = ``frames`` on tensors that have a shape but no values."""
+    """Decode one measurement of T = ``frames`` on tensors that have a shape but no values (device ``meta``)."""
     state = {name: value.to("meta") for name, value in (*decoder.named_parameters(), *decoder.named_buffers())}
     measurement = torch.empty(1, height, width, device="meta")
     mask = torch.empty(frames, height, width, device="meta")

@@ -1,4 +1,4 @@
-"""What all decoders have in common: the call, and the check of what they are called with."""
+"""The base class of all decoders: the call, and the check of its arguments."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from sci_lightning.imaging.operator import SnapshotOperator
 class Decoder(nn.Module):
     """A decoder: ``decoder(measurement, mask) -> video``.
 
-    Shapes: measurement ``(N, H, W)`` = sum over t of M_t x_t, mask ``(T, H, W)`` in [0, 1], video ``(N, T, H, W)``.
-    Subclasses write :meth:`decode`, or :meth:`decode_stages` when they estimate more than once on the way; calling
-    checks the shapes first.
+    The measurement ``(N, H, W)`` is the sum over t of M_t x_t, the mask M is ``(T, H, W)`` in [0, 1], and the video x
+    is ``(N, T, H, W)``. A subclass implements :meth:`decode`, or :meth:`decode_stages` if it makes several estimates
+    one after another. The shapes are checked before either is called.
     """
 
     frames: int | None = None
-    """T, where the architecture is built for one; None: any."""
+    """T, if the architecture is built for one number of frames; None if it takes any."""
     multiple: ClassVar[int] = 1
-    """The architecture takes H and W that are multiples of this; others are replicated up to one and cropped back."""
+    """H and W must be multiples of this; other sizes are padded by replication, and the video is cropped back."""
     published_names: ClassVar[tuple[tuple[str, str], ...]] = ()
     """What the authors call our state-dict keys: (regular expression of our key, replacement to make it theirs).
 
@@ -34,18 +34,18 @@ class Decoder(nn.Module):
     """Regular expressions of published state-dict keys that are not used on purpose."""
 
     def forward(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        """Estimate the video ``(N, T, H, W)``, nominally in [0, 1], not clipped: the last of :meth:`stages`.
+        """Return the estimated video ``(N, T, H, W)``, nominally in [0, 1], not clipped: the last of :meth:`stages`.
 
         Raises:
-            BadInput: shapes that do not fit together or that the architecture cannot take.
+            BadInput: the shapes do not fit together, or the architecture cannot take them.
         """
         return self.stages(measurement, mask)[-1]
 
     def stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
-        """Every estimate of the video on the way, first to last, each ``(N, T, H, W)``; for losses that use them.
+        """Return all estimates of the video from first to last, ``(N, T, H, W)`` each, for losses that use them.
 
         Raises:
-            BadInput: as the call.
+            BadInput: as for the call.
         """
         if measurement.ndim != 3 or mask.ndim != 3 or measurement.shape[1:] != mask.shape[1:]:
             raise BadInput(
@@ -57,16 +57,16 @@ class Decoder(nn.Module):
         height, width = mask.shape[1:]
         margin = (0, -width % self.multiple, 0, -height % self.multiple)
         if any(margin):  # measurement and mask alike, so that they keep fitting each other
-            measurement, mask = (F.pad(each, margin, mode="replicate") for each in (measurement, mask))
+            measurement, mask = (F.pad(x, margin, mode="replicate") for x in (measurement, mask))
         estimates = self.decode_stages(measurement, mask)
         return [estimate[..., :height, :width].contiguous() for estimate in estimates]
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
-        """The estimates of :meth:`stages`, of checked input."""
+        """Return the estimates of :meth:`stages`; the shapes have been checked and padded."""
         return [self.decode(measurement, mask)]
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        """The one estimate, of checked input."""
+        """Return the estimate of a decoder that makes only one; the shapes have been checked and padded."""
         raise NotImplementedError
 
     @staticmethod

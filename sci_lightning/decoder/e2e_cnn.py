@@ -1,4 +1,4 @@
-"""E2E-CNN: the two-dimensional convolutional decoder of Qiao et al. (2020)."""
+"""E2E-CNN: a two-dimensional convolutional network, trained end to end."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sci_lightning.decoder.kernels.layout import channels_last
 
 
 class ResidualBlock(nn.Module):
-    """x + conv(LeakyReLU(conv(x))), 3x3, ``(N, C, H, W)`` to the same."""
+    """``x + conv(LeakyReLU(conv(x)))`` with 3 x 3 convolutions, on features ``(N, C, H, W)``."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -28,15 +28,15 @@ class ResidualBlock(nn.Module):
 
 
 class E2ECNN(Decoder):
-    """Frames as channels, five residual blocks in, five out, skips between them, no down-sampling.
+    """A network at full resolution that takes the T frames as channels, with skips from its first to its last blocks.
 
-    The input is M * (y / sum of M); the output is a tanh. Any H x W; T is fixed at construction.
+    The input is M * (y / sum of M), and the output passes a tanh. T is fixed at construction; H and W are free.
 
     Args:
         frames: T.
         channels: width C of every hidden layer (64 as published).
         blocks: residual blocks on each side (5 as published).
-        input_residual: add the input to the output, as the version in the cacti toolbox does.
+        input_residual: whether the input is added to the output, as in the cacti toolbox.
 
     Parameters: 817,608 with the defaults at T = 8.
     Source: Qiao et al., "Deep learning for video compressive sensing", APL Photonics 2020.

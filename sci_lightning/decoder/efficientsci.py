@@ -1,4 +1,4 @@
-"""EfficientSCI: dense blocks of convolutions in space beside attention along time."""
+"""EfficientSCI: densely connected blocks of convolution in space and attention along time."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from sci_lightning.errors import BadInput
 
 
 class CFormer(nn.Module):
-    """Space and time side by side on one group of channels, ``(N, c, T, H, W)`` to the same.
+    """Convolution in space beside attention along time, on one group of channels ``(N, c, T, H, W)``.
 
-    x + conv1x3x3(LeakyReLU(conv1x3x3(x))) + attention(x), then + conv1x1x1(LeakyReLU(conv3x3x3(.))).
+    The result is z + conv1x1x1(LeakyReLU(conv3x3x3(z))), where
+    z = x + conv1x3x3(LeakyReLU(conv1x3x3(x))) + attention(x).
     """
 
     def __init__(self, channels: int, heads: int) -> None:
@@ -39,7 +40,7 @@ class CFormer(nn.Module):
 
 
 class ResDNet(nn.Module):
-    """Channels in ``groups`` parts; each CFormer sees, by a 1x1x1 convolution, its part and all results before it."""
+    """Channels in groups: a CFormer gets its group and, by a 1x1x1 convolution, the results of all groups before."""
 
     def __init__(self, channels: int, groups: int, heads: int) -> None:
         super().__init__()
@@ -59,18 +60,18 @@ class ResDNet(nn.Module):
 
 
 class EfficientSCI(Decoder):
-    """A chain of ResDNet blocks at half resolution, input m + M * m with m = y / sum of M. Any T, any H x W.
+    """A sequence of ResDNet blocks at half resolution, for any T, H and W (padded to multiples of 2 inside).
 
-    Odd sides are replicated by one at the right and bottom inside and cropped back.
+    The input is m + M * m, where m = y / sum of M.
 
     Args:
-        channels: C, width at full resolution; 4C in the chain (64, the base model as published).
+        channels: C, width at full resolution; the blocks have 4C channels (64, the base model as published).
         blocks: ResDNet blocks (8).
         groups: CFormers of a block, on 4C / ``groups`` channels each (4).
         heads: attention heads of a CFormer, on half of its channels (4).
 
     Raises:
-        BadInput: a width that does not divide into groups and heads.
+        BadInput: the width does not divide into groups and heads.
 
     Parameters: 8,824,321 with the defaults.
     Source: Wang, Cao and Yuan, "EfficientSCI: densely connected network with space-time factorization for large-scale

@@ -1,4 +1,4 @@
-"""ELP-Unfolding: an augmented Lagrangian, unfolded, first with one prior and then with an ensemble of them."""
+"""ELP-Unfolding: an augmented Lagrangian method, unfolded, first with one prior and then with ensembles of priors."""
 
 from __future__ import annotations
 
@@ -14,37 +14,38 @@ Features = list[torch.Tensor]
 
 
 def conv(inputs: int, outputs: int, stride: int = 1) -> nn.Conv2d:
+    """Return a 3 x 3 convolution without bias that divides H and W by ``stride``."""
     return nn.Conv2d(inputs, outputs, 3, stride=stride, padding=1, bias=False)
 
 
 def pair(inputs: int, inner: int, outputs: int) -> nn.Sequential:
-    """Twice 3x3 and ReLU."""
+    """Return two 3 x 3 convolutions, each with a ReLU behind it."""
     return named_block(
         "convblock", conv(inputs, inner), nn.ReLU(inplace=True), conv(inner, outputs), nn.ReLU(inplace=True)
     )
 
 
 def down(inputs: int, outputs: int) -> nn.Sequential:
-    """To half of H and W."""
+    """Return layers that halve H and W."""
     return named_block(
         "convblock", conv(inputs, outputs, stride=2), nn.ReLU(inplace=True), pair(outputs, outputs, outputs)
     )
 
 
 def up(inputs: int, outputs: int) -> nn.Sequential:
-    """To twice H and W."""
+    """Return layers that double H and W by pixel shuffle."""
     return named_block("convblock", pair(inputs, inputs, inputs), conv(inputs, 4 * outputs), nn.PixelShuffle(2))
 
 
 class UNet(nn.Module):
-    """The prior's network, which also sees what the networks before it saw: video ``(N, T, H, W)`` to the same.
+    """The prior's network, which also gets the features of all networks before it; video ``(N, T, H, W)`` to the same.
 
-    Each of its five maps of features is joined by the sum of the same map over all networks before.
+    Each of its five feature maps is joined with the sum of this map over all networks before.
 
     Args:
         frames: T.
         channels: C, width at quarter resolution; C/2 at half, C/4 at full.
-        first: no networks before.
+        first: whether there is no network before.
     """
 
     def __init__(self, frames: int, channels: int, first: bool) -> None:
@@ -62,15 +63,16 @@ class UNet(nn.Module):
     def forward(
         self, video: torch.Tensor, gamma2: torch.Tensor, mean: torch.Tensor, before: Features
     ) -> tuple[torch.Tensor, Features]:
-        """The video improved, and the sums of features including this network's.
+        """Return the improved video, and the sums of feature maps including those of this network.
 
         Args:
-            gamma2: one value, given to the network as a constant map.
+            video: the estimate so far, ``(N, T, H, W)``.
+            gamma2: one value, which the network gets as a constant map.
             mean: y / sum of M, ``(N, 1, H, W)``.
             before: sums of features over the networks before; empty for the first.
         """
         inputs = torch.cat([video, gamma2.expand_as(mean), mean], dim=1)
-        full = self.inc(inputs)  # not channels-last: on a CPU these many weights would be re-ordered in every call
+        full = self.inc(inputs)  # not channels-last: a CPU would reorder these many weights in every call
         half = self.downc0(torch.cat([full, *before[0:1]], dim=1))
         quarter = self.downc1(torch.cat([half, *before[1:2]], dim=1))
         up_half = self.upc2(torch.cat([quarter, *before[2:3]], dim=1))
@@ -83,7 +85,7 @@ class UNet(nn.Module):
 
 
 class Iteration(nn.Module):
-    """A network and its penalties gamma1 (of the measurement) and gamma2 (of the prior)."""
+    """A network with its penalty weights, gamma1 for the measurement and gamma2 for the prior."""
 
     def __init__(self, frames: int, channels: int, first: bool) -> None:
         super().__init__()
@@ -93,25 +95,25 @@ class Iteration(nn.Module):
 
 
 class ELPUnfolding(Decoder):
-    """Eight iterations with one prior, then five with an ensemble: 13 networks. T is fixed at construction; any H x W.
+    """Eight iterations with one prior, then five with ensembles of priors: 13 networks.
 
-    Each iteration, with multipliers l1 (of the measurement) and l2 (of the prior), both from 0, and v from ones:
-    v = U-net(x - l2 / gamma2), l1 = l1 - gamma1 (y - sum of M x), l2 = l2 - gamma2 (x - v), then x = data step, with
-    weight R + G / gamma1, of (sum of l2 + gamma2 v - M l1) / G, where G = sum of gamma2 and both sums run over the
-    priors combined. The ensemble of n priors is the newest and the n - 1 first ones, which keep their v, l2 and gamma2;
-    the newest goes on from the l2 of the one before it, and gamma1 stays that of the eighth iteration. Every x is given
-    to the loss. Sides are replicated to a multiple of 4 inside.
+    With the multipliers l1 (of the measurement) and l2 (of the prior), both from 0, and v from ones, every iteration
+    computes v = U-net(x - l2 / gamma2), l1 = l1 - gamma1 (y - A x), l2 = l2 - gamma2 (x - v), and then x = data step
+    of (sum of (l2 + gamma2 v) - A^T l1) / G with weight R + G / gamma1. Here G = sum of gamma2, and both sums run over
+    the priors of the ensemble. An ensemble of n priors consists of the newest and of the first n - 1, which keep their
+    v, l2 and gamma2; the newest starts from the l2 of the one before it, and gamma1 stays that of the eighth iteration.
+    The loss sees x of every iteration. T is fixed at construction; H and W are free (padded to multiples of 4 inside).
 
     Args:
         frames: T.
         channels: C, width at quarter resolution, a multiple of 4 (512 as published).
-        iterations: of the first prior (8 as published).
-        priors: 1 + number of ensembles (6 as published).
-        squared: R is the sum of M squared, the exact minimiser, as the authors have it; False: the sum of M, as the
-            cacti toolbox has it, which is the same for binary masks only.
+        iterations: number of iterations with the first prior (8 as published).
+        priors: one more than the number of ensembles (6 as published).
+        squared: whether R is the sum of M squared, the exact minimiser, as the authors have it; else the sum of M, as
+            in the cacti toolbox, which is the same for binary masks only.
 
     Raises:
-        BadInput: a width that does not divide.
+        BadInput: the width is no multiple of 4.
 
     Parameters: 565,733,402 with the defaults at T = 8, of which 5 are unused as published.
     Source: Yang, Zhang and Yuan, "Ensemble learning priors driven deep unfolding for scalable video snapshot
@@ -133,19 +135,20 @@ class ELPUnfolding(Decoder):
         for iteration in ensembles:
             iteration.gamma1.requires_grad_(False)
         self.all = nn.ModuleList(
-            nn.ModuleDict({"AL": nn.ModuleList(newest)}) for newest in (alone, *([each] for each in ensembles))
+            nn.ModuleDict({"AL": nn.ModuleList(newest)})
+            for newest in (alone, *([iteration] for iteration in ensembles))
         )
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
         operator = self.operator(mask)
         weight = operator.sum_of_squares() if self.squared else operator.total_or_one()
         mean = operator.mean_frame(measurement).unsqueeze(1)
-        priors = [[each for each in prior.modules() if isinstance(each, Iteration)] for prior in self.all]
+        priors = [[part for part in prior.modules() if isinstance(part, Iteration)] for prior in self.all]
         ones = torch.ones_like(mask).expand(len(measurement), -1, -1, -1)
         x = operator.data_step(ones, measurement, weight + priors[0][0].gamma2 / priors[0][0].gamma1)
         l1, l2 = torch.zeros_like(measurement), torch.zeros_like(x)
         features: Features = []
-        kept: list[tuple[torch.Tensor, torch.Tensor]] = []  # (gamma2, l2 + gamma2 v) of every prior that is done
+        kept: list[tuple[torch.Tensor, torch.Tensor]] = []  # (gamma2, l2 + gamma2 v) of every finished prior
         estimates = []
         for iterations in priors:
             for iteration in iterations:
@@ -155,9 +158,9 @@ class ELPUnfolding(Decoder):
                 l1 = l1 - gamma1 * (measurement - operator(x))
                 l2 = l2 - gamma2 * (x - v)
                 newest = (gamma2, l2 + gamma2 * v)
-                gammas, pulls = zip(*kept[:-1], newest, strict=True)
+                gammas, targets = zip(*kept[:-1], newest, strict=True)
                 total = sum(gammas)
-                x = (sum(pulls) - operator.adjoint(l1)) / total
+                x = (sum(targets) - operator.adjoint(l1)) / total
                 x = operator.data_step(x, measurement, weight + total / gamma1)
                 estimates.append(x)
             kept.append(newest)

@@ -8,10 +8,12 @@ from sci_lightning.decoder.iterative import Iterative
 
 
 class GAP(Iterative):
-    """Every iteration projects x onto the videos that explain r, denoises it, and adds y - sum of M x to r.
+    """Accelerated generalised alternating projection, for any T, H and W.
 
-    r starts from the measurement y; adding what the denoised video leaves unexplained is what accelerates it. With
-    total variation: GAP-TV; with a network: PnP-FFDNet, PnP-FastDVDnet. For its arguments see :class:`Iterative`.
+    Every iteration projects x onto the videos that explain the measurement r, denoises the result, and adds the
+    residual y - A x to r, which starts from the measurement y. This accumulation of residuals is what accelerates the
+    method. With total variation as denoiser it is GAP-TV, with a network PnP-FFDNet or PnP-FastDVDnet. For the
+    arguments see :class:`Iterative`.
 
     Source: Yuan, "Generalized alternating projection based total variation minimization for compressive sensing",
     ICIP 2016; Yuan, Liu, Suo and Dai, "Plug-and-play algorithms for large-scale snapshot compressive imaging", CVPR

@@ -12,15 +12,16 @@ from sci_lightning.decoder.layers.unet import UNet
 
 
 class GAPNet(Decoder):
-    """From x = M * y on, every stage takes a data step and then its own U-net. T is fixed at construction; any H x W.
+    """Generalised alternating projection unfolded into stages, each of a data step and a U-net of its own.
 
-    Every stage's estimate is given to the loss. Sides are replicated to a multiple of 4 inside.
+    From x = A^T y, every stage computes x = U-net(data step of x). T is fixed at construction; H and W are free (padded
+    to multiples of 4 inside). The loss sees the estimate of every stage.
 
     Args:
         frames: T.
         stages: number of stages (12 as published).
         channels: widths of the U-nets at full, half and quarter resolution (32, 64, 128 as published).
-        squared: the data step divides by the sum of M squared, the exact projection; False: by the sum of M, as
+        squared: whether the data step divides by the sum of M squared, the exact projection; else by the sum of M, as
             published, which is the same for binary masks only.
 
     Parameters: 5,618,400 with the defaults at T = 8.

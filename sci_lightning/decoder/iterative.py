@@ -1,4 +1,4 @@
-"""What decoders that iterate without training have in common: the schedule, and when to stop."""
+"""The base class of decoders that iterate without training: the schedule, and when to stop."""
 
 from __future__ import annotations
 
@@ -16,42 +16,42 @@ from sci_lightning.errors import BadInput
 
 
 class Iteration(NamedTuple):
-    """Where a decoder is."""
+    """The progress of an iterative decoder."""
 
     number: int
-    """From 1 .."""
+    """Number of the iteration, from 1."""
     of: int
-    """.. to this."""
+    """Number of iterations in all."""
     residual: float
-    """Root mean square of y - sum of M x, of the worst snapshot."""
+    """Root mean square of y - A x of the worst snapshot, in units of the measurement."""
 
     def __str__(self) -> str:
         return f"iteration {self.number} of {self.of}, residual {self.residual:.4f}"
 
 
 class Iterative(Decoder):
-    """Data step and denoiser in turns. Any T, H and W.
+    """Data steps and denoising in alternation, for any T, H and W.
 
-    The data step divides by the sum of M squared, which is right for gray masks as well; where no slot opens, the
+    The data step divides by the sum of M squared, which is right for gray masks as well. Where no slot opens, the
     denoiser alone decides.
 
     Args:
         denoiser: the prior.
-        strengths: the denoiser's, one after another ..
-        iterations: .. each for so many iterations.
-        tolerance: stop as soon as the root mean square of y - sum of M x is below it in every snapshot, in units of the
-            measurement: the noise's standard deviation is a good choice. None: iterate to the end.
-        start: another decoder, whose estimate to start from. None: from the mean frame in every slot.
-        motion: what follows the denoiser in every iteration; for those that look at every frame by itself. None: no
-            more than the denoiser.
+        strengths: strengths of the denoiser, one after another.
+        iterations: number of iterations with each of the strengths.
+        tolerance: the decoder stops when the root mean square of y - A x is below it in every snapshot, in units of
+            the measurement; the standard deviation of the noise is a good choice. None: all iterations are made.
+        start: another decoder, whose estimate is the first one. None: the mean frame in every slot.
+        motion: filter behind the denoiser in every iteration, for denoisers that take every frame by itself. None: no
+            filter.
 
     Raises:
-        BadInput: a setting that is not positive, or not one number of iterations for each strength; in a call, a
-            residual that is no longer finite.
+        BadInput: a setting is not positive, or strengths and iterations differ in number; in a call, the residual is
+            no longer finite.
     """
 
     watch: Callable[[Iteration], object] | None = None
-    """Told after every iteration, by one who wants to show it."""
+    """Called after every iteration with its :class:`Iteration`, to show the progress."""
 
     def __init__(
         self,
@@ -80,19 +80,19 @@ class Iterative(Decoder):
             raise BadInput(f"decoder.motion={motion}: give null, or override its settings: decoder.motion.reach=4")
         self.denoiser = denoiser
         names = tuple((rf"denoiser\.{ours}", theirs) for ours, theirs in denoiser.published_names)
-        self.published_names = names  # type: ignore[misc]  # those of a class elsewhere; here of what it holds
+        self.published_names = names  # type: ignore[misc]  # of the class elsewhere, here of the denoiser
         self.plan = tuple(zip(strengths, iterations, strict=True))
-        """Strengths, and for how many iterations."""
+        """Pairs of a strength and its number of iterations."""
         self.tolerance = tolerance
         self.start = start
         self.motion = motion
 
     def first_estimate(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        """``(N, T, H, W)``, to start from."""
+        """Return the video ``(N, T, H, W)`` from which the iteration starts."""
         return self.operator(mask).mean_video(measurement) if self.start is None else self.start(measurement, mask)
 
     def schedule(self) -> Iterator[tuple[int, float]]:
-        """Number from 0, and strength, of every iteration; denoiser and motion start afresh."""
+        """Yield number (from 0) and strength of every iteration, after a reset of denoiser and motion filter."""
         self.denoiser.reset()
         if self.motion is not None:
             self.motion.reset()
@@ -100,21 +100,21 @@ class Iterative(Decoder):
 
     @property
     def iterations(self) -> int:
-        """All of them together."""
+        """Number of iterations in all."""
         return sum(number for _, number in self.plan)
 
     def denoised(self, video: torch.Tensor, strength: float) -> torch.Tensor:
-        """``(N, T, H, W)``, with less noise."""
+        """Return the video ``(N, T, H, W)`` after the denoiser and the motion filter."""
         video = self.denoiser(video, strength)
         return video if self.motion is None else self.motion(video)
 
     def reached(self, residual: torch.Tensor, iteration: int) -> bool:
-        """Whether to stop after ``iteration`` (from 0), whose y - sum of M x is ``residual``, ``(N, H, W)``.
+        """Return whether to stop after ``iteration`` (from 0), whose y - A x is ``residual``, ``(N, H, W)``.
 
         Raises:
-            BadInput: it is not finite.
+            BadInput: the residual is not finite.
         """
-        if residual.is_meta:  # no values: the operations are being counted
+        if residual.is_meta:  # no values, because operations are being counted
             return False
         rms = float(residual.detach().square().mean((-2, -1)).sqrt().max())
         if not rms < float("inf"):  # also false for NaN

@@ -1,4 +1,4 @@
-"""MetaSCI: a two-dimensional residual network, of which each mask has a version adapted from common weights."""
+"""MetaSCI: a two-dimensional residual network."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sci_lightning.decoder.kernels.layout import channels_last
 
 
 class ResidualBlock(nn.Module):
-    """t = x + conv1(x), then conv2(t) without a second addition, ``(N, C, H, W)`` to the same."""
+    """``conv2(x + conv1(x))`` on features ``(N, C, H, W)``, without a second residual connection."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -36,9 +36,10 @@ class ResidualBlock(nn.Module):
 
 
 class MetaSCI(Decoder):
-    """Frames as channels, residual blocks at half resolution, input m + M * m with m = y / sum of M.
+    """A network of residual blocks at half resolution that takes the T frames as channels.
 
-    T is fixed at construction; any H x W: of odd sides, the row or column that the up-sampling has too many is cut off.
+    The input is m + M * m, where m = y / sum of M. T is fixed at construction; H and W are free: up-sampling makes odd
+    sides one pixel too long, which is cut off.
 
     Args:
         frames: T.

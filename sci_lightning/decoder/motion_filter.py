@@ -1,4 +1,4 @@
-"""Motion-compensated temporal filtering: every frame borrows from its neighbours, along the motion."""
+"""Motion-compensated temporal filtering: every frame is averaged with its neighbours along the motion."""
 
 from __future__ import annotations
 
@@ -13,43 +13,43 @@ from sci_lightning.configuration.bounds import Pixels, Reach, Repeats
 from sci_lightning.errors import BadInput
 
 SMOOTH = 3
-"""Side of the box that takes the edge off noise before blocks are compared .."""
+"""Side of the box filter, in pixels, that reduces noise before blocks are compared."""
 
 SAMPLED = 2
-""".. and of how many rows and columns one is enough to compare them then."""
+"""Blocks are then compared at one in so many rows and columns."""
 
 
 class Path(NamedTuple):
-    """To a neighbouring frame."""
+    """The motion from frames to their neighbours at one distance in time."""
 
     here: slice
-    """Frames from which it leads .."""
+    """Frames from which the path leads."""
     there: slice
-    """.. to these."""
+    """Neighbours to which it leads."""
     pixel: torch.Tensor
-    """``(N, frames, H * W)``: number of the pixel there."""
+    """Number of the matching pixel in the neighbour, ``(N, frames, H * W)``."""
     weight: torch.Tensor
-    """``(N, frames, H, W)``: 1 where it is like the pixel here, towards 0 where not."""
+    """Weight of the matching pixel, ``(N, frames, H, W)``: 1 for equal blocks, towards 0 for different ones."""
 
 
 class MotionFilter(nn.Module):
-    """Every pixel becomes the mean of itself and of where its block is found in neighbouring frames, by likeness.
+    """A weighted mean of every pixel and of the pixels that match it in neighbouring frames.
 
-    For every block of a frame the displacement with the smallest mean square difference is looked for in each of the
-    ``frames`` frames before and after it; the difference d^2 gives that frame the weight exp(-d^2 / 2 deviation^2),
-    so that what has no match stays as it is. Blocks overlap by half on every side when compared. Videos of one batch
-    do not mix; gradients flow through the mean, not through the search.
+    For every block of a frame, a search in each of the ``frames`` frames before and after it finds the displacement
+    with the smallest mean square difference d^2. The matching pixels get the weight exp(-d^2 / 2 deviation^2), so that
+    a block without a match stays as it is. For the comparison, blocks overlap by half on every side. Videos of one
+    batch do not mix. Gradients flow through the mean, not through the search.
 
     Args:
-        frames: neighbours before and after.
-        reach: how far a block is looked for in rows and columns, in pixels.
+        frames: number of neighbours before and after.
+        reach: largest displacement in rows and columns, in pixels.
         block: side of the blocks that move together, in pixels; a multiple of 4.
-        deviation: how unlike blocks may be, in units of the video.
-        after: calls before the first search, while the video is too rough to be searched ..
-        every: .. and how many calls a search serves; :meth:`reset` ends it early.
+        deviation: scale of the differences between matching blocks, in units of the video.
+        after: number of calls before the first search, while the video is too rough for one.
+        every: number of calls for which a search is used; :meth:`reset` ends that early.
 
     Raises:
-        BadInput: a number out of these ranges.
+        BadInput: a number is out of these ranges.
 
     Source: Dubois and Sabri, "Noise reduction in image sequences using motion-compensated temporal filtering", IEEE
     Trans. Communications 1984; the weights are those of non-local means (Buades, Coll and Morel, CVPR 2005).
@@ -82,12 +82,12 @@ class MotionFilter(nn.Module):
         self.reset()
 
     def reset(self) -> None:
-        """Other videos follow: no motion is known of them."""
+        """Forget the motion, because other videos follow."""
         self._paths: list[Path] = []
         self._calls = 0
 
     def forward(self, video: torch.Tensor) -> torch.Tensor:
-        """Filter ``(N, T, H, W)``, or give it back while no motion is known."""
+        """Return the filtered video ``(N, T, H, W)``, or the video itself while no motion is known."""
         if self._calls >= self.after and (self._calls - self.after) % self.every == 0:
             self._paths = self._search(video)
         self._calls += 1
@@ -95,20 +95,24 @@ class MotionFilter(nn.Module):
             return video
         total, weights = video.clone(), torch.ones_like(video)
         for here, there, pixel, weight in self._paths:
-            found = video[:, there].flatten(2).gather(2, pixel).view_as(weight)
-            total[:, here].addcmul_(found, weight)
+            matches = video[:, there].flatten(2).gather(2, pixel).view_as(weight)
+            total[:, here].addcmul_(matches, weight)
             weights[:, here].add_(weight)
         return total.div_(weights)
 
     @torch.no_grad()
     def _search(self, video: torch.Tensor) -> list[Path]:
+        """Return the paths from all frames to their neighbours, one for every distance in time."""
         t, height, width = video.shape[1:]
         whole = F.pad(video, (0, -width % self.block, 0, -height % self.block), mode="replicate")
         smooth = F.avg_pool2d(whole, SMOOTH, 1, SMOOTH // 2, count_include_pad=False)
         around = F.pad(smooth, (self.reach,) * 4, mode="replicate")
         near = min(self.frames, t - 1)
         offsets = [offset for offset in range(-near, near + 1) if offset]
-        slices = [(slice(max(0, -each), t - max(0, each)), slice(max(0, each), t + min(0, each))) for each in offsets]
+        slices = [
+            (slice(max(0, -offset), t - max(0, offset)), slice(max(0, offset), t + min(0, offset)))
+            for offset in offsets
+        ]
         paths = []
         for here, there in slices:
             pixel, weight = self._follow(smooth[:, here], around[:, there], height, width)
@@ -118,20 +122,23 @@ class MotionFilter(nn.Module):
     def _follow(
         self, frames: torch.Tensor, others: torch.Tensor, height: int, width: int
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Pixel and weight of a :class:`Path` from ``frames``, of whole blocks, to ``others``, wider by ``reach``."""
+        """Return pixel and weight of a :class:`Path` from ``frames``, padded to whole blocks, to ``others``.
+
+        ``others`` has a margin of ``reach`` pixels on every side.
+        """
         side, cell = 2 * self.reach + 1, self.block // SAMPLED
         sampled = frames[..., ::SAMPLED, ::SAMPLED].contiguous()
         rows, columns = sampled.shape[-2:]
-        apart = [[others[..., y::SAMPLED, x::SAMPLED].contiguous() for x in range(SAMPLED)] for y in range(SAMPLED)]
-        unlike = []
+        phases = [[others[..., y::SAMPLED, x::SAMPLED].contiguous() for x in range(SAMPLED)] for y in range(SAMPLED)]
+        differences = []
         for move in range(side**2):
-            (dy, y), (dx, x) = (divmod(each, SAMPLED) for each in divmod(move, side))
-            square = (apart[y][x][..., dy : dy + rows, dx : dx + columns] - sampled).square_()
-            unlike.append(F.avg_pool2d(square, cell, padding=cell // 2, count_include_pad=False))
-        overlapping = F.avg_pool2d(torch.stack(unlike).flatten(0, 1), 2, stride=1).unflatten(0, (side**2, -1))
+            (dy, y), (dx, x) = (divmod(offset, SAMPLED) for offset in divmod(move, side))
+            square = (phases[y][x][..., dy : dy + rows, dx : dx + columns] - sampled).square_()
+            differences.append(F.avg_pool2d(square, cell, padding=cell // 2, count_include_pad=False))
+        overlapping = F.avg_pool2d(torch.stack(differences).flatten(0, 1), 2, stride=1).unflatten(0, (side**2, -1))
         least, best = (
-            each.repeat_interleave(self.block, -2).repeat_interleave(self.block, -1)[..., :height, :width]
-            for each in overlapping.min(0)
+            result.repeat_interleave(self.block, -2).repeat_interleave(self.block, -1)[..., :height, :width]
+            for result in overlapping.min(0)
         )
         here, across = (torch.arange(length, device=frames.device) for length in (height, width))
         row = (here[:, None] + best // side - self.reach).clamp_(0, height - 1)

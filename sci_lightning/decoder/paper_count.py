@@ -1,4 +1,4 @@
-"""Multiply-accumulates as the paper's table counts them, which is not what is computed."""
+"""Multiply-accumulates as the paper's table counts them, which differs from what is computed."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from sci_lightning.decoder.complexity import call_without_data
 from sci_lightning.errors import BadInput
 
 RULES = (2022, 2020)
-"""Generations of the counter (thop) whose output the paper's table mixes."""
+"""Versions of the counter (thop), by year, whose results the paper's table mixes."""
 
 
 def count_as_paper(decoder: nn.Module, frames: int, height: int, width: int, rules: int = 2022) -> int:
-    """Multiply-accumulates ("FLOPs") of one measurement by the rules of the counter that the paper used.
+    """Return the multiply-accumulates ("FLOPs") for one measurement by the rules of the counter that the paper used.
 
     ======================  =======================================================================
     convolution             elements of the output x values of one kernel (padding counts as well)
@@ -44,7 +44,7 @@ def count_as_paper(decoder: nn.Module, frames: int, height: int, width: int, rul
             STFormer.
 
     Raises:
-        BadInput: other rules.
+        BadInput: there are no such rules.
     """
     if rules not in RULES:
         raise BadInput(f"rules={rules!r}: the paper's figures follow the rules of {' or '.join(map(str, RULES))}")
@@ -54,7 +54,7 @@ def count_as_paper(decoder: nn.Module, frames: int, height: int, width: int, rul
 
 
 class _Counter(TorchFunctionMode):
-    """Adds up, while it is active, the cost of convolution layers, and of torch functions that are called elsewhere."""
+    """While it is active, adds up the cost of convolution layers and of the torch functions called outside of them."""
 
     def __init__(self, decoder: nn.Module, rules: int) -> None:
         super().__init__()
@@ -78,8 +78,7 @@ class _Counter(TorchFunctionMode):
     def _enter(self, layer: nn.Module, inputs: Any) -> None:
         self.inside = True
 
-    def _leave(self, layer: nn.Module, inputs: Any, result: Tensor) -> None:
-        assert isinstance(layer, _ConvNd)
+    def _leave(self, layer: Any, inputs: Any, result: Tensor) -> None:
         self.inside = False
         self.total += _convolution(self.rules, result, inputs[0], layer.weight, layer.bias)
 
@@ -133,4 +132,4 @@ COSTS: dict[Callable[..., Tensor], Callable[..., int]] = {
     F.leaky_relu: _leaky_relu,
     F.leaky_relu_: _leaky_relu,
 }
-"""By torch's function; each is called with the rules, the result and the function's own arguments."""
+"""Cost by function of torch; it is called with the rules, the result and the function's own arguments."""

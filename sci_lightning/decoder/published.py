@@ -35,19 +35,19 @@ class PublishedMask:
 
 
 def load_published(decoder: Decoder, state_dict: Mapping[str, Any]) -> PublishedMask | None:
-    """Fill ``decoder`` with weights as their authors saved them.
+    """Load weights into ``decoder`` as their authors saved them.
 
     Args:
         decoder: of the published size.
-        state_dict: what their file holds: a state, with or without ``module.`` before its keys, by itself or in a
+        state_dict: content of their file: a state, with or without ``module.`` before its keys, by itself or in a
             dictionary with epoch and optimiser; or the state of the deep-optics wrapper (``encoder.weight`` and
             ``decoder.*``), with or without ``continuous_mask`` beside it.
 
     Returns:
-        the wrapper's mask, else None.
+        the mask of the deep-optics wrapper, None for other files.
 
     Raises:
-        BadInput: a key without a place, a shape that does not fit, a key that is missing; each names it.
+        BadInput: a key has no place, a key is missing, or a shape does not fit; the message names the key.
     """
     weights, mask = unpack(state_dict)
     decoder.load_state_dict(our_state(decoder, weights))

@@ -1,4 +1,4 @@
-"""Res2former: the paper's decoder, most of whose work is attention along time."""
+"""Res2former: the decoder of the deep-optics paper, whose main operation is attention along time."""
 
 from __future__ import annotations
 
@@ -21,9 +21,11 @@ PUBLISHED_LEVELS = (("encode", "encoder.0.0"), ("bottleneck", "bottleneck"), ("d
 
 
 class TSABranch(nn.Module):
-    """Temporal self-attention on one group of channels, ``(N, c, T, H, W)`` to the same.
+    """Temporal self-attention on one group of channels ``(N, c, T, H, W)``.
 
-    x + attention(conv1x3x3(x)), then + conv1x1x1(LeakyReLU(conv3x3x3(.))). Source: Section 4.3, Eq. 8 to 12.
+    The result is z + conv1x1x1(LeakyReLU(conv3x3x3(z))), where z = x + attention(conv1x3x3(x)).
+
+    Source: "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Section 4.3, Eq. 8 to 12.
     """
 
     def __init__(self, channels: int, heads: int) -> None:
@@ -42,7 +44,7 @@ class TSABranch(nn.Module):
 
 
 class ResTSA(nn.Module):
-    """Channels in ``groups`` parts; each branch also sees the result of the one before (Section 4.3, Eq. 7)."""
+    """Channels in groups; the branch of a group also gets the result of the branch before (Section 4.3, Eq. 7)."""
 
     def __init__(self, channels: int, groups: int, heads: int) -> None:
         super().__init__()
@@ -57,19 +59,19 @@ class ResTSA(nn.Module):
 
 
 class Res2former(Decoder):
-    """Two-level U-shaped network of ResTSA modules on the input y + M * y. Any T, any H x W.
+    """A U-shaped network of two levels of ResTSA modules, for any T, H and W (padded to multiples of 4 inside).
 
-    Sides are replicated at the right and bottom to a multiple of 4 inside and cropped back.
+    The input is y + M * y.
 
     Args:
         dim: C, width at full resolution; 2C at half, 4C at a quarter (96; Res2former-L: 128).
         depths: (N1, N2), ResTSA modules at the outer level (each way) and at the bottleneck (3, 3; L: 5, 5).
         groups: branches of a ResTSA module at the outer level and at the bottleneck (2, 4; L: 4, 8).
         heads: attention heads in each branch (4).
-        checkpoint: train on less memory; see :class:`~sci_lightning.decoder.layers.sequential.Chain`.
+        checkpoint: whether to train on less memory; see :class:`~sci_lightning.decoder.layers.sequential.Chain`.
 
     Raises:
-        BadInput: widths that do not divide into groups and heads.
+        BadInput: a width does not divide into groups and heads.
 
     Parameters: 11,022,625 with the defaults, 17,697,153 for Res2former-L.
     Source: "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Section 4.3.

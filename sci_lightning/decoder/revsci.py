@@ -1,4 +1,4 @@
-"""RevSCI: three-dimensional convolutions in reversible blocks."""
+"""RevSCI: three-dimensional convolutions in reversible blocks, which can train without storing activations."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from sci_lightning.decoder.layers.convolution import Conv3d, TransposedConv3d
 
 
 class ReversibleBlock(nn.Module):
-    """y1 = x1 + f(x2), y2 = x2 + g(y1), halves ``(N, C, T, H, W)`` to the same; so x2 = y2 - g(y1), x1 = y1 - f(x2).
+    """A block whose input can be computed from its output: y1 = x1 + f(x2), y2 = x2 + g(y1).
 
-    The sums have the precision of the halves, f and g that of their weights.
+    Both halves of the channels are ``(N, C, T, H, W)``; back it goes by x2 = y2 - g(y1), x1 = y1 - f(x2). The sums are
+    computed in the precision of the halves, f and g in that of their weights.
     """
 
     def __init__(self, channels: int) -> None:
@@ -32,12 +33,12 @@ class ReversibleBlock(nn.Module):
 
 
 def precision(module: nn.Module) -> torch.dtype:
-    """Of its weights."""
+    """Return the floating-point type of a module's weights."""
     return next(module.parameters()).dtype
 
 
 class Reversed(torch.autograd.Function):
-    """A chain of reversible blocks that keeps its result only, and in the backward pass computes the rest from it.
+    """A sequence of reversible blocks that stores its result only; the backward pass computes all inputs from it.
 
     Source: Gomez, Ren, Urtasun and Grosse, "The reversible residual network", NeurIPS 2017.
     """
@@ -46,7 +47,7 @@ class Reversed(torch.autograd.Function):
     def forward(
         ctx: Any, blocks: nn.ModuleList, x1: torch.Tensor, x2: torch.Tensor, *parameters: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """``parameters``: those of the blocks, in their order, for torch to know of them."""
+        """Compute the blocks; ``parameters`` are theirs, in their order, so that torch computes gradients for them."""
         device = x1.device.type
         ctx.blocks = blocks
         ctx.precision = device, torch.get_autocast_dtype(device), torch.is_autocast_enabled(device)
@@ -61,7 +62,7 @@ class Reversed(torch.autograd.Function):
         gradients: list[torch.Tensor] = []
         with torch.autocast(*ctx.precision):
             for block in reversed(ctx.blocks):
-                # each half: the input of the other is recomputed, d is the gradient of what it was added to
+                # Recompute the input of one half from the other; d1 and d2 are the gradients of the two sums.
                 x2, into_y1, of_g = _undo(block.g1, y1, y2, d2)
                 d1 = d1 + into_y1
                 x1, into_x2, of_f = _undo(block.f1, x2, y1, d1)
@@ -75,7 +76,7 @@ class Reversed(torch.autograd.Function):
 def _undo(
     function: nn.Module, x: torch.Tensor, total: torch.Tensor, gradient: torch.Tensor
 ) -> tuple[torch.Tensor, torch.Tensor, tuple[torch.Tensor, ...]]:
-    """Of total = z + function(x): z, and the gradients of x and of the function's parameters."""
+    """Return z of total = z + function(x), and the gradients with respect to x and to the function's parameters."""
     x = x.to(precision(function)).detach().requires_grad_()
     value = function(x)
     into_x, *of_parameters = torch.autograd.grad(value, [x, *function.parameters()], gradient.to(value.dtype))
@@ -83,15 +84,15 @@ def _undo(
 
 
 class RevSCI(Decoder):
-    """A chain of reversible blocks at half resolution, input m + M * m with m = y / sum of M. Any T, any H x W.
+    """A sequence of reversible blocks at half resolution, for any T, H and W (padded to multiples of 2 inside).
 
-    Odd sides are replicated by one at the right and bottom inside and cropped back.
+    The input is m + M * m, where m = y / sum of M.
 
     Args:
         blocks: reversible blocks (50 as published).
-        channels: width C of the chain, a multiple of 4 (64 as published).
-        reversible: train without storing the activations of the blocks: they are computed again, backwards, for about
-            a third more time. The gradients are the same to rounding.
+        channels: width C of the blocks, a multiple of 4 (64 as published).
+        reversible: whether to train without storing the activations of the blocks. They are computed again in the
+            backward pass, which takes about a third more time; the gradients are the same to rounding.
 
     Parameters: 5,655,393 with the defaults.
     Source: Cheng, Chen, Liu, Zhang, Liu, Huang, Chen and Yuan, "Memory-efficient network for large-scale video
@@ -128,8 +129,8 @@ class RevSCI(Decoder):
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         estimate = self.operator(mask).mean_frame(measurement).unsqueeze(1) * (1 + mask)
         features = self.conv1(as_one_channel(estimate))
-        # in double precision the way back meets the inputs of f and g, and so the gradients, to the last bit
-        precise = torch.is_grad_enabled() and features.device.type != "mps"  # which has no double precision
+        # In double precision the recomputed inputs of f and g, and so the gradients, equal the stored ones exactly.
+        precise = torch.is_grad_enabled() and features.device.type != "mps"  # MPS has no double precision
         x1, x2 = features.to(torch.float64 if precise else features.dtype).chunk(2, dim=1)
         if self.reversible and torch.is_grad_enabled():
             x1, x2 = Reversed.apply(self.layers, x1, x2, *self.layers.parameters())

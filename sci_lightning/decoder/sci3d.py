@@ -1,4 +1,4 @@
-"""SCI3D (DUN-3DUnet): half-quadratic splitting, unfolded, with dense feature maps between its 3-D U-nets."""
+"""SCI3D (DUN-3DUnet): half-quadratic splitting, unfolded, with feature maps handed from U-net to U-net."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ Maps = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
 
 
 def conv(inputs: int, outputs: int, stride: int = 1, groups: int = 1) -> nn.Conv3d:
-    """A 3x3x3 convolution that keeps T and divides H and W by ``stride``."""
+    """Return a 3x3x3 convolution that keeps T and divides H and W by ``stride``."""
     return nn.Conv3d(inputs, outputs, 3, stride=(1, stride, stride), padding=1, groups=groups)
 
 
 class ResidualPair(nn.Module):
-    """x + conv(ReLU(conv(x))), ``(N, C, T, H, W)`` to the same."""
+    """``x + conv(ReLU(conv(x)))`` on features ``(N, C, T, H, W)``."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -36,24 +36,25 @@ class ResidualPair(nn.Module):
 
 
 def down(inputs: int, outputs: int) -> nn.Sequential:
-    """To half of H and W."""
+    """Return layers that halve H and W."""
     return named_block("convblock", conv(inputs, outputs, stride=2), nn.ReLU(inplace=True), ResidualPair(outputs))
 
 
 def up(inputs: int, outputs: int) -> nn.Sequential:
-    """To twice H and W, nearest."""
+    """Return layers that double H and W by repeating pixels."""
     return named_block(
         "convblock", ResidualPair(inputs), conv(inputs, outputs), up=nn.Upsample(scale_factor=(1.0, 2.0, 2.0))
     )
 
 
 class Phase(nn.Module):
-    """A data step's eta and the 3-D U-net after it, which also takes the feature maps of the phase before.
+    """A data step with a learned eta and the 3-D U-net after it, which also gets the feature maps of the phase before.
 
     Args:
         channels: widths at full, half and quarter resolution.
-        inner: channels that each input has in the first, grouped convolution.
-        first: no phase before; its generators of gates exist, as published, but are not used and not trained.
+        inner: channels of each of the two inputs after the first convolution, which is grouped.
+        first: whether it is the first phase. Its generators of gates exist, as published, but are neither used nor
+            trained.
     """
 
     def __init__(self, channels: Sequence[int], inner: int, first: bool) -> None:
@@ -91,13 +92,15 @@ class Phase(nn.Module):
         guide: torch.Tensor,
         before: Maps | None,
     ) -> tuple[torch.Tensor, Maps]:
-        """The video ``(N, T, H, W)`` improved, and the feature maps for the next phase.
+        """Return the improved video ``(N, T, H, W)`` and the feature maps for the next phase.
 
         Args:
-            measurement: r, ``(N, H, W)``, which the data step draws the video to.
+            video: the estimate so far, ``(N, T, H, W)``.
+            measurement: r, ``(N, H, W)``, which the data step makes the video explain.
+            operator: A.
             weight: Q, ``(H, W)``.
             guide: y / Q, ``(N, 1, H, W)``.
-            before: maps of the phase before at quarter, half and full resolution; None in the first.
+            before: feature maps of the phase before at quarter, half and full resolution; None in the first phase.
         """
         old_quarter, old_half, old_full = before or (None, None, None)
         video = operator.data_step(video, measurement, weight + self.eta_step)
@@ -112,17 +115,18 @@ class Phase(nn.Module):
 
 
 def join(features: torch.Tensor, old: torch.Tensor | None, generate: nn.Module, guide: torch.Tensor) -> torch.Tensor:
-    """Features and, where there is a phase before, its map ``old`` gated by the kernels that ``generate`` makes."""
+    """Return features joined with the map ``old`` of the phase before, if any, gated by kernels made from ``guide``."""
     if old is None:
         return features
     return torch.cat([features, gated(old, F.relu(generate(guide)))], dim=1)
 
 
 def gated(features: torch.Tensor, kernels: torch.Tensor) -> torch.Tensor:
-    """Features ``(N, C, T, H, W)`` times the sigmoid of their product with a 3x3 kernel of each pixel and channel.
+    """Return features times the sigmoid of their product with 3 x 3 kernels that differ from pixel to pixel.
 
     Args:
-        kernels: ``(N, 9 C, H, W)``, the nine taps of a channel in a row; the same for all frames.
+        features: ``(N, C, T, H, W)``.
+        kernels: ``(N, 9 C, H, W)``, the nine taps of a channel one after another; the same for all frames.
     """
     kernels = kernels.unflatten(1, (-1, 9)).unsqueeze(3)  # (N, C, 9, 1, H, W)
     if are_plain():
@@ -134,12 +138,12 @@ def gated(features: torch.Tensor, kernels: torch.Tensor) -> torch.Tensor:
 
 
 class SCI3D(Decoder):
-    """Phases of a data step and a U-net that also sees the features of the U-net before. Any T, any H x W.
+    """Phases of a data step and a U-net that also gets the features of the U-net before, for any T, H and W.
 
-    A phase, from v = M * y and r = 0: r = r + y - sum of M v, v = data step of v towards r with weight Q + eta, then
-    v = v + U-net(v, y / Q), where Q is the sum of M squared. The U-net hands its feature maps to the next one, which
-    gates them by kernels made from y / Q. Every phase's v is given to the loss. Sides are replicated to a multiple of 4
-    inside.
+    From v = A^T y and r = 0, every phase computes r = r + y - A v, v = data step of v for the measurement r with weight
+    Q + eta, and v = v + U-net(v, y / Q), where Q is the sum of M squared. The U-net hands its feature maps to the next
+    one, which gates them with kernels made from y / Q. The loss sees v of every phase. H and W are padded to multiples
+    of 4 inside.
 
     Args:
         phases: number of phases (10 as published).

@@ -1,4 +1,4 @@
-"""STFormer: attention in space and in time, side by side."""
+"""STFormer: attention in space beside attention along time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ WINDOW = 7
 
 
 class FusionNetwork(nn.Module):
-    """Halves a, b of the channels: a' = a + f(a), b' = b + a', then b' + g(b'), ``(N, C, T, H, W)`` to the same."""
+    """Feed-forward network on features ``(N, C, T, H, W)``, whose channels are split into halves a and b.
+
+    The result has the halves a + f(a) and z + g(z), where z = b + a + f(a).
+    """
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -37,10 +40,10 @@ class FusionNetwork(nn.Module):
 
 
 class STFormerBlock(nn.Module):
-    """x + space(z) + time(z) with z the normalised x, then + fusion of the normalised sum, ``(N, T, H, W, C)`` to the
-    same.
+    """Attention in space beside attention along time, then a feed-forward network, on features ``(N, T, H, W, C)``.
 
-    z is padded with zeros at the bottom and right to whole windows, and these take part in the attention.
+    The result is s + fusion(norm(s)), where s = x + space(z) + time(z) and z = norm(x). At the bottom and right, z is
+    padded with zeros to whole windows, and the zeros take part in the attention, as published.
     """
 
     def __init__(self, channels: int, frames: int, shift: int) -> None:
@@ -60,16 +63,16 @@ class STFormerBlock(nn.Module):
 
 
 class STFormer(Decoder):
-    """Pairs of attention blocks, the second of each with shifted windows, at half resolution.
+    """Pairs of attention blocks at half resolution; the second block of every pair has shifted windows.
 
-    The input is M * y after one data step with the sum of M as weight. T is fixed at construction; any H x W: odd sides
-    are replicated by one at the right and bottom inside and cropped back.
+    The input is A^T y after one data step with the sum of M as weight. T is fixed at construction; H and W are free
+    (padded to multiples of 2 inside).
 
     Args:
         frames: T.
         dim: C, width at full resolution after the first layer; 4C, of 4 heads, in the blocks (64; small: 16).
         units: pairs of blocks (4; large: 8).
-        checkpoint: train on less memory; see :class:`~sci_lightning.decoder.layers.sequential.Chain`.
+        checkpoint: whether to train on less memory; see :class:`~sci_lightning.decoder.layers.sequential.Chain`.
 
     Parameters: 19,490,177 with the defaults at T = 8.
     Source: Wang, Cao, Zhong and Yuan, "Spatial-temporal transformer for video snapshot compressive imaging", TPAMI

@@ -18,15 +18,13 @@ from sci_lightning.diagnosis import vocabulary as effects_vocabulary
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.gap import Gap, held_out_gap
 from sci_lightning.diagnosis.fit.split import Split, split
-from sci_lightning.diagnosis.model.camera_model import CameraModel
-from sci_lightning.diagnosis.model.noise import stated
+from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.model.observation import Observation, observe
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
 from sci_lightning.diagnosis.residual_tests.where import ask
 from sci_lightning.diagnosis.search.evidence import ErrorCorrelation, NamedEffect, error_correlation, named_effects
-from sci_lightning.diagnosis.search.explain import explain
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
-from sci_lightning.diagnosis.search.search import Round
+from sci_lightning.diagnosis.search.search import Round, search
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.verdict import verdict
 from sci_lightning.encoder.effects import Effect
@@ -122,29 +120,29 @@ def diagnose(
     observation = observe(captures)
     model = CameraModel(observation, effects_vocabulary.vocabulary() if vocabulary is None else vocabulary)
     fitter = Fitter(model, split(observation, settings), settings)
-    noise, stated_by_file = stated(fitter)
+    noise, stated_by_file = datasheet_noise(observation)
     ideal = fitter.fit(noise, fixed=stated_by_file, iterations=30)
-    complete, names, rounds, unnamed = explain(fitter, ideal, noise, on_progress)
-    corrected = complete
-    if unnamed and not empirical:  # the noise keeps its values: it must not absorb what has no name
-        named = complete.hypothesis
-        for deviation in unnamed:
+    found = search(fitter, ideal, noise, on_progress)
+    corrected = found.fit
+    if found.unnamed and not empirical:  # the noise keeps its values: it must not absorb what has no name
+        named = found.fit.hypothesis
+        for deviation in found.unnamed:
             named = named.without(deviation.name)
         fixed = tuple((effect, parameter) for effect in noise.effects for parameter in noise.effects[effect])
         corrected = fitter.fit(named, fixed=fixed)
     before, after = (assess(fitter, fit, seed) for fit in (ideal, corrected))
-    names.sort(key=lambda name: model.vocabulary[name].rank)
+    names = sorted(found.names, key=lambda name: model.vocabulary[name].rank)
     return Diagnosis(
         observation=observation,
-        model=fitter.model,
+        model=model,
         split=fitter.split,
         settings=settings,
         seed=seed,
         before=before,
         after=after,
-        effects=named_effects(fitter, complete, names),
-        unnamed=tuple(unnamed),
-        rounds=tuple(rounds),
+        effects=named_effects(fitter, found.fit, names),
+        unnamed=found.unnamed,
+        rounds=found.rounds,
         stated_noise=tuple(effect for effect, _ in stated_by_file),
         correlation=error_correlation(corrected),
         remaining=remaining_tests(fitter, before, after, names),
@@ -175,7 +173,7 @@ def remaining_tests(
     """
     settings = fitter.settings
     inexact = settings.unnamed_formula_error * fitter.explained(after.fit, before.fit, after.fit)
-    noise = any(fitter.model.known[name].noise for name in names)
+    noise = any(fitter.model.effects[name].noise for name in names)
     return tuple(
         test
         for test in after.tests

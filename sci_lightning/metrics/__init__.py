@@ -1,4 +1,4 @@
-"""How good a reconstruction is: one metric a file or folder, function and class of the same name."""
+"""Metrics of reconstructions, one in a file or folder, each a function and a torchmetrics class of the same name."""
 
 from sci_lightning.metrics.hdrvdp2 import HDRVDP2, hdrvdp2_q
 from sci_lightning.metrics.psnr import PSNR, psnr

@@ -1,4 +1,4 @@
-"""A metric that scores single frames and reports the mean over all frames seen."""
+"""The base class of metrics that are computed frame by frame and averaged over all frames."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from sci_lightning.errors import BadInput
 
 
 class FrameMetric(Metric):
-    """Mean over frames of :meth:`score`; sums are kept in float64 and added up over processes."""
+    """The mean over frames of :meth:`score`; sums are kept in float64 and added up over processes."""
 
     is_differentiable = True
     higher_is_better = True
     full_state_update = False
     smallest = 1
-    """Sides that frames need, in pixels."""
+    """Smallest height and width of frames, in pixels."""
     convention = ""
-    """What has to be told with its values, in words, where they are printed."""
+    """The convention that has to be stated wherever the values are printed, in words; empty if there is none."""
     total: torch.Tensor
     frames: torch.Tensor
 
@@ -29,14 +29,14 @@ class FrameMetric(Metric):
         self.add_state("frames", torch.zeros((), dtype=torch.int64), dist_reduce_fx="sum")
 
     def score(self, estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
-        """One value per frame: two ``(..., H, W)`` to ``(...)``."""
+        """Return one value per frame, ``(...)``, of two videos ``(..., H, W)``."""
         raise NotImplementedError
 
     def update(self, estimate: torch.Tensor, truth: torch.Tensor) -> None:
         """Add the frames of two ``(..., H, W)`` videos, nominally in [0, 1].
 
         Raises:
-            BadInput: the two differ in shape.
+            BadInput: the two videos differ in shape.
         """
         if estimate.shape != truth.shape:
             raise BadInput(f"estimate is {tuple(estimate.shape)} and truth {tuple(truth.shape)}: must be of one shape")
@@ -48,5 +48,5 @@ class FrameMetric(Metric):
         return self.total / self.frames
 
     def plot(self, val: Any = None, ax: Any = None) -> Any:
-        """Figure and axes with the mean so far, or with ``val``, one or more values that calls returned."""
+        """Return figure and axes with the mean so far, or with ``val``, one or more values that calls returned."""
         return self._plot(val, ax)

@@ -1,4 +1,4 @@
-"""Scores kept scene by scene: mean over a scene's frames, then plain mean over scenes."""
+"""Metrics scene by scene: the mean over the frames of every scene, then the mean over scenes."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from sci_lightning.metrics.frame_metric import FrameMetric
 
 
 class SceneScores(nn.Module):
-    """Every metric for every scene; adds up over processes like the metrics it holds.
+    """A copy of every metric for every scene, which adds up over processes.
 
     Args:
-        names: of the scenes, in the order of their indices.
-        metrics: by the name they have in ``metrics.json``; copied.
-        every_n_frames: of metrics that look at one frame in so many, by name.
+        names: names of the scenes, in the order of their numbers.
+        metrics: metrics by their name in ``metrics.json``; they are copied.
+        every_n_frames: by name, for metrics that are computed on one frame in so many only.
     """
 
     def __init__(
@@ -38,25 +38,23 @@ class SceneScores(nn.Module):
             metric.update(*(video[..., step // 2 :: step, :, :] for video in (estimate, truth)))
 
     def compute(self) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
-        """Scores per scene, ``{scene: {metric: value}}``, and their mean over scenes, ``{metric: value}``.
+        """Return the values ``{scene: {metric: value}}`` and their mean over scenes, ``{metric: value}``.
 
-        Scenes of which no process has seen a frame are left out, as the trainer's ``limit_val_batches`` can have it.
+        Scenes of which no process has seen a frame are left out; ``limit_val_batches`` of the trainer can cause that.
         """
         scenes = {}
         for scene, name in enumerate(self.names):
-            found = {key: _frames_and_mean(metric) for key, metric in self._of(scene).items()}
-            if any(frames for frames, _ in found.values()):
-                scenes[name] = {key: mean for key, (_, mean) in found.items()}
+            values = {key: _frames_and_mean(metric) for key, metric in self._of(scene).items()}
+            if any(frames for frames, _ in values.values()):
+                scenes[name] = {key: mean for key, (_, mean) in values.items()}
         keys = next(iter(scenes.values()), {})
         return scenes, {key: sum(scene[key] for scene in scenes.values()) / len(scenes) for key in keys}
 
     def _of(self, scene: int) -> dict[str, FrameMetric]:
-        metrics = self.scores[scene]
-        assert isinstance(metrics, nn.ModuleDict)
-        return {key: metric for key, metric in metrics.items() if isinstance(metric, FrameMetric)}
+        return {key: metric for key, metric in self.scores[scene].named_children() if isinstance(metric, FrameMetric)}
 
 
 def _frames_and_mean(metric: FrameMetric) -> tuple[int, float]:
-    """How many frames all processes have seen, and the mean of their scores."""
+    """Return the number of frames that all processes have seen, and the mean of the metric over them."""
     with metric.sync_context():
         return int(metric.frames), float(type(metric).compute(metric))

@@ -11,7 +11,7 @@ WINDOW, SIGMA = 11, 1.5
 
 
 def ssim(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
-    """Structural similarity of every frame (Wang et al., 2004), as the video SCI literature takes it.
+    """Return the structural similarity of every frame (Wang et al., 2004), as the video SCI literature computes it.
 
     11x11 Gaussian window of sigma 1.5, constants 0.01 and 0.03 of the range 1.0, population moments, mean over the
     valid region (a border of 5 pixels is left out): scikit-image's values for these settings. Written here because
@@ -24,7 +24,7 @@ def ssim(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
         float64 ``(...)``, at most 1.
 
     Raises:
-        BadInput: frames smaller than the window.
+        BadInput: the frames are smaller than the window.
     """
     height, width = truth.shape[-2:]
     if min(height, width) < WINDOW:
@@ -45,7 +45,7 @@ def ssim(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
 
 
 def _window_matrix(side: int, device: torch.device) -> torch.Tensor:
-    """The Gaussian window as a banded ``(side - 10, side)`` matrix: one matrix product filters one axis."""
+    """Return the Gaussian window as a banded ``(side - 10, side)`` matrix: one matrix product filters one axis."""
     offsets = torch.arange(WINDOW, dtype=torch.float64, device=device) - WINDOW // 2
     weights = torch.exp(-0.5 * (offsets / SIGMA) ** 2)
     weights /= weights.sum()
@@ -55,7 +55,7 @@ def _window_matrix(side: int, device: torch.device) -> torch.Tensor:
 
 
 class SSIM(FrameMetric):
-    """Mean over frames of :func:`ssim`."""
+    """The mean over frames of :func:`ssim`."""
 
     smallest = WINDOW
 

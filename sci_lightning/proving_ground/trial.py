@@ -65,11 +65,11 @@ def compare_with_true_names(diagnosis: Diagnosis, hidden: list[dict[str, Any]]) 
         return None
     hypothesis = diagnosis.before.fit.hypothesis
     for name, parameters in true_values.items():
-        hypothesis = hypothesis.having(name, parameters)
+        hypothesis = hypothesis.with_effect(name, parameters)
     fitter = Fitter(diagnosis.model, diagnosis.split, diagnosis.settings)
     true = fitter.fit(hypothesis, iterations=30)
     chi2 = held_out_gap(fitter, true, diagnosis.seed).chi2
-    return {"nats": true.total - diagnosis.after.fit.total, "chi2": chi2}
+    return {"nats": true.log_likelihood - diagnosis.after.fit.log_likelihood, "chi2": chi2}
 
 
 def reset_peak_memory() -> None:

@@ -13,10 +13,10 @@ import torch
 
 from sci_lightning.captures import Captures, read_captures
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
+from sci_lightning.diagnosis.model.camera_model import Hypothesis
 from sci_lightning.diagnosis.report.report import describe, write_encoder
 from sci_lightning.diagnosis.search.alternatives import Separation
-from sci_lightning.diagnosis.search.imagined_captures import imagined_captures
+from sci_lightning.diagnosis.search.further_captures import further_captures
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, VirtualCamera
 
@@ -67,7 +67,7 @@ def test_what_is_to_be_recorded_tells(tmp_path: Path) -> None:
     found = diagnose(captures, few)
     (effect,) = describe(found)["effects"]
     assert {effect["name"], *effect["alternatives"]} == {"mask_lag", "sync_offset"}
-    more = recorded(found, effect["tell_apart"], found.before.fit.hypothesis.having("mask_lag", {"lag": 0.015}))
+    more = recorded(found, effect["tell_apart"], found.before.fit.hypothesis.with_effect("mask_lag", {"lag": 0.015}))
     (effect,) = describe(diagnose(joined(captures, more), few))["effects"]
     assert (effect["name"], effect["alternatives"], effect["tell_apart"]) == ("mask_lag", [], "")
 
@@ -77,9 +77,9 @@ def recorded(found: Diagnosis, advice: str, truth: Hypothesis) -> Captures:
     amount = re.search(r"record (?:(\d+) captures|one capture) of", advice)
     assert amount
     random, parts = torch.Generator().manual_seed(1), []
-    for kind, seen in imagined_captures(found.observation).items():
+    for kind, seen in further_captures(found.observation).items():
         if re.search(f" of {re.escape(kind)}(, and as many| \\(about| \\(more)", advice):
-            told = CameraModel(seen, found.model.known).predict(truth)
+            told = found.model.of_captures(seen).predict(truth)
             for _ in range(int(amount[1] or 1)):
                 noisy = told.mean + told.deviation * torch.randn(told.mean.shape, generator=random)
                 parts.append((seen, noisy.round().clamp(0, seen.full_scale)))

@@ -1,4 +1,4 @@
-"""Priors of the iterative decoders, one a file, all called as ``denoiser(video, strength)``."""
+"""Denoisers, the priors of iterative decoders, one in a file: ``denoiser(video, strength)``."""
 
 from sci_lightning.decoder.denoiser.denoiser import Denoiser
 from sci_lightning.decoder.denoiser.fastdvdnet import FastDVDnet

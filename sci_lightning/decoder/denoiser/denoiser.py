@@ -1,4 +1,4 @@
-"""What all denoisers have in common: the call."""
+"""The base class of all denoisers."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from torch import nn
 
 
 class Denoiser(nn.Module):
-    """A denoiser: ``denoiser(video, strength) -> video``, ``(N, T, H, W)`` both, nominally in [0, 1], not clipped.
+    """A denoiser: ``denoiser(video, strength) -> video``.
 
-    Videos of one batch do not mix.
+    Both videos are ``(N, T, H, W)``, nominally in [0, 1] and not clipped. Videos of one batch do not mix.
     """
 
     published_names: ClassVar[tuple[tuple[str, str], ...]] = ()
-    """As of :class:`~sci_lightning.decoder.decoder.Decoder`, of the denoiser's own keys."""
+    """As for :class:`~sci_lightning.decoder.decoder.Decoder`, of the denoiser's own state-dict keys."""
 
     def reset(self) -> None:
-        """Forget what earlier calls left behind to go on from: other videos follow."""
+        """Forget what was kept from earlier calls, because other videos follow."""
 
     def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:
-        """Take away noise.
+        """Return the video with less noise.
 
         Args:
             video: ``(N, T, H, W)``.
-            strength: positive; of a network the standard deviation of the noise, in units of the video.
+            strength: positive; for a network the standard deviation of the noise, in units of the video.
         """
         raise NotImplementedError

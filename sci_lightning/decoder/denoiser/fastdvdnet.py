@@ -1,4 +1,4 @@
-"""FastDVDnet: a network that denoises each frame with the help of its neighbours in time."""
+"""FastDVDnet: a network that denoises every frame with the help of its neighbours in time."""
 
 from __future__ import annotations
 
@@ -13,18 +13,17 @@ from sci_lightning.decoder.denoiser.denoiser import Denoiser
 from sci_lightning.decoder.denoiser.fixed_norm import FixedNorm, keep_scale
 
 WINDOW = 3
-"""Frames that each of the two passes looks at; five in all."""
+"""Number of frames that each of the two passes takes; together they reach over five."""
 
 
 class FastDVDnet(Denoiser):
-    """Two passes of a U-net over three neighbouring frames each, and a map of the strength beside every frame.
+    """Two passes of a U-net over three neighbouring frames, with a map of the strength beside every frame.
 
-    The neighbours of the first and the last frame are taken from the other end. Sides are replicated to a multiple of
-    4 inside.
+    Before the first frame comes the last, and the reverse. H and W are padded to multiples of 4 inside.
 
     Args:
         channels: widths at full, half and quarter resolution (32, 64, 128 as published).
-        inner: channels of each frame by itself in front of them (30 as published).
+        inner: channels of every frame by itself after the first convolution (30 as published).
 
     Parameters: 2,474,704 with the defaults.
     Source: Tassano, Delon and Veit, "FastDVDnet: towards real-time deep video denoising without flow estimation", CVPR
@@ -48,7 +47,7 @@ class FastDVDnet(Denoiser):
 
 
 class ThreeFrames(nn.Module):
-    """One pass: from every frame of ``(N, T, H, W)`` subtract the noise that it and its two neighbours tell."""
+    """One pass: a U-net estimates the noise of every frame of ``(N, T, H, W)`` from three frames."""
 
     def __init__(self, channels: Sequence[int], inner: int) -> None:
         super().__init__()
@@ -65,8 +64,8 @@ class ThreeFrames(nn.Module):
         keep_scale(self, last)
 
     def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:
-        told = torch.full_like(video, strength)
-        window = torch.stack([video.roll(1, 1), told, video, told, video.roll(-1, 1), told], 2)
+        level = torch.full_like(video, strength)
+        window = torch.stack([video.roll(1, 1), level, video, level, video.roll(-1, 1), level], 2)
         full = self.inc(window.flatten(0, 1))
         half = self.downc0(full)
         half = half + self.upc2(self.downc1(half))

@@ -1,4 +1,4 @@
-"""FFDNet: a network for noise of any strength, which it is told."""
+"""FFDNet: a network for noise of any strength, which is one of its inputs."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from sci_lightning.decoder.denoiser.fixed_norm import FixedNorm, keep_scale
 
 
 class FFDNet(Denoiser):
-    """Frame by frame: 2 x 2 pixels become channels beside a map of the strength; convolutions tell the noise.
+    """A network that estimates the noise of every frame by itself, at half resolution.
 
-    Sides are replicated to a multiple of 2 inside.
+    Every 2 x 2 pixels become four channels, beside a map of the strength. H and W are padded to multiples of 2 inside.
 
     Args:
         channels: width (64 as published).
@@ -40,6 +40,6 @@ class FFDNet(Denoiser):
         n, t, height, width = video.shape
         frames = video.reshape(n * t, 1, height, width)
         parts = F.pixel_unshuffle(F.pad(frames, (0, width % 2, 0, height % 2), mode="replicate"), 2)
-        told = torch.full_like(parts[:, :1], strength)
-        noise = F.pixel_shuffle(self.net(torch.cat([told, parts], 1)), 2)[..., :height, :width]
+        level = torch.full_like(parts[:, :1], strength)
+        noise = F.pixel_shuffle(self.net(torch.cat([level, parts], 1)), 2)[..., :height, :width]
         return (frames - noise).view(n, t, height, width)

@@ -1,4 +1,4 @@
-"""Batch normalisation whose statistics are those of the weights, never those of the batch."""
+"""Batch normalisation with fixed statistics, and the first weights that go with it."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from torch import nn
 
 
 class FixedNorm(nn.BatchNorm2d):
-    """A learned factor and offset per channel after published statistics: mean 0 and variance 1 until they are loaded.
+    """Batch normalisation that always uses its stored statistics: mean 0 and variance 1 until weights are loaded.
 
-    A denoiser meets videos that are half done and of few frames; their statistics are not those it was trained on.
-    Before training, :func:`keep_scale` does what no statistics do here.
+    Inside an iterative decoder a denoiser gets few frames of unfinished videos, whose statistics differ from those of
+    the videos that it was trained on. Before training, :func:`keep_scale` sets the scale instead of statistics.
     """
 
     def __init__(self, channels: int) -> None:
@@ -21,9 +21,13 @@ class FixedNorm(nn.BatchNorm2d):
 
 
 def keep_scale(network: nn.Module, last: nn.Conv2d) -> None:
-    """First weights with which every convolution in front of a ReLU passes its input's scale on (He et al., 2015).
+    """Set first weights with which convolutions in front of a ReLU keep the scale of their input (He et al., 2015).
 
-    The last one, which tells the noise, starts from almost none.
+    The last convolution, whose output is the noise, starts near zero.
+
+    Args:
+        network: all of its convolutions get weights.
+        last: the last convolution.
     """
     for layer in network.modules():
         if isinstance(layer, nn.Conv2d):

@@ -1,4 +1,4 @@
-"""Weighted nuclear norm minimisation: patches that look alike, stacked, have low rank."""
+"""Weighted nuclear norm minimisation: similar patches, stacked, are nearly a matrix of low rank."""
 
 from __future__ import annotations
 
@@ -13,29 +13,31 @@ from sci_lightning.decoder.denoiser.denoiser import Denoiser
 from sci_lightning.errors import BadInput
 
 Side = Annotated[int, Interval(ge=1, le=64)]
-"""Of a patch, in pixels."""
+"""Side of a patch, in pixels."""
 
 FAR = 1e3
-"""Stands beyond the border: no patch that holds it is near any other."""
+"""Value beyond the border, which makes every patch that contains it dissimilar to all others."""
 
 
 class WNNM(Denoiser):
-    """Groups of similar patches from all frames, each drawn to low rank, and averaged where they overlap.
+    """Groups of similar patches from all frames, whose singular values are shrunk; overlapping patches are averaged.
 
-    Of a group's m patches the mean is set aside. A singular value s of the rest becomes the s' = s - C / s' that is
-    nearest to it, (s + sqrt(s^2 - 4 C)) / 2 with C = 2 weight sqrt(m) strength^2, and 0 where that is not real: the
-    larger, the less it is shrunk. Sides are replicated to the grid of patches inside. No gradients flow through it.
+    The mean of a group's m patches is subtracted first. A singular value s of the rest becomes
+    (s + sqrt(s^2 - 4 C)) / 2 with C = 2 weight sqrt(m) strength^2, the larger solution of s' = s - C / s', and 0 where
+    there is none: large singular values are shrunk less. H and W are padded to the grid of patches inside. No
+    gradients flow through it.
 
     Args:
-        patch: side in pixels; of a smaller frame, its side.
-        step: pixels from one group's patch to the next one's.
-        reach: how far in rows and columns similar patches are looked for; in time in all frames.
-        neighbours: patches of a group, itself among them.
-        every: calls for which a search serves; :meth:`reset` ends it early.
-        weight: of the nuclear norm; around 2.8 the strength is the standard deviation of the noise.
+        patch: side of a patch in pixels; in a smaller frame the frame's side.
+        step: distance in pixels between the patches for which groups are formed.
+        reach: largest displacement in rows and columns of similar patches, in pixels; in time all frames are searched.
+        neighbours: number of patches in a group, including the one it is formed for.
+        every: number of calls for which a search is used; :meth:`reset` ends that early.
+        weight: weight of the nuclear norm; with 2.8 the strength is about the standard deviation of the noise.
 
     Raises:
-        BadInput: a number below 1 (reach: below 0), a step beyond the patch, a weight that is not positive.
+        BadInput: a number is below 1 (reach: below 0), the step is larger than the patch, or the weight is
+            not positive.
 
     Source: Gu, Xie, Meng, Zuo, Feng and Zhang, "Weighted nuclear norm minimization and its applications to low level
     vision", IJCV 2017; for video SCI: Liu, Yuan, Suo, Brady and Dai, "Rank minimization for snapshot compressive
@@ -83,11 +85,13 @@ class WNNM(Denoiser):
         if self._calls % self.every == 0:
             self._groups = [self._similar(frames, patch, step) for frames in full]
         self._calls += 1
-        found = [self._low_rank(*each, patch, strength) for each in zip(full, self._groups, strict=True)]
-        return torch.stack(found)[..., :height, :width]
+        denoised = [
+            self._low_rank(frames, groups, patch, strength) for frames, groups in zip(full, self._groups, strict=True)
+        ]
+        return torch.stack(denoised)[..., :height, :width]
 
     def _similar(self, frames: torch.Tensor, patch: int, step: int) -> torch.Tensor:
-        """Where the nearest patches start, ``(T, groups, m)``: number of the place among all of ``frames``' patches."""
+        """Return the positions of the most similar patches, ``(T, groups, m)``, counted over all frames."""
         t, height, width = frames.shape
         rows, columns = height - patch + 1, width - patch + 1
         reach = self.reach
@@ -99,10 +103,10 @@ class WNNM(Denoiser):
         groups = []
         for number, frame in enumerate(frames):
             windows = (around[:, reach + dy :, reach + dx :][:, :height, :width] for dy, dx in offsets)
-            far = torch.stack([F.avg_pool2d((each - frame).square_(), patch, step) for each in windows])
-            far[len(offsets) // 2, number] = -1  # itself, whatever else is as near
+            far = torch.stack([F.avg_pool2d((window - frame).square_(), patch, step) for window in windows])
+            far[len(offsets) // 2, number] = -1  # itself comes first, also where others are equal
             nearest = far.flatten(0, 1).flatten(1).topk(min(self.neighbours, len(moves)), 0, largest=False)
-            # where a small frame has too few patches, the group's own takes the place of those beyond the border
+            # Where a small frame has too few patches, the group's own patch replaces those beyond the border.
             places = torch.where(
                 nearest.values < FAR, start + moves[nearest.indices], start + moves[nearest.indices[0]]
             )
@@ -110,6 +114,7 @@ class WNNM(Denoiser):
         return torch.stack(groups)
 
     def _low_rank(self, frames: torch.Tensor, groups: torch.Tensor, patch: int, strength: float) -> torch.Tensor:
+        """Return the mean ``(T, H, W)`` of all shrunk patches, frame by frame."""
         height, width = frames.shape[1:]
         patches = F.unfold(frames[:, None], patch).transpose(1, 2).flatten(0, 1)  # (places, pixels)
         total, count = torch.zeros_like(patches), patches.new_zeros(len(patches), 1)
@@ -123,9 +128,12 @@ class WNNM(Denoiser):
         return summed / counted
 
     def _shrink(self, stack: torch.Tensor, strength: float) -> torch.Tensor:
+        """Shrink the singular values of groups ``(groups, m, pixels)`` around the mean of their patches."""
         mean = stack.mean(1, keepdim=True)
         rest = stack - mean
-        square, basis = torch.linalg.eigh(rest @ rest.mT)  # of m x m: less than the singular vectors of m x pixels
+        square, basis = torch.linalg.eigh(
+            rest @ rest.mT
+        )  # of an m x m matrix: cheaper than the singular vectors of m x pixels
         c = 2 * self.weight * stack.shape[1] ** 0.5 * strength**2
         value = square.clamp(min=0).sqrt()
         kept = torch.where(square > 4 * c, (value + (square - 4 * c).clamp(min=0).sqrt()) / 2, 0)

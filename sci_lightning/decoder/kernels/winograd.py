@@ -1,4 +1,4 @@
-"""3x3 convolution of frames with a quarter of the multiplications: Winograd's minimal filtering on 4x4 tiles.
+"""3 x 3 convolution of frames with a quarter of the multiplications: Winograd's minimal filtering on 4 x 4 tiles.
 
 A tile of 6x6 inputs and the 3x3 kernel are read as polynomials, evaluated at six points each way, multiplied there
 (36 products instead of 144 for the 4x4 outputs), and read back. Products at one point, over all tiles and channels, are
@@ -18,14 +18,14 @@ from torch.nn import functional as F
 from sci_lightning.decoder.kernels import block_sizes
 
 TILE = 4
-READ = TILE + 2  # inputs that a tile's outputs depend on, each way
-# and infinity; pairs of reciprocals keep the powers small: with the usual 0, 1, -1, 2, -2 results are rounded to
-# 2e-6 (r.m.s., 64 channels), with these to 8e-7, in a direct convolution to 2e-7
+READ = TILE + 2  # side of the square of inputs on which a tile's outputs depend
+# The sixth point is infinity. Pairs of reciprocals keep the powers small: with the usual 0, 1, -1, 2, -2 the rounding
+# error is 2e-6 (r.m.s., 64 channels), with these 8e-7, and in a direct convolution 2e-7.
 POINTS = (0, 2 / 3, -2 / 3, 3 / 2, -3 / 2)
 
 
 def winograd(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor) -> torch.Tensor:
-    """What ``F.conv3d(x, weight, bias, padding=(taps // 2, 1, 1))`` returns, to rounding, in channels-last layout.
+    """Return ``F.conv3d(x, weight, bias, padding=(taps // 2, 1, 1))`` to rounding, in channels-last layout.
 
     Args:
         x: ``(N, C, T, H, W)``.
@@ -36,7 +36,7 @@ def winograd(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor) -> torch
 
 
 class Winograd(torch.autograd.Function):
-    """Keeps only its inputs for the backward pass, as a convolution does, and is as fast there."""
+    """The convolution and its gradients; as for any convolution, only the inputs are kept for the backward pass."""
 
     @staticmethod
     def forward(ctx: FunctionCtx, x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor) -> torch.Tensor:
@@ -55,11 +55,11 @@ class Winograd(torch.autograd.Function):
 
 
 def matrices(like: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """A (16 x 36), G (36 x 9), B (36 x 36) with outputs = A ((G kernel) * (B inputs)), tiles flattened row by row."""
+    """Return A (16 x 36), G (36 x 9), B (36 x 36) with outputs = A ((G kernel) * (B inputs)), tiles row by row."""
     points = torch.tensor(POINTS, dtype=torch.float64)
 
     def values(degree: int) -> torch.Tensor:
-        """Evaluates a polynomial of this many coefficients; at infinity it has the value of its highest one."""
+        """Return the matrix that evaluates a polynomial of so many coefficients; at infinity it is the highest one."""
         finite = points[:, None] ** torch.arange(degree)
         return torch.cat([finite, torch.eye(degree, dtype=torch.float64)[-1:]])
 
@@ -69,6 +69,7 @@ def matrices(like: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tens
 
 
 def convolved(x: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
+    """Return the convolution without bias, ``(N, O, T, H, W)`` in channels-last layout."""
     n, c, t, h, w = x.shape
     outputs, _, taps = weight.shape[:3]
     a, g, b = matrices(x)
@@ -79,7 +80,7 @@ def convolved(x: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
     for snapshot, rows, tiles in strips(x):
         values = at_points(b, tiles, t, c, taps)
         products = values.new_empty(len(b), t * values.shape[2], outputs)
-        for tap in range(taps):  # the first overwrites what lay there
+        for tap in range(taps):  # beta = 0 overwrites the uninitialised memory
             products.baddbmm_(values[:, tap : tap + t].flatten(1, 2), kernel[:, tap], beta=min(tap, 1))
         strip = (a @ products.view(len(b), -1)).view(TILE, TILE, t, -1, blocks.shape[4], outputs)
         blocks[snapshot, :, rows] = strip.permute(2, 3, 0, 4, 1, 5)
@@ -88,6 +89,7 @@ def convolved(x: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
 
 
 def weight_gradient(x: torch.Tensor, gradient: torch.Tensor, taps: int) -> torch.Tensor:
+    """Return the gradient with respect to the weight, ``(O, C, taps, 3, 3)``, from that of the outputs."""
     _, c, t, h, w = x.shape
     outputs = gradient.shape[1]
     a, g, b = matrices(x)
@@ -103,10 +105,10 @@ def weight_gradient(x: torch.Tensor, gradient: torch.Tensor, taps: int) -> torch
 
 
 def at_points(b: torch.Tensor, tiles: torch.Tensor, t: int, c: int, taps: int) -> torch.Tensor:
-    """A strip's values at the points ``(36, T + taps - 1, tiles of a frame, C)``, before and after it frames of zeros.
+    """Return a strip's values at the points, ``(36, T + taps - 1, tiles of a frame, C)``, between frames of zeros.
 
-    With these every tap is one product of the same size into contiguous memory, which is the only kind that torch
-    computes as one, and not as 36 that each wait for all threads.
+    Because of the zeros, every tap is a batch of matrix products of one size into contiguous memory. Torch computes
+    only such a batch as one, and any other as 36 products that wait for all threads one after another.
     """
     before = taps // 2
     values = tiles.new_empty(len(b), t + taps - 1, tiles.shape[1] // t)
@@ -116,7 +118,7 @@ def at_points(b: torch.Tensor, tiles: torch.Tensor, t: int, c: int, taps: int) -
 
 
 def strips(x: torch.Tensor) -> Iterator[tuple[int, slice, torch.Tensor]]:
-    """Rows of tiles, few enough at a time: (snapshot, which rows, their inputs ``(36, T * rows * columns * C)``)."""
+    """Yield a few rows of tiles at a time: (snapshot, slice of rows, their inputs ``(36, T * rows * columns * C)``)."""
     n, _, t, h, w = x.shape
     frames = F.pad(x.permute(0, 2, 3, 4, 1), (0, 0, 1, -w % TILE + 1, 1, -h % TILE + 1))
     tiles = frames.unfold(2, READ, TILE).unfold(3, READ, TILE).permute(5, 6, 0, 1, 2, 3, 4)

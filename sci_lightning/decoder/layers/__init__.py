@@ -1,1 +1,1 @@
-"""Layers that several decoders share."""
+"""Layers that several decoders share, written as their papers have them."""

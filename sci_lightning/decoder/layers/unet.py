@@ -1,4 +1,4 @@
-"""The two-dimensional U-net that GAP-net and ADMM-net have in every stage."""
+"""The two-dimensional U-net in every stage of GAP-net and ADMM-net."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sci_lightning.decoder.kernels.layout import channels_last
 
 
 class DoubleConvolution(nn.Module):
-    """Twice 3x3 and ReLU, ``(N, C, H, W)`` to ``(N, C', H, W)``."""
+    """Two 3 x 3 convolutions, each with a ReLU behind it, ``(N, C, H, W)`` to ``(N, C', H, W)``."""
 
     def __init__(self, inputs: int, outputs: int) -> None:
         super().__init__()
@@ -28,9 +28,10 @@ class DoubleConvolution(nn.Module):
 
 
 class UNet(nn.Module):
-    """x + tanh of a U-net of three levels, frames as channels, ``(N, T, H, W)`` to the same; H, W multiples of 4.
+    """x + tanh of a U-net of three levels that takes the frames x, ``(N, T, H, W)``, as channels.
 
-    Max-pooling down, 2x2 transposed convolutions up; what comes up stands before the skip.
+    H and W are multiples of 4. Max-pooling halves them, 2 x 2 transposed convolutions double them; up-sampled channels
+    come before those of the skip.
 
     Args:
         frames: T.

@@ -1,4 +1,4 @@
-"""Self-attention in windows: the tokens are the pixels of a square of one frame."""
+"""Self-attention in windows: the tokens are the pixels of one window of a frame."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ as published."""
 
 
 class WindowAttention(nn.Module):
-    """Multi-head attention among the pixels of each window, ``(N, T, H, W, C)`` to the same.
+    """Multi-head attention between the pixels of every window, on features ``(N, T, H, W, C)``.
 
-    H and W are multiples of the window, or less than it: then the window is the whole side, and not shifted.
+    H and W are multiples of the window's side, or less than it: then the window has the length of the side, and is not
+    shifted.
 
     Args:
         channels: C, a multiple of ``heads``; queries, keys and values are all of width C.
         heads: number of heads; the scale is ``(C / heads) ** -0.5``.
         window: side of a window in pixels.
-        shift: by how many pixels the windows are shifted down and right; what then sticks out comes in on the other
-            side.
+        shift: number of pixels by which the windows are shifted down and right, cyclically.
 
     Source: Liu et al., "Swin transformer: hierarchical vision transformer using shifted windows", ICCV 2021.
     """
@@ -70,8 +70,9 @@ class WindowAttention(nn.Module):
         return mixed.view(*frames.shape[:-3], *grid, *sides, -1).transpose(-4, -3).reshape(frames.shape)
 
     def bias(self, height: int, width: int, sides: tuple[int, int], shifts: list[int]) -> torch.Tensor:
+        """Return what is added to the products of queries and keys, ``(windows or 1, heads, pixels, pixels)``."""
         pixels = sides[0] * sides[1]
-        # of a smaller window, the first rows of the whole one's table: as published
+        # A smaller window takes the first rows of the table of the whole window, as published.
         bias = self.relative_position_bias_table[self.distances[:pixels, :pixels]].permute(2, 0, 1)
         if not any(shifts):
             return bias.unsqueeze(0)
@@ -80,7 +81,7 @@ class WindowAttention(nn.Module):
         return bias + OUT_OF_REACH * (part.unsqueeze(1) != part.unsqueeze(2)).unsqueeze(1)
 
     def origin(self, side: int, shift: int) -> torch.Tensor:
-        """Along a rolled side: 0 up to the last window, where 1 stays and 2 has come in from the other end."""
+        """Return the part of a rolled side that a pixel is in: 0 before the last window, 1 in it, 2 if wrapped."""
         places = torch.arange(side, device=self.distances.device)
         return (places >= side - self.window).long() + (places >= side - shift) if shift else torch.zeros_like(places)
 

@@ -1,1 +1,1 @@
-"""Joint maximum-likelihood fits of a hypothesis, and how well they predict held-out pixels."""
+"""Joint maximum-likelihood fits of a hypothesis, information criteria, and the gap on held-out pixels."""

@@ -1,30 +1,34 @@
-"""Joint fits: all parameters of a hypothesis and its maps, by Newton's method on the interval likelihood."""
+"""Maximum-likelihood fits: all parameters of a hypothesis and its fixed-pattern maps, by a damped Newton method.
+
+The objective is the log-likelihood of the fitted pixels (:mod:`~sci_lightning.diagnosis.model.likelihood`), penalised
+by the prior and the uncertainty of the maps (:mod:`~sci_lightning.diagnosis.model.fixed_pattern_map`).
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import torch
 
+from sci_lightning.diagnosis.fit.parameters import FINE_DIFFERENCE, FreeParameters
 from sci_lightning.diagnosis.fit.split import Split
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Prediction
-from sci_lightning.diagnosis.model.ceiling import Ceiling
-from sci_lightning.diagnosis.model.fixed_pattern_map import Chart, chart_of, derivative
-from sci_lightning.diagnosis.model.likelihood import Intervals, Score, log_likelihood, score
-from sci_lightning.diagnosis.model.map_system import ChartSystem
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, ParameterName, Prediction
+from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap, MapSystem, estimate_map
+from sci_lightning.diagnosis.model.likelihood import (
+    ClippedSignal,
+    Intervals,
+    PixelLikelihood,
+    log_likelihood,
+    pixel_likelihood,
+)
 from sci_lightning.diagnosis.search_settings import SearchSettings
 
-DIFFERENCE = 0.1
-"""Derivatives are differences over so much of a parameter's step .."""
-FINE = 1e-3
-""".. and those of the log-likelihood itself, which is curved, over so much of it."""
+ATTEMPTS = 6
+"""Steps that one iteration tries, each more cautious than the one before, until one does not lower the objective."""
 SHORTER = 0.4
-"""Part of a map's step that is tried next when the whole was too far."""
-
-Name = tuple[str, str]
-"""Effect and parameter."""
+"""Part of the maps' step that is tried next when a step was too long."""
 
 
 @dataclass(frozen=True)
@@ -32,36 +36,55 @@ class Fit:
     """A fitted hypothesis.
 
     Attributes:
-        hypothesis: with its best parameters and maps.
+        hypothesis: with its maximum-likelihood parameters and maps.
         prediction: of every capture.
-        fitted: log-likelihood of the fitted pixels, the maps' prior and uncertainty counted in, nats.
-        held: log-likelihood of the pixels held out.
-        free: what was fitted.
-        information: ``(p, p)`` of the free parameters (as fitted: of logarithms, where they are), maps marginalised.
-        jacobian: ``(p, N, H, W)`` of the mean, DN per unit; None unless asked for.
-        charts: the maps' own statistics, by effect.
+        fitted_log_likelihood: of the fitted pixels, penalised by the maps' prior and uncertainty, nats.
+        held_out_log_likelihood: of the held-out pixels, nats.
+        free: names of the fitted parameters.
+        information: ``(p, p)`` Fisher information about them (about logarithms, where these are fitted), the maps
+            eliminated.
+        maps: state of the fixed-pattern maps by effect.
     """
 
     hypothesis: Hypothesis
     prediction: Prediction
-    fitted: float
-    held: float
-    free: tuple[Name, ...] = ()
+    fitted_log_likelihood: float
+    held_out_log_likelihood: float
+    free: tuple[ParameterName, ...] = ()
     information: torch.Tensor = field(default_factory=lambda: torch.zeros(0, 0))
-    charts: dict[str, Chart] = field(default_factory=dict)
+    maps: Mapping[str, FixedPatternMap] = field(default_factory=dict)
 
     @property
-    def total(self) -> float:
-        """Nats, fitted and held out."""
-        return self.fitted + self.held
+    def log_likelihood(self) -> float:
+        """Penalised log-likelihood of all pixels, fitted and held out, nats."""
+        return self.fitted_log_likelihood + self.held_out_log_likelihood
+
+
+@dataclass(frozen=True)
+class _NewtonSystem:
+    """The quadratic approximation of the objective at a hypothesis, the maps eliminated from it.
+
+    Attributes:
+        gradient: ``(p,)`` with respect to the free parameters.
+        information: ``(p, p)`` about them.
+        maps: the fixed-pattern maps, all at once.
+        map_step: ``(1, S)`` Newton step of the map values if no parameter moves.
+        map_response: ``(p, S)`` by how much less the map values have to move for every unit of a parameter's step.
+    """
+
+    gradient: torch.Tensor
+    information: torch.Tensor
+    maps: MapSystem
+    map_step: torch.Tensor
+    map_response: torch.Tensor
 
 
 class Fitter:
-    """Fits hypotheses to the fitted part of the captures.
+    """Fits hypotheses to the fitted pixels of the captures.
 
     Args:
-        model: what predicts.
-        split: which pixels may be seen.
+        model: predicts the captures.
+        split: which pixels are fitted and which are held out.
         settings: thresholds and budgets; None for the defaults.
     """
 
@@ -69,238 +92,218 @@ class Fitter:
         self.model = model
         self.split = split
         self.settings = settings or SearchSettings()
-        self.use = split.fitted.float()
+        self.fitted = split.fitted.float()
         self._intervals: dict[int, Intervals] = {}
 
-    def intervals(self, bits: int) -> Intervals:
-        """Of the captures' DN, for so many effective bits."""
-        if bits not in self._intervals:
-            seen = self.model.observation
-            self._intervals[bits] = Intervals.of(seen.dn, seen.bit_depth, bits)
-        return self._intervals[bits]
-
-    def score(self, prediction: Prediction) -> Score:
-        """Log-likelihood and derivatives of every pixel."""
-        return score(self.intervals(prediction.bits), prediction.mean, prediction.deviation, prediction.ceiling)
-
-    def values(self, prediction: Prediction) -> torch.Tensor:
-        """Log-likelihood of every pixel ``(N, H, W)``."""
-        intervals = self.intervals(prediction.bits)
-        return log_likelihood(intervals, prediction.mean, prediction.deviation, prediction.ceiling)
-
-    def explained(self, fit: Fit, before: Fit, noise: Fit) -> float:
-        """Nats that the mean of one fit gains on another's where the noise is a third's: noise explains nothing."""
-        deviation, bits = noise.prediction.deviation, fit.prediction.bits
-        after, ideal = (Prediction(each.prediction.mean, deviation, bits) for each in (fit, before))
-        return max(0.0, float((self.values(after) - self.values(ideal)).sum(dtype=torch.float64)))
-
-    def charts(self, hypothesis: Hypothesis, prediction: Prediction, now: Score) -> list[Chart]:
-        """The state of every map of a hypothesis."""
-        return [
-            chart_of(self.model, hypothesis, name, prediction, now, self.use)
-            for name in hypothesis.effects
-            if self.model.known[name].map_kind
-        ]
-
-    def free_parameters(self, hypothesis: Hypothesis) -> list[Name]:
-        """All numbers that a fit may move; choices and the sizes of maps are found otherwise."""
-        found = []
-        for name in hypothesis.effects:
-            effect = self.model.known[name]
-            if effect.map_kind is None:
-                found += [(name, each) for each in hypothesis.effects[name] if not effect.about[each].choices]
-        return found
-
     def fit(
-        self, hypothesis: Hypothesis, iterations: int = 12, fixed: tuple[Name, ...] = (), charts: bool = True
+        self,
+        hypothesis: Hypothesis,
+        iterations: int = 12,
+        fixed: tuple[ParameterName, ...] = (),
+        fit_maps: bool = True,
     ) -> Fit:
-        """The best parameters near those given.
+        """Run a maximum-likelihood fit by maximising the penalised log-likelihood of the fitted pixels.
+
+        Every iteration approximates the objective by a quadratic function of parameters and map values and takes the
+        step to its maximum. A step that would lower the objective is repeated with more damping (Levenberg and
+        Marquardt). The fit ends when an iteration gains less than ``SearchSettings.min_progress_nats``.
 
         Args:
             hypothesis: where to start.
             iterations: at most.
-            fixed: parameters that stay as they are.
-            charts: whether maps are fitted too.
+            fixed: parameters that keep their values.
+            fit_maps: whether fixed-pattern maps are fitted too.
         """
-        free = [each for each in self.free_parameters(hypothesis) if each not in fixed]
-        damping, value = 1e-3, -math.inf
+        free = FreeParameters.of(self.model, hypothesis, fixed)
         prediction = self.model.predict(hypothesis)
-        found: dict[str, Chart] = {}
+        objective, damping = -math.inf, 1e-3
+        maps: dict[str, FixedPatternMap] = {}
         information = torch.zeros(len(free), len(free))
         for _ in range(iterations):
-            now = self.score(prediction)
-            if charts:
-                found = {chart.name: chart for chart in self.charts(hypothesis, prediction, now)}
-            system = ChartSystem(list(found.values()), now.weight * self.use)
-            slope, information, follow = self._newton(hypothesis, free, prediction, now, system)
-            alone = system.solve(system.pull[None])
-            if not math.isfinite(value):
-                value = float((now.value * self.use).sum(dtype=torch.float64)) - sum(c.cost for c in found.values())
-            before = value
-            for attempt in range(6):
-                moved, step = self._move(hypothesis, free, slope, information, damping)
-                steps = system.parts((alone - step @ follow) * SHORTER**attempt)
-                for chart, each in zip(system.charts, steps, strict=True):
-                    setting, values = chart.moved(each[0])
-                    moved = moved.having(chart.name, setting, values)
+            likelihood = self.pixel_likelihood(prediction)
+            if fit_maps:
+                maps = {one.name: one for one in self.maps(hypothesis, prediction, likelihood)}
+            newton = self._newton_system(hypothesis, free, prediction, likelihood, maps)
+            information = newton.information
+            if not math.isfinite(objective):
+                objective = self._sum(likelihood.log_likelihood) - sum(one.penalty for one in maps.values())
+            before = objective
+            for attempt in range(ATTEMPTS):
+                moved = self._step(hypothesis, free, newton, damping, SHORTER**attempt)
                 trial = self.model.predict(moved)
-                reached = float((self.values(trial) * self.use).sum(dtype=torch.float64))
-                if found:
-                    weight = now.weight * self.use * _variance(prediction) / _variance(trial)
-                    for name, chart in found.items():
-                        weights = chart.gather(derivative(self.model, moved, name, trial).square() * weight).double()
-                        reached -= chart.cost_of(moved.charts[name], weights)
-                if reached >= value:
-                    hypothesis, prediction, value = moved, trial, reached
+                reached = self._objective(moved, trial, maps, likelihood, prediction)
+                if reached >= objective:
+                    hypothesis, prediction, objective = moved, trial, reached
                     damping = max(damping / 10, 1e-6)
                     break
                 damping = max(damping * 20, 1e-2)
-            if value - before < self.settings.min_progress_nats:
+            if objective - before < self.settings.min_progress_nats:
                 break
-        held = float((self.values(self.uncertain(prediction, found)) * (1 - self.use)).sum(dtype=torch.float64))
-        return Fit(hypothesis, prediction, value, held, tuple(free), information, found)
+        uncertain = self.log_likelihood(self.with_map_uncertainty(prediction, maps))
+        held_out = float((uncertain * (1 - self.fitted)).sum(dtype=torch.float64))
+        return Fit(hypothesis, prediction, objective, held_out, free.names, information, maps)
 
-    def jacobian(self, hypothesis: Hypothesis, free: list[Name], prediction: Prediction) -> torch.Tensor:
-        """Derivatives of the mean, ``(p, N, H, W)``."""
-        found = torch.empty(len(free), *prediction.mean.shape)
-        for i, (step, _, shifted) in enumerate(self._beside(hypothesis, free)):
-            found[i] = (shifted.mean - prediction.mean) / step
-        return found
+    def _step(
+        self, hypothesis: Hypothesis, free: FreeParameters, newton: _NewtonSystem, damping: float, part: float
+    ) -> Hypothesis:
+        """Take a Newton step of the free parameters, damped, and the given part of the step of the maps."""
+        moved, step = free.newton_step(hypothesis, newton.gradient, newton.information, damping)
+        map_steps = newton.maps.split((newton.map_step - step @ newton.map_response) * part)
+        for one, map_step in zip(newton.maps.maps, map_steps, strict=True):
+            setting, values = one.moved(map_step[0])
+            moved = moved.with_effect(one.name, setting, values)
+        return moved
+
+    def _objective(
+        self,
+        hypothesis: Hypothesis,
+        prediction: Prediction,
+        maps: Mapping[str, FixedPatternMap],
+        likelihood: PixelLikelihood,
+        start: Prediction,
+    ) -> float:
+        """Return the penalised log-likelihood of the fitted pixels after a step, in nats.
+
+        Args:
+            hypothesis: after the step.
+            prediction: of it.
+            maps: before the step; their prior stays during an iteration.
+            likelihood: before the step; its information is scaled with the variance of a pixel.
+            start: the prediction before the step.
+        """
+        objective = self._sum(self.log_likelihood(prediction))
+        if maps:
+            scale = likelihood.mean_information * self.fitted * start.total_variance / prediction.total_variance
+            for name, one in maps.items():
+                squared = self.model.map_jacobian(hypothesis, name, prediction).square()
+                objective -= one.penalty_of(hypothesis.maps[name], one.gather(squared * scale).double())
+        return objective
+
+    def _newton_system(
+        self,
+        hypothesis: Hypothesis,
+        free: FreeParameters,
+        prediction: Prediction,
+        likelihood: PixelLikelihood,
+        maps: Mapping[str, FixedPatternMap],
+    ) -> _NewtonSystem:
+        """Approximate the objective by a quadratic function of the free parameters, the maps eliminated.
+
+        With m the mean and s the logarithm of the standard deviation of a pixel, the information about the parameters
+        is the sum over the pixels of I_m dm dm^T + I_s ds ds^T. The map values enter through the Schur complement.
+        """
+        weight = likelihood.mean_information * self.fitted
+        system = MapSystem(list(maps.values()), weight)
+        mean, spread, map_cost = self._derivatives(hypothesis, free, prediction, system.maps, weight)
+        weighted_mean, weighted_spread = mean * weight, spread * (likelihood.spread_information * self.fitted)
+        per_pixel = (mean * likelihood.mean_gradient + spread * likelihood.spread_gradient) * self.fitted
+        gradient = per_pixel.flatten(1).sum(1, dtype=torch.float64)
+        information = (
+            weighted_mean.flatten(1) @ mean.flatten(1).T + weighted_spread.flatten(1) @ spread.flatten(1).T
+        ).double()
+        if prediction.clipped is not None and len(free):  # mean and deviation do not describe a clipped signal
+            gradient, spike = self._clipped_derivatives(hypothesis, free, prediction.clipped, likelihood)
+            information += spike
+        # Fitting a fixed-pattern map absorbs part of the noise, so the residuals understate it. Add the absorbed
+        # variance (the map's leverage) back before updating the noise level.
+        leverage = sum(one.leverage for one in system.maps)
+        gradient += (spread * (weight * leverage)).flatten(1).sum(1, dtype=torch.float64) - map_cost
+        cross = system.cross_information(weighted_mean)
+        response = system.solve(cross)
+        map_step = system.solve(system.gradient[None])
+        gradient, information = gradient - response @ system.gradient, information - response @ cross.T
+        return _NewtonSystem(gradient, information, system, map_step, response)
 
     def _derivatives(
         self,
         hypothesis: Hypothesis,
-        free: list[Name],
+        free: FreeParameters,
         prediction: Prediction,
-        charts: list[Chart],
+        maps: list[FixedPatternMap],
         weight: torch.Tensor,
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Of the mean, of the logarithm of the deviation, and ``(p,)`` of what the maps' uncertainty costs in nats.
+        """Return the derivatives of the prediction and of the maps' penalty with respect to the free parameters.
 
-        The last is why a gain is not estimated too large beside a map that scales with it.
+        Returns:
+            ``(p, N, H, W)`` of the mean, ``(p, N, H, W)`` of the logarithm of the standard deviation, and ``(p,)`` of
+            the penalty for the maps' uncertainty, in nats. Without the last, a gain would be estimated too large beside
+            a map that scales with it.
         """
         mean, spread = torch.empty(2, len(free), *prediction.mean.shape)
-        toll = torch.zeros(len(free), dtype=torch.float64)
-        for i, (step, beside, shifted) in enumerate(self._beside(hypothesis, free)):
+        penalty = torch.zeros(len(free), dtype=torch.float64)
+        for i, (step, neighbour, shifted) in enumerate(free.neighbours(hypothesis)):
             mean[i] = (shifted.mean - prediction.mean) / step
             spread[i] = (shifted.deviation / prediction.deviation).log() / step
-            for chart in charts:
-                if chart.kind != "hot":
-                    change = (derivative(self.model, beside, chart.name, shifted) - chart.jacobian) / step
-                    toll[i] += float((chart.cross(change[None] * weight)[0] * chart.variance).sum())
-        return mean, spread, toll
+            for one in maps:
+                if one.kind != "hot":
+                    change = (self.model.map_jacobian(neighbour, one.name, shifted) - one.jacobian) / step
+                    penalty[i] += float((one.cross_information(change[None] * weight)[0] * one.variance).sum())
+        return mean, spread, penalty
 
-    def _beside(
-        self, hypothesis: Hypothesis, free: list[Name], part: float = DIFFERENCE
-    ) -> Iterator[tuple[float, Hypothesis, Prediction]]:
-        """For each parameter a small ``part`` of its step, the hypothesis so much on, and what it predicts."""
-        for name, parameter in free:
-            about = self.model.known[name].about[parameter]
-            value = float(hypothesis.effects[name][parameter])
-            step = about.step * part
-            at = math.log(value) if about.log else value
-            moved = math.exp(at + step) if about.log else at + step
-            if not about.low <= moved <= about.high:
-                step = -step
-                moved = math.exp(at + step) if about.log else at + step
-            beside = hypothesis.having(name, {**hypothesis.effects[name], parameter: moved})
-            yield step, beside, self.model.predict(beside)
-
-    def _newton(
-        self, hypothesis: Hypothesis, free: list[Name], prediction: Prediction, now: Score, system: ChartSystem
-    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Slope and information of the free parameters, the maps eliminated; ``(p, S)`` how the maps follow them."""
-        weight = now.weight * self.use
-        mean, spread, toll = self._derivatives(hypothesis, free, prediction, system.charts, weight)
-        weighted, spread_weighted = mean * weight, spread * (now.spread_weight * self.use)
-        slope = ((mean * now.slope + spread * now.spread) * self.use).flatten(1).sum(1, dtype=torch.float64)
-        information = (
-            weighted.flatten(1) @ mean.flatten(1).T + spread_weighted.flatten(1) @ spread.flatten(1).T
-        ).double()
-        if prediction.ceiling is not None and free:  # mean and deviation do not tell all
-            slope, spike = self._at_ceiling(hypothesis, free, prediction.ceiling, now)
-            information += spike
-        # a map follows the noise and leaves less of it: what it took must not be missed in the deviation
-        lever = sum(chart.jacobian.square() * chart.variance.float() for chart in system.charts)
-        slope += (spread * (weight * lever)).flatten(1).sum(1, dtype=torch.float64) - toll
-        cross = system.cross(weighted)
-        follow = system.solve(cross)
-        return slope - follow @ system.pull, information - follow @ cross.T, follow
-
-    def _at_ceiling(
-        self, hypothesis: Hypothesis, free: list[Name], ceiling: Ceiling, now: Score
+    def _clipped_derivatives(
+        self, hypothesis: Hypothesis, free: FreeParameters, clipped: ClippedSignal, likelihood: PixelLikelihood
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Slope of the log-likelihood by the parameters, and what the spike says about them where it is mixed."""
-        slopes, moved = [], []
-        sides = (self._beside(hypothesis, free, part) for part in (FINE, -FINE))  # one alone is curved by the spike
-        for (step, _, beside), (back, _, before) in zip(*sides, strict=True):
-            gained = (self.values(beside) - (now.value if step == back else self.values(before))) * self.use
-            slopes.append(gained.sum(dtype=torch.float64) / (step if step == back else step - back))
-            level = ceiling.level if beside.ceiling is None else beside.ceiling.level
-            moved.append(((level - ceiling.level) / step).expand_as(ceiling.mean).flatten())
-        weight = ceiling.mixed * (1 - ceiling.kept) / (ceiling.read.square() + 1 / 12) * self.use
-        rises = torch.stack(moved)
-        return torch.stack(slopes), ((rises * weight.flatten()) @ rises.T).double()
+        """Differentiate the log-likelihood itself where the signal saturates.
 
-    def _move(
-        self, hypothesis: Hypothesis, free: list[Name], slope: torch.Tensor, information: torch.Tensor, damping: float
-    ) -> tuple[Hypothesis, torch.Tensor]:
-        """One damped step, within bounds: parameters that press against theirs stay there."""
-        count = len(free)
-        step = torch.zeros(count, dtype=torch.float64)
-        inside = torch.ones(count, dtype=torch.bool)
-        diagonal = information.diagonal().clamp(min=1e-9)
-        for _ in range(count + 1):
-            index = inside.nonzero()[:, 0]
-            if not len(index):
-                break
-            matrix = information[index][:, index] + torch.diag(damping * diagonal[index])
-            step.zero_()
-            step[index] = torch.linalg.lstsq(matrix, slope[index][:, None], driver="gelsd").solution[:, 0]
-            pressed = [
-                i
-                for i in index.tolist()
-                if self._limit(hypothesis, free[i], float(step[i])) is not None
-                and abs(self._limit(hypothesis, free[i], float(step[i])) or 0.0) < 1e-12
-            ]
-            if not pressed:
-                break
-            inside[pressed] = False
-        step[~inside] = 0
-        moved = hypothesis
-        for i, (name, parameter) in enumerate(free):
-            limit = self._limit(hypothesis, (name, parameter), float(step[i]))
-            if limit is not None:
-                step[i] = limit
-            about = self.model.known[name].about[parameter]
-            value = float(hypothesis.effects[name][parameter])
-            new = value * math.exp(float(step[i])) if about.log else value + float(step[i])
-            new = min(max(new, about.low), about.high)
-            moved = moved.having(name, {**moved.effects[name], parameter: new})
-        return moved, step
+        Returns:
+            the gradient ``(p,)``, and the information ``(p, p)`` that the spike at the saturation level adds.
+        """
+        slopes, level_slopes = [], []
+        ways = (free.neighbours(hypothesis, part) for part in (FINE_DIFFERENCE, -FINE_DIFFERENCE))  # both: it is curved
+        for (step, _, above), (back, _, below) in zip(*ways, strict=True):
+            one_sided = step == back
+            start = likelihood.log_likelihood if one_sided else self.log_likelihood(below)
+            gain = (self.log_likelihood(above) - start) * self.fitted
+            slopes.append(gain.sum(dtype=torch.float64) / (step if one_sided else step - back))
+            level = clipped.level if above.clipped is None else above.clipped.level
+            level_slopes.append(((level - clipped.level) / step).expand_as(clipped.mean).flatten())
+        weight = clipped.mixed * (1 - clipped.kept) / (clipped.read.square() + 1 / 12) * self.fitted
+        levels = torch.stack(level_slopes)
+        return torch.stack(slopes), ((levels * weight.flatten()) @ levels.T).double()
 
-    def _limit(self, hypothesis: Hypothesis, which: Name, step: float) -> float | None:
-        """What is left of a step that leaves the parameter's range, or goes further than its derivative can tell."""
-        name, parameter = which
-        about = self.model.known[name].about[parameter]
-        value = float(hypothesis.effects[name][parameter])
-        if about.log:
-            low, high = math.log(max(about.low, 1e-300) / value), math.log(about.high / value)
-            low, high = max(low, -1.5), min(high, 1.5)
-        else:
-            low, high = max(about.low - value, -20 * about.step), min(about.high - value, 20 * about.step)
-        if step < low:
-            return low
-        return high if step > high else None
+    def intervals(self, bits: int) -> Intervals:
+        """Return the signal intervals of the captures' DN for a converter of so many effective bits."""
+        if bits not in self._intervals:
+            observation = self.model.observation
+            self._intervals[bits] = Intervals.of(observation.dn, observation.bit_depth, bits)
+        return self._intervals[bits]
 
-    def uncertain(self, prediction: Prediction, charts: dict[str, Chart]) -> Prediction:
-        """The prediction with the maps' uncertainty in its deviation, as fair for pixels that were not fitted."""
+    def pixel_likelihood(self, prediction: Prediction) -> PixelLikelihood:
+        """Return the log-likelihood of every pixel with its derivatives."""
+        intervals = self.intervals(prediction.bits)
+        return pixel_likelihood(intervals, prediction.mean, prediction.deviation, prediction.clipped)
+
+    def log_likelihood(self, prediction: Prediction) -> torch.Tensor:
+        """Return the log-likelihood ``(N, H, W)`` of every pixel, nats."""
+        intervals = self.intervals(prediction.bits)
+        return log_likelihood(intervals, prediction.mean, prediction.deviation, prediction.clipped)
+
+    def _sum(self, values: torch.Tensor) -> float:
+        """Sum over the fitted pixels."""
+        return float((values * self.fitted).sum(dtype=torch.float64))
+
+    def explained(self, fit: Fit, ideal: Fit, noise: Fit) -> float:
+        """Return the nats by which the mean of one fit is likelier than that of another.
+
+        Both are judged with the standard deviation of a third fit, because noise explains nothing.
+        """
+        deviation, bits = noise.prediction.deviation, fit.prediction.bits
+        after, before = (Prediction(one.prediction.mean, deviation, bits) for one in (fit, ideal))
+        return max(0.0, float((self.log_likelihood(after) - self.log_likelihood(before)).sum(dtype=torch.float64)))
+
+    def maps(
+        self, hypothesis: Hypothesis, prediction: Prediction, likelihood: PixelLikelihood
+    ) -> list[FixedPatternMap]:
+        """Return the state of every fixed-pattern map of a hypothesis."""
+        return [
+            estimate_map(self.model, hypothesis, name, prediction, likelihood, self.fitted)
+            for name in hypothesis.effects
+            if self.model.effects[name].map_kind
+        ]
+
+    def with_map_uncertainty(self, prediction: Prediction, maps: Mapping[str, FixedPatternMap]) -> Prediction:
+        """Return the prediction with the maps' uncertainty in its standard deviation, to judge held-out pixels."""
         variance = prediction.deviation.square()
-        for chart in charts.values():
-            variance = variance + chart.jacobian.square() * chart.variance.float()
-        return replace(prediction, deviation=variance.sqrt()) if charts else prediction
-
-
-def _variance(prediction: Prediction) -> torch.Tensor:
-    """Of a pixel's DN, quantisation counted as noise."""
-    return prediction.deviation.square() + 1 / 12
+        for one in maps.values():
+            variance = variance + one.leverage
+        return replace(prediction, deviation=variance.sqrt()) if maps else prediction

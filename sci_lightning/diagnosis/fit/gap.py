@@ -14,7 +14,7 @@ from sci_lightning.diagnosis.model.likelihood import quantile_residuals
 from sci_lightning.diagnosis.search_settings import SearchSettings
 
 OUTLIER = 4.0
-"""Root mean squares beyond which a residual counts as this far, so that no outlier widens the limit it is held to."""
+"""Root mean squares beyond which a residual counts as this far, so that no outlier widens its own limit."""
 GAUSSIAN = 2.0
 """Variance of the square of a standard normal number: that of a randomised quantile residual of an exact model."""
 
@@ -68,14 +68,14 @@ def held_out_gap(fitter: Fitter, fit: Fit, seed: int) -> Gap:
         fit: the model to be judged.
         seed: of the residuals' randomisation.
     """
-    seen = fitter.model.observation
-    prediction = fitter.uncertain(fit.prediction, fit.charts)
+    observation = fitter.model.observation
+    prediction = fitter.with_map_uncertainty(fit.prediction, fit.maps)
     random = torch.Generator().manual_seed(seed)
     intervals = fitter.intervals(prediction.bits)
-    residual = quantile_residuals(intervals, prediction.mean, prediction.deviation, random, prediction.ceiling)
-    log_likelihood = fitter.values(prediction)
-    error = (seen.dn - prediction.mean.clamp(0, seen.full_scale)).square()
-    held = fitter.split.held if fitter.split.held.any() else fitter.split.fitted
+    residual = quantile_residuals(intervals, prediction.mean, prediction.deviation, random, prediction.clipped)
+    log_likelihood = fitter.log_likelihood(prediction)
+    error = (observation.dn - prediction.mean.clamp(0, observation.full_scale)).square()
+    judging = fitter.split.held_out if fitter.split.held_out.any() else fitter.split.fitted
 
     def misfit(pixels: torch.Tensor) -> Misfit:
         return Misfit(
@@ -85,12 +85,12 @@ def held_out_gap(fitter: Fitter, fit: Fit, seed: int) -> Gap:
         )
 
     by_kind = {}
-    for kind in sorted(set(seen.kinds)):
-        pixels = held & torch.tensor([each == kind for each in seen.kinds])[:, None, None]
+    for kind in sorted(set(observation.kinds)):
+        pixels = judging & torch.tensor([other == kind for other in observation.kinds])[:, None, None]
         if pixels.any():
             by_kind[kind] = misfit(pixels)
-    limit = chi2_limit(fitter, fit, residual, held)
-    return Gap(**asdict(misfit(held)), pixels=int(held.sum()), chi2_limit=limit, by_kind=by_kind)
+    limit = chi2_limit(fitter, fit, residual, judging)
+    return Gap(**asdict(misfit(judging)), pixels=int(judging.sum()), chi2_limit=limit, by_kind=by_kind)
 
 
 def chi2_limit(fitter: Fitter, fit: Fit, residual: torch.Tensor, pixels: torch.Tensor) -> float:
@@ -117,15 +117,15 @@ def chi2_limit(fitter: Fitter, fit: Fit, residual: torch.Tensor, pixels: torch.T
         pixels: ``(N, H, W)`` bool, the pixels that chi2 is taken of.
     """
     settings = fitter.settings
-    count, fitted = float(pixels.sum()), float(fitter.use.sum())
+    count, fitted = float(pixels.sum()), float(fitter.fitted.sum())
     mean, variance = 1.0, variance_of_squares(residual[pixels]) / count
-    if not (pixels & (fitter.use > 0)).any():
+    if not (pixels & (fitter.fitted > 0)).any():
         mean += len(fit.free) / fitted
-        variance += 2 * sum(fitter.model.known[effect].noise for effect, _ in fit.free) / fitted
-        total = fitter.uncertain(fit.prediction, fit.charts).deviation.square()
-        for chart in fit.charts.values():
-            part = torch.where(pixels, chart.jacobian.square() * chart.variance.float() / total, 0.0).double()
-            shared = chart.gather(part).square() - chart.gather(part.square())
+        variance += 2 * sum(fitter.model.effects[effect].noise for effect, _ in fit.free) / fitted
+        total = fitter.with_map_uncertainty(fit.prediction, fit.maps).deviation.square()
+        for one in fit.maps.values():
+            part = torch.where(pixels, one.leverage / total, 0.0).double()
+            shared = one.gather(part).square() - one.gather(part.square())
             variance += 2 * float(shared.sum()) / count**2
     return max(settings.negligible_chi2, largest_by_chance(mean, variance, settings.significance))
 

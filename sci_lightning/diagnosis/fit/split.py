@@ -14,59 +14,71 @@ from sci_lightning.errors import BadInput
 
 @dataclass(frozen=True)
 class Split:
-    """Attributes:
-    fitted: ``(N, H, W)`` bool: pixels that fits may see.
-    captures: the captures, as numbered in the file, that are held out as a whole.
-    held_capture: ``(N,)`` bool, the same in the observation's order.
-    block: pixels along the side of a held-out block.
-    one_in: one capture of so many of each kind is held out, and one block of so many squared of every other.
+    """Fitted and held-out pixels.
+
+    Attributes:
+        fitted: ``(N, H, W)`` bool, pixels that fits may see.
+        held_out_captures: numbers, as in the file, of the captures that are held out as a whole.
+        held_out_capture: ``(N,)`` bool, the same in the observation's order.
+        block: side of a held-out block in pixels.
+        one_in: one capture of so many of each kind is held out, and one block of so many squared of every other.
     """
 
     fitted: torch.Tensor
-    captures: tuple[int, ...]
-    held_capture: torch.Tensor
+    held_out_captures: tuple[int, ...]
+    held_out_capture: torch.Tensor
     block: int = SearchSettings.held_out_block
     one_in: int = SearchSettings.held_out_one_in
 
+    @staticmethod
+    def nothing_held_out(observation: Observation) -> Split:
+        """Return the split by which every pixel is fitted."""
+        fitted = torch.ones_like(observation.dn, dtype=torch.bool)
+        return Split(fitted, (), torch.zeros(len(observation), dtype=torch.bool))
+
     @property
-    def held(self) -> torch.Tensor:
+    def held_out(self) -> torch.Tensor:
         """``(N, H, W)`` bool: pixels that only judge."""
         return ~self.fitted
 
     def describe(self) -> dict[str, Any]:
-        """For the report."""
-        one = (
-            {} if self.captures else {"note": "one capture of its kind each: none is held out as a whole, only blocks"}
-        )
-        if len(self.held_capture) == 1:
-            one = {"note": "one capture only: none is held out as a whole, only blocks of it"}
-        return one | {
-            "held_out_captures": list(self.captures),
-            "fitted_captures": int((~self.held_capture).sum()),
+        """Return the split as it stands in ``report.json``."""
+        note = {}
+        if len(self.held_out_capture) == 1:
+            note = {"note": "one capture only: none is held out as a whole, only blocks of it"}
+        elif not self.held_out_captures:
+            note = {"note": "one capture of its kind each: none is held out as a whole, only blocks"}
+        return note | {
+            "held_out_captures": list(self.held_out_captures),
+            "fitted_captures": int((~self.held_out_capture).sum()),
             "held_out_blocks": f"{self.block} x {self.block} pixels, one in {self.one_in**2} of every fitted capture",
-            "held_out_fraction": round(float(self.held.float().mean()), 4),
-            "held_out": bool(self.held.any()),
+            "held_out_fraction": round(float(self.held_out.float().mean()), 4),
+            "held_out": bool(self.held_out.any()),
         }
 
 
 def split(observation: Observation, settings: SearchSettings | None = None) -> Split:
-    """Divide the pixels; by content, so that neither the order nor the labels of the captures matter.
+    """Divide the pixels into fitted and held-out ones.
 
-    Of a single capture nothing is held out as a whole, only blocks of it.
+    The division follows from the captures' content, so that neither their order nor their labels matter. Of a single
+    capture of a kind nothing is held out as a whole, only blocks.
+
+    Raises:
+        BadInput: no pixel is left to be fitted.
     """
     settings = settings or SearchSettings()
     kinds, block, one_in = observation.kinds, settings.held_out_block, settings.held_out_one_in
-    held = torch.zeros(len(kinds), dtype=torch.bool)
+    held_out = torch.zeros(len(kinds), dtype=torch.bool)
     for kind in sorted(set(kinds)):
-        members = [n for n, each in enumerate(kinds) if each == kind]
-        held[members[one_in - 1 :: one_in] or (members[1:2] if len(members) > 1 else [])] = True
+        members = [n for n, other in enumerate(kinds) if other == kind]
+        held_out[members[one_in - 1 :: one_in] or (members[1:2] if len(members) > 1 else [])] = True
     height, width = observation.size
     side = min(block, max(1, min(height, width) // 4))
     row = torch.arange(height)[:, None] // side
     column = torch.arange(width)[None] // side
-    turn = torch.arange(len(kinds))[:, None, None]
-    blocks = (row * 5 + column * 3 + turn * 7) % one_in**2 == 0
-    fitted = ~(blocks | held[:, None, None])
+    capture = torch.arange(len(kinds))[:, None, None]
+    blocks = (row * 5 + column * 3 + capture * 7) % one_in**2 == 0
+    fitted = ~(blocks | held_out[:, None, None])
     if not fitted.any():
         raise BadInput(f"captures of {height} x {width} pixels: none is left to fit; expected at least 4 x 4 pixels")
-    return Split(fitted, tuple(sorted(observation.number[held].tolist())), held, block, one_in)
+    return Split(fitted, tuple(sorted(observation.number[held_out].tolist())), held_out, block, one_in)

@@ -1,217 +1,340 @@
-"""A hypothesis about the camera, and what it predicts for every capture."""
+"""The forward model: a hypothesis about the camera, and what it predicts for every capture."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Generic, TypeVar
 
 import torch
 
-from sci_lightning.diagnosis.model.ceiling import Ceiling
-from sci_lightning.diagnosis.model.likelihood import LEAST_DEVIATION
+from sci_lightning.diagnosis.model.likelihood import LEAST_DEVIATION, ClippedSignal
 from sci_lightning.diagnosis.model.observation import Observation
+from sci_lightning.encoder import empirical
 from sci_lightning.encoder.effects import Effect, MapEffect, OpticsEffect, SensorEffect
 from sci_lightning.encoder.effects.parameter import Value
 from sci_lightning.encoder.effects.stage import ExposureEffect, ModulatorEffect, RelayEffect
+from sci_lightning.encoder.empirical import Empirical
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.signal import Signal
 
 Setting = dict[str, Value]
+"""Values of an effect's parameters by name."""
+
+ParameterName = tuple[str, str]
+"""An effect's name and the name of one of its parameters."""
+
+NOISE_GUESS = {"shot_noise": ("full_well", 1e4), "read_noise": ("std", 1.0)}
+"""Noise effects of every camera, their parameter, and where a fit of it starts if the datasheet is silent."""
+
+MAP_STEP = 1e-3
+"""Change of a map's values over which the derivative of the mean is taken."""
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Effects by name: the values of their parameters, and the maps of those that have one.
+    """Which effects the camera has, and how strong they are.
 
     Attributes:
         effects: values by parameter, by effect.
-        charts: ``(H, W)``, ``(1, W)`` or ``(H, 1)`` maps by effect, in the effect's own unit.
+        maps: ``(H, W)``, ``(1, W)`` or ``(H, 1)`` fixed-pattern maps by effect, in the effect's own unit.
     """
 
     effects: dict[str, Setting]
-    charts: dict[str, torch.Tensor] = field(default_factory=dict)
+    maps: dict[str, torch.Tensor] = field(default_factory=dict)
 
-    def having(self, name: str, setting: Setting, chart: torch.Tensor | None = None) -> Hypothesis:
-        """The same with an effect set so; its chart stays, unless one is given."""
-        charts = self.charts if chart is None else {**self.charts, name: chart}
-        return Hypothesis({**self.effects, name: dict(setting)}, charts)
+    def with_effect(self, name: str, setting: Setting, values: torch.Tensor | None = None) -> Hypothesis:
+        """Return the hypothesis with an effect added or changed; its map stays unless ``values`` are given."""
+        maps = self.maps if values is None else {**self.maps, name: values}
+        return Hypothesis({**self.effects, name: dict(setting)}, maps)
 
     def without(self, name: str) -> Hypothesis:
-        """The same without an effect."""
-        effects = {each: values for each, values in self.effects.items() if each != name}
-        return Hypothesis(effects, {each: chart for each, chart in self.charts.items() if each != name})
+        """Return the hypothesis without an effect."""
+        effects = {other: setting for other, setting in self.effects.items() if other != name}
+        return Hypothesis(effects, {other: values for other, values in self.maps.items() if other != name})
+
+
+def datasheet_noise(observation: Observation) -> tuple[Hypothesis, tuple[ParameterName, ...]]:
+    """Return the ideal camera with the datasheet's noise, and the parameters that the datasheet states.
+
+    Where the datasheet is silent, the parameter has the value from which a fit should start.
+    """
+    stated = {"shot_noise": observation.full_well, "read_noise": observation.read_noise}
+    effects: dict[str, Setting] = {
+        name: {parameter: stated[name] or guess} for name, (parameter, guess) in NOISE_GUESS.items()
+    }
+    fixed = tuple((name, parameter) for name, (parameter, _) in NOISE_GUESS.items() if stated[name] is not None)
+    return Hypothesis(effects), fixed
+
+
+def free_forms_for(observation: Observation) -> dict[str, type[Effect]]:
+    """Return every free-form deviation by name, with as many numbers as these captures can determine."""
+    classes = [getattr(empirical, name) for name in empirical.__all__ if name != "Empirical"]
+    captures, frames = len(observation), observation.frames
+    return {one.name: one.of(one.numbers(captures, frames)) if issubclass(one, Empirical) else one for one in classes}
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """Mean and standard deviation of every pixel before the converter, ``(N, H, W)`` in DN, and its effective bits.
+    """What a hypothesis predicts for every pixel before the converter.
 
-    Where signal ends before the converter does, ``ceiling`` says how it is distributed there.
+    Attributes:
+        mean: ``(N, H, W)`` expected signal, DN.
+        deviation: ``(N, H, W)`` its standard deviation, DN.
+        bits: effective bits of the converter.
+        clipped: the distribution where the signal saturates before the converter does; None if it does not.
     """
 
     mean: torch.Tensor
     deviation: torch.Tensor
     bits: int
-    ceiling: Ceiling | None = None
+    clipped: ClippedSignal | None = None
+
+    @property
+    def total_variance(self) -> torch.Tensor:
+        """``(N, H, W)`` variance of a pixel's DN, DN squared, quantisation counted as noise."""
+        return self.deviation.square() + 1 / 12
+
+
+class Recent(Generic[T]):
+    """The last few results of a slow computation, by key.
+
+    Args:
+        size: how many results to remember.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self._results: OrderedDict[Hashable, T] = OrderedDict()
+
+    def get(self, key: Hashable, compute: Callable[[], T]) -> T:
+        """Return the result for a key; it is computed if it is not remembered."""
+        if key not in self._results:
+            self._results[key] = compute()
+            if len(self._results) > self._size:
+                self._results.popitem(last=False)
+        self._results.move_to_end(key)
+        return self._results[key]
 
 
 class CameraModel:
     """Predicts captures from hypotheses.
 
-    What light does before the sensor is remembered for the last few hypotheses: fits change one parameter at a time.
+    The light before the sensor is remembered for the last few hypotheses, because a fit changes one parameter at a
+    time and most parameters belong to the sensor.
 
     Args:
         observation: the captures.
-        vocabulary: every effect that may be named, by name. Others may be put into ``known``.
-        memory: how many light fields to remember.
+        vocabulary: every effect that may be named, by name.
+        free_forms: effects that a hypothesis may contain beside them, by name: free-form deviations; None for those
+            that these captures can determine.
+        memory: how many light fields to remember, a count.
     """
 
-    def __init__(self, observation: Observation, vocabulary: Mapping[str, type[Effect]], memory: int = 3) -> None:
+    def __init__(
+        self,
+        observation: Observation,
+        vocabulary: Mapping[str, type[Effect]],
+        free_forms: Mapping[str, type[Effect]] | None = None,
+        memory: int = 3,
+    ) -> None:
         self.observation = observation
         self.vocabulary = dict(vocabulary)
-        self.known = dict(vocabulary)
-        self._memory = memory
-        self._modulated: OrderedDict[Any, Any] = OrderedDict()
-        self._formed: OrderedDict[Any, Any] = OrderedDict()
+        self.free_forms = free_forms_for(observation) if free_forms is None else dict(free_forms)
+        self.effects: Mapping[str, type[Effect]] = {**self.free_forms, **self.vocabulary}
+        self._modulated: Recent[Signal] = Recent(memory)
+        self._formed: Recent[Signal] = Recent(memory)
+
+    def with_candidates(self, candidates: Mapping[str, type[Effect]]) -> CameraModel:
+        """Return a new model with further effects that may be named."""
+        return CameraModel(self.observation, {**self.vocabulary, **candidates}, self.free_forms)
+
+    def of_captures(self, observation: Observation) -> CameraModel:
+        """Return a new model of the same camera for other captures."""
+        return CameraModel(observation, self.vocabulary, self.free_forms)
 
     def starts(self, name: str, hypothesis: Hypothesis) -> list[Setting]:
-        """Where a search for an effect sets out; a ceiling of the signal also from where pixels have piled up."""
-        seen, effect = self.observation, self.known[name]
-        found = effect.starts(seen.frames, seen.size, seen.bit_depth)
-        if parameter := _ceiling_parameter(effect):
+        """Return the settings from which a fit of an effect may start.
+
+        An effect that limits the signal (saturation) may also start from the levels at which the brightest pixels pile
+        up.
+        """
+        observation, effect = self.observation, self.effects[name]
+        settings = effect.starts(observation.frames, observation.size, observation.bit_depth)
+        if parameter := _limiting_parameter(effect):
             behind = self._behind(self.path(hypothesis), effect)
-            levels = (self._before(behind, level) for level in seen.pile_ups)
-            found += [{parameter: level} for level in levels if 0 < level < 1]
-        return found
+            levels = (self._signal_recorded_as(behind, level) for level in observation.pile_ups)
+            settings += [{parameter: level} for level in levels if 0 < level < 1]
+        return settings
 
     def adding(
-        self, hypothesis: Hypothesis, name: str, setting: Setting, chart: torch.Tensor | None = None
+        self, hypothesis: Hypothesis, name: str, setting: Setting, values: torch.Tensor | None = None
     ) -> Hypothesis:
-        """The hypothesis with one more effect. If signal ends, then where it is recorded to end now: that is plain."""
-        found = hypothesis.having(name, setting, chart)
-        for other in hypothesis.effects:
-            parameter = _ceiling_parameter(self.known[other])
-            if parameter and self.known[name].rank > self.known[other].rank:
-                level = torch.full((1, *self.observation.size), float(hypothesis.effects[other][parameter]))
-                recorded = self._recorded(self._behind(self.path(hypothesis), self.known[other]), level)
-                level_before = self._before(self._behind(self.path(found), self.known[other]), recorded)
-                found = found.having(other, {**found.effects[other], parameter: level_before})
-        return found
+        """Return the hypothesis with one more effect.
+
+        If the hypothesis limits the signal (saturation), the limit is adapted so that it is still recorded at the same
+        DN: that is what the captures show, whatever the sensor does to the signal afterwards.
+        """
+        extended = hypothesis.with_effect(name, setting, values)
+        for other, other_setting in hypothesis.effects.items():
+            limiting = self.effects[other]
+            parameter = _limiting_parameter(limiting)
+            if parameter and self.effects[name].rank > limiting.rank:
+                level = torch.full((1, *self.observation.size), float(other_setting[parameter]))
+                recorded = self._recorded(self._behind(self.path(hypothesis), limiting), level)
+                adapted = self._signal_recorded_as(self._behind(self.path(extended), limiting), recorded)
+                extended = extended.with_effect(other, {**extended.effects[other], parameter: adapted})
+        return extended
 
     def _behind(self, path: LightPath, effect: type[Effect]) -> LightPath:
-        return LightPath(each for each in path.of(SensorEffect) if each.rank > effect.rank)
+        """Return the sensor's effects that act after one of them."""
+        return LightPath(other for other in path.of(SensorEffect) if other.rank > effect.rank)
 
-    def _before(self, behind: LightPath, recorded: float) -> float:
-        """The signal that is recorded as so much behind some effects of the sensor, by bisection."""
+    def _signal_recorded_as(self, behind: LightPath, recorded: float) -> float:
+        """Return the signal (fraction of full scale) that some effects of the sensor turn into ``recorded``."""
         low, high, one = 0.0, 1.0, torch.ones(1, *self.observation.size)
-        for _ in range(24):
+        for _ in range(24):  # bisection
             middle = (low + high) / 2
             low, high = (low, middle) if self._recorded(behind, middle * one) > recorded else (middle, high)
         return (low + high) / 2
 
     def _recorded(self, behind: LightPath, even: torch.Tensor) -> float:
+        """Return what some effects of the sensor turn an even signal into, in the median over the pixels."""
         exposure = torch.ones(1, 1, 1)
         signal = Signal(even, torch.zeros(()), exposure, 1 / self.observation.full_scale, (0, 0), self.observation.size)
         return float(behind.respond(signal).mean.median())
 
-    def blank_chart(self, name: str) -> torch.Tensor | None:
-        """The map of an effect, all 0; None for an effect without one."""
-        effect = self.known[name]
+    def zero_map(self, name: str) -> torch.Tensor | None:
+        """Return the fixed-pattern map of an effect with every value 0; None for an effect without a map."""
+        effect = self.effects[name]
         return torch.zeros(effect.shape(self.observation.size)) if issubclass(effect, MapEffect) else None
 
     def path(self, hypothesis: Hypothesis) -> LightPath:
-        """The hypothesis as modules."""
+        """Return the hypothesis as modules, in the order in which light meets them."""
         effects = []
-        for name, values in hypothesis.effects.items():
-            effect = self.known[name](**values)
+        for name, setting in hypothesis.effects.items():
+            effect = self.effects[name](**setting)
             if isinstance(effect, MapEffect):
-                _fill(effect, hypothesis.charts.get(name), self.observation.size)
+                _set_map(effect, hypothesis.maps.get(name), self.observation.size)
             effects.append(effect)
         return LightPath(effects)
 
     @torch.no_grad()
     def predict(self, hypothesis: Hypothesis) -> Prediction:
-        """Mean and deviation of every pixel; see :class:`Prediction`."""
-        seen, path = self.observation, self.path(hypothesis)
-        early = tuple(
-            _key(effect) for effect in (*path.of(ModulatorEffect), *path.of(RelayEffect), *path.of(ExposureEffect))
-        )
-        lens = tuple(_key(effect) for effect in path.of(OpticsEffect))
-        formed = self._recall(self._formed, (early, path.cells, lens), lambda: self._form(path, early))
-        light = replace(formed, variance=torch.zeros(()))
-        mean, deviation = self._in_dn(path.respond(light))
-        return Prediction(mean, deviation, path.effective_bits(seen.bit_depth), self._ceiling(path, light))
+        """Predict mean and standard deviation of every pixel of every capture."""
+        path = self.path(hypothesis)
+        before_lens = (*path.of(ModulatorEffect), *path.of(RelayEffect), *path.of(ExposureEffect))
+        modulation = tuple(_key(effect) for effect in before_lens), path.cells
+        optics = tuple(_key(effect) for effect in path.of(OpticsEffect))
 
-    def _ceiling(self, path: LightPath, light: Signal) -> Ceiling | None:
+        def form() -> Signal:
+            return path.form(self._modulated.get(modulation, lambda: self._modulate(path)))
+
+        light = replace(self._formed.get((modulation, optics), form), variance=torch.zeros(()))
+        mean, deviation = self._in_dn(path.respond(light))
+        bits = path.effective_bits(self.observation.bit_depth)
+        return Prediction(mean, deviation, bits, self._clipped(path, light))
+
+    def map_jacobian(self, hypothesis: Hypothesis, name: str, prediction: Prediction) -> torch.Tensor:
+        """Return the derivative ``(N, H, W)`` of the mean with respect to an effect's map, at each pixel's own value.
+
+        Args:
+            hypothesis: need not contain the effect yet; its map is then taken at 0.
+            name: of an effect with a map.
+            prediction: of the hypothesis.
+        """
+        values = self.map_values(hypothesis, name)
+        neutral_scale: Setting = {
+            parameter: 1.0 if parameter == "std" else 0.5 for parameter in self.effects[name].about
+        }
+        shifted = self.predict(hypothesis.with_effect(name, neutral_scale, values + MAP_STEP))
+        if name not in hypothesis.effects or name not in hypothesis.maps:
+            prediction = self.predict(hypothesis.with_effect(name, neutral_scale, values))
+        return (shifted.mean - prediction.mean) / MAP_STEP
+
+    def map_values(self, hypothesis: Hypothesis, name: str) -> torch.Tensor:
+        """Return the values of an effect's map in a hypothesis, 0 where it has none yet.
+
+        Raises:
+            ValueError: an effect without a map.
+        """
+        values = hypothesis.maps.get(name, self.zero_map(name))
+        if values is None:
+            raise ValueError(f"effect {name} has no fixed-pattern map")
+        return values
+
+    def _clipped(self, path: LightPath, light: Signal) -> ClippedSignal | None:
+        """Return how the signal is distributed if it saturates below full scale."""
         effects = path.of(SensorEffect)
         limits = {effect: getattr(effect, effect.ceiling) for effect in effects if effect.ceiling}
-        ends = [effect for effect, level in limits.items() if float(level) < 1]
-        if not ends:
+        limiting = [effect for effect, level in limits.items() if float(level) < 1]
+        if not limiting:
             return None
-        open_ = self._in_dn(LightPath(each for each in effects if each not in ends).respond(light))
-        behind = self._behind(path, type(ends[0]))
-        full = light.with_mean(limits[ends[0]] * torch.ones_like(light.mean))
-        return Ceiling(*open_, *self._in_dn(behind.respond(full)))
+        unclipped = LightPath(effect for effect in effects if effect not in limiting)
+        behind = self._behind(path, type(limiting[0]))
+        full = light.with_mean(limits[limiting[0]] * torch.ones_like(light.mean))
+        return ClippedSignal(*self._in_dn(unclipped.respond(light)), *self._in_dn(behind.respond(full)))
 
     def _in_dn(self, signal: Signal) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return mean and standard deviation of a signal in DN."""
         deviation = signal.variance.sqrt() * self.observation.full_scale
         deviation = deviation.expand_as(signal.mean).clamp(min=LEAST_DEVIATION)
         return signal.mean * self.observation.full_scale, deviation
 
-    def _form(self, path: LightPath, early: tuple[Any, ...]) -> Signal:
-        modulated = self._recall(self._modulated, (early, path.cells), lambda: self._modulate(path))
-        return path.form(modulated)
-
     def _modulate(self, path: LightPath) -> Signal:
-        seen, cells = self.observation, path.cells
-        shown = path.images(seen.patterns)
-        images: list[torch.Tensor] = [torch.zeros(())] * len(seen)
-        for which, sequence in enumerate(seen.sequences):  # one after the other: all masks at once are too large
+        """Return the light of every capture behind the modulator: the sum over the slots of mask times scene."""
+        observation, cells = self.observation, path.cells
+        shown = path.images(observation.patterns)
+        images: list[torch.Tensor] = [torch.zeros(())] * len(observation)
+        for which, sequence in enumerate(observation.sequences):  # one by one: the masks of all do not fit in memory
             masks = path.during(shown, sequence[None])[0]
             total = None
-            for number in (seen.sequence == which).nonzero()[:, 0].tolist():
-                scene = seen.scene[number]
-                if scene.shape[0] == 1:  # at rest: the masks may be added up first
+            for number in (observation.sequence == which).nonzero()[:, 0].tolist():
+                scene = observation.scene[number]
+                if scene.shape[0] == 1:  # the scene is at rest, so that the masks may be summed first
                     total = masks.sum(0) if total is None else total
-                    images[number] = total * _fine(scene, cells)[0]
+                    images[number] = total * _in_cells(scene, cells)[0]
                 elif scene.shape[1:] == (1, 1):
                     images[number] = torch.einsum("thw,t->hw", masks, scene[:, 0, 0])
                 else:
-                    images[number] = (masks * _fine(scene, cells)).sum(0)
-        light = torch.stack(images) * seen.aperture
-        return Signal(light, torch.zeros(()), seen.exposure, 1 / seen.full_scale, (0, 0), seen.size, cells, seen.number)
+                    images[number] = (masks * _in_cells(scene, cells)).sum(0)
+        light = torch.stack(images) * observation.aperture
+        return Signal(
+            light,
+            torch.zeros(()),
+            observation.exposure,
+            1 / observation.full_scale,
+            (0, 0),
+            observation.size,
+            cells,
+            observation.position,
+        )
 
-    def _recall(self, memory: OrderedDict[Any, Any], key: Any, make: Any) -> Any:
-        if key not in memory:
-            memory[key] = make()
-            if len(memory) > self._memory:
-                memory.popitem(last=False)
-        memory.move_to_end(key)
-        return memory[key]
 
-
-def _ceiling_parameter(effect: type[Effect]) -> str | None:
+def _limiting_parameter(effect: type[Effect]) -> str | None:
     """Return the parameter at which the signal ends, for an effect of the sensor that limits it."""
     return effect.ceiling if issubclass(effect, SensorEffect) else None
 
 
-def _fill(effect: MapEffect, chart: torch.Tensor | None, size: tuple[int, int]) -> None:
-    """Give the effect its map: in units of its standard deviation, where it has one."""
-    shape = effect.shape(size)
-    if chart is None:
-        effect.map = torch.zeros(shape)
+def _set_map(effect: MapEffect, values: torch.Tensor | None, size: tuple[int, int]) -> None:
+    """Give an effect its map, in units of its standard deviation if it has one."""
+    if values is None:
+        effect.map = torch.zeros(effect.shape(size))
     elif "std" in effect.about:
-        effect.map = chart / max(float(effect.std), 1e-12)
+        effect.map = values / max(float(effect.std), 1e-12)
     else:
-        effect.map = chart
+        effect.map = values
 
 
-def _key(effect: Effect) -> Any:
-    chart = effect.map.sum().item() if isinstance(effect, MapEffect) else None
-    return (effect.name, tuple(effect.values.items()), chart)
+def _key(effect: Effect) -> Hashable:
+    """Return what identifies an effect with its parameters and every value of its map."""
+    content = effect.map.numpy().tobytes() if isinstance(effect, MapEffect) else None
+    return effect.name, tuple(effect.values.items()), content
 
 
-def _fine(scene: torch.Tensor, cells: int) -> torch.Tensor:
+def _in_cells(scene: torch.Tensor, cells: int) -> torch.Tensor:
+    """Return a scene on the grid of q x q cells a pixel."""
     return scene if cells == 1 else scene.repeat_interleave(cells, -1).repeat_interleave(cells, -2)

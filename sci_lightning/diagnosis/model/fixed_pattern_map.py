@@ -1,144 +1,150 @@
-"""Maps: one number for every pixel, column or row, each with a Gaussian prior whose width is found from all of them."""
+"""Fixed-pattern maps: one value for every pixel, column or row, the same in every capture.
+
+The values of a map have a Gaussian prior of mean 0, whose standard deviation is the one that makes the captures
+likeliest (empirical Bayes). Of hot pixels few are positive and all others are 0; naming one costs what it takes to say
+which it is. :class:`FixedPatternMap` is the state of one map during a fit; :class:`MapSystem` solves for the values of
+all maps at once.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
 
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Prediction, Setting
-from sci_lightning.diagnosis.model.likelihood import Score
+from sci_lightning.diagnosis.model.likelihood import PixelLikelihood
 
-STEP = 1e-3
-"""Difference over which the derivative by a map's values is taken."""
+HOT_PIXEL_PENALTY = 5.0
+"""Nats that the value of a hot pixel costs, beside the logarithm of the number of pixels for its place."""
 
 
 @dataclass(frozen=True)
-class Chart:
-    """The state of one map during a fit.
+class FixedPatternMap:
+    """The state of one fixed-pattern map during a fit.
 
     Attributes:
         name: of the effect.
         kind: ``pixel``, ``column``, ``row``, or ``hot``: few values that are positive, the others 0.
-        values: the map.
-        jacobian: ``(N, H, W)`` of the mean by the map's value there.
-        slope, weight: of the log-likelihood by each value, the fitted pixels summed: same shape as the map.
-        std: of the prior; for a hot map unused.
-        std_error: of that, from the curvature of the marginal likelihood.
-        cost: nats: prior and uncertainty of the values given (what the marginal likelihood takes off).
-        evidence: nats gained by the map over none, to second order.
+        values: float64 of the map's shape, in the effect's own unit.
+        jacobian: ``(N, H, W)`` derivative of the mean with respect to the map's value at the pixel.
+        likelihood_gradient: derivative of the log-likelihood with respect to each value, over the fitted pixels.
+        likelihood_information: minus its second derivative; of the map's shape, as the gradient.
+        std: standard deviation of the prior; unused for a hot map.
+        std_error: standard error of ``std``, from the curvature of the marginal likelihood.
+        penalty: nats that prior and uncertainty of the values take off the log-likelihood (marginal likelihood).
+        evidence: nats by which the map raises the marginal likelihood, to second order.
     """
 
     name: str
     kind: str
     values: torch.Tensor
     jacobian: torch.Tensor
-    slope: torch.Tensor
-    weight: torch.Tensor
+    likelihood_gradient: torch.Tensor
+    likelihood_information: torch.Tensor
     std: float
     std_error: float
-    cost: float
+    penalty: float
     evidence: float
 
     @property
     def active(self) -> torch.Tensor:
-        """Bool: values that may differ from 0."""
+        """Bool of the map's shape: values that may differ from 0."""
         if self.kind == "hot":
-            return _hot(self.slope, self.weight, self.values)
+            return _hot(self.likelihood_gradient, self.likelihood_information, self.values)
         return torch.ones_like(self.values, dtype=torch.bool)
 
     @property
     def precision(self) -> torch.Tensor:
-        """Information about each value, given everything else: the captures' and the prior's."""
+        """Information about each value with everything else known, from the captures and from the prior."""
         prior = 0.0 if self.kind == "hot" else 1 / max(self.std, 1e-9) ** 2
-        return (self.weight + prior).clamp(min=1e-9)
+        return (self.likelihood_information + prior).clamp(min=1e-9)
 
     @property
     def variance(self) -> torch.Tensor:
-        """Of each value given everything else."""
+        """Variance of each value with everything else known."""
         return torch.where(self.active, 1 / self.precision, 0.0)
 
     @property
-    def pull(self) -> torch.Tensor:
-        """Slope of the penalised log-likelihood by each value."""
+    def gradient(self) -> torch.Tensor:
+        """Gradient of the penalised log-likelihood with respect to every map value."""
         if self.kind == "hot":
-            return self.slope
-        return self.slope - self.values / max(self.std, 1e-9) ** 2
+            return self.likelihood_gradient
+        return self.likelihood_gradient - self.values / max(self.std, 1e-9) ** 2
+
+    @property
+    def leverage(self) -> torch.Tensor:
+        """``(N, H, W)`` variance of the mean, DN squared, that comes from the uncertainty of the map."""
+        return self.jacobian.square() * self.variance.float()
 
     def gather(self, field: torch.Tensor) -> torch.Tensor:
-        """Sum a ``(.., N, H, W)`` field over all that shares one value of the map: ``(.., *map)``."""
+        """Sum a ``(.., N, H, W)`` field over all pixels that share one value of the map: ``(.., *map)``."""
         return self.reduce(field.sum(-3))
 
     def reduce(self, field: torch.Tensor) -> torch.Tensor:
-        """The same of a ``(.., H, W)`` field."""
+        """Sum a ``(.., H, W)`` field over all pixels that share one value of the map: ``(.., *map)``."""
         return _reduce(self.kind, field)
 
-    def cross(self, weighted: torch.Tensor) -> torch.Tensor:
-        """Information that the map's values share with changes of the mean ``(p, N, H, W)`` times its weight."""
+    def cross_information(self, weighted: torch.Tensor) -> torch.Tensor:
+        """Return the information that the values share with changes of the mean, ``(K, *map)``.
+
+        Args:
+            weighted: ``(K, N, H, W)`` changes of the mean times the information about it.
+        """
         return self.gather(weighted * self.jacobian).double()
 
     def moved(self, step: torch.Tensor) -> tuple[Setting, torch.Tensor]:
-        """The effect's setting and its map, a step on."""
+        """Return the effect's setting and its map after a step of the values."""
         values = torch.where(self.active, self.values + step, 0.0).float()
         if self.kind == "hot":
             values = values.clamp(min=0)
             return {"fraction": float((values > 0).float().mean())}, values
         return {"std": self.std}, values
 
-    def cost_of(self, values: torch.Tensor, weight: torch.Tensor) -> float:
-        """Nats of other values, weighted otherwise."""
+    def penalty_of(self, values: torch.Tensor, information: torch.Tensor) -> float:
+        """Return the penalty, in nats, of other values about which there is other information."""
         if self.kind == "hot":
-            return float((values > 0).sum()) * _toll(values)
-        return _cost(values.double(), weight, self.std)
+            return float((values > 0).sum()) * _hot_penalty(values)
+        return _penalty(values.double(), information, self.std)
 
 
-def derivative(model: CameraModel, hypothesis: Hypothesis, name: str, prediction: Prediction) -> torch.Tensor:
-    """``(N, H, W)`` of the mean by the value there of an effect's map, which the hypothesis need not have yet."""
-    values = _values(model, hypothesis, name)
-    setting: Setting = {parameter: 1.0 if parameter == "std" else 0.5 for parameter in model.known[name].about}
-    shifted = model.predict(hypothesis.having(name, setting, values + STEP))
-    if name not in hypothesis.effects or name not in hypothesis.charts:
-        prediction = model.predict(hypothesis.having(name, setting, values))
-    return (shifted.mean - prediction.mean) / STEP
+def estimate_map(
+    model: CameraModel,
+    hypothesis: Hypothesis,
+    name: str,
+    prediction: Prediction,
+    likelihood: PixelLikelihood,
+    fitted: torch.Tensor,
+) -> FixedPatternMap:
+    """Return the map of an effect at a hypothesis, with the prior that makes the captures likeliest.
 
-
-def _values(model: CameraModel, hypothesis: Hypothesis, name: str) -> torch.Tensor:
-    values = hypothesis.charts.get(name, model.blank_chart(name))
-    assert values is not None  # only effects with a map come here
-    return values
-
-
-def chart_of(
-    model: CameraModel, hypothesis: Hypothesis, name: str, prediction: Prediction, now: Score, use: torch.Tensor
-) -> Chart:
-    """The map of an effect at a hypothesis, with the prior's width that makes the captures likeliest."""
-    kind = model.known[name].map_kind or ""
-    values = _values(model, hypothesis, name)
-    jacobian = derivative(model, hypothesis, name, prediction)
-    slope = _reduce(kind, (jacobian * now.slope * use).sum(0)).double()
-    weight = _reduce(kind, (jacobian.square() * now.weight * use).sum(0)).double()
-    known = values.double()
+    Args:
+        model: predicts hypotheses.
+        hypothesis: need not contain the effect yet; its map is then taken at 0.
+        name: of an effect with a map.
+        prediction: of the hypothesis.
+        likelihood: of the prediction.
+        fitted: ``(N, H, W)``, 1 for fitted pixels and 0 for held-out ones.
+    """
+    kind = model.effects[name].map_kind or ""
+    values = model.map_values(hypothesis, name)
+    jacobian = model.map_jacobian(hypothesis, name, prediction)
+    gradient = _reduce(kind, (jacobian * likelihood.mean_gradient * fitted).sum(0)).double()
+    information = _reduce(kind, (jacobian.square() * likelihood.mean_information * fitted).sum(0)).double()
+    values = values.double()
     if kind == "hot":
-        hot = _hot(slope, weight, known)
-        gained = 0.5 * (slope + weight * known).square() / weight.clamp(min=1e-9)
-        evidence = float((gained - _toll(values))[hot].sum())
+        hot = _hot(gradient, information, values)
+        gains = 0.5 * (gradient + information * values).square() / information.clamp(min=1e-9)
         count = float(hot.sum())
-        return Chart(
-            name,
-            kind,
-            known,
-            jacobian,
-            slope,
-            weight,
-            count / values.numel(),
-            math.sqrt(max(count, 1)) / values.numel(),
-            float((known > 0).sum()) * _toll(values),
-            evidence,
-        )
-    pull = slope + weight * known
-    std, evidence, error = _widest(pull, weight)
-    return Chart(name, kind, known, jacobian, slope, weight, std, error, _cost(known, weight, std), evidence)
+        std, std_error = count / values.numel(), math.sqrt(max(count, 1)) / values.numel()
+        penalty = float((values > 0).sum()) * _hot_penalty(values)
+        evidence = float((gains - _hot_penalty(values))[hot].sum())
+    else:
+        std, evidence, std_error = _likeliest_prior(gradient + information * values, information)
+        penalty = _penalty(values, information, std)
+    return FixedPatternMap(name, kind, values, jacobian, gradient, information, std, std_error, penalty, evidence)
 
 
 def _reduce(kind: str, field: torch.Tensor) -> torch.Tensor:
@@ -147,37 +153,140 @@ def _reduce(kind: str, field: torch.Tensor) -> torch.Tensor:
     return field.sum(-1, keepdim=True) if kind == "row" else field
 
 
-def _hot(slope: torch.Tensor, weight: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
-    pull = slope + weight * values
-    return (pull > 0) & (0.5 * pull.square() / weight.clamp(min=1e-9) > _toll(values))
+def _hot(gradient: torch.Tensor, information: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
+    """Return which pixels gain more log-likelihood from an offset of their own than naming them costs."""
+    from_zero = gradient + information * values
+    gain = 0.5 * from_zero.square() / information.clamp(min=1e-9)
+    return (from_zero > 0) & (gain > _hot_penalty(values))
 
 
-def _toll(values: torch.Tensor) -> float:
-    """Nats that naming one more hot pixel costs: which one of all, and how hot."""
-    return math.log(values.numel()) + 5.0
+def _hot_penalty(values: torch.Tensor) -> float:
+    """Return the nats that naming one more hot pixel costs: which one of all, and how hot."""
+    return math.log(values.numel()) + HOT_PIXEL_PENALTY
 
 
-def _cost(values: torch.Tensor, weight: torch.Tensor, std: float) -> float:
+def _penalty(values: torch.Tensor, information: torch.Tensor, std: float) -> float:
+    """Return what a Gaussian prior and the uncertainty of the values take off the log-likelihood, in nats."""
     std = max(std, 1e-9)
-    return float(0.5 * (values / std).square().sum() + 0.5 * torch.log1p(std**2 * weight).sum())
+    return float(0.5 * (values / std).square().sum() + 0.5 * torch.log1p(std**2 * information).sum())
 
 
-def _marginal(pull: torch.Tensor, weight: torch.Tensor, std: float) -> float:
-    shrink = std**2 / (1 + std**2 * weight)
-    return float(0.5 * (pull.square() * shrink).sum() - 0.5 * torch.log1p(std**2 * weight).sum())
+def _marginal_gain(from_zero: torch.Tensor, information: torch.Tensor, std: float) -> float:
+    """Return the gain of the marginal likelihood, in nats, by a map whose prior has this standard deviation."""
+    shrink = std**2 / (1 + std**2 * information)
+    return float(0.5 * (from_zero.square() * shrink).sum() - 0.5 * torch.log1p(std**2 * information).sum())
 
 
-def _widest(pull: torch.Tensor, weight: torch.Tensor) -> tuple[float, float, float]:
-    """The prior's standard deviation of the largest marginal likelihood, its gain over 0, its standard error."""
+def _likeliest_prior(from_zero: torch.Tensor, information: torch.Tensor) -> tuple[float, float, float]:
+    """Return the prior's standard deviation of the largest marginal likelihood, its gain, and its standard error.
+
+    Args:
+        from_zero: gradient of the log-likelihood with respect to each value, at a map of zeros.
+        information: about each value.
+    """
     grid = torch.logspace(-6, 0, 61, dtype=torch.float64).tolist()
-    gains = [_marginal(pull, weight, std) for std in grid]
+    gains = [_marginal_gain(from_zero, information, std) for std in grid]
     best = max(range(len(grid)), key=gains.__getitem__)
     low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-    for _ in range(40):
+    for _ in range(40):  # golden-section search
         a, b = low + 0.382 * (high - low), low + 0.618 * (high - low)
-        low, high = (low, b) if _marginal(pull, weight, a) > _marginal(pull, weight, b) else (a, high)
+        a_is_better = _marginal_gain(from_zero, information, a) > _marginal_gain(from_zero, information, b)
+        low, high = (low, b) if a_is_better else (a, high)
     std = (low + high) / 2
-    gain = _marginal(pull, weight, std)
-    step = 0.02 * std
-    curvature = -(_marginal(pull, weight, std + step) - 2 * gain + _marginal(pull, weight, std - step)) / step**2
+    gain, step = _marginal_gain(from_zero, information, std), 0.02 * std
+    below, above = (_marginal_gain(from_zero, information, std + way * step) for way in (-1, 1))
+    curvature = -(above - 2 * gain + below) / step**2
     return std, gain, 1 / math.sqrt(curvature) if curvature > 0 else std
+
+
+class MapSystem:
+    """The information about the values of all maps, and its inverse.
+
+    Maps of pixels are eliminated one after the other, pixel by pixel; what remains couples rows with columns and is
+    small and dense. The values of all maps stand in one vector, map after map, S in all.
+
+    Args:
+        maps: any number.
+        information: ``(N, H, W)`` about the mean of every fitted pixel, 0 for held-out ones.
+    """
+
+    def __init__(self, maps: Sequence[FixedPatternMap], information: torch.Tensor) -> None:
+        self.maps = sorted(maps, key=lambda one: one.kind in ("row", "column"))
+        self._pixels = [i for i, one in enumerate(self.maps) if one.kind not in ("row", "column")]
+        self._lines = [i for i, one in enumerate(self.maps) if one.kind in ("row", "column")]
+        indices = range(len(self.maps))
+        self._shared = {
+            (i, j): (self.maps[i].jacobian * self.maps[j].jacobian * information).sum(0).double()
+            for i in indices
+            for j in indices[i + 1 :]
+        }
+        self._inverse: list[torch.Tensor] = []
+        own = [one.precision for one in self.maps]
+        for i in self._pixels:
+            inverse = torch.where(self.maps[i].active, 1 / own[i], 0.0)
+            self._inverse.append(inverse)
+            later = indices[i + 1 :]
+            for j in later:
+                taken = self._shared[i, j] * inverse
+                own[j] = own[j] - self.maps[j].reduce(taken * self._shared[i, j])
+                for k in indices[j + 1 :]:
+                    self._shared[j, k] = self._shared[j, k] - taken * self._shared[i, k]
+        self._dense = self._line_matrix(own)
+
+    def _line_matrix(self, own: list[torch.Tensor]) -> torch.Tensor:
+        """Return the Cholesky factor of the information about all rows and columns."""
+        blocks = []
+        for i in self._lines:
+            across = []
+            for j in self._lines:
+                if i == j:
+                    across.append(torch.diag(own[i].flatten()))
+                    continue
+                shared = self._shared[min(i, j), max(i, j)]
+                if self.maps[i].kind == self.maps[j].kind:
+                    across.append(torch.diag(self.maps[i].reduce(shared).flatten()))
+                else:
+                    across.append(shared if self.maps[i].kind == "row" else shared.T)
+            blocks.append(torch.cat(across, 1))
+        return torch.linalg.cholesky(torch.cat(blocks)) if blocks else torch.zeros(0, 0)
+
+    @property
+    def gradient(self) -> torch.Tensor:
+        """``(S,)`` gradient of the penalised log-likelihood with respect to every value."""
+        return torch.cat([one.gradient.flatten() for one in self.maps]) if self.maps else torch.zeros(0).double()
+
+    def cross_information(self, weighted: torch.Tensor) -> torch.Tensor:
+        """Return the information that the values share with changes of the mean, ``(K, S)``.
+
+        Args:
+            weighted: ``(K, N, H, W)`` changes of the mean times the information about it.
+        """
+        shared = [one.cross_information(weighted).flatten(1) for one in self.maps]
+        return torch.cat(shared, 1) if shared else torch.zeros(len(weighted), 0, dtype=torch.float64)
+
+    def split(self, values: torch.Tensor) -> list[torch.Tensor]:
+        """Split ``(K, S)`` into one ``(K, *map)`` for each map."""
+        sizes = [one.values.numel() for one in self.maps]
+        return [
+            part.unflatten(1, one.values.shape) for one, part in zip(self.maps, values.split(sizes, 1), strict=True)
+        ]
+
+    def solve(self, right: torch.Tensor) -> torch.Tensor:
+        """Return the inverse information times ``(K, S)``."""
+        if not self.maps:
+            return right
+        parts = self.split(right)
+        for i, inverse in zip(self._pixels, self._inverse, strict=True):
+            for j in range(i + 1, len(parts)):
+                parts[j] = parts[j] - self.maps[j].reduce(self._shared[i, j] * inverse * parts[i])
+        if self._lines:
+            stacked = torch.cat([parts[i].flatten(1) for i in self._lines], 1)
+            solved = torch.cholesky_solve(stacked.T, self._dense).T
+            sizes = [self.maps[i].values.numel() for i in self._lines]
+            for i, part in zip(self._lines, solved.split(sizes, 1), strict=True):
+                parts[i] = part.unflatten(1, self.maps[i].values.shape)
+        for i, inverse in reversed(list(zip(self._pixels, self._inverse, strict=True))):
+            for j in range(i + 1, len(parts)):
+                parts[i] = parts[i] - self._shared[i, j] * parts[j]
+            parts[i] = parts[i] * inverse
+        return torch.cat([part.flatten(1) for part in parts], 1)

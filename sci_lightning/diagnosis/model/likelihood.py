@@ -1,25 +1,90 @@
-"""How probable a DN is: the probability of the interval it stands for, tails at the ends."""
+"""The likelihood of a pixel: the probability of the interval of signal that its DN stands for.
+
+The signal is Gaussian before the converter, unless it saturates before the converter does
+(:class:`ClippedSignal`). The converter rounds, and clips at 0 and at full scale, so that the intervals at both ends are
+open.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
-
-from sci_lightning.diagnosis.model.ceiling import Ceiling
+from torch.special import ndtr, ndtri
 
 IMPOSSIBLE = -60.0
 """Log-probability of a code that a converter of so many bits does not have."""
 LEAST_DEVIATION = 0.05
-"""DN; noise below it cannot be told from none behind a converter."""
+"""DN; behind a converter a smaller standard deviation cannot be told from none."""
 BRIGHTER = 0.01
-"""Standard deviations over which the derivative by the light is taken near a ceiling."""
+"""Standard deviations over which the derivative by the light is taken near saturation."""
 LEAST_KEPT = 1e-3
-"""Share of the signal below a ceiling under which a change of light is no longer followed."""
+"""Share of the signal below saturation under which the recorded mean counts as independent of the light."""
+FAR_TAIL = -11.0
+"""Standard deviations below which the error function leaves single precision and its asymptote is used."""
+MIXED = 6.0
+"""Standard deviations from the saturation level beyond which a signal is either untouched or entirely saturated."""
+NEGLIGIBLE_TAIL = 8.0
+"""Standard deviations beyond which probabilities are too small to be subtracted from 1."""
 
-FAR = -11.0
-"""Standard deviations below which the error function leaves single precision."""
+
+@dataclass(frozen=True)
+class ClippedSignal:
+    """A Gaussian signal that is clipped at a level below full scale (a full well), with read noise added afterwards.
+
+    Its distribution is the part of the Gaussian below the level and a spike at the level, convolved with read noise.
+
+    Attributes:
+        mean, deviation: ``(N, H, W)`` DN, of the signal as it would be without clipping, read noise included.
+        level: DN at which it is recorded when it is clipped; broadcasts to ``(N, H, W)``.
+        read: DN, standard deviation of the noise that is added after clipping.
+    """
+
+    mean: torch.Tensor
+    deviation: torch.Tensor
+    level: torch.Tensor
+    read: torch.Tensor
+
+    @cached_property
+    def mixed(self) -> torch.Tensor:
+        """Bool ``(N, H, W)``: pixels whose signal is sometimes clipped and sometimes not.
+
+        The read noise is taken as small beside the signal's own noise; where it is not, a Gaussian serves as well.
+        """
+        return ((self.mean - self.level).abs() < MIXED * self.deviation) & (self.deviation > 1.5 * self.read)
+
+    @cached_property
+    def kept(self) -> torch.Tensor:
+        """``(N, H, W)`` probability that the signal stays below the level: the recorded mean moves by so much less."""
+        return ndtr((self.level - self.mean) / self.deviation)
+
+    def brighter(self, deviations: float) -> ClippedSignal:
+        """Return the same for more light, by so many standard deviations."""
+        return replace(self, mean=self.mean + deviations * self.deviation)
+
+    def standardise(self, signal: torch.Tensor, otherwise: torch.Tensor) -> torch.Tensor:
+        """Return the standard normal number that is exceeded as often as the signal ``(N, H, W)``, in DN, is.
+
+        Pixels that are not :attr:`mixed` get the value of ``otherwise``.
+        """
+        if not self.mixed.any():
+            return otherwise
+        level, read = self.level.expand_as(self.mean), self.read.expand_as(self.mean)
+        mean, deviation, level, read, signal = (
+            field[self.mixed].double() for field in (self.mean, self.deviation, level, read, signal)
+        )
+        from_mean, from_level = (signal - mean) / deviation, (signal - level) / read
+        clipped = ndtr((mean - level) / deviation)
+        spike = clipped * ndtr(from_level)
+        lower = torch.minimum(ndtr(from_mean), 1 - clipped) + spike
+        upper = torch.where(signal < level, ndtr(-from_mean) - spike, clipped * ndtr(-from_level))
+        normal = torch.where(lower < 0.5, ndtri(lower), -ndtri(upper.clamp(min=0)))
+        normal = torch.where(from_mean < -NEGLIGIBLE_TAIL, from_mean, normal)
+        far_above = (from_level.square() - 2 * clipped.clamp(min=1e-30).log()).sqrt()
+        normal = torch.where(from_level > NEGLIGIBLE_TAIL, far_above, normal)
+        return otherwise.masked_scatter(self.mixed, normal.to(otherwise.dtype))
 
 
 @dataclass(frozen=True)
@@ -37,7 +102,13 @@ class Intervals:
 
     @staticmethod
     def of(dn: torch.Tensor, bit_depth: int, bits: int) -> Intervals:
-        """Of raw DN ``(N, H, W)`` of ``bit_depth`` bits, out of a converter of which ``bits`` are effective."""
+        """Return the signal interval that each raw DN represents.
+
+        Args:
+            dn: ``(N, H, W)`` raw DN.
+            bit_depth: bits of the numbers.
+            bits: effective bits of the converter, at most ``bit_depth``.
+        """
         full, codes = 2**bit_depth - 1, 2**bits - 1
         code = torch.round(dn * (codes / full))
         step = full / codes
@@ -49,57 +120,62 @@ class Intervals:
 
 
 @dataclass(frozen=True)
-class Score:
-    """Log-likelihood of every pixel and its derivatives.
+class PixelLikelihood:
+    """Log-likelihood of every pixel and its derivatives, ``(N, H, W)`` each.
 
     Attributes:
-        value: ``(N, H, W)`` nats.
-        slope: by the mean, 1 / DN.
-        weight: minus the second derivative by the mean, 1 / DN squared; never negative.
-        spread: by the logarithm of the standard deviation.
-        spread_weight: the information about that logarithm.
+        log_likelihood: nats.
+        mean_gradient: first derivative with respect to the mean, 1 / DN.
+        mean_information: minus the second derivative with respect to the mean, 1 / DN squared; never negative.
+        spread_gradient: first derivative with respect to the logarithm of the standard deviation.
+        spread_information: Fisher information about that logarithm.
     """
 
-    value: torch.Tensor
-    slope: torch.Tensor
-    weight: torch.Tensor
-    spread: torch.Tensor
-    spread_weight: torch.Tensor
+    log_likelihood: torch.Tensor
+    mean_gradient: torch.Tensor
+    mean_information: torch.Tensor
+    spread_gradient: torch.Tensor
+    spread_information: torch.Tensor
 
 
 def log_likelihood(
-    intervals: Intervals, mean: torch.Tensor, deviation: torch.Tensor, ceiling: Ceiling | None = None
+    intervals: Intervals, mean: torch.Tensor, deviation: torch.Tensor, clipped: ClippedSignal | None = None
 ) -> torch.Tensor:
-    """``(N, H, W)`` nats, of Gaussian signal of this mean and deviation (DN), unless it ends at a ceiling."""
-    low, high = _ordered(intervals, mean, deviation, ceiling)[:2]
-    value = _log_difference(low, high)
+    """Return the log-likelihood of every pixel, ``(N, H, W)`` in nats.
+
+    Args:
+        intervals: what the DN stand for.
+        mean, deviation: ``(N, H, W)`` DN, of the signal before the converter.
+        clipped: the signal's distribution where it saturates before the converter does.
+    """
+    low, high = _standardise(intervals, mean, deviation, clipped)[:2]
+    value = _log_probability(low, high)
     return value if intervals.possible is None else torch.where(intervals.possible, value, IMPOSSIBLE)
 
 
-def score(intervals: Intervals, mean: torch.Tensor, deviation: torch.Tensor, ceiling: Ceiling | None = None) -> Score:
-    """Log-likelihood and derivatives at a prediction; see :class:`Score`; near a ceiling, by the light."""
-    low, high, sign = _ordered(intervals, mean, deviation, ceiling)
-    value = _log_difference(low, high)
-    at_low, at_high = (_density_over(edge, value) for edge in (low, high))  # density over the interval's probability
+def pixel_likelihood(
+    intervals: Intervals, mean: torch.Tensor, deviation: torch.Tensor, clipped: ClippedSignal | None = None
+) -> PixelLikelihood:
+    """Return the log-likelihood of every pixel with its derivatives; arguments as for :func:`log_likelihood`.
+
+    Near saturation the derivatives with respect to the mean are those with respect to the light, scaled to the mean.
+    """
+    low, high, sign = _standardise(intervals, mean, deviation, clipped)
+    value = _log_probability(low, high)
+    at_low, at_high = (_density_ratio(edge, value) for edge in (low, high))
     first = at_low - at_high
-    second = _times(low, at_low) - _times(high, at_high)
-    weight = (first.square() - second).clamp(0, 1) / deviation.square()
-    slope = sign * first / deviation
-    if ceiling is not None and ceiling.mixed.any():
-        brighter = log_likelihood(intervals, mean, deviation, ceiling.brighter(BRIGHTER))
-        kept, spread = ceiling.kept.clamp(min=LEAST_KEPT), ceiling.deviation
-        slope = torch.where(ceiling.mixed, (brighter - value) / (BRIGHTER * spread * kept), slope)
-        weight = torch.where(ceiling.mixed, 1 / (spread.square() * kept), weight)
+    second = _product(low, at_low) - _product(high, at_high)
+    information = (first.square() - second).clamp(0, 1) / deviation.square()
+    gradient = sign * first / deviation
+    if clipped is not None and clipped.mixed.any():
+        brighter = log_likelihood(intervals, mean, deviation, clipped.brighter(BRIGHTER))
+        kept, spread = clipped.kept.clamp(min=LEAST_KEPT), clipped.deviation
+        gradient = torch.where(clipped.mixed, (brighter - value) / (BRIGHTER * spread * kept), gradient)
+        information = torch.where(clipped.mixed, 1 / (spread.square() * kept), information)
     quantised = deviation.square() / (deviation.square() + 1 / 12)
     if intervals.possible is not None:
         value = torch.where(intervals.possible, value, IMPOSSIBLE)
-    return Score(
-        value,
-        slope,
-        weight,
-        second.clamp(-1, 1e4),
-        2 * quantised.square(),
-    )
+    return PixelLikelihood(value, gradient, information, second.clamp(-1, 1e4), 2 * quantised.square())
 
 
 def quantile_residuals(
@@ -107,58 +183,63 @@ def quantile_residuals(
     mean: torch.Tensor,
     deviation: torch.Tensor,
     random: torch.Generator,
-    ceiling: Ceiling | None = None,
+    clipped: ClippedSignal | None = None,
 ) -> torch.Tensor:
-    """Randomised quantile residuals ``(N, H, W)``: standard normal, independent, when the model is right.
+    """Return randomised quantile residuals ``(N, H, W)``: standard normal and independent when the model is right.
 
     A point is drawn from the DN's interval in proportion to the predicted density; far out, where probabilities
     vanish, the interval's nearer end stands for it. Dunn and Smyth, "Randomized Quantile Residuals" (1996).
     """
-    low, high, sign = _ordered(intervals, mean, deviation, ceiling)
+    low, high, sign = _standardise(intervals, mean, deviation, clipped)
     low, high = low.double(), high.double()
     below, above = torch.special.ndtr(low), torch.special.ndtr(high)
     share = torch.rand(mean.shape, generator=random, dtype=torch.float64)
     drawn = torch.special.ndtri((below + share * (above - below)).clamp(1e-300, 1 - 1e-16))
-    # after ordering an interval lies below 0 or around it, so only its upper end can be too far out
+    # a standardised interval lies below 0 or around it, so only its upper end can be too far out
     return (sign * torch.where(high < -8, high, drawn)).float()
 
 
-def _ordered(
-    intervals: Intervals, mean: torch.Tensor, deviation: torch.Tensor, ceiling: Ceiling | None
+def _standardise(
+    intervals: Intervals, mean: torch.Tensor, deviation: torch.Tensor, clipped: ClippedSignal | None
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """The standardised interval, mirrored where it lies above the mean, and the sign of the mirroring."""
+    """Return both ends of the interval in standard deviations from the mean, and a sign.
+
+    An interval above the mean is mirrored, because the error function is precise in the lower tail; the sign is then
+    -1, else 1.
+    """
     low, high = (intervals.low - mean) / deviation, (intervals.high - mean) / deviation
-    if ceiling is not None:
-        low, high = ceiling.standardise(intervals.low, low), ceiling.standardise(intervals.high, high)
+    if clipped is not None:
+        low, high = clipped.standardise(intervals.low, low), clipped.standardise(intervals.high, high)
     above = low > 0
     sign = 1 - 2 * above.to(mean.dtype)
     return torch.where(above, -high, low), torch.where(above, -low, high), sign
 
 
-def _log_difference(low: torch.Tensor, high: torch.Tensor) -> torch.Tensor:
-    """Logarithm of the normal probability between two ordered places, of which the upper is the nearer to 0.
+def _log_probability(low: torch.Tensor, high: torch.Tensor) -> torch.Tensor:
+    """Return the logarithm of the normal probability between two standardised ends, ``high`` being the nearer to 0.
 
     In the lower tail the complementary error function is precise, and a difference of two of its values much faster
-    than one of their logarithms; beyond its range the tail's asymptote stands in for it.
+    than one of their logarithms; beyond its range the tail's asymptote is used.
     """
     between = 0.5 * (torch.special.erfc(high * -math.sqrt(0.5)) - torch.special.erfc(low * -math.sqrt(0.5)))
-    larger, smaller = _tail(high), _tail(low)
+    larger, smaller = _log_tail(high), _log_tail(low)
     far = larger + torch.log(-torch.expm1((smaller - larger).clamp(max=-1e-7)))
-    return torch.where(high > FAR, torch.log(between.clamp(min=1e-37)), far)
+    return torch.where(high > FAR_TAIL, torch.log(between.clamp(min=1e-37)), far)
 
 
-def _tail(place: torch.Tensor) -> torch.Tensor:
-    """Logarithm of the normal probability below a place that is far below 0, asymptotically."""
-    place = place.clamp(max=FAR)
-    by = 1 / place.square()
-    series = torch.log1p(by * (by * (3 - 15 * by) - 1))
-    return -0.5 * place.square() - torch.log(-place) - 0.5 * math.log(2 * math.pi) + series
+def _log_tail(z: torch.Tensor) -> torch.Tensor:
+    """Return the logarithm of the normal probability below z for z far below 0, by its asymptotic series."""
+    z = z.clamp(max=FAR_TAIL)
+    inverse_square = 1 / z.square()
+    series = torch.log1p(inverse_square * (inverse_square * (3 - 15 * inverse_square) - 1))
+    return -0.5 * z.square() - torch.log(-z) - 0.5 * math.log(2 * math.pi) + series
 
 
-def _density_over(edge: torch.Tensor, log_probability: torch.Tensor) -> torch.Tensor:
+def _density_ratio(edge: torch.Tensor, log_probability: torch.Tensor) -> torch.Tensor:
+    """Return the normal density at an end of the interval, divided by the interval's probability."""
     return torch.exp((-edge.square() / 2 - 0.5 * math.log(2 * math.pi) - log_probability).clamp(max=60))
 
 
-def _times(edge: torch.Tensor, density: torch.Tensor) -> torch.Tensor:
-    """edge * density, 0 at infinity."""
+def _product(edge: torch.Tensor, density: torch.Tensor) -> torch.Tensor:
+    """Return edge times density, which is 0 at infinity."""
     return torch.where(edge.isinf(), 0.0, edge * density)

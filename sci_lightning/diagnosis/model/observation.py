@@ -1,4 +1,4 @@
-"""What the captures say, in the form in which a model is held against them."""
+"""The captures in the form in which a model is compared with them."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from sci_lightning.captures import Captures
 from sci_lightning.encoder.effects import ReadNoise, ShotNoise
 from sci_lightning.errors import BadInput
 
-BRIGHTEST = (1e-4, 1e-3, 0.01, 0.05)
-"""Shares of the pixels that may be in a pile-up, hot pixels aside."""
-WIDTH = 4.0
-"""DN around a pile-up that the readout's noise fills."""
+PILE_UP_SHARES = (1e-4, 1e-3, 0.01, 0.05)
+"""Parts of all pixels, the brightest ones, that may have piled up at a saturation level."""
+PILE_UP_WIDTH = 4.0
+"""DN around a saturation level that the read noise fills."""
 
-BEYOND = 1e6
-"""Light and exposure, relative to nominal, that no session can have."""
+MAX_LIGHT = 1e6
+"""Light and exposure, relative to nominal, above which a capture is refused: no session can have so much."""
 
 
 @dataclass(frozen=True)
@@ -27,16 +27,18 @@ class Observation:
     """The captures whose scenes are known, sorted by their content so that their order in the file does not matter.
 
     Attributes:
-        patterns: ``(P, H, W)`` told to the modulator.
+        patterns: ``(P, H, W)`` commanded patterns of the modulator.
         sequences: ``(U, T)`` the different sequences of patterns.
         sequence: ``(N,)`` which of them each capture used.
-        scene: N tensors that broadcast to ``(T, H, W)``: ``(T, 1, 1)`` when even, ``(1, H, W)`` at rest.
+        scene: N tensors that broadcast to ``(T, H, W)``: ``(T, 1, 1)`` for an even scene, ``(1, H, W)`` at rest.
         aperture, exposure: ``(N, 1, 1)``.
         dn: ``(N, H, W)`` float32 raw DN.
         bit_depth: of the converter.
-        kinds: N kinds told by the content, whatever the labels say.
+        kinds: N kinds of capture, inferred from the content, whatever the labels say.
         number: ``(N,)`` place of each capture in the file.
-        read_noise, full_well: the datasheet, DN and electrons; None where it is silent.
+        read_noise, full_well: the datasheet's values in DN and electrons; None where it is silent.
+        position: ``(N,)`` place of each capture in the order in which they were taken, for what depends on time;
+            None if they were not taken one after the other.
     """
 
     patterns: torch.Tensor
@@ -51,6 +53,7 @@ class Observation:
     number: torch.Tensor
     read_noise: float | None
     full_well: float | None
+    position: torch.Tensor | None = None
 
     @property
     def full_scale(self) -> int:
@@ -59,31 +62,31 @@ class Observation:
 
     @property
     def size(self) -> tuple[int, int]:
-        """(H, W)."""
+        """(H, W) of the field, in pixels."""
         return int(self.dn.shape[1]), int(self.dn.shape[2])
 
     @property
     def frames(self) -> int:
-        """T."""
+        """T, slots of a capture."""
         return int(self.sequences.shape[1])
 
     @cached_property
     def pile_ups(self) -> list[float]:
-        """Signals, as fractions of full scale, at which the brightest pixels may have piled up: medians of DN there."""
+        """Levels, as fractions of full scale, at which the brightest pixels may have piled up: medians of DN there."""
         bright = self.dn.flatten().sort(descending=True).values
-        found = set()
-        for share in BRIGHTEST:
+        levels = set()
+        for share in PILE_UP_SHARES:
             place = float(bright[int(share * len(bright))])
-            near = bright[(bright > place - WIDTH) & (bright < place + WIDTH)]
-            found.add(float(near.median()) / self.full_scale)
-        return sorted(each for each in found if 0 < each < 1)
+            near = bright[(bright > place - PILE_UP_WIDTH) & (bright < place + PILE_UP_WIDTH)]
+            levels.add(float(near.median()) / self.full_scale)
+        return sorted(level for level in levels if 0 < level < 1)
 
     def __len__(self) -> int:
         return len(self.dn)
 
 
 def observe(captures: Captures) -> Observation:
-    """Prepare captures for a diagnosis.
+    """Prepare the captures with known scenes for a diagnosis.
 
     Raises:
         BadInput: no capture with a known scene, all pixels saturated, or all black; light, exposure or datasheet values
@@ -116,17 +119,18 @@ def observe(captures: Captures) -> Observation:
         number=torch.tensor(order),
         read_noise=captures.read_noise_dn,
         full_well=captures.full_well_e,
+        position=torch.tensor(order),
     )
 
 
 def _check_values(captures: Captures, known: list[int]) -> None:
-    """Refuse values that are in the format's range but no camera can have: nothing could be computed of them."""
+    """Refuse values that the format allows but no camera can have: predictions would overflow."""
     for number in known:
         light = float(captures.aperture[number]) * float(captures.scene[number].max())
         for what, value in (("aperture times scene", light), ("exposure", float(captures.exposure[number]))):
-            if value > BEYOND:
+            if value > MAX_LIGHT:
                 raise BadInput(
-                    f"{captures.name}: {what} of capture {number} is {value:.3g}, expected at most {BEYOND:.0e} "
+                    f"{captures.name}: {what} of capture {number} is {value:.3g}, expected at most {MAX_LIGHT:.0e} "
                     "(1 fills the sensor's range, or is the nominal exposure)"
                 )
     datasheet = (
@@ -139,12 +143,13 @@ def _check_values(captures: Captures, known: list[int]) -> None:
 
 
 def _digest(captures: Captures, n: int) -> str:
+    """Return a digest over the content of one capture."""
     content = (captures.sequence[n], captures.aperture[n], captures.exposure[n], captures.measurement[n])
     return hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in content)).hexdigest()
 
 
 def _compact(scene: np.ndarray) -> torch.Tensor:
-    """The scene without its repetitions."""
+    """Return a scene without its repetitions in space or time."""
     if (scene == scene[:, :1, :1]).all():
         scene = scene[:, :1, :1]
     elif (scene == scene[:1]).all():

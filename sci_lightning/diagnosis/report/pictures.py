@@ -72,8 +72,8 @@ def _colour_bar(figure: Figure, image: Any, axes: list[Any], label: str) -> None
 
 def example_figure(before: Residuals, after: Residuals) -> Figure:
     """The held-out capture that the ideal camera misses most: as recorded, and its residuals before and after."""
-    seen = before.seen
-    held = before.fitter.split.held_capture
+    seen = before.observation
+    held = before.fitter.split.held_out_capture
     misfit = before.raw.square().mean((1, 2))
     number = int(torch.where(held, misfit, -1.0).argmax() if held.any() else misfit.argmax())
     pictures = [Picture("map", each.raw[number], axes=PLACE) for each in (before, after)]

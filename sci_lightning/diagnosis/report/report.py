@@ -43,7 +43,9 @@ def describe(found: Diagnosis) -> dict[str, Any]:
         "where": {when: [test.describe() for test in each.tests] for when, each in assessments.items()},
         "noise": {
             **{
-                name: each for name, each in found.after.fit.hypothesis.effects.items() if found.model.known[name].noise
+                name: each
+                for name, each in found.after.fit.hypothesis.effects.items()
+                if found.model.effects[name].noise
             },
             "stated_by_the_file": list(found.stated_noise),
         },
@@ -79,15 +81,15 @@ def write_encoder(found: Diagnosis, out: str | Path) -> None:
     _save(out / "patterns.npy", patterns)
     effects: dict[str, Any] = {}
     for name, values in fit.hypothesis.effects.items():
-        effect = found.model.known[name]
+        effect = found.model.effects[name]
         if issubclass(effect, Empirical) and effect.of_captures:
             continue
         effects[name] = {"_target_": f"{effect.__module__}.{effect.__qualname__}", **values}
         if issubclass(effect, Empirical):
             effects[name]["count"] = effect.count
-        if effect.map_kind and name in fit.hypothesis.charts:
+        if effect.map_kind and name in fit.hypothesis.maps:
             scale = float(values["std"]) if "std" in values else 1.0
-            _save(out / f"{name}.npy", (fit.hypothesis.charts[name] / max(scale, 1e-12)).numpy())
+            _save(out / f"{name}.npy", (fit.hypothesis.maps[name] / max(scale, 1e-12)).numpy())
             effects[name] |= {"file": f"{name}.npy", "size": [height, width]}
     mask = {"file": "patterns.npy", "key": None, "frames": slots, "size": [height, width]}
     content = {

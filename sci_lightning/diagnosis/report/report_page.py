@@ -84,7 +84,7 @@ def _captures(found: Diagnosis) -> str:
     seen = found.observation
     height, width = seen.size
     kinds = ", ".join(f"{seen.kinds.count(kind)} {kind}" for kind in sorted(set(seen.kinds)))
-    held = "judged on pixels that no fit has seen" if found.split.held.any() else "nothing could be held out"
+    held = "judged on pixels that no fit has seen" if found.split.held_out.any() else "nothing could be held out"
     return (
         f"{len(seen)} captures with known scenes ({kinds}), {height} &times; {width} pixels, {seen.frames} slots, "
         f"{seen.bit_depth} bits; {held}."
@@ -241,8 +241,8 @@ def _left(found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str, Figur
 
 def _maps(found: Diagnosis) -> str:
     parts = []
-    for name in found.after.fit.charts:
-        effect, values = found.model.known[name], found.after.fit.hypothesis.charts[name]
+    for name in found.after.fit.maps:
+        effect, values = found.model.effects[name], found.after.fit.hypothesis.maps[name]
         unit = next(iter(effect.about.values())).unit
         label = "relative" if unit == "1" else unit
         parts.append(_figure(pictures.chart_figure(values, label), f"Estimated map of {name}."))

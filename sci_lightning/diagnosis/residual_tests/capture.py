@@ -15,8 +15,8 @@ POWERS = 3
 
 def kinds(residuals: Residuals) -> Answer:
     """Mean residual of every kind of capture."""
-    names = tuple(sorted(set(residuals.seen.kinds)))
-    members = [torch.tensor([each == name for each in residuals.seen.kinds]) for name in names]
+    names = tuple(sorted(set(residuals.observation.kinds)))
+    members = [torch.tensor([each == name for each in residuals.observation.kinds]) for name in names]
     count = torch.tensor([residuals.raw[each].numel() for each in members]).double()
     mean = torch.stack([residuals.scaled[each].mean(dtype=torch.float64) for each in members])
     picture = Picture("bars", mean, unit="mean residual (σ)", x=names, axes=("kind",), errors=count.rsqrt())
@@ -27,8 +27,8 @@ def captures(residuals: Residuals) -> Answer:
     """Light beyond the model in every capture, relative to its own; the mean residual, where there is no light."""
     values, errors = _light(residuals)
     scores = torch.zeros_like(values)
-    scores[residuals.seen.number.argsort().argsort()] = values / errors
-    numbers = tuple(str(n) for n in residuals.seen.number.sort().values.tolist())
+    scores[residuals.observation.number.argsort().argsort()] = values / errors
+    numbers = tuple(str(n) for n in residuals.observation.number.sort().values.tolist())
     return judge(scores, Picture("bars", scores, x=numbers, axes=("capture, as in the file",)))
 
 
@@ -39,7 +39,7 @@ def drift(residuals: Residuals) -> Answer:
     """
     values, errors = _light(residuals)
     lit = torch.tensor([bool(mean.mean() > 1) for mean in residuals.prediction.mean])
-    number, values, errors = residuals.seen.number[lit].double(), values[lit], errors[lit]
+    number, values, errors = residuals.observation.number[lit].double(), values[lit], errors[lit]
     order = number.argsort()
     picture = Picture(
         "curve",
@@ -66,7 +66,7 @@ def drift(residuals: Residuals) -> Answer:
 
 def _light(residuals: Residuals) -> tuple[torch.Tensor, torch.Tensor]:
     """``(N,)`` light beyond the model, as a part of the capture's own light (1 without any), and standard errors."""
-    light = residuals.prediction.mean / residuals.seen.full_scale * residuals.sensitivity
+    light = residuals.prediction.mean / residuals.observation.full_scale * residuals.sensitivity
     lit = (light.square().sum((1, 2)) > 0)[:, None, None]
     light = torch.where(lit, light, 1.0).double()
     weight = light.square().sum((1, 2))

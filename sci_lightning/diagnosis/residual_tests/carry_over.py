@@ -14,8 +14,8 @@ LATER = 3
 
 def carry_over(residuals: Residuals) -> Answer:
     """Residual against the pictures of the captures before it in the file, what resembles its own picture taken out."""
-    pictures = residuals.prediction.mean / residuals.seen.full_scale
-    place = {number: n for n, number in enumerate(residuals.seen.number.tolist())}
+    pictures = residuals.prediction.mean / residuals.observation.full_scale
+    place = {number: n for n, number in enumerate(residuals.observation.number.tolist())}
     found = Regression(LATER)
     for number, n in place.items():
         weight = residuals.sensitivity[n]

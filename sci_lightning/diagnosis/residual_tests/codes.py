@@ -21,9 +21,9 @@ def codes(residuals: Residuals) -> Answer:
     A code is missed as often as the model gives it or, if that is less, half as often as the rarer of its nearest
     neighbours occurs: a wrong mean alone leaves no code missing. How often a code occurs is Poisson-distributed.
     """
-    seen = residuals.seen
-    full = seen.full_scale
-    found = torch.bincount(seen.dn.flatten().long(), minlength=full + 1).double()
+    observation = residuals.observation
+    full = observation.full_scale
+    found = torch.bincount(observation.dn.flatten().long(), minlength=full + 1).double()
     missing = found == 0
     index = torch.arange(full + 1)
     below = torch.where(missing, -REACH - 1, index).cummax(0).values
@@ -41,7 +41,7 @@ def codes(residuals: Residuals) -> Answer:
 
 def _drawn(residuals: Residuals) -> torch.Tensor:
     """How many pixels of every code the model gives, its converter of so many bits."""
-    full, prediction = residuals.seen.full_scale, residuals.prediction
+    full, prediction = residuals.observation.full_scale, residuals.prediction
     random = torch.Generator().manual_seed(residuals.seed)
     step = full / (2**prediction.bits - 1)
     count = torch.zeros(full + 1, dtype=torch.float64)

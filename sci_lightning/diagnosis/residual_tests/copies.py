@@ -17,7 +17,7 @@ def copies(residuals: Residuals) -> Answer:
 
     What follows the picture itself is taken out first: it is a matter of gain, not of place.
     """
-    height, width = residuals.seen.size
+    height, width = residuals.observation.size
     total, squares = torch.zeros(height, width), 0.0
     for mean, weight, residual in zip(residuals.prediction.mean, residuals.sensitivity, residuals.scaled, strict=True):
         picture = mean - mean.mean()

@@ -17,10 +17,10 @@ the middle of the field's edges; half the squared width of a blur."""
 
 def mask_edges(residuals: Residuals) -> Answer:
     """Residual against what moves or blurs the mask's image and leaves the scene where it is."""
-    seen = residuals.seen
+    observation = residuals.observation
 
     def light(n: int) -> tuple[torch.Tensor, torch.Tensor]:
-        masks, scene = residuals.masks[seen.sequence[n]], seen.scene[n]
+        masks, scene = residuals.masks[observation.sequence[n]], observation.scene[n]
         return (masks.sum(0, keepdim=True) if len(scene) == 1 else masks), scene  # at rest: the masks may be added up
 
     return _answer(residuals, light)
@@ -28,24 +28,26 @@ def mask_edges(residuals: Residuals) -> Answer:
 
 def image_edges(residuals: Residuals) -> Answer:
     """Residual against what moves or blurs the whole picture."""
-    seen = residuals.seen
+    observation = residuals.observation
 
     def light(n: int) -> tuple[torch.Tensor, torch.Tensor]:
-        return (residuals.masks[seen.sequence[n]] * seen.scene[n]).sum(0, keepdim=True), torch.ones(1, 1, 1)
+        return (residuals.masks[observation.sequence[n]] * observation.scene[n]).sum(0, keepdim=True), torch.ones(
+            1, 1, 1
+        )
 
     return _answer(residuals, light)
 
 
 def _answer(residuals: Residuals, light: Callable[[int], tuple[torch.Tensor, torch.Tensor]]) -> Answer:
     """Of a function that gives fields ``(T, H, W)`` that are moved, and others that they are multiplied with."""
-    height, width = residuals.seen.size
+    height, width = residuals.observation.size
     y = torch.linspace(-1, 1, height)[:, None]
     x = torch.linspace(-1, 1, width)[None]
     found = Regression(len(NAMES))
     for n, residual in enumerate(residuals.scaled):
         moved, fixed = light(n)
         right, down, blur = (
-            (each * fixed).sum(0) * residuals.sensitivity[n] * residuals.seen.aperture[n]
+            (each * fixed).sum(0) * residuals.sensitivity[n] * residuals.observation.aperture[n]
             for each in _derivatives(moved)
         )
         # what moves by (u, v) changes by u * right + v * down

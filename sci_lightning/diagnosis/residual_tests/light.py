@@ -14,7 +14,7 @@ NAMES = ("own", "even", "in the dark")
 def light(residuals: Residuals) -> Answer:
     """Residual against the predicted signal, its mean over the capture, and a constant: gain, glare, black level."""
     found = Regression(len(NAMES))
-    pictures = residuals.prediction.mean / residuals.seen.full_scale
+    pictures = residuals.prediction.mean / residuals.observation.full_scale
     for picture, weight, residual in zip(pictures, residuals.sensitivity, residuals.scaled, strict=True):
         found.add(
             torch.stack((picture, picture.mean().expand_as(picture), torch.ones_like(picture))) * weight, residual

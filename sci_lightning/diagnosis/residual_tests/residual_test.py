@@ -49,7 +49,7 @@ class Answer:
         statistic: the larger, the less it can be chance.
         p_value: probability of such a statistic, or a larger one, when the model is right.
         nats: log-likelihood that a model of this structure would gain, about; what chance gives taken off.
-        picture: what there is to be seen.
+        picture: what there is to be observation.
     """
 
     statistic: float

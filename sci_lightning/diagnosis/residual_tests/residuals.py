@@ -1,8 +1,8 @@
-"""The residuals that are asked, and what the model says about the pixels they come from."""
+"""The residuals of a fit that every test looks at, and what the model says about the pixels they come from."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import torch
@@ -11,20 +11,19 @@ from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.model.camera_model import Prediction
 from sci_lightning.diagnosis.model.likelihood import quantile_residuals
 from sci_lightning.diagnosis.model.observation import Observation
-from sci_lightning.diagnosis.residual_tests.ahead import predict_ahead
 
-FAR = 6.0
-"""Standard deviations; what lies further out counts as this far, so that a few pixels do not hide all the others."""
+CLIP = 6.0
+"""Standard deviations at which residuals are clipped, so that a few pixels do not hide all the others."""
 FEW = 30
-"""Pixels from which the variance of a level is found; one of fewer is taken to be like the others."""
-LEAST = 1e-4
-"""Variance of residuals that is told from none."""
+"""Pixels that the common variance counts as, when the variance of a level of signal is estimated."""
+LEAST_VARIANCE = 1e-4
+"""Smallest variance of residuals that is divided by."""
 ROUNDING = 1e-4
-"""Part of full scale by which signals that are equal may differ in the computer."""
+"""Part of full scale by which equal signals may differ through rounding."""
 LEVELS = 32
 """Groups of pixels of about equal predicted signal."""
 BRIGHTEST = (0.985, 0.995, 0.999)
-"""Where the brightest of them is divided further: saturation begins there."""
+"""Parts of all pixels at which the brightest group is divided further: saturation begins there."""
 
 
 @dataclass(frozen=True)
@@ -32,11 +31,11 @@ class Residuals:
     """Residuals of a fit.
 
     Attributes:
-        fitter: of the captures.
-        fit: the model that is asked.
+        fitter: holds captures, split and model.
+        fit: the fitted model.
         raw: ``(N, H, W)`` randomised quantile residuals, standard normal when the model is right.
         prediction: mean and deviation, see :func:`predict_ahead`.
-        seed: of what is random.
+        seed: of the randomisation.
     """
 
     fitter: Fitter
@@ -47,84 +46,125 @@ class Residuals:
 
     @staticmethod
     def of(fitter: Fitter, fit: Fit, seed: int) -> Residuals:
-        """Of a fit, all pixels: those that were fitted too."""
+        """Return the residuals of a fit for all pixels, fitted and held out."""
         prediction = predict_ahead(fitter, fit)
         random = torch.Generator().manual_seed(seed)
         intervals = fitter.intervals(prediction.bits)
-        raw = quantile_residuals(intervals, prediction.mean, prediction.deviation, random, prediction.ceiling)
+        raw = quantile_residuals(intervals, prediction.mean, prediction.deviation, random, prediction.clipped)
         return Residuals(fitter, fit, raw, prediction, seed)
 
     @property
-    def seen(self) -> Observation:
+    def observation(self) -> Observation:
         """The captures."""
         return self.fitter.model.observation
 
     @cached_property
     def level(self) -> torch.Tensor:
-        """``(N, H, W)`` which group of predicted signal a pixel is in: of equal size, smaller at the bright end."""
+        """``(N, H, W)`` number of a pixel's group by predicted signal: equal groups, smaller ones at the bright end."""
         mean = self.prediction.mean
         sample = mean.flatten()[:: max(1, mean.numel() // 100_000)].sort().values
         shares = torch.cat((torch.arange(1, LEVELS) / LEVELS, torch.tensor(BRIGHTEST)))
         edges = sample[(shares * (len(sample) - 1)).round().long()].unique()
-        edges = edges + ROUNDING * self.seen.full_scale  # many pixels of even scenes lie right at an edge
+        edges = edges + ROUNDING * self.observation.full_scale  # many pixels of even scenes lie right at an edge
         return torch.bucketize(mean, edges, right=True)
 
     @cached_property
     def scale(self) -> torch.Tensor:
-        """``(N, H, W)`` what residuals are multiplied with for questions about the mean.
+        """``(N, H, W)`` factor of the residuals for tests of the mean.
 
-        Every level of signal and every capture then has the variance 1 as it is found, so that noise that is stated
-        wrongly is not taken for structure.
+        With it every level of signal and every capture has the observed variance 1, so that noise of a wrong strength
+        is not mistaken for structure of the mean.
         """
-        cut = self.cut
-        count, total, squares = (self.by_level(each) for each in (None, cut, cut.square()))
-        common = cut.square().mean()
+        clipped = self.clipped
+        count, total, squares = (self.by_level(values) for values in (None, clipped, clipped.square()))
+        common = clipped.square().mean()
         variance = (squares - total.square() / count.clamp(min=1) + FEW * common) / (count.clamp(min=1) - 1 + FEW)
-        scale = variance.clamp(min=LEAST).rsqrt().float()[self.level]
-        return scale * (cut * scale).square().mean((1, 2), keepdim=True).clamp(min=LEAST).rsqrt()
+        scale = variance.clamp(min=LEAST_VARIANCE).rsqrt().float()[self.level]
+        return scale * (clipped * scale).square().mean((1, 2), keepdim=True).clamp(min=LEAST_VARIANCE).rsqrt()
 
     @property
-    def cut(self) -> torch.Tensor:
-        """``(N, H, W)`` residuals, those beyond ``FAR`` put there."""
-        return self.raw.clamp(-FAR, FAR)
+    def clipped(self) -> torch.Tensor:
+        """``(N, H, W)`` residuals, clipped at ``CLIP`` standard deviations."""
+        return self.raw.clamp(-CLIP, CLIP)
 
     @cached_property
     def scaled(self) -> torch.Tensor:
-        """``(N, H, W)`` residuals for questions about the mean: cut and scaled."""
-        return self.cut * self.scale
+        """``(N, H, W)`` residuals for tests of the mean: clipped and scaled."""
+        return self.clipped * self.scale
 
     def by_level(self, values: torch.Tensor | None) -> torch.Tensor:
-        """Sum over the pixels of each level, or their number: ``(levels,)`` float64."""
+        """Return the sum of values over the pixels of every level, or their number: ``(levels,)`` float64."""
         weights = None if values is None else values.flatten().double()
         return torch.bincount(self.level.flatten(), weights, minlength=int(self.level.max()) + 1).double()
 
     @cached_property
     def sensitivity(self) -> torch.Tensor:
-        """``(N, H, W)`` what :attr:`scaled` grows by with the signal, which is 1 at full scale."""
-        mean, full = self.prediction.mean, self.seen.full_scale
+        """``(N, H, W)`` derivative of :attr:`scaled` with respect to the signal, which is 1 at full scale."""
+        mean, full = self.prediction.mean, self.observation.full_scale
         deviation = (self.prediction.deviation.square() + 1 / 12).sqrt()
-        steep = full / deviation * self.scale
-        return torch.where((mean > 0) & (mean < full), steep, 0.0)
+        derivative = full / deviation * self.scale
+        return torch.where((mean > 0) & (mean < full), derivative, 0.0)
 
     @cached_property
     def images(self) -> torch.Tensor:
-        """``(P, H, W)`` the patterns as the model believes they are imaged on the pixels."""
+        """``(P, H, W)`` images of the patterns on the pixels, as the model predicts them."""
         path = self.fitter.model.path(self.fit.hypothesis)
         with torch.no_grad():
-            return _pooled(path.images(self.seen.patterns), path.cells)
+            return _pooled(path.images(self.observation.patterns), path.cells)
 
     @cached_property
     def masks(self) -> torch.Tensor:
-        """``(U, T, H, W)`` what each frame of the scene is multiplied with, by sequence, as the model believes."""
+        """``(U, T, H, W)`` transmittance for every frame of the scene, by sequence, as the model predicts it."""
         path = self.fitter.model.path(self.fit.hypothesis)
         with torch.no_grad():
-            return _pooled(path.transmittance(self.seen.patterns, self.seen.sequences), path.cells)
+            return _pooled(path.transmittance(self.observation.patterns, self.observation.sequences), path.cells)
 
 
 def _pooled(field: torch.Tensor, cells: int) -> torch.Tensor:
+    """Return a field of q x q cells a pixel on whole pixels."""
     if cells == 1:
         return field
     flat = field.reshape(-1, 1, *field.shape[-2:])
     return torch.nn.functional.avg_pool2d(flat, cells).reshape(
         *field.shape[:-2], *(n // cells for n in field.shape[-2:])
     )
+
+
+def predict_ahead(fitter: Fitter, fit: Fit) -> Prediction:
+    """Predict every capture with maps of pixels that are estimated from the captures before it only.
+
+    Such a map has as many values as a capture has pixels: it follows the pixels that it was fitted to too closely, and
+    differs from the others by its own error, the same in every capture. One step ahead neither is the case, and
+    residuals are independent again (Dawid, "The prequential approach", 1984). The likelihood is taken as quadratic in
+    the maps' values near the fitted ones, which it is not for black and for saturated pixels: captures of middle
+    brightness come first. Maps of columns or rows, and the few hot pixels, are taken as known but for their error.
+
+    Returns:
+        mean and standard deviation ``(N, H, W)`` of every pixel.
+    """
+    pixel = {name: one for name, one in fit.maps.items() if one.kind == "pixel"}
+    others = {name: one for name, one in fit.maps.items() if name not in pixel}
+    prediction = fitter.with_map_uncertainty(fit.prediction, others)
+    if not pixel:
+        return prediction
+    likelihood = fitter.pixel_likelihood(fit.prediction)
+    order = (fit.prediction.mean / fitter.model.observation.full_scale - 0.5).abs().mean((1, 2)).argsort()
+    jacobian = torch.stack([one.jacobian for one in pixel.values()], -1)  # (N, H, W, K maps)
+    values = torch.stack([fit.hypothesis.maps[name] for name in pixel], -1)
+    prior = torch.tensor([1 / max(one.std, 1e-9) ** 2 for one in pixel.values()]).diag()
+    information = torch.zeros(*values.shape, len(pixel)) + prior  # (H, W, K, K)
+    gradient = torch.zeros_like(values)
+    mean, variance = prediction.mean.clone(), prediction.deviation.square()
+    for n in order.tolist():
+        covariance = torch.linalg.inv(information)
+        correction = (covariance @ gradient[..., None])[..., 0] - values
+        mean[n] += (jacobian[n] * correction).sum(-1)
+        variance[n] += torch.einsum("hwk,hwkl,hwl->hw", jacobian[n], covariance, jacobian[n])
+        weighted = jacobian[n] * likelihood.mean_information[n][..., None]
+        information = information + weighted[..., None] * jacobian[n][..., None, :]
+        gradient = (
+            gradient
+            + jacobian[n] * likelihood.mean_gradient[n][..., None]
+            + weighted * (jacobian[n] * values).sum(-1, keepdim=True)
+        )
+    return replace(prediction, mean=mean, deviation=variance.sqrt())

@@ -8,7 +8,7 @@ from functools import partial
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.residual_tests.capture import captures, drift, kinds
 from sci_lightning.diagnosis.residual_tests.carry_over import carry_over
-from sci_lightning.diagnosis.residual_tests.charts import chart
+from sci_lightning.diagnosis.residual_tests.charts import estimated_map
 from sci_lightning.diagnosis.residual_tests.codes import codes
 from sci_lightning.diagnosis.residual_tests.copies import copies
 from sci_lightning.diagnosis.residual_tests.distribution import distribution
@@ -66,9 +66,9 @@ def residual_tests(fitter: Fitter, fit: Fit, seed: int = 0) -> list[ResidualTest
 def ask(residuals: Residuals) -> list[ResidualTest]:
     """The answers of :func:`residual_tests`, to residuals that are at hand."""
     questions = dict(QUESTIONS)
-    for name in residuals.fit.charts:
+    for name in residuals.fit.maps:
         question = f"Is the map of {name} as random as its name says?"
-        questions[f"map_of_{name}"] = ("map", question, partial(chart, name=name))
+        questions[f"map_of_{name}"] = ("map", question, partial(estimated_map, name=name))
     tests, significance = [], residuals.fitter.settings.significance
     for name, (about, question, answered) in questions.items():
         answer = answered(residuals)

@@ -1,4 +1,4 @@
-"""Which other effects the captures cannot tell from one that was found, and what to record to tell them apart."""
+"""Which other effects explain the captures as well as a named one, and what to record to tell them apart."""
 
 from __future__ import annotations
 
@@ -9,21 +9,23 @@ from itertools import combinations
 import torch
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.fit.split import Split
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
+from sci_lightning.diagnosis.fit.parameters import FreeParameters
+from sci_lightning.diagnosis.model.camera_model import Hypothesis
 from sci_lightning.diagnosis.model.observation import Observation
-from sci_lightning.diagnosis.search.imagined_captures import imagined_captures
-from sci_lightning.diagnosis.search.rivals import rivals
+from sci_lightning.diagnosis.search.further_captures import further_captures
+from sci_lightning.diagnosis.search.screening import rivals
 
-MANY = 1000
-"""Nats beyond which their number tells nothing more."""
+MANY_NATS = 1000
+"""Nats beyond which the text says "more than": the exact number means nothing there."""
 
 
 @dataclass(frozen=True)
 class Alternatives:
-    """Attributes:
-    names: effects that explain the captures as well in the place of the one found.
-    tell_apart: what to record to tell them from it, in full sentences; empty without alternatives.
+    """Effects that explain the captures as well as a named one.
+
+    Attributes:
+        names: of these effects.
+        tell_apart: what to record to tell them apart, in full sentences; empty without alternatives.
     """
 
     names: tuple[str, ...]
@@ -32,13 +34,13 @@ class Alternatives:
 
 @dataclass(frozen=True)
 class Separation:
-    """What captures of one kind say about which of two models is right, to second order.
+    """How captures of one kind separate two models, to second order.
 
     Attributes:
-        apart: nats, twice, by which one capture tells the models as they are.
-        shared: ``(p,)`` slope of that by the rival's parameters: how far these could make up for the difference.
-        information: ``(p, p)`` of one capture about the rival's parameters.
-        known: ``(p, p)`` of the captures at hand about them, which keeps them from making up for all of it.
+        apart: twice the nats by which one capture separates the models as they are fitted.
+        shared: ``(p,)`` half the gradient of that with respect to the rival's parameters, with which it could follow.
+        information: ``(p, p)`` of one further capture about the rival's parameters.
+        known: ``(p, p)`` of the existing captures about them, which limits how far the rival can follow.
     """
 
     apart: float
@@ -47,14 +49,14 @@ class Separation:
     known: torch.Tensor
 
     def __add__(self, other: Separation) -> Separation:
-        """Return what one capture of each of two kinds says together."""
+        """Return the separation by one capture of either kind together."""
         shared, information = self.shared + other.shared, self.information + other.information
         return Separation(self.apart + other.apart, shared, information, self.known)
 
     def nats(self, count: int) -> float:
-        """Return what ``count`` captures would tell, the rival refitted to all captures, old and new."""
-        made_up = torch.linalg.pinv(self.known + count * self.information, hermitian=True) @ self.shared
-        return max(0.0, 0.5 * (count * self.apart - count**2 * float(self.shared @ made_up)))
+        """Return the nats that ``count`` captures bring when the rival is refitted to all captures, old and new."""
+        followed = torch.linalg.pinv(self.known + count * self.information, hermitian=True) @ self.shared
+        return max(0.0, 0.5 * (count * self.apart - count**2 * float(self.shared @ followed)))
 
     def captures(self, needed: float, most: int) -> int | None:
         """Return how many captures bring so many nats; None if more than ``most`` do."""
@@ -65,36 +67,39 @@ def alternatives(fitter: Fitter, fit: Fit, without: Fit, name: str) -> Alternati
     """Find the alternatives to an effect in a fit.
 
     Args:
-        fitter: of the captures.
+        fitter: fits hypotheses to the captures.
         fit: with the effect.
         without: the best fit without it.
         name: of the effect.
     """
-    least = fit.total - fitter.settings.indistinct_nats
-    equal = {other: rival for other, rival in rivals(fitter, fit, without, name) if rival.total > least}
+    least = fit.log_likelihood - fitter.settings.indistinct_nats
+    equal = {other: rival for other, rival in rivals(fitter, fit, without, name) if rival.log_likelihood > least}
     return Alternatives(tuple(equal), " ".join(tell_apart(fitter, fit, rival) for rival in equal.values()))
 
 
 def tell_apart(fitter: Fitter, one: Fit, rival: Fit) -> str:
     """Say which captures would tell two models apart, and how many of them.
 
-    Each kind of :func:`imagined_captures` is predicted with both models. The kind that needs the fewest captures is
+    Every kind of :func:`further_captures` is predicted with both models. The kind that needs the fewest captures is
     chosen, and among equals the one that is simplest to record. If none is enough, pairs of kinds are considered: one
     capture may fix the size of an effect, and another one show its nature.
     """
     names = _names(one.hypothesis, rival.hypothesis)
     settings = fitter.settings
-    most, needed = settings.max_further_captures, settings.needed_nats + max(0.0, rival.total - one.total)
-    seen = fitter.model.observation
-    kinds = {kind: separation(fitter, imagined, one, rival) for kind, imagined in imagined_captures(seen).items()}
+    most, needed = (
+        settings.max_further_captures,
+        settings.needed_nats + max(0.0, rival.log_likelihood - one.log_likelihood),
+    )
+    further = further_captures(fitter.model.observation)
+    kinds = {kind: separate(fitter, observation, one, rival) for kind, observation in further.items()}
     pairs = {f"{a}, and as many of {b}": kinds[a] + kinds[b] for a, b in combinations(kinds, 2)}
     for options in (kinds, pairs):
-        counts = {kind: each.captures(needed, most) for kind, each in options.items()}
+        counts = {kind: separation.captures(needed, most) for kind, separation in options.items()}
         if any(counts.values()):
             best = min(options, key=lambda kind: counts[kind] or math.inf)
             count = counts[best] or 1
             nats = options[best].nats(count)
-            worth = f"about {nats:,.0f} nats" if nats <= MANY else f"more than {MANY:,} nats"
+            worth = f"about {nats:,.0f} nats" if nats <= MANY_NATS else f"more than {MANY_NATS:,} nats"
             record = f"{'one capture' if count == 1 else f'{count} captures'} of {best}"
             return f"To tell {names}, record {record} ({worth}; {needed:.0f} are needed)."
     best = max(options, key=lambda kind: options[kind].nats(most))
@@ -105,23 +110,22 @@ def tell_apart(fitter: Fitter, one: Fit, rival: Fit) -> str:
     )
 
 
-def separation(fitter: Fitter, imagined: Observation, one: Fit, rival: Fit) -> Separation:
-    """Compute how a capture that is imagined separates two models.
+def separate(fitter: Fitter, further: Observation, one: Fit, rival: Fit) -> Separation:
+    """Compute how a further capture separates two models.
 
     Args:
-        fitter: of the captures at hand.
-        imagined: the capture.
-        one: the model taken for the truth.
-        rival: the model that is to be told from it.
+        fitter: holds the existing captures and the model.
+        further: the capture.
+        one: the model that is taken for the truth.
+        rival: the other model, which may be refitted.
     """
-    model = CameraModel(imagined, fitter.model.known)
-    there = Fitter(model, Split(torch.ones_like(imagined.dn, dtype=torch.bool), (), torch.zeros(1, dtype=torch.bool)))
+    model = fitter.model.of_captures(further)
     truth, other = model.predict(one.hypothesis), model.predict(rival.hypothesis)
     weight = 2 / (truth.deviation.square() + other.deviation.square() + 1 / 6)
-    inside = [prediction.mean.clamp(0, imagined.full_scale) for prediction in (truth, other)]
+    inside = [prediction.mean.clamp(0, further.full_scale) for prediction in (truth, other)]
     change = inside[0] - inside[1]
-    free = list(rival.free)
-    slopes = there.jacobian(rival.hypothesis, free, other) * (inside[1] == other.mean)
+    free = FreeParameters(model, rival.free)
+    slopes = free.jacobian(rival.hypothesis, other) * (inside[1] == other.mean)
     weighted = (slopes * weight).flatten(1).double()
     return Separation(
         float((change.square() * weight).sum()),
@@ -132,6 +136,7 @@ def separation(fitter: Fitter, imagined: Observation, one: Fit, rival: Fit) -> S
 
 
 def _names(one: Hypothesis, other: Hypothesis) -> str:
+    """Return the effects in which two hypotheses differ, as in "gain from mask_contrast"."""
     first = sorted(set(one.effects) - set(other.effects))
     second = sorted(set(other.effects) - set(one.effects))
     return f"{' and '.join(first)} from {' and '.join(second)}"

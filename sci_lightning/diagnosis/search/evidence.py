@@ -100,24 +100,24 @@ def named_effects(fitter: Fitter, fit: Fit, names: Sequence[str]) -> tuple[Named
         names: the effects to be described.
     """
     deviations = _standard_deviations(fit)
-    found = []
+    effects = []
     for name in names:
-        effect = fitter.model.known[name]
+        effect = fitter.model.effects[name]
         parameters = {}
         for parameter, about in effect.about.items():
             value = fit.hypothesis.effects[name][parameter]
             std = deviations.get((name, parameter), 0.0) * (float(value) if about.log else 1.0)
-            if name in fit.charts:
-                std = fit.charts[name].std_error
+            if name in fit.maps:
+                std = fit.maps[name].std_error
             parameters[parameter] = Estimate(value, std, systematic_limit(value, about), about.unit)
         if effect.noise:
-            found.append(NamedEffect(name, effect.stage, parameters))
+            effects.append(NamedEffect(name, effect.stage, parameters))
             continue
         without = fitter.fit(fit.hypothesis.without(name))
-        other, lost = alternatives(fitter, fit, without, name), fit.total - without.total
-        delta_bic = 2 * lost - len(parameters) * float(np.log(fitter.use.numel()))
-        found.append(NamedEffect(name, effect.stage, parameters, lost, delta_bic, other.names, other.tell_apart))
-    return tuple(found)
+        other, lost = alternatives(fitter, fit, without, name), fit.log_likelihood - without.log_likelihood
+        delta_bic = 2 * lost - len(parameters) * float(np.log(fitter.fitted.numel()))
+        effects.append(NamedEffect(name, effect.stage, parameters, lost, delta_bic, other.names, other.tell_apart))
+    return tuple(effects)
 
 
 def _standard_deviations(fit: Fit) -> dict[tuple[str, str], float]:

@@ -1,31 +1,40 @@
-"""What is left: names that do not fit what they stand for are taken back, and free-form probes say where it sits."""
+"""Remaining misfit: drop effects whose fitted map contradicts their definition, then localise what no effect explains.
+
+Free-form deviations (:mod:`sci_lightning.encoder.empirical`) say in which stage of the camera something is missing, not
+what. They are screened like effects; of their many numbers only those that differ clearly from 0 are fitted.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
+from scipy.stats import chi2
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.model.camera_model import Hypothesis
-from sci_lightning.diagnosis.search.map_check import p_value_of
-from sci_lightning.diagnosis.search.probe import Probe, probe
-from sci_lightning.diagnosis.search.search import prune, worth
+from sci_lightning.diagnosis.fit.information_criterion import bic_gain, prune
+from sci_lightning.diagnosis.fit.local_gain import LocalGain
+from sci_lightning.diagnosis.fit.parameters import FreeParameters
+from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
+from sci_lightning.diagnosis.model.fixed_pattern_map import estimate_map
+from sci_lightning.diagnosis.search.map_test import map_p_value
 from sci_lightning.encoder.effects import Effect
+from sci_lightning.encoder.empirical import Empirical
 
 
 @dataclass(frozen=True)
 class Unnamed:
-    """Something that no effect of the vocabulary explains.
+    """A deviation that no effect of the vocabulary explains.
 
     Attributes:
         name: of the free-form deviation that shows it.
         stage: modulator, relay, exposure, optics or sensor.
-        where: in words.
-        p_value: of so much by chance, corrected for how many probes were asked.
-        nats: gained by the free-form deviation.
-        picture: ``(H, W)`` or a curve ``(n,)`` that shows it.
+        where: what it may be, in words.
+        p_value: probability of so large a gain by chance, corrected for the number of deviations that were tried.
+        nats: gain in log-likelihood by the free-form deviation.
+        picture: ``(H, W)`` RMS change of the signal by it, DN.
     """
 
     name: str
@@ -36,73 +45,200 @@ class Unnamed:
     picture: torch.Tensor
 
 
-def leftover(
+@dataclass(frozen=True)
+class FreeForm:
+    """A free-form deviation that the captures ask for.
+
+    Attributes:
+        name: of the deviation.
+        gain: gain in log-likelihood, nats, to second order.
+        numbers: how many of its numbers are not 0.
+        p_value: probability of so large a gain by chance, corrected for the number of deviations that were tried.
+        start: setting from which a fit should start.
+        effect: its class.
+    """
+
+    name: str
+    gain: float
+    numbers: int
+    p_value: float
+    start: Setting
+    effect: type[Effect]
+
+    @property
+    def where(self) -> str:
+        """What it may be, in words."""
+        return getattr(self.effect, "where", f"the map of {self.name} has a structure that the name does not promise")
+
+    @property
+    def choice_penalty(self) -> float:
+        """Nats that it costs to say which of its numbers are not 0: the logarithm of the number of choices."""
+        count = getattr(self.effect, "count", self.numbers)
+        return math.lgamma(count + 1) - math.lgamma(self.numbers + 1) - math.lgamma(count - self.numbers + 1)
+
+    def bic_gain(self, pixels: float) -> float:
+        """Return the expected gain beyond the penalty for the numbers and for their choice, in nats."""
+        return self.gain - 0.5 * self.numbers * math.log(pixels) - self.choice_penalty
+
+    def added(self, fitter: Fitter, hypothesis: Hypothesis) -> Hypothesis:
+        """Return the hypothesis with the deviation at its start."""
+        return hypothesis.with_effect(self.name, self.start, fitter.model.zero_map(self.name))
+
+
+def explain_remaining_misfit(
     fitter: Fitter,
     fit: Fit,
-    before: Fit,
+    ideal: Fit,
     noise: Hypothesis,
-    found: Sequence[Probe] = (),
-    told: Callable[[str], None] = lambda text: None,
+    given: Sequence[FreeForm] = (),
+    on_progress: Callable[[str], None] = lambda message: None,
 ) -> tuple[Fit, list[Unnamed]]:
-    """The fit with what no name explains in free form, and without the names that this makes superfluous.
+    """Explain what named effects leave by free-form deviations, and drop the names that this makes superfluous.
 
     Args:
-        fitter: of the captures.
-        fit: with all that could be named.
-        before: the ideal camera.
-        noise: effects that stay whatever happens.
-        found: probes that are in the fit already.
-        told: is called with a line of text for every probe that is added.
+        fitter: fits hypotheses to the captures.
+        fit: the model with every effect that could be named.
+        ideal: the fitted ideal camera.
+        noise: effects that stay in any case.
+        given: free-form deviations that are in the model already.
+        on_progress: called with a one-line message for every deviation that is added.
     """
     settings = fitter.settings
-    unlike = {name: p_value_of(chart) for name, chart in fit.charts.items()}
-    unlike = {name: p_value for name, p_value in unlike.items() if p_value < settings.max_map_p_value}
-    maps = {name: fitter.model.known[name] for name in unlike if name not in {each.name for each in found}}
-    for name in maps:
-        told(f"the map of {name} has structure: not that")
+    p_values = {name: map_p_value(one) for name, one in fit.maps.items()}
+    contradicted = {name: p_value for name, p_value in p_values.items() if p_value < settings.max_map_p_value}
+    given_names = {deviation.name for deviation in given}
+    as_free_form = {name: fitter.model.effects[name] for name in contradicted if name not in given_names}
+    for name in as_free_form:
+        on_progress(f"the map of {name} has structure: not that")
         fit = fitter.fit(fit.hypothesis.without(name), iterations=20)
-    found, gained = [*found], 0.0
-    for _ in range(settings.max_unnamed - len(found)):
-        least = unnamed_threshold(fitter, fit, before, noise=fit) + settings.surrogate_fraction * gained
-        best, more = likeliest(fitter, fit, least, maps)
+    deviations, gained = [*given], 0.0
+    for _ in range(settings.max_unnamed - len(deviations)):
+        least = unnamed_threshold(fitter, fit, ideal, noise=fit) + settings.surrogate_fraction * gained
+        best, larger = best_free_form(fitter, fit, least, as_free_form)
         if best is None:
             break
-        told(f"unnamed: {best.where}")
-        gained = max(gained, more.total - fit.total)
-        fit = prune(
-            fitter, more, Hypothesis({**noise.effects, best.name: {}}), margin=settings.surrogate_fraction * gained
-        )
-        found = [each for each in (*found, best) if each.name in fit.hypothesis.effects]
-    # in the order of the light: what is wrong with mirrors also shows as a gain of the pixels behind them
-    return fit, [_unnamed(fitter, fit, each, unlike) for each in sorted(found, key=lambda each: each.effect.rank)]
+        on_progress(f"unnamed: {best.where}")
+        gained = max(gained, larger.log_likelihood - fit.log_likelihood)
+        keep = Hypothesis({**noise.effects, best.name: {}})
+        fit = prune(fitter, larger, keep, margin=settings.surrogate_fraction * gained)
+        deviations = [one for one in (*deviations, best) if one.name in fit.hypothesis.effects]
+    # in the order of the light: a fault of the mirrors also shows as a gain of the pixels behind them
+    deviations.sort(key=lambda deviation: deviation.effect.rank)
+    return fit, [_unnamed(fitter, fit, deviation, contradicted) for deviation in deviations]
 
 
 def unnamed_threshold(fitter: Fitter, fit: Fit, ideal: Fit, noise: Fit) -> float:
-    """Return the nats beyond its cost that a free-form deviation must gain beside a fit."""
+    """Return the nats beyond its penalty that a free-form deviation must gain.
+
+    Args:
+        fitter: holds captures, split and settings.
+        fit: the model that explains something already.
+        ideal: the fitted ideal camera.
+        noise: the fit whose standard deviation is used to say how much is explained.
+    """
     settings = fitter.settings
     return settings.unnamed_min_gain_nats + settings.unnamed_formula_error * fitter.explained(fit, ideal, noise)
 
 
-def likeliest(
+def best_free_form(
     fitter: Fitter, fit: Fit, least: float, maps: Mapping[str, type[Effect]] | None = None
-) -> tuple[Probe | None, Fit]:
-    """The probe that is worth most in a joint fit, if any is worth more than ``least`` nats, and that fit."""
-    promising = [each for each in probe(fitter, fit, maps) if each.worth(float(fitter.use.numel())) > least]
-    best, most, largest = None, fit, least
-    for each in promising[: fitter.settings.probes_fitted]:
-        fitter.model.known[each.name] = each.effect
-        trial = fitter.fit(each.added(fitter, fit.hypothesis), iterations=15)
-        value = worth(fitter, fit, trial) - each.choice
-        if each.effect.map_kind and each.name in (maps or {}):  # a map with structure can stand in for much
+) -> tuple[FreeForm | None, Fit]:
+    """Return the free-form deviation of the largest gain in a joint fit, and that fit.
+
+    Args:
+        fitter: fits hypotheses to the captures.
+        fit: the model without it.
+        least: nats beyond its penalty that it must gain; else None is returned with the model as it was.
+        maps: effects of the vocabulary whose maps may serve as free forms too.
+    """
+    pixels = float(fitter.fitted.numel())
+    promising = [one for one in screen_free_forms(fitter, fit, maps or {}) if one.bic_gain(pixels) > least]
+    best, best_fit, largest = None, fit, least
+    for deviation in promising[: fitter.settings.probes_fitted]:
+        trial = fitter.fit(deviation.added(fitter, fit.hypothesis), iterations=15)
+        value = bic_gain(fitter, fit, trial) - deviation.choice_penalty
+        if deviation.name in (maps or {}):  # a map with structure can imitate much
             value *= 1 - fitter.settings.surrogate_fraction
         if value > largest:
-            best, most, largest = each, trial, value
-    return best, most
+            best, best_fit, largest = deviation, trial, value
+    return best, best_fit
 
 
-def _unnamed(fitter: Fitter, fit: Fit, each: Probe, unlike: dict[str, float]) -> Unnamed:
-    without = fitter.fit(fit.hypothesis.without(each.name), iterations=8)
-    nats = fit.total - without.total
+def screen_free_forms(fitter: Fitter, base: Fit, maps: Mapping[str, type[Effect]]) -> list[FreeForm]:
+    """Estimate the gain of every free-form deviation that the model lacks; the most valuable comes first.
+
+    Args:
+        fitter: holds captures, split and model.
+        base: the fitted model.
+        maps: effects of the vocabulary whose maps may serve as free forms too.
+    """
+    local, likelihood = LocalGain(fitter, base), fitter.pixel_likelihood(base.prediction)
+    tried = [*fitter.model.free_forms, *(name for name in maps if name not in fitter.model.free_forms)]
+    found = []
+    for name in tried:
+        effect = fitter.model.effects[name]
+        if name in base.hypothesis.effects:
+            continue
+        if effect.map_kind:
+            one = estimate_map(fitter.model, base.hypothesis, name, base.prediction, likelihood, fitter.fitted)
+            p_value = float(chi2.sf(2 * max(one.evidence, 0.0), 1))
+            found.append(FreeForm(name, one.evidence, 1, p_value, dict.fromkeys(effect.about, one.std), effect))
+        elif issubclass(effect, Empirical):
+            groups = effect.proposals(base.prediction.mean, local.gradient, local.information)
+            if groups:
+                deviation = _screen_proposals(fitter, base, effect, local, groups)
+            else:
+                deviation = _screen_numbers(fitter, base, effect, local)
+            if deviation is not None:
+                found.append(deviation)
+    found = [replace(deviation, p_value=min(1.0, deviation.p_value * len(tried))) for deviation in found]
+    pixels = float(fitter.fitted.sum())
+    return sorted(found, key=lambda deviation: -deviation.bic_gain(pixels))
+
+
+def _screen_numbers(fitter: Fitter, base: Fit, effect: type[Empirical], local: LocalGain) -> FreeForm | None:
+    """Estimate the gain of a deviation with the numbers that differ clearly from 0; None if there are none."""
+    settings, count = fitter.settings, effect.count
+    if not 0 < count * fitter.fitted.numel() <= settings.probe_max_derivatives:
+        return None
+    hypothesis = base.hypothesis.with_effect(effect.name, dict.fromkeys(effect.about, 0.0))
+    numbers = FreeParameters(fitter.model, tuple((effect.name, number) for number in effect.about))
+    gain = local.joint_gain(numbers.jacobian(hypothesis, base.prediction))
+    sigmas = (gain.factors.abs() / gain.deviations).nan_to_num()
+    determined = int((gain.deviations.isfinite()).sum())
+    clear = (sigmas > settings.probe_min_sigma).nonzero()[:, 0]
+    if not len(clear):
+        return None
+    most = min(len(clear), settings.probe_max_numbers)
+    kept = sigmas.argsort(descending=True)[:most].sort().values
+    p_value = float(chi2.sf(2 * max(gain.nats, 0.0), max(determined, 1)))
+    kept_gain = gain.of(kept)
+    bounded = kept_gain.factors.clamp(effect.number.low, effect.number.high).tolist()
+    start: Setting = {f"c{index}": value for index, value in zip(kept.tolist(), bounded, strict=True)}
+    return FreeForm(effect.name, kept_gain.nats, len(kept), p_value, start, effect)
+
+
+def _screen_proposals(
+    fitter: Fitter, base: Fit, effect: type[Empirical], local: LocalGain, groups: list[list[Setting]]
+) -> FreeForm | None:
+    """Estimate the gain of a deviation that is not linear in its numbers, at the settings that it proposes itself."""
+    best = None
+    for settings in groups:
+        trials = [fitter.model.predict(base.hypothesis.with_effect(effect.name, setting)).mean for setting in settings]
+        nats, factors = local.gain_of_each(torch.stack(trials) - base.prediction.mean)
+        top = int(nats.argmax())
+        if best is None or float(nats[top]) > best.gain:
+            places = math.prod(fitter.model.observation.size)  # a proposal is the best of as many as there are pixels
+            p_value = min(1.0, places * float(chi2.sf(2 * float(nats[top]), 1)))
+            start = effect.scaled(settings[top], float(factors[top]))
+            best = FreeForm(effect.name, float(nats[top]), len(start), p_value, start, effect)
+    return best
+
+
+def _unnamed(fitter: Fitter, fit: Fit, deviation: FreeForm, contradicted: Mapping[str, float]) -> Unnamed:
+    """Quantify a free-form deviation by a fit without it."""
+    without = fitter.fit(fit.hypothesis.without(deviation.name), iterations=8)
+    nats = fit.log_likelihood - without.log_likelihood
     change = (fit.prediction.mean - without.prediction.mean).square().mean(0).sqrt()
-    p_value = min(each.p_value, unlike.get(each.name, 1.0))
-    return Unnamed(each.name, each.effect.stage, each.where, p_value, nats, change)
+    p_value = min(deviation.p_value, contradicted.get(deviation.name, 1.0))
+    return Unnamed(deviation.name, deviation.effect.stage, deviation.where, p_value, nats, change)

@@ -1,4 +1,4 @@
-"""Neural contrast sensitivity: the eye's without its optics and its photoreceptors."""
+"""Neural contrast sensitivity: that of the eye without its optics and photoreceptors."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ PARAMETERS = (
     (0.50722, 0.682505, 0.750315, 0.935314, 1.07327, 1.16577),
     (4.46044, 4.94958, 5.28678, 5.61425, 6.4635, 7.45665),
 )
-"""Of the sensitivity at each of these luminances (cd/m2), as fitted by the metric's authors."""
+"""Parameters of the sensitivity at each of these luminances (cd/m2), as fitted by the metric's authors."""
 
 
 def sensitivity(rho: torch.Tensor, log_luminance: torch.Tensor) -> torch.Tensor:
-    """At ``rho`` cycles per degree for an eye adapted to ``log_luminance`` (log10 cd/m2); the two broadcast."""
+    """Return the sensitivity at ``rho`` cycles per degree of an eye adapted to ``log_luminance`` (log10 cd/m2)."""
     knots = torch.tensor(LUMINANCE, dtype=torch.float64).log10().to(log_luminance)
     luminance = log_luminance.clamp(knots[0], knots[-1])
     above = torch.searchsorted(knots, luminance.detach().contiguous()).clamp(1, len(knots) - 1)
@@ -34,7 +34,7 @@ def sensitivity(rho: torch.Tensor, log_luminance: torch.Tensor) -> torch.Tensor:
 
 
 def band_sensitivity(rho: float, log_luminance: torch.Tensor) -> torch.Tensor:
-    """The same for one frequency and a luminance per pixel, from a table."""
+    """Return the sensitivity at one frequency and a luminance per pixel, from a table."""
     return look_up(_table(log_luminance, rho), log_luminance)
 
 
@@ -44,12 +44,12 @@ def _table(rho: float) -> torch.Tensor:
 
 
 def filter_base(base: torch.Tensor, rho: float, luminance: torch.Tensor, padding: torch.Tensor) -> torch.Tensor:
-    """The pyramid's base band (N, 1, h, w) filtered with the sensitivity, which passes nothing uniform.
+    """Return the pyramid's base band (N, 1, h, w) filtered with the sensitivity, which is 0 at frequency 0.
 
     Args:
         rho: nominal frequency of the band, cycles per degree.
         luminance: (N, 1, 1, 1), mean adapting luminance of each image in cd/m2.
-        padding: (N, 1, 1, 1), what surrounds the band.
+        padding: (N, 1, 1, 1), value around the band.
     """
     height, width = size = base.shape[-2:]
     field = (2 * height, 2 * width)

@@ -1,4 +1,4 @@
-"""What a display makes of pixel values, and how much of its light each kind of photoreceptor takes up."""
+"""Luminance of a display from pixel values, and the light that each kind of photoreceptor absorbs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import torch
 from sci_lightning.metrics.hdrvdp2.tabulated import precomputed
 
 BLACK, RANGE = 1.0, 99.0
-"""Luminance of the modelled display at 0, and what it adds up to 1, in cd/m2."""
+"""Luminance of the modelled display at pixel value 0, and the difference to that at 1, in cd/m2."""
 
 D65 = ((0.601847152244699, 0.31670829557916946, 0.9046706545995032),)
 CCFL_LCD = (
@@ -18,8 +18,8 @@ CCFL_LCD = (
     (0.40476260703812544, 0.25492330644134564, 0.4809208410841319),
     (0.05439061925532116, 0.050012248959300676, 0.45427589566935994),
 )
-"""What (L cones, M cones, rods) take up of each channel: cone sensitivities of Smith and Pokorny (1975) and the CIE's
-scotopic one (1951) times the emission, integrated from 360 to 780 nm. S cones count for nothing."""
+"""Light that L cones, M cones and rods absorb of every channel: cone sensitivities of Smith and Pokorny (1975) and the
+CIE's scotopic one (1951) times the emission, integrated from 360 to 780 nm. S cones are not part of the model."""
 
 
 def _luma(x: torch.Tensor) -> torch.Tensor:
@@ -36,15 +36,15 @@ def _as_given(x: torch.Tensor) -> torch.Tensor:
 
 @dataclass(frozen=True)
 class Display:
-    """``luminance`` takes pixel values to cd/m2, each channel by itself; ``matrix`` takes channels to L, M and rods."""
+    """A display: ``luminance`` turns pixel values into cd/m2, ``matrix`` turns channels into L, M and rod light."""
 
     luminance: Callable[[torch.Tensor], torch.Tensor]
     matrix: tuple[tuple[float, float, float], ...]
 
     def receptors(self, light: torch.Tensor) -> torch.Tensor:
-        """Light on the retina, (N, C, H, W), to what L cones, M cones and rods get of it, (N, 3, H, W).
+        """Return the light on L cones, M cones and rods, (N, 3, H, W), from that on the retina, (N, C, H, W).
 
-        A single channel stands for all that the display has.
+        A single channel stands for equal values of all channels of the display.
         """
         matrix = _matrix(light, self.matrix)
         if light.shape[1] == 1:
@@ -57,7 +57,7 @@ DISPLAYS = {
     "sRGB-display": Display(_srgb, CCFL_LCD),
     "luminance": Display(_as_given, D65),
 }
-"""By the encoding of what they are given."""
+"""Displays by the encoding of their pixel values."""
 
 
 @precomputed

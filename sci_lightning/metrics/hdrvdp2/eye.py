@@ -18,7 +18,7 @@ WEIGHTS = (0.426 * SHARE, 0.574 * SHARE, (1 - SHARE) * GLARE_SHARE, (1 - SHARE) 
 
 
 def scatter(luminance: torch.Tensor, pixels_per_degree: float) -> torch.Tensor:
-    """Luminance in cd/m2, (N, C, H, W), as it arrives on the retina; every border sees the dark surround."""
+    """Return luminance in cd/m2, (N, C, H, W), after scattering in the eye; the surround of the image is dark."""
     height, width = size = luminance.shape[-2:]
     field = (2 * height, 2 * width)
     light = spectrum(luminance - SURROUND, field) * modulation_transfer(luminance, field, pixels_per_degree)
@@ -27,18 +27,18 @@ def scatter(luminance: torch.Tensor, pixels_per_degree: float) -> torch.Tensor:
 
 @precomputed
 def modulation_transfer(field: tuple[int, int], pixels_per_degree: float) -> torch.Tensor:
-    """``sum_k a_k exp(-b_k rho)`` with ``rho`` in cycles per degree; 1 at 0, so a uniform field stays as it is."""
+    """Return ``sum_k a_k exp(-b_k rho)``, rho in cycles per degree: 1 at 0, so that a uniform field is unchanged."""
     rho = frequencies(torch.zeros((), dtype=torch.float64), field, pixels_per_degree)
     return torch.stack([a * torch.exp(-b * rho) for a, b in zip(WEIGHTS, DECAY, strict=True)]).sum(0)
 
 
 POINTS = 2048
 CORRECTION = 0.006894596 / 10**-2.4
-"""Brings the thresholds of the sensitivities to those of the fitted metric."""
+"""Factor from the thresholds of the sensitivities below to those of the fitted metric."""
 
 
 def respond(receptors: torch.Tensor) -> torch.Tensor:
-    """Light on (L cones, M cones, rods), (N, 3, H, W), to the achromatic response (N, H, W), of mean 0."""
+    """Return the achromatic response (N, H, W), of mean 0, to the light on L cones, M cones and rods (N, 3, H, W)."""
     log_light = receptors.clamp(1e-5, 1e5).log10()
     cones = look_up(response(receptors, "cone"), log_light[:, :2]).sum(1)
     rods = look_up(response(receptors, "rod"), log_light[:, 2])
@@ -48,7 +48,7 @@ def respond(receptors: torch.Tensor) -> torch.Tensor:
 
 @precomputed
 def response(kind: str) -> torch.Tensor:
-    """(2048,): the integral over log luminance of the sensitivity of a ``cone`` or a ``rod``."""
+    """Return the integral over log luminance of the sensitivity of a ``cone`` or a ``rod``, a table of 2048 values."""
     log_light = log_luminances(POINTS)
     sensitivity = (cone_sensitivity if kind == "cone" else rod_sensitivity)(10**log_light)
     steps = torch.cumulative_trapezoid(sensitivity * math.log(10), log_light)
@@ -56,19 +56,22 @@ def response(kind: str) -> torch.Tensor:
 
 
 def joint_sensitivity(light: torch.Tensor) -> torch.Tensor:
-    """Of cones and rods together: the inverse of the contrast just seen at this luminance (cd/m2)."""
+    """Return the joint sensitivity of cones and rods: the inverse threshold contrast at a luminance (cd/m2)."""
     return 30.162 * ((4.0627 / light) ** 1.6596 + 1) ** -0.2712
 
 
 def rod_sensitivity(light: torch.Tensor) -> torch.Tensor:
-    """Of the rods, highest at 1.1732 cd/m2."""
+    """Return the sensitivity of the rods, which is highest at 1.1732 cd/m2."""
     away = (light / 1.1732).log10()
     bright, dark = away.abs() ** 2.9899 / 0.5547, away.abs() ** 1.2167 / 1.1478
     return 10**1.1414 * torch.exp(-torch.where(away > 0, bright, dark))
 
 
 def cone_sensitivity(light: torch.Tensor) -> torch.Tensor:
-    """Of L or M cones, half of what the rods leave at twice the light; read off the points given, as ``light`` is."""
+    """Return the sensitivity of L or M cones: half of the joint one without the rods, at twice the light.
+
+    It is interpolated between the given points of ``light``, which rise.
+    """
     left = (joint_sensitivity(light) - rod_sensitivity(light)).clamp(min=1e-3)
     double = (2 * light).clamp(max=light[-1])
     above = torch.searchsorted(light, double).clamp(1, len(light) - 1)

@@ -1,7 +1,7 @@
 """Fourier transforms of images that lie in the upper left of a larger periodic field of zeros.
 
-Spectra are (..., field width // 2 + 1, field height): columns first, which keeps the second transform contiguous, much
-the faster on a CPU.
+Spectra are (..., field width // 2 + 1, field height): columns first, so that the second transform is contiguous, which
+is much faster on a CPU.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from sci_lightning.metrics.hdrvdp2.tabulated import precomputed
 
 
 def spectrum(images: torch.Tensor, field: Sequence[int]) -> torch.Tensor:
-    """Of (..., H, W) in a field of the given height and width."""
+    """Return the spectrum of images (..., H, W) in a field of the given height and width."""
     return torch.fft.fft(torch.fft.rfft(images, field[1]).mT, field[0])
 
 
 def upper_left(spectrum: torch.Tensor, field: Sequence[int], size: Sequence[int]) -> torch.Tensor:
-    """The image whose spectrum in ``field`` this is, as far as ``size`` goes: (..., *size)."""
+    """Return the upper left part (..., *size) of the image with this spectrum in ``field``."""
     rows = torch.fft.ifft(spectrum)[..., : size[0]].mT
     return torch.fft.irfft(rows, field[1])[..., : size[1]]
 
 
 @precomputed
 def frequencies(field: tuple[int, int], pixels_per_degree: float) -> torch.Tensor:
-    """(field width // 2 + 1, field height): cycles per degree of every value of a spectrum."""
+    """Return the frequency of every value of a spectrum in cycles per degree, (field width // 2 + 1, field height)."""
     down = torch.fft.fftfreq(field[0], dtype=torch.float64) * pixels_per_degree
     across = torch.fft.rfftfreq(field[1], dtype=torch.float64) * pixels_per_degree
     return torch.hypot(across[:, None], down)

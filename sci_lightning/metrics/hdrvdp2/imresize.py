@@ -11,10 +11,9 @@ from sci_lightning.metrics.hdrvdp2.tabulated import precomputed
 
 
 def imresize(images: torch.Tensor, size: Sequence[int]) -> torch.Tensor:
-    """(..., H, W) to (..., *size): cubic of a = -0.5, widened where it shrinks, borders mirrored with their pixel.
+    """Resize (..., H, W) to (..., *size) with a cubic of a = -0.5, widened for shrinking, and mirrored borders.
 
-    Weights that do not sum to 1 by themselves, at ratios other than powers of two, stay so: this is what the reference
-    values were made with.
+    At ratios other than powers of two the weights do not sum to 1, and are not normalised, as for the reference values.
     """
     down, across = (
         None if old == new else weights(images, old, new) for old, new in zip(images.shape[-2:], size, strict=True)
@@ -25,7 +24,7 @@ def imresize(images: torch.Tensor, size: Sequence[int]) -> torch.Tensor:
 
 @precomputed
 def weights(old: int, new: int) -> torch.Tensor:
-    """(new, old): every sample as a weighted mean of the old ones."""
+    """Return the matrix (new, old) that makes every new sample a weighted sum of the old ones."""
     scale = new / old
     stretch = min(scale, 1.0)
     centre = (torch.arange(new, dtype=torch.float64) + 0.5) / scale - 0.5
@@ -38,7 +37,7 @@ def weights(old: int, new: int) -> torch.Tensor:
 
 
 def cubic(x: torch.Tensor) -> torch.Tensor:
-    """The cubic convolution kernel (Keys, 1981), a = -0.5."""
+    """Return the cubic convolution kernel (Keys, 1981) with a = -0.5."""
     x = x.abs()
     near = (1.5 * x - 2.5) * x * x + 1
     far = ((-0.5 * x + 2.5) * x - 4) * x + 2

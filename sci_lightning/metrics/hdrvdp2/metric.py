@@ -10,11 +10,11 @@ from sci_lightning.metrics.hdrvdp2.steerable_pyramid import SMALLEST
 
 
 class HDRVDP2(FrameMetric):
-    """Mean over frames of :func:`hdrvdp2_q`.
+    """The mean over frames of :func:`hdrvdp2_q`.
 
     Args:
         encoding, pixels_per_degree, dtype: see :func:`hdrvdp2_q`.
-        clip_negative: whether estimates below 0 count as 0, as on a display; else they are refused.
+        clip_negative: whether estimates below 0 count as 0, as on a display; otherwise they are refused.
 
     Raises:
         BadInput: unknown encoding or impossible resolution; in ``update``, what :func:`hdrvdp2_q` refuses.
@@ -50,7 +50,7 @@ class HDRVDP2(FrameMetric):
         )
 
     def score(self, estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
-        """Q of every frame, ``(N,)``.
+        """Return Q of every frame, ``(N,)``.
 
         Args:
             estimate, truth: ``(..., H, W)``, or with four axes or more ``(..., 3, H, W)`` for ``sRGB-display``.

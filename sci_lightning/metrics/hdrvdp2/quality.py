@@ -17,7 +17,7 @@ from sci_lightning.metrics.hdrvdp2.masking import masked_differences, pool
 from sci_lightning.metrics.hdrvdp2.steerable_pyramid import SMALLEST, steerable_pyramid
 
 TOGETHER = 4 * 256 * 256
-"""Pixels of the pairs that are worked on at a time: memory does not grow with the batch, and caches hold more of it."""
+"""Pixels of the pairs that are computed together: memory does not grow with the batch, and more of it fits caches."""
 CHANGE = 0.001
 """Relative difference in luminance up to which a pixel counts as unchanged."""
 
@@ -30,25 +30,25 @@ def hdrvdp2_q(
     pixels_per_degree: float = 30.0,
     dtype: torch.dtype = torch.float64,
 ) -> torch.Tensor:
-    """Q of HDR-VDP-2 (Mantiuk et al., 2011; Narwaria et al., 2015) for every pair, as version 2.2.2 has it.
+    """Return Q of HDR-VDP-2.2.2 (Mantiuk et al., 2011; Narwaria et al., 2015) for every pair of images.
 
-    100 for images that are the same, less the worse, without a lower bound. It depends on the size of the images and
-    strongly on ``pixels_per_degree``: compare values of one convention only. Differentiable in both images, except
-    that a pixel is masked out where the luminances differ by less than 0.1 %.
+    Q is 100 for equal images and falls with their difference, without a lower bound. It depends on the size of the
+    images and strongly on ``pixels_per_degree``: compare values of one convention only. It is differentiable in both
+    images, except that a pixel is masked out where the luminances differ by less than 0.1 %.
 
     Args:
-        test, reference: ``(N, H, W)``, H and W at least 17, or ``(N, 3, H, W)`` for ``sRGB-display``, where grey frames
+        test, reference: ``(N, H, W)``, H and W at least 17, or ``(N, 3, H, W)`` for ``sRGB-display``, where gray frames
             stand for three equal channels. Floating-point and not negative; 1.0 is white, or cd/m2 for ``luminance``.
             Nothing is clipped.
         encoding: ``luma-display`` (gamma 2.2, 1 to 100 cd/m2), ``sRGB-display`` (the same range) or ``luminance``.
-        pixels_per_degree: of visual angle.
-        dtype: what it is computed in; float32 is up to some 0.001 off.
+        pixels_per_degree: pixels per degree of visual angle.
+        dtype: precision of the computation; results in float32 differ by up to 0.001.
 
     Returns:
         ``(N,)`` of ``dtype``.
 
     Raises:
-        BadInput: anything else than what is said above.
+        BadInput: an argument is not as described above.
     """
     display = check_convention(encoding, pixels_per_degree)
     _check_images(test, reference, encoding, dtype)
@@ -77,7 +77,7 @@ def _q(test: torch.Tensor, reference: torch.Tensor, display: Display, pixels_per
     sizes = [band.shape[-2:] for band in bands]
     fine = zip(frequencies[:-1], sizes[:-1], strict=True)
     sensitivity = [band_sensitivity(rho, imresize(adapted, size)) for rho, size in fine]
-    sensitivity.append(torch.ones_like(test_bands[-1]))  # the base has been filtered with it
+    sensitivity.append(torch.ones_like(test_bands[-1]))  # the base band is filtered with its sensitivity above
 
     before, after = light[pairs:], light[:pairs]
     changed = ((after - before).abs() / before > CHANGE).any(1, keepdim=True).to(light)  # never for 0/0
@@ -86,7 +86,7 @@ def _q(test: torch.Tensor, reference: torch.Tensor, display: Display, pixels_per
 
 
 def check_convention(encoding: str, pixels_per_degree: float) -> Display:
-    """The display of this encoding; :class:`BadInput` if there is none or the resolution is impossible."""
+    """Return the display of this encoding; raise :class:`BadInput` if there is none or the resolution is impossible."""
     if encoding not in DISPLAYS:
         raise BadInput(f"encoding={encoding}: no such encoding; choose one of {', '.join(DISPLAYS)}")
     if not isinstance(pixels_per_degree, Real) or not 0 < pixels_per_degree < math.inf:

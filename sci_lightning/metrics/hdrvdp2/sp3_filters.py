@@ -1,7 +1,7 @@
 """Taps of the steerable pyramid with four orientations (Simoncelli and Freeman, 1995; "sp3" of their program).
 
-Only taps that symmetry does not give: of round filters one octant, from the corner to the middle of each edge; of the
-oriented ones what is named below.
+Only the taps that do not follow from symmetry are listed: one octant of round filters, from the corner to the middle of
+the edges, and of the oriented ones the parts that are named below.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ DIAGONAL = (
 
 
 def round_filter(octant: tuple[tuple[float, ...], ...]) -> torch.Tensor:
-    """All taps, float64 (n, n), of a filter that no reflection and no quarter turn changes."""
+    """Return all taps, float64 (n, n), of a filter that is symmetric under reflections and quarter turns."""
     middle = len(octant) - 1
     sides = torch.arange(2 * middle + 1).sub(middle).abs()
     away = torch.stack(torch.meshgrid(sides, sides, indexing="ij"))
@@ -82,7 +82,7 @@ def round_filter(octant: tuple[tuple[float, ...], ...]) -> torch.Tensor:
 
 
 def oriented_filters() -> torch.Tensor:
-    """float64 (4, 9, 9): the derivative across, along the falling diagonal, down, along the rising one."""
+    """Return float64 (4, 9, 9): the derivatives across, along the falling diagonal, down, along the rising diagonal."""
     left = torch.tensor([*ACROSS, *ACROSS[-2::-1]], dtype=torch.float64)
     across = torch.cat((left, torch.zeros(9, 1, dtype=torch.float64), -left.flip(1)), 1)
     diagonal = torch.zeros(9, 9, dtype=torch.float64)

@@ -1,4 +1,4 @@
-"""The steerable pyramid: an image taken apart by spatial frequency and orientation."""
+"""The steerable pyramid: an image split into bands of spatial frequency and orientation."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from sci_lightning.metrics.hdrvdp2.fourier import spectrum, upper_left
 from sci_lightning.metrics.hdrvdp2.tabulated import precomputed
 
 SMALLEST = 17
-"""A level is made of sides no shorter than this, its longest filter."""
+"""Shortest side of an image from which a level is computed: the length of its longest filter."""
 REACH, START_REACH = 8, 4
-"""How far, in pixels, the filters of a level reach, and the one that comes before the first level."""
+"""Reach in pixels of the filters of a level, and of the filter before the first level."""
 
 
 def steerable_pyramid(images: torch.Tensor) -> list[torch.Tensor]:
-    """Bands of (N, H, W) from fine to coarse, each (N, orientations, h, w).
+    """Return the bands of images (N, H, W) from fine to coarse, each (N, orientations, h, w).
 
     The high residual (one orientation, full size), then per level four orientations, the first at full size and each
     further one half as large (rounded up), then the base (one orientation). Every level doubles the amplitude.
@@ -34,7 +34,7 @@ def steerable_pyramid(images: torch.Tensor) -> list[torch.Tensor]:
 
 
 def levels(height: int, width: int) -> int:
-    """How many levels with orientations an image of this size has."""
+    """Return the number of levels with orientations for an image of this size."""
     side, count = min(height, width), 0
     while side >= SMALLEST:
         side, count = side // 2, count + 1
@@ -42,7 +42,7 @@ def levels(height: int, width: int) -> int:
 
 
 def _correlate(images: torch.Tensor, first: bool) -> torch.Tensor:
-    """(N, H, W) with each filter of a level, (N, filters, H, W); borders are mirrored without repeating their pixel."""
+    """Correlate (N, H, W) with all filters of a level, (N, filters, H, W), at borders mirrored around their pixels."""
     height, width = size = images.shape[-2:]
     reach = REACH + START_REACH * first
     field = (next_fast_len(height + 2 * reach, real=True), next_fast_len(width + 2 * reach, real=True))
@@ -52,10 +52,10 @@ def _correlate(images: torch.Tensor, first: bool) -> torch.Tensor:
 
 @precomputed
 def _filters(field: tuple[int, int], first: bool) -> torch.Tensor:
-    """Spectra (filters, ..) of a level's filters: four orientations, then the low-pass that leads to the next level.
+    """Return the spectra (filters, ..) of a level's filters: four orientations, then the low-pass to the next level.
 
-    In the first level the high residual's comes before them, and they follow on the low-pass that starts the pyramid:
-    that one is even, so what was mirrored at the borders still is behind it.
+    In the first level the filter of the high residual comes before them, and the others are combined with the low-pass
+    filter that starts the pyramid. As that filter is even, mirrored borders stay mirrored behind it.
     """
     low = _spectrum(sp3_filters.round_filter(sp3_filters.LOW), REACH, field).unsqueeze(0)
     filters = torch.cat((_spectrum(sp3_filters.oriented_filters(), REACH, field), low))
@@ -66,6 +66,6 @@ def _filters(field: tuple[int, int], first: bool) -> torch.Tensor:
 
 
 def _spectrum(taps: torch.Tensor, reach: int, field: tuple[int, int]) -> torch.Tensor:
-    """What correlation with ``taps`` multiplies a spectrum with; it takes off a border of ``reach`` on the way."""
+    """Return the factor of a spectrum that means correlation with ``taps`` and removes a border of ``reach`` pixels."""
     before = reach - taps.shape[-1] // 2
     return spectrum(F.pad(taps, (before, 0, before, 0)), field).conj().resolve_conj()

@@ -5,7 +5,13 @@ from __future__ import annotations
 import pytest
 import torch
 
-from sci_lightning.diagnosis.model.likelihood import IMPOSSIBLE, Intervals, log_likelihood, quantile_residuals, score
+from sci_lightning.diagnosis.model.likelihood import (
+    IMPOSSIBLE,
+    Intervals,
+    log_likelihood,
+    pixel_likelihood,
+    quantile_residuals,
+)
 
 MEAN = torch.tensor([0.2, 3.0, 7.4, 14.9, 9.0])
 DEVIATION = torch.tensor([0.8, 0.5, 2.0, 1.0, 0.3])
@@ -31,11 +37,13 @@ def test_derivatives_are_those_of_the_log_likelihood() -> None:
     def value(by_mean: float, by_spread: float) -> torch.Tensor:
         return log_likelihood(intervals, mean + by_mean, deviation * torch.tensor(by_spread).double().exp())
 
-    found = score(intervals, mean, deviation)
-    torch.testing.assert_close(found.slope, (value(step, 0) - value(-step, 0)) / (2 * step), rtol=1e-4, atol=1e-4)
-    torch.testing.assert_close(found.spread, (value(0, step) - value(0, -step)) / (2 * step), rtol=1e-4, atol=1e-4)
+    likelihood = pixel_likelihood(intervals, mean, deviation)
+    by_mean = (value(step, 0) - value(-step, 0)) / (2 * step)
+    by_spread = (value(0, step) - value(0, -step)) / (2 * step)
+    torch.testing.assert_close(likelihood.mean_gradient, by_mean, rtol=1e-4, atol=1e-4)
+    torch.testing.assert_close(likelihood.spread_gradient, by_spread, rtol=1e-4, atol=1e-4)
     curvature = (value(step, 0) - 2 * value(0, 0) + value(-step, 0)) / step**2
-    torch.testing.assert_close(found.weight, -curvature, rtol=1e-3, atol=1e-3)
+    torch.testing.assert_close(likelihood.mean_information, -curvature, rtol=1e-3, atol=1e-3)
 
 
 @pytest.mark.parametrize("level", [0.0, 0.3, 40.0, 254.8])

@@ -12,8 +12,7 @@ import torch
 from sci_lightning.captures import read_captures
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.split import split
-from sci_lightning.diagnosis.model.camera_model import CameraModel
-from sci_lightning.diagnosis.model.noise import stated
+from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
 from sci_lightning.diagnosis.residual_tests.where import QUESTIONS, ask, residual_tests
@@ -28,7 +27,7 @@ def ideal(path: Path, hidden: Any = None, seed: int = 3, **session: Any) -> tupl
     VirtualCamera(Session(**{"size": (32, 32), **session}), hidden).write(path, seed=seed)
     observation = observe(read_captures(path))
     subject = Fitter(CameraModel(observation, vocabulary()), split(observation))
-    noise, fixed = stated(subject)
+    noise, fixed = datasheet_noise(observation)
     return subject, subject.fit(noise, fixed=fixed, iterations=30)
 
 
@@ -108,7 +107,7 @@ def test_noise_that_is_stated_wrongly_shows_in_the_variance_alone(tmp_path: Path
 
 def test_codes_that_a_converter_of_fewer_bits_cannot_give_are_not_missed(tmp_path: Path) -> None:
     subject, fit = ideal(tmp_path / "a.h5", {"bit_depth": {"bits": 6}})
-    assert not significant(residual_tests(subject, subject.fit(fit.hypothesis.having("bit_depth", {"bits": 6}))))
+    assert not significant(residual_tests(subject, subject.fit(fit.hypothesis.with_effect("bit_depth", {"bits": 6}))))
 
 
 def test_what_a_capture_leaves_in_the_next(tmp_path: Path) -> None:
@@ -134,7 +133,7 @@ def test_what_a_capture_leaves_in_the_next(tmp_path: Path) -> None:
 def test_a_map_that_is_not_what_it_is_called(hidden: str, name: str, right: bool, tmp_path: Path) -> None:
     subject, fit = ideal(tmp_path / "a.h5", hidden, size=(48, 48))
     shape = subject.model.vocabulary[name].shape(subject.model.observation.size)  # type: ignore[attr-defined]
-    fit = subject.fit(fit.hypothesis.having(name, {"std": 0.01}, torch.zeros(shape)), iterations=20)
+    fit = subject.fit(fit.hypothesis.with_effect(name, {"std": 0.01}, torch.zeros(shape)), iterations=20)
     assert (f"map_of_{name}" not in significant(residual_tests(subject, fit))) == right
 
 
@@ -153,6 +152,6 @@ def test_the_order_of_the_captures_matters_only_where_it_is_asked_for(tmp_path: 
     for each in (captures, captures.take(list(range(len(captures)))[::-1])):
         observation = observe(each)
         subject = Fitter(CameraModel(observation, vocabulary()), split(observation))
-        tests = residual_tests(subject, subject.fit(stated(subject)[0]), seed=0)
+        tests = residual_tests(subject, subject.fit(datasheet_noise(observation)[0]), seed=0)
         found.append({test.name: test.p_value for test in tests if test.name not in ("drift", "carry_over")})
     assert found[0] == pytest.approx(found[1])

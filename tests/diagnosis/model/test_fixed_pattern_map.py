@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 
-from sci_lightning.diagnosis.model.fixed_pattern_map import Chart
-from sci_lightning.diagnosis.model.map_system import ChartSystem
-from sci_lightning.diagnosis.search.map_check import p_value_of
+from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap, MapSystem
+from sci_lightning.diagnosis.search.map_test import map_p_value
 
 N, H, W = 3, 4, 5
 SHAPES = {"pixel": (H, W), "row": (H, 1), "column": (1, W)}
 
 
-def chart(kind: str, seed: int, shape: tuple[int, int] | None = None) -> Chart:
+def fixed_pattern(kind: str, seed: int, shape: tuple[int, int] | None = None) -> FixedPatternMap:
     random = torch.Generator().manual_seed(seed)
     size = shape or SHAPES[kind]
     values = torch.randn(size, generator=random, dtype=torch.float64)
     jacobian = 0.5 + torch.rand(N, H, W, generator=random, dtype=torch.float64)
-    return Chart(kind, kind, values, jacobian, values * 0, torch.ones_like(values), 0.7, 0.1, 0.0, 0.0)
+    return FixedPatternMap(kind, kind, values, jacobian, values * 0, torch.ones_like(values), 0.7, 0.1, 0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -26,14 +27,14 @@ def chart(kind: str, seed: int, shape: tuple[int, int] | None = None) -> Chart:
 )
 def test_as_one_dense_system(kinds: tuple[str, ...]) -> None:
     weight = 0.5 + torch.rand(N, H, W, generator=torch.Generator().manual_seed(9), dtype=torch.float64)
-    charts = []
+    maps = []
     for seed, kind in enumerate(kinds):
-        each = chart(kind, seed)
+        each = fixed_pattern(kind, seed)
         own = each.gather(each.jacobian.square() * weight)
-        charts.append(Chart(*[{"weight": own}.get(name, value) for name, value in vars(each).items()]))
-    system = ChartSystem(charts, weight)
+        maps.append(replace(each, likelihood_information=own))
+    system = MapSystem(maps, weight)
     columns = []  # derivative of the mean by every value of every map
-    for each in system.charts:
+    for each in system.maps:
         for index in range(each.values.numel()):
             one = torch.zeros(each.values.numel(), dtype=torch.float64)
             one[index] = 1
@@ -44,14 +45,14 @@ def test_as_one_dense_system(kinds: tuple[str, ...]) -> None:
     torch.testing.assert_close(system.solve(right), torch.linalg.solve(dense, right.T).T)
 
 
-def estimated(values: torch.Tensor) -> Chart:
+def estimated(values: torch.Tensor) -> FixedPatternMap:
     weight = torch.full_like(values, 100.0)
-    return Chart("map", "pixel", values, values, values * 0, weight, float(values.std()), 0.1, 0.0, 0.0)
+    return FixedPatternMap("map", "pixel", values, values, values * 0, weight, float(values.std()), 0.1, 0.0, 0.0)
 
 
 def test_white_maps_pass_and_others_do_not() -> None:
     random = torch.Generator().manual_seed(0)
-    p_values = [p_value_of(estimated(torch.randn(48, 48, generator=random, dtype=torch.float64))) for _ in range(20)]
+    p_values = [map_p_value(estimated(torch.randn(48, 48, generator=random, dtype=torch.float64))) for _ in range(20)]
     assert min(p_values) > 1e-3
     white = torch.randn(48, 48, generator=random, dtype=torch.float64)
     smooth = torch.nn.functional.avg_pool2d(white[None], 5, 1, 2)[0]
@@ -59,4 +60,4 @@ def test_white_maps_pass_and_others_do_not() -> None:
     spots[10, 10:14] -= 12
     rows = white + torch.tensor([0.5, -0.5], dtype=torch.float64).repeat(24)[:, None]
     for unlike in (smooth, spots, rows):
-        assert p_value_of(estimated(unlike)) < 1e-5
+        assert map_p_value(estimated(unlike)) < 1e-5

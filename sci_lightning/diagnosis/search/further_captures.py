@@ -1,4 +1,4 @@
-"""Captures that a laboratory could take next, imagined so that their use can be computed before they are taken."""
+"""Captures that a laboratory could take next; their use is computed before they are taken."""
 
 from __future__ import annotations
 
@@ -9,29 +9,30 @@ import torch
 from sci_lightning.diagnosis.model.observation import Observation
 
 SEED = 0
-"""Of the textures."""
-STRONG = 16.0
-"""Light of captures whose pixels are nominally dark, relative to the nominal light: what leaks into them is seen."""
+"""Seed of the textures."""
+STRONG_LIGHT = 16.0
+"""Light of captures whose pixels are nominally dark, relative to the nominal light, so that a small leak shows."""
 
 
-def imagined_captures(seen: Observation) -> dict[str, Observation]:
-    """Return one capture of each kind with the patterns of this camera, by what has to be recorded, in words.
+def further_captures(observation: Observation) -> dict[str, Observation]:
+    """Return one capture of every kind with the patterns of this camera; keys say what has to be recorded.
 
-    Besides the usual kinds there are the coding patterns in reverse order and each twice in a row, and one open
-    pattern with light in one slot only: its own, or one of the two after it. The simplest to record come first.
+    Besides the usual kinds there are the coding patterns in reverse order and every second one twice in a row, and one
+    open pattern with light in one slot only: its own, or one of the two after it. The simplest to record come first.
+    Measurements are 0: only predictions are of use.
     """
-    frames, (height, width) = seen.frames, seen.size
+    frames, (height, width) = observation.frames, observation.size
     random = torch.Generator().manual_seed(SEED)
     texture = torch.nn.functional.interpolate(
         torch.rand(1, frames, height // 4 + 1, width // 4 + 1, generator=random), (height, width), mode="bilinear"
     )[0]
-    coding = torch.arange(frames) % len(seen.patterns)
-    means = seen.patterns.mean((1, 2))
+    coding = torch.arange(frames) % len(observation.patterns)
+    means = observation.patterns.mean((1, 2))
     shown = frames // 2
     single, open_once = (torch.full((frames,), int(means.argmin())) for _ in range(2))
-    single[shown] = int(seen.patterns[:frames].var((1, 2), correction=0).argmax())
+    single[shown] = int(observation.patterns[:frames].var((1, 2), correction=0).argmax())
     open_once[shown] = int(means.argmax())
-    open_ = float(seen.patterns[coding].sum(0).mean().clamp(min=1e-3))
+    open_ = float(observation.patterns[coding].sum(0).mean().clamp(min=1e-3))
     flat, one = torch.ones(frames, 1, 1), torch.ones(1, 1, 1)
 
     def pulse(after: int) -> torch.Tensor:
@@ -61,19 +62,22 @@ def imagined_captures(seen: Observation) -> dict[str, Observation]:
         f"an even scene that is lit in slot {slot[0]} only, behind {alone}": (open_once, pulse(0), 0.9, 1.0),
     }
     for after in (1, 2):
-        lit = f"an even scene that is lit in slot {slot[after]} only, {STRONG:.0f} times as bright, behind {alone}"
-        kinds[lit] = (open_once, pulse(after), STRONG, 1.0)
+        lit = (
+            f"an even scene that is lit in slot {slot[after]} only, {STRONG_LIGHT:.0f} times as bright, behind {alone}"
+        )
+        kinds[lit] = (open_once, pulse(after), STRONG_LIGHT, 1.0)
     return {
         kind: replace(
-            seen,
+            observation,
             sequences=sequence[None],
             sequence=torch.zeros(1, dtype=torch.long),
             scene=[scene],
             aperture=aperture * one,
             exposure=exposure * one,
             dn=torch.zeros(1, height, width),
-            kinds=("imagined",),
+            kinds=("further",),
             number=torch.zeros(1, dtype=torch.long),
+            position=None,
         )
         for kind, (sequence, scene, aperture, exposure) in kinds.items()
     }

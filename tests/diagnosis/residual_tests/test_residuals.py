@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from sci_lightning.diagnosis.model.noise import stated
+from sci_lightning.diagnosis.model.camera_model import datasheet_noise
 from sci_lightning.diagnosis.residual_tests import Residuals
 from tests.diagnosis.fit.test_fit import NOISE, fitter
 
@@ -15,9 +15,9 @@ from tests.diagnosis.fit.test_fit import NOISE, fitter
 @pytest.fixture(scope="module")
 def residuals(tmp_path_factory: pytest.TempPathFactory) -> Residuals:
     subject = fitter(tmp_path_factory.mktemp("ahead"), {"prnu": {"std": 0.03}})
-    noise, fixed = stated(subject)
+    noise, fixed = datasheet_noise(subject.model.observation)
     return Residuals.of(
-        subject, subject.fit(noise.having("prnu", {"std": 0.01}, torch.zeros(64, 64)), fixed=fixed), seed=0
+        subject, subject.fit(noise.with_effect("prnu", {"std": 0.01}, torch.zeros(64, 64)), fixed=fixed), seed=0
     )
 
 

@@ -1,4 +1,4 @@
-"""Does an estimated map look like what its name promises? Pixels that differ at random, each on its own."""
+"""Does an estimated fixed-pattern map agree with the definition of its effect: independent Gaussian values?"""
 
 from __future__ import annotations
 
@@ -7,31 +7,31 @@ import math
 import torch
 from scipy.stats import chi2, norm
 
-from sci_lightning.diagnosis.model.fixed_pattern_map import Chart
+from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap
 
 NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0))
+"""Displacements (rows, columns) at which values are correlated with each other."""
 
 
-def p_value_of(chart: Chart) -> float:
-    """Of the hypothesis that the map's values are independent and Gaussian, corrected for the questions asked.
+def map_p_value(one: FixedPatternMap) -> float:
+    """Return the p-value of the hypothesis that the values are independent and Gaussian, corrected for several tests.
 
-    Hot pixels are few and may have any value; of them only the places are asked: none should prefer company.
-
-    The values are taken without the prior's pull, each with its own uncertainty, so that they are standard normal
-    numbers under the hypothesis.
+    The values are maximum-likelihood estimates without the prior, divided by their standard deviation under the
+    hypothesis, so that they are standard normal numbers. Hot pixels are few and may have any value; only their places
+    are tested: they should not be neighbours more often than by chance.
     """
-    if chart.kind == "hot":
-        return _company(chart.values > 0)
-    raw = chart.values + chart.slope / chart.weight.clamp(min=1e-12)
-    known = chart.weight > 1e-3 * chart.weight.median()
-    spread = (chart.std**2 + 1 / chart.weight.clamp(min=1e-12)).sqrt()
+    if one.kind == "hot":
+        return _hot_neighbours(one.values > 0)
+    raw = one.values + one.likelihood_gradient / one.likelihood_information.clamp(min=1e-12)
+    known = one.likelihood_information > 1e-3 * one.likelihood_information.median()
+    spread = (one.std**2 + 1 / one.likelihood_information.clamp(min=1e-12)).sqrt()
     values = torch.where(known, raw / spread, 0.0)
     count = int(known.sum())
     if count < 16:
         return 1.0
     values = torch.where(known, (values - values[known].mean()) / values[known].std(), 0.0)
     p_values = [_neighbours(values), _largest(values[known])]
-    if chart.kind not in ("row", "column"):
+    if one.kind not in ("row", "column"):
         p_values += [_sums(values.sum(0), known.sum(0)), _sums(values.sum(1), known.sum(1)), _blocks(values, known)]
     if count >= 200:
         kurtosis = float((values[known] ** 4).mean()) - 3
@@ -40,30 +40,31 @@ def p_value_of(chart: Chart) -> float:
 
 
 def _neighbours(values: torch.Tensor) -> float:
-    """Correlations with the neighbours, all in one."""
-    squares, asked = 0.0, 0
+    """Return the p-value of the correlations with all neighbours together."""
+    squares, count = 0.0, 0
     for down, across in NEIGHBOURS:
         if values.shape[0] > down and values.shape[1] > abs(across):
             moved = values.roll((down, across), (0, 1)) * values
             moved = moved[down:, max(across, 0) : values.shape[1] + min(across, 0)]
             if moved.numel() >= 16:
                 squares += float(moved.sum() ** 2 / (moved != 0).sum().clamp(min=1))
-                asked += 1
-    return float(chi2.sf(squares, asked)) if asked else 1.0
+                count += 1
+    return float(chi2.sf(squares, count)) if count else 1.0
 
 
 def _largest(values: torch.Tensor) -> float:
-    """The largest one, for so many."""
+    """Return the p-value of the largest of so many values (Bonferroni)."""
     return min(1.0, 2 * values.numel() * float(norm.sf(float(values.abs().max()))))
 
 
 def _sums(sums: torch.Tensor, counts: torch.Tensor) -> float:
-    """Whole rows, columns or blocks that lie high or low."""
+    """Return the p-value of the sums over whole rows, columns or blocks."""
     some = counts > 0
     return float(chi2.sf(float((sums[some].square() / counts[some]).sum()), int(some.sum()) - 1))
 
 
 def _blocks(values: torch.Tensor, known: torch.Tensor) -> float:
+    """Return the p-value of the sums over square blocks."""
     side = 8
     pool = torch.nn.functional.avg_pool2d
     sums = pool(values[None, None], side, ceil_mode=True, divisor_override=1).flatten()
@@ -71,8 +72,8 @@ def _blocks(values: torch.Tensor, known: torch.Tensor) -> float:
     return _sums(sums, counts)
 
 
-def _company(hot: torch.Tensor) -> float:
-    """Pairs of neighbours among the hot pixels, against a Poisson distribution."""
+def _hot_neighbours(hot: torch.Tensor) -> float:
+    """Return the p-value of the number of neighbouring pairs of hot pixels, which is Poisson distributed by chance."""
     count, pixels = int(hot.sum()), hot.numel()
     pairs = int((hot[1:] & hot[:-1]).sum() + (hot[:, 1:] & hot[:, :-1]).sum())
     expected = 2 * count**2 / pixels + 1e-9

@@ -9,7 +9,7 @@ import torch
 
 from sci_lightning.captures import read_captures
 from sci_lightning.diagnosis.diagnosis import diagnose
-from sci_lightning.diagnosis.model.ceiling import Ceiling
+from sci_lightning.diagnosis.model.likelihood import ClippedSignal
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, VirtualCamera
 
@@ -23,16 +23,16 @@ def test_standardised_signal_is_standard_normal(mean: float, deviation: float, r
     signal = light.clamp(max=level) + read * torch.randn(count, 1, 1, generator=random)
     both = (deviation**2 + read**2) ** 0.5
     full = torch.ones(count, 1, 1)
-    ceiling = Ceiling(mean * full, both * full, torch.tensor(level), torch.tensor(read))
-    found = ceiling.standardise(signal, torch.zeros(count, 1, 1)).double()
+    clipped = ClippedSignal(mean * full, both * full, torch.tensor(level), torch.tensor(read))
+    found = clipped.standardise(signal, torch.zeros(count, 1, 1)).double()
     assert abs(found.mean()) < 0.01 and abs(found.std() - 1) < 0.01 and abs((found**4).mean() - 3) < 0.06
 
 
 def test_far_from_the_level_nothing_changes() -> None:
     signal, given = torch.tensor([100.0, 900.0])[:, None, None], torch.tensor([1.0, -1.0])[:, None, None]
     mean = torch.tensor([101.0, 2000.0])[:, None, None]
-    ceiling = Ceiling(mean, 5 * torch.ones(2, 1, 1), torch.tensor(900.0), torch.tensor(0.8))
-    assert torch.equal(ceiling.standardise(signal, given), given)
+    clipped = ClippedSignal(mean, 5 * torch.ones(2, 1, 1), torch.tensor(900.0), torch.tensor(0.8))
+    assert torch.equal(clipped.standardise(signal, given), given)
 
 
 def test_wells_that_are_full_at_the_level_of_a_flat_field(tmp_path: Path) -> None:

@@ -1,0 +1,47 @@
+"""Which of two models the captures prefer: the Bayesian information criterion, confirmed by held-out pixels."""
+
+from __future__ import annotations
+
+import math
+
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.model.camera_model import Hypothesis
+
+
+def bic(fitter: Fitter, fit: Fit) -> float:
+    """Return log-likelihood minus half of ln(n) for each parameter, in nats: -1/2 times Schwarz's criterion.
+
+    n is the number of pixels. Larger is better.
+    """
+    return fit.log_likelihood - 0.5 * parameter_count(fit.hypothesis) * math.log(fitter.fitted.numel())
+
+
+def parameter_count(hypothesis: Hypothesis) -> int:
+    """Return how many parameters a hypothesis has; a fixed-pattern map counts as the one that describes it."""
+    return sum(len(setting) for setting in hypothesis.effects.values())
+
+
+def bic_gain(fitter: Fitter, smaller: Fit, larger: Fit) -> float:
+    """Return the nats by which a larger model is better than a smaller one, beyond ``SearchSettings.min_gain_nats``.
+
+    It is minus infinity if the held-out pixels are not likelier with the larger model.
+    """
+    if fitter.split.held_out.any() and larger.held_out_log_likelihood <= smaller.held_out_log_likelihood:
+        return -math.inf
+    return bic(fitter, larger) - bic(fitter, smaller) - fitter.settings.min_gain_nats
+
+
+def prune(fitter: Fitter, fit: Fit, keep: Hypothesis, margin: float = 0.0) -> Fit:
+    """Eliminate backwards: drop every effect that is not worth its parameters beside the others.
+
+    Args:
+        fitter: fits hypotheses to the captures.
+        fit: the model to be pruned.
+        keep: effects that stay whatever they are worth.
+        margin: nats beyond the parameters' penalty that an effect must be worth.
+    """
+    for name in [name for name in fit.hypothesis.effects if name not in keep.effects]:
+        without = fitter.fit(fit.hypothesis.without(name))
+        if bic_gain(fitter, without, fit) <= margin:
+            fit = without
+    return fit

@@ -1,0 +1,103 @@
+"""What a small change of the mean would gain in log-likelihood, with every fitted parameter and map free to respond.
+
+The log-likelihood is approximated by a quadratic function around a fit, as in Rao's score test, so that no candidate
+has to be fitted to be judged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.parameters import FreeParameters
+from sci_lightning.diagnosis.model.fixed_pattern_map import MapSystem
+
+
+@dataclass(frozen=True)
+class JointGain:
+    """The best linear combination of K changes of the mean.
+
+    Attributes:
+        nats: gain in log-likelihood.
+        factors: ``(K,)`` of every change.
+        deviations: ``(K,)`` standard deviations of the factors; infinite where the captures say nothing.
+        gradient: ``(K,)`` of the log-likelihood with respect to the factors, everything else eliminated.
+        information: ``(K, K)`` about the factors, everything else eliminated.
+    """
+
+    nats: float
+    factors: torch.Tensor
+    deviations: torch.Tensor
+    gradient: torch.Tensor
+    information: torch.Tensor
+
+    def of(self, kept: torch.Tensor) -> JointGain:
+        """Return the gain of some of the changes (indices) alone."""
+        return maximise(self.gradient[kept], self.information[kept][:, kept])
+
+
+class LocalGain:
+    """The quadratic approximation of the log-likelihood around a fit.
+
+    Args:
+        fitter: holds captures, split and model.
+        fit: at its maximum.
+    """
+
+    def __init__(self, fitter: Fitter, fit: Fit) -> None:
+        likelihood = fitter.pixel_likelihood(fit.prediction)
+        self.information = likelihood.mean_information * fitter.fitted
+        self.gradient = likelihood.mean_gradient * fitter.fitted
+        self.log_likelihood = likelihood.log_likelihood
+        self._maps = MapSystem(fitter.maps(fit.hypothesis, fit.prediction, likelihood), self.information)
+        jacobian = FreeParameters(fitter.model, fit.free).jacobian(fit.hypothesis, fit.prediction)
+        self._weighted = (jacobian * self.information).flatten(1)
+        self._map_response = self._maps.solve(self._maps.cross_information(jacobian * self.information))
+        self._map_step = self._maps.solve(self._maps.gradient[None])[0]
+        self._cross = self._maps.cross_information(jacobian * self.information)
+        self._own_gradient = (jacobian * self.gradient).flatten(1).sum(1).double() - self._cross @ self._map_step
+        information = (self._weighted @ jacobian.flatten(1).T).double() - self._map_response @ self._cross.T
+        self._inverse = torch.linalg.pinv(information, hermitian=True, rtol=1e-10)
+
+    def gain_of_each(self, changes: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return the nats that every one of some changes gains alone, and by which factor: ``(K,)`` each.
+
+        A change that would have to be reversed gains nothing.
+
+        Args:
+            changes: ``(K, N, H, W)`` of the mean, DN per unit of the factor.
+        """
+        flat = changes.flatten(1)
+        cross = self._maps.cross_information(changes * self.information)
+        gradient = (flat @ self.gradient.flatten()).double() - cross @ self._map_step
+        size = (flat.square() @ self.information.flatten()).double() - (self._maps.solve(cross) * cross).sum(1)
+        shared = (self._weighted @ flat.T).double() - self._map_response @ cross.T
+        gradient -= shared.T @ self._inverse @ self._own_gradient
+        size -= ((self._inverse @ shared) * shared).sum(0)
+        factors = gradient.clamp(min=0) / size.clamp(min=1e-6)
+        return 0.5 * gradient * factors, factors
+
+    def joint_gain(self, changes: torch.Tensor) -> JointGain:
+        """Return the gain of the best combination of changes ``(K, N, H, W)`` of the mean, DN per unit."""
+        flat = changes.flatten(1)
+        cross = torch.cat([self._maps.cross_information((change * self.information)[None]) for change in changes])
+        gradient = (flat @ self.gradient.flatten()).double() - cross @ self._map_step
+        information = torch.stack([(flat @ (change * self.information).flatten()).double() for change in changes])
+        information -= self._maps.solve(cross) @ cross.T
+        shared = (self._weighted @ flat.T).double() - self._map_response @ cross.T
+        gradient -= shared.T @ self._inverse @ self._own_gradient
+        information -= shared.T @ self._inverse @ shared
+        return maximise(gradient, information)
+
+
+def maximise(gradient: torch.Tensor, information: torch.Tensor) -> JointGain:
+    """Take the Newton step to the maximum; directions about which there is no information stay where they are."""
+    size = information.diagonal().clamp(min=1e-12).sqrt()
+    scaled = information / size / size[:, None]
+    inverse = torch.linalg.pinv(scaled, hermitian=True, rtol=1e-6) / size / size[:, None]
+    factors = inverse @ gradient
+    deviations = inverse.diagonal().clamp(min=0).sqrt()
+    deviations = torch.where((deviations > 0) & (size > 1e-5), deviations, torch.inf)
+    return JointGain(0.5 * float(gradient @ factors), factors, deviations, gradient, information)

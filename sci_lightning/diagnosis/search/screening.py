@@ -1,0 +1,163 @@
+"""A cheap look at candidates before any is fitted: how many nats each would gain, and where its fit should start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.local_gain import LocalGain
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting
+from sci_lightning.diagnosis.model.fixed_pattern_map import estimate_map
+from sci_lightning.encoder.effects.parameter import Parameter, Value
+
+BATCH = 12
+"""Starts whose predictions are held in memory at a time."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect that might be added to the model.
+
+    Attributes:
+        name: of the effect.
+        gain: estimated gain in log-likelihood, nats.
+        start: setting from which a fit of it should start.
+    """
+
+    name: str
+    gain: float
+    start: Setting
+
+    def added(self, model: CameraModel, hypothesis: Hypothesis) -> Hypothesis:
+        """Return the hypothesis with the candidate at its start; its map, if it has one, is 0 everywhere."""
+        return model.adding(hypothesis, self.name, self.start, model.zero_map(self.name))
+
+
+def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
+    """Estimate the gain of every effect of the vocabulary that the model lacks; the most promising comes first.
+
+    Noise is left out: it explains variance, and must not be asked about the mean.
+    """
+    model, prediction = fitter.model, base.prediction
+    likelihood, local = fitter.pixel_likelihood(prediction), LocalGain(fitter, base)
+    chi2 = _chi2(fitter, prediction.mean, prediction.deviation)
+    candidates = []
+    for name, effect in model.vocabulary.items():
+        if name in base.hypothesis.effects or effect.noise:
+            continue
+        if effect.map_kind:
+            one = estimate_map(model, base.hypothesis, name, prediction, likelihood, fitter.fitted)
+            start: Setting = dict.fromkeys(effect.about, one.std)
+            candidates.append(Candidate(name, one.evidence, start))
+            continue
+        starts = model.starts(name, base.hypothesis)
+        if not starts:  # a converter of one bit can lose none, a single slot cannot come late
+            continue
+        screened = (
+            candidate
+            for first in range(0, len(starts), BATCH)
+            for candidate in _screen_starts(fitter, base, name, starts[first : first + BATCH], local, chi2)
+        )
+        candidates.append(max(screened, key=lambda candidate: candidate.gain))
+    return sorted(candidates, key=lambda candidate: -candidate.gain)
+
+
+def _screen_starts(
+    fitter: Fitter, base: Fit, name: str, starts: list[Setting], local: LocalGain, chi2: torch.Tensor
+) -> list[Candidate]:
+    """Estimate the gain of every start of one effect.
+
+    The gain is the larger of two estimates: that of the effect as large as the start, from chi2, and that of the effect
+    scaled to its best size, to second order; the start is then scaled likewise.
+    """
+    model = fitter.model
+    about = model.effects[name].about
+    trials = [model.predict(model.adding(base.hypothesis, name, start)) for start in starts]
+    if any(trial.bits != base.prediction.bits for trial in trials):
+        gains = [
+            float(((fitter.log_likelihood(trial) - local.log_likelihood) * fitter.fitted).sum()) for trial in trials
+        ]
+        return [Candidate(name, gain, start) for gain, start in zip(gains, starts, strict=True)]
+    deviation, count = base.prediction.deviation, float(fitter.fitted.sum())
+    large = [0.5 * count * float(torch.log(chi2 / _chi2(fitter, trial.mean, deviation))) for trial in trials]
+    candidates = [Candidate(name, gain, start) for gain, start in zip(large, starts, strict=True)]
+    if not any(parameter.choices for parameter in about.values()):
+        changes = torch.stack([trial.mean - base.prediction.mean for trial in trials])
+        small, factors = local.gain_of_each(changes)
+        for i, (gain, factor) in enumerate(zip(small.tolist(), factors.tolist(), strict=True)):
+            if gain > candidates[i].gain:
+                candidates[i] = Candidate(name, gain, _scaled(starts[i], about, factor))
+    return candidates
+
+
+def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str, Fit]]:
+    """Fit other effects in the place of one, those that may explain nearly as much.
+
+    Which these are follows from the information that the captures hold about the effect and the other together, with
+    everything in the model free to respond: the part of the effect's evidence that the other cannot explain.
+
+    Args:
+        fitter: fits hypotheses to the captures.
+        fit: with the effect.
+        without: the best fit without it.
+        name: of the effect.
+    """
+    model, settings = fitter.model, fitter.settings
+    if model.effects[name].noise or any(parameter.choices for parameter in model.effects[name].about.values()):
+        return []
+    local = LocalGain(fitter, without)
+    change = fit.prediction.mean - without.prediction.mean
+    evidence = fit.log_likelihood - without.log_likelihood
+    allowed = max(settings.rival_fraction, settings.rival_nats / max(evidence, 1.0))
+    close = []
+    for other, effect in model.vocabulary.items():
+        if other in fit.hypothesis.effects or effect.noise or effect.map_kind:
+            continue
+        starts = model.starts(other, without.hypothesis)[: settings.rival_starts]
+        trials = [model.predict(model.adding(without.hypothesis, other, start)) for start in starts]
+        if not trials or any(trial.bits != without.prediction.bits for trial in trials):
+            continue
+        changes = torch.stack([change, *(trial.mean - without.prediction.mean for trial in trials)])
+        information = local.joint_gain(changes).information
+        unexplained = _unexplained(information)
+        if unexplained < allowed:
+            size = information.diagonal()[1:].clamp(min=1e-9)
+            best = int((information[0, 1:].square() / size).argmax())
+            factor = min(max(float(information[0, 1 + best] / size[best]), 1e-3), 1.0)
+            close.append((unexplained, other, _scaled(starts[best], effect.about, factor)))
+    close.sort(key=lambda rival: rival[0])
+    return [
+        (other, fitter.fit(model.adding(without.hypothesis, other, start), iterations=20))
+        for _, other, start in close[: settings.rivals_fitted]
+    ]
+
+
+def _unexplained(information: torch.Tensor) -> float:
+    """Return the part of the first change that no linear combination of the others explains."""
+    own = float(information[0, 0])
+    if own <= 0:
+        return 1.0
+    explained = information[0, 1:] @ torch.linalg.pinv(information[1:, 1:], hermitian=True) @ information[1:, 0]
+    return max(0.0, 1 - float(explained) / own)
+
+
+def _scaled(start: Setting, about: dict[str, Parameter], factor: float) -> Setting:
+    """Return a setting whose distance from the neutral one is multiplied with a factor, 2 at most."""
+
+    def scaled(value: Value, parameter: Parameter) -> Value:
+        if parameter.choices or not isinstance(parameter.neutral, (int, float)):
+            return value
+        moved = parameter.neutral + min(factor, 2.0) * (float(value) - parameter.neutral)
+        return min(max(moved, parameter.low), parameter.high)
+
+    return {name: scaled(value, about[name]) for name, value in start.items()}
+
+
+def _chi2(fitter: Fitter, mean: torch.Tensor, deviation: torch.Tensor) -> torch.Tensor:
+    """Return the mean squared distance of the fitted pixels from their DN's interval, quantisation counted as noise."""
+    intervals = fitter.intervals(fitter.model.observation.bit_depth)
+    outside = (intervals.low - mean).clamp(min=0) + (mean - intervals.high).clamp(min=0)
+    distance = torch.where(intervals.low.isinf() | intervals.high.isinf(), outside, fitter.model.observation.dn - mean)
+    return (distance.square() / (deviation.square() + 1 / 12) * fitter.fitted).sum() / fitter.fitted.sum()

@@ -1,0 +1,50 @@
+"""The forward model predicts what a hypothesis says, and nothing that it remembers of another one."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from sci_lightning.captures import read_captures
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
+from sci_lightning.diagnosis.model.observation import observe
+from sci_lightning.diagnosis.vocabulary import vocabulary
+from sci_lightning.encoder.effects import MapEffect, OpticsEffect, Parameter
+from sci_lightning.encoder.signal import Signal
+from sci_lightning.virtual_camera import Session, capture_session, write_captures
+
+
+class Window(MapEffect, OpticsEffect):
+    """Dust on the sensor's window: a map that acts on the light before the sensor."""
+
+    name = "window"
+    rank = 46
+    map_kind = "pixel"
+    about = {"std": Parameter("1", 0.0, 0, 1, step=0.01)}
+
+    def form(self, signal: Signal) -> Signal:
+        return signal.with_mean(signal.pooled().mean * (1 + self.std * self.map))
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> CameraModel:
+    path = tmp_path_factory.mktemp("model") / "a.h5"
+    write_captures(path, capture_session(Session(size=(16, 16), dark=1, flat=1), {}, seed=1))
+    return CameraModel(observe(read_captures(path)), vocabulary())
+
+
+def test_two_maps_of_one_sum_give_two_images(model: CameraModel) -> None:
+    """The light before the sensor is remembered: by the map's values, not by a number that other maps share."""
+    larger = model.with_candidates({"window": Window})
+    values = torch.randn(16, 16, generator=torch.Generator().manual_seed(0))
+    one = Hypothesis({"read_noise": {"std": 1.0}}).with_effect("window", {"std": 0.1}, 0.1 * values)
+    other = one.with_effect("window", {"std": 0.1}, 0.1 * values.flip(1))
+    images = [larger.predict(hypothesis).mean for hypothesis in (one, other)]
+    alone = CameraModel(larger.observation, larger.vocabulary).predict(other).mean
+    assert not torch.equal(*images) and torch.equal(images[1], alone)
+
+
+def test_a_further_candidate_makes_a_new_model(model: CameraModel) -> None:
+    larger = model.with_candidates({"window": Window})
+    assert "window" in larger.vocabulary and "window" in larger.effects
+    assert "window" not in model.vocabulary and "window" not in model.effects
