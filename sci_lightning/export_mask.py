@@ -4,25 +4,25 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omegaconf import DictConfig
-
 from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.console import PlainConsole, styled
 
 
-def export_mask(cfg: DictConfig) -> None:
+def export_mask(composition: Composition) -> None:
     """Write bit planes, 8-bit frames and ``planes.json``, read the planes back, and say whether the timing fits.
 
     Args:
-        cfg: ``conf/export_mask.yaml``, composed.
+        composition: of ``conf/export_mask.yaml``.
     """
     import torch
 
     from sci_lightning.cli.next_command import invocation, print_next
-    from sci_lightning.errors import BadInput
+    from sci_lightning.errors import MachineFailure
     from sci_lightning.files.modulator_files import Layout, read_planes, timing_of, write_planes
     from sci_lightning.runs.checkpoint import read_checkpoint
 
+    cfg = composition.cfg
     out, console = Path(cfg.out), PlainConsole()
     module = read_checkpoint(cfg.ckpt_path, cfg.trusted).encoder().mask
     with torch.no_grad():
@@ -34,7 +34,7 @@ def export_mask(cfg: DictConfig) -> None:
     timing = timing_of(module.frames, bits, cfg.frame_rate, cfg.binary_rate, cfg.gray_rate)
     write_planes(mask, bits, out, layout, timing)
     if not torch.equal(read_planes(out), mask):
-        raise BadInput(f"{out}: the planes do not read back as the mask; is the disk full?")
+        raise MachineFailure(f"{out}: the planes do not read back as the mask; is the disk full?")
     console.print(f"{module.frames} slots of {bits} bit, {height} x {width}, on {canvas[0]} x {canvas[1]} mirrors")
     for way, what in (("planes", "by_planes"), ("gray_frames", "by_gray_frames")):
         fits = "fits" if timing[f"{way}_fit"] else styled("too fast", "red")
