@@ -21,39 +21,36 @@ def diagnose(composition: Composition) -> None:
     """
     from sci_lightning.captures import read_captures
     from sci_lightning.cli.next_command import invocation, nearest, print_next
-    from sci_lightning.diagnosis.diagnosis import diagnose
-    from sci_lightning.diagnosis.report.dashboard import log
+    from sci_lightning.diagnosis import diagnosis as library
+    from sci_lightning.diagnosis.report.dashboard import log_diagnosis
     from sci_lightning.diagnosis.report.pictures import figures
-    from sci_lightning.diagnosis.report.report import describe, write_encoder, write_page, write_pictures
-    from sci_lightning.diagnosis.report.sentences import headline
-    from sci_lightning.diagnosis.report.terminal import print_report, searching
+    from sci_lightning.diagnosis.report.report import write_report
+    from sci_lightning.diagnosis.report.report_page import Provenance
+    from sci_lightning.diagnosis.report.terminal import print_report, search_progress
     from sci_lightning.diagnosis.search_settings import SearchSettings
     from sci_lightning.diagnosis.vocabulary import vocabulary
-    from sci_lightning.runs.results import write_json
     from sci_lightning.training.loggers import build_loggers
 
     cfg = composition.cfg
     start, out, console = time.perf_counter(), Path(cfg.out), PlainConsole()
     captures = read_captures(cfg.captures)
     candidates = vocabulary(cfg.candidates, composition.targets("effect"))
-    with searching(console, cfg.most) as told:
-        settings = SearchSettings(max_effects=cfg.most, **cfg.search)
-        found = diagnose(captures, candidates, cfg.seed, cfg.empirical, settings, told)
-        told("writing the report")
-        drawn = figures(found)
-        report = describe(found) | {
-            "captures": {"file": Path(cfg.captures).name, "name": captures.name},
-            "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
-            "runtime_s": time.perf_counter() - start,
-        }
-        sentence = headline(report, found.remaining)
-        write_json(report, out / "report.json")
-        write_encoder(found, out)
-        write_pictures(drawn, out)
-        write_page(found, report, drawn, shlex.join(["python", "-m", "sci_lightning.diagnose", *sys.argv[1:]]), out)
+    settings = SearchSettings(max_effects=cfg.most, **cfg.search)
+    with search_progress(console, cfg.most) as on_progress:
+        diagnosis = library.diagnose(captures, candidates, cfg.seed, cfg.empirical, settings, on_progress)
+        on_progress("writing the report")
+        drawn = figures(diagnosis)
+        provenance = Provenance(
+            file=Path(cfg.captures).name,
+            name=captures.name,
+            date=datetime.now(timezone.utc).isoformat(timespec="seconds"),
+            runtime_s=time.perf_counter() - start,
+            command=shlex.join(["python", "-m", "sci_lightning.diagnose", *sys.argv[1:]]),
+        )
+        write_report(diagnosis, out, provenance, drawn)
     for logger in build_loggers(plain(cfg.logger) if cfg.get("logger") else None, "diagnosis"):
-        log(logger, report, drawn)
-    print_report(report, sentence, console)
+        log_diagnosis(logger, diagnosis, drawn)
+    print_report(diagnosis, console)
     console.say(styled(out / "report.html"), "; beside it report.json, encoder.yaml and pictures")
     lines = [invocation("train", "experiment=quickstart", paths={"encoder": out / "encoder.yaml"})]
     if (truth := Path(cfg.captures).with_suffix(".truth.json")).is_file():

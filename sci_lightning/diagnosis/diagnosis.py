@@ -94,6 +94,11 @@ class Diagnosis:
         """Names of :attr:`effects`."""
         return tuple(effect.name for effect in self.effects)
 
+    @property
+    def next_captures(self) -> tuple[str, ...]:
+        """Captures that would tell the named effects from their alternatives, a sentence for each."""
+        return tuple(dict.fromkeys(effect.tell_apart for effect in self.effects if effect.tell_apart))
+
 
 def diagnose(
     captures: Captures,

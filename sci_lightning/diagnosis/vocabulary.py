@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-
-from hydra.utils import get_class
+from pkgutil import resolve_name
 
 from sci_lightning.encoder import effects
 from sci_lightning.encoder.effects import Effect
@@ -36,7 +35,7 @@ def vocabulary(more: Mapping[str, str] | None = None, members: Iterable[str] = (
 
 def _effect(where: str, path: str) -> type[Effect]:
     try:
-        effect = get_class(path)
+        effect = resolve_name(path)
     except Exception as error:
         raise BadInput(f"{where}: no class {path!r} ({error})") from error
     if not (isinstance(effect, type) and issubclass(effect, Effect)):

@@ -14,12 +14,11 @@ from sci_lightning.captures import read_captures
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.gap import Gap, held_out_gap, largest_by_chance, variance_of_squares
-from sci_lightning.diagnosis.report.report import describe
-from sci_lightning.diagnosis.report.sentences import CLEAN, headline
+from sci_lightning.diagnosis.report.sentences import NOTHING_LEFT, headline
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE, verdict
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, VirtualCamera
-from tests.diagnosis.report.test_sentences import GHOST, SHIFT
+from tests.diagnosis.report.test_sentences import GHOST, SHIFT, diagnosed
 from tests.diagnosis.residual_tests.test_residual_test import with_p
 
 
@@ -70,16 +69,16 @@ def test_few_pixels_whose_chi2_is_a_little_large_are_consistent(few: Diagnosis) 
     assert few.after.gap.pixels < 1000 and 1.1 < few.after.gap.chi2_limit < 1.6
     other = with_chi2(few, 1.065)
     assert other.verdict == "consistent"
-    sentence = headline(describe(other), other.remaining)
+    sentence = headline(other)
     assert sentence.startswith("The captures agree with the ideal camera: held-out chi2 1.065 (chance alone reaches 1.")
 
 
 def test_few_pixels_whose_chi2_is_too_large_are_not(few: Diagnosis) -> None:
     other = with_chi2(few, 1.9)
     assert not other.remaining and other.verdict == "unexplained"
-    sentence = headline(describe(other), other.remaining)
+    sentence = headline(other)
     assert sentence.startswith("The captures disagree with the ideal camera (held-out chi2 1.900)")
-    assert "no test of the residuals says where" in sentence and CLEAN not in sentence
+    assert "no test of the residuals says where" in sentence and NOTHING_LEFT not in sentence
 
 
 def test_estimated_parameters_and_maps_widen_the_limit(few: Diagnosis) -> None:
@@ -100,13 +99,11 @@ def test_verdict_and_sentence_agree() -> None:
         (0, 1, 5), (0, 1), (0, 2), (0.4, 1.0, 30.0), (0.98, 1.04, 1.08, 1.3), (0.5, -0.5)
     ):
         first, second = Gap(**shared, chi2=before, nll=2 + gained), Gap(**shared, chi2=after, nll=2.0)
-        word = verdict(first, second, names, unnamed, structure)
-        gaps = {"before": first.describe(), "after": second.describe()}
-        report = {"verdict": word, "effects": [SHIFT] * names, "unnamed": [GHOST] * unnamed, "gap": gaps}
-        sentence = headline(report, [with_p(1e-9)] * structure)
+        found = diagnosed(names * (SHIFT,), unnamed * (GHOST,), structure * (with_p(1e-9),), first, second)
+        word, sentence = found.verdict, headline(found)
         assert ("captures agree with" in sentence) == (word == "consistent"), sentence
         assert ("captures disagree with" in sentence) == (word == "unexplained"), sentence
-        assert (CLEAN in sentence) == (word in ("consistent", "explained")), sentence
+        assert (NOTHING_LEFT in sentence) == (word in ("consistent", "explained")), sentence
         assert (", but " in sentence) == (word == "partly_explained"), sentence
         assert (word in ("consistent", "explained")) == (after <= 1.1 and not unnamed and not structure)
         assert not names or "displaced" in sentence or "mask_shift" in sentence

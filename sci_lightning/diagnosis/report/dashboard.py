@@ -1,4 +1,4 @@
-"""A diagnosis on a dashboard: the gap as curves of two points, the pictures as images."""
+"""A diagnosis on a dashboard such as TensorBoard: the gap as curves of two points, the figures as images."""
 
 from __future__ import annotations
 
@@ -7,20 +7,25 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from sci_lightning.diagnosis.diagnosis import Diagnosis
+from sci_lightning.diagnosis.fit.gap import Misfit
 
-def log(logger: Any, report: Mapping[str, Any], drawn: Mapping[str, Figure]) -> None:
-    """Write to a Lightning logger: scalars to any, pictures to those that take figures, as TensorBoard's does.
+
+def log_diagnosis(logger: Any, diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> None:
+    """Write scalars, and figures if the logger takes them; step 0 is the ideal camera, step 1 the corrected one.
 
     Args:
-        logger: as built from ``conf/logger``.
-        report: ``report.json``; before is step 0, after is step 1.
-        drawn: pictures by file name.
+        logger: a Lightning logger, as built from ``conf/logger``.
+        diagnosis: the result.
+        drawn: figures by file name.
     """
-    for step, when in enumerate(("before", "after")):
-        gap = report["gap"][when]
-        kinds = {f"/{kind}": each for kind, each in gap["by_kind"].items()} | {"": gap}
-        scalars = {f"{key}{kind}": each[key] for kind, each in kinds.items() for key in ("chi2", "rmse_dn", "nll")}
-        scalars["significant_tests"] = sum(each["significant"] for each in report["where"][when])
+    for step, assessment in enumerate((diagnosis.before, diagnosis.after)):
+        misfits: dict[str, Misfit] = {f"/{kind}": misfit for kind, misfit in assessment.gap.by_kind.items()}
+        misfits[""] = assessment.gap
+        scalars: dict[str, float] = {}
+        for kind, misfit in misfits.items():
+            scalars |= {f"{key}{kind}": getattr(misfit, key) for key in ("chi2", "rmse_dn", "nll")}
+        scalars["significant_tests"] = sum(test.significant for test in assessment.tests)
         logger.log_metrics(scalars, step)
     if hasattr(logger.experiment, "add_figure"):
         for name, figure in drawn.items():

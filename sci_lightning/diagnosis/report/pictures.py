@@ -1,4 +1,4 @@
-"""Pictures of a diagnosis, for the report's page, for files beside it and for dashboards."""
+"""Figures of a diagnosis: for the report's page, for files beside it and for dashboards."""
 
 from __future__ import annotations
 
@@ -11,34 +11,37 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from sci_lightning.diagnosis.diagnosis import Diagnosis
+from sci_lightning.diagnosis.fit.gap import Gap
 from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, FAINT, style
 from sci_lightning.diagnosis.residual_tests import Picture, Residuals, ResidualTest
 from sci_lightning.diagnosis.residual_tests.drawing import OWN, draw_map, draw_test, hidden_by, limits
 from sci_lightning.diagnosis.residual_tests.position import PLACE
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
 from sci_lightning.diagnosis.search.search import Round
+from sci_lightning.files.plain_text import in_figure
 
-SHOWN = 8
+MAX_CANDIDATES = 8
 """Candidates of a round that are drawn."""
-DECADES = 5
-"""Labels at most on a logarithmic axis."""
-PANEL = 3.3
+MAX_TICKS = 5
+"""Labels on a logarithmic axis."""
+PANEL_WIDTH = 3.3
 """Width of one map of residuals, in inches."""
 MEAN, SIZE = "mean (standard errors)", "RMS (σ; noise: 1)"
 
 
 def residuals_figure(before: Residuals, after: Residuals) -> Figure:
-    """Where they disagree: mean and root mean square of the residuals of every pixel over all captures.
+    """Draw mean and root mean square of the residuals of every pixel over all captures.
 
-    If what is left cannot be seen on the scale of what there was, a third row shows it on its own scale.
+    If the residuals after cannot be seen on the scale of those before, a third row shows them on their own scale.
     """
-    means = [Picture("map", each.raw.mean(0) * len(each.raw) ** 0.5, axes=PLACE) for each in (before, after)]
-    sizes = [each.raw.square().mean(0).sqrt() for each in (before, after)]
+    both = before.raw, after.raw
+    means = [Picture("map", raw.mean(0) * len(raw) ** 0.5, axes=PLACE) for raw in both]
+    sizes = [raw.square().mean(0).sqrt() for raw in both]
     spans = [(0.0, max(float(torch.quantile(size, 0.998)), 1.5)) for size in (torch.stack(sizes), sizes[1])]
     own = hidden_by(means[0], means[1])
     rows = 3 if own else 2
     height, width = before.raw.shape[1:]
-    tall = PANEL * min(max(height / width, 0.5), 1.5)  # room left beside an image would be taken from its labels
+    tall = PANEL_WIDTH * min(max(height / width, 0.5), 1.5)  # room left beside an image would be taken from its labels
     with style():
         figure = Figure(figsize=(8.8, rows * (tall + 0.45) + 0.3), layout="constrained")
         grid = figure.subplots(rows, 2, sharex=True, sharey=True)
@@ -71,12 +74,12 @@ def _colour_bar(figure: Figure, image: Any, axes: list[Any], label: str) -> None
 
 
 def example_figure(before: Residuals, after: Residuals) -> Figure:
-    """The held-out capture that the ideal camera misses most: as recorded, and its residuals before and after."""
+    """Draw the held-out capture that the ideal camera misses most: as recorded, and its residuals before and after."""
     seen = before.observation
-    held = before.fitter.split.held_out_capture
+    held_out = before.fitter.split.held_out_capture
     misfit = before.raw.square().mean((1, 2))
-    number = int(torch.where(held, misfit, -1.0).argmax() if held.any() else misfit.argmax())
-    pictures = [Picture("map", each.raw[number], axes=PLACE) for each in (before, after)]
+    number = int(torch.where(held_out, misfit, -1.0).argmax() if held_out.any() else misfit.argmax())
+    pictures = [Picture("map", residuals.raw[number], axes=PLACE) for residuals in (before, after)]
     own = hidden_by(*pictures)
     titles = [f"capture {int(seen.number[number])} ({seen.kinds[number]})", "residual before", "residual after", OWN]
     with style():
@@ -98,15 +101,15 @@ def example_figure(before: Residuals, after: Residuals) -> Figure:
 
 
 def histogram_figure(before: Residuals, after: Residuals) -> Figure:
-    """Residuals against the standard normal that they follow when the model is right."""
+    """Draw the distribution of the residuals beside the standard normal that they follow if the model is right."""
     with style():
         figure = Figure(figsize=(5.4, 3.4), layout="constrained")
         axes = figure.subplots()
         edges = np.linspace(-8, 8, 81)
         middle = (edges[1:] + edges[:-1]) / 2
         least = 0.3 / before.raw.numel() / (edges[1] - edges[0])
-        for each, colour, label in ((before, BEFORE, "before"), (after, AFTER, "after")):
-            count, _ = np.histogram(each.raw.clamp(-7.99, 7.99).numpy(), edges, density=True)
+        for residuals, colour, label in ((before, BEFORE, "before"), (after, AFTER, "after")):
+            count, _ = np.histogram(residuals.raw.clamp(-7.99, 7.99).numpy(), edges, density=True)
             axes.stairs(count.clip(least), edges, color=colour, linewidth=1.4, label=label, baseline=least)
         axes.plot(middle, np.exp(-(middle**2) / 2) / np.sqrt(2 * np.pi), "--", color=FAINT, label="standard normal")
         axes.set(yscale="log", ylim=(least, 1), xlabel="residual (σ; all beyond 8 at 8)", ylabel="density")
@@ -115,7 +118,7 @@ def histogram_figure(before: Residuals, after: Residuals) -> Figure:
 
 
 def evidence_figure(rounds: tuple[Round, ...], names: tuple[str, ...]) -> Figure:
-    """What every round considered: nats that each candidate would gain at a glance, and in a joint fit.
+    """Draw what every round considered: the gain of each candidate as screened, and in a joint fit.
 
     Args:
         rounds: of the search.
@@ -126,22 +129,26 @@ def evidence_figure(rounds: tuple[Round, ...], names: tuple[str, ...]) -> Figure
         rows = max(1, -(-len(rounds) // columns))
         figure = Figure(figsize=(4.6 * columns + 0.4, 0.8 + 2.5 * rows), layout="constrained")
         grid = figure.subplots(rows, columns, squeeze=False, sharex=True).ravel()
-        for number, (axes, each) in enumerate(zip(grid, rounds, strict=False), start=1):
-            gains = {name: max(gain, each.fitted.get(name, (0.0, 0.0))[0]) for name, gain in each.screened.items()}
-            shown = sorted(gains, key=gains.__getitem__, reverse=True)[:SHOWN][::-1]
+        for number, (axes, considered) in enumerate(zip(grid, rounds, strict=False), start=1):
+            fits = {name: considered.fitted.get(name, (0.0, 0.0))[0] for name in considered.screened}
+            gains = {name: max(gain, fits[name]) for name, gain in considered.screened.items()}
+            shown = sorted(gains, key=gains.__getitem__, reverse=True)[:MAX_CANDIDATES][::-1]
             place = np.arange(len(shown))
-            screened = [max(each.screened[name], 0.1) for name in shown]
-            fitted = [max(each.fitted.get(name, (0.0, 0.0))[0], 0.1) for name in shown]
-            colours = [AFTER if name == each.added else FAINT for name in shown]
+            screened = [max(considered.screened[name], 0.1) for name in shown]
+            fitted = [max(fits[name], 0.1) for name in shown]
+            colours = [AFTER if name == considered.added else FAINT for name in shown]
             axes.barh(place, fitted, height=0.62, color=colours, label="joint fit")
             axes.plot(screened, place, "|", color=BEFORE, markersize=9, markeredgewidth=1.6, label="at a glance")
-            axes.set_yticks(place, shown)
+            axes.set_yticks(place, list(map(in_figure, shown)))
             axes.set_xscale("log")
             axes.set_xlim(left=1)
             _label_decades(axes)
             axes.tick_params(labelbottom=True)
-            dropped = " (dropped later)" if each.added and each.added not in names else ""
-            axes.set_title(f"round {number}: {each.added or 'nothing is worth its parameters'}{dropped}", loc="left")
+            added = considered.added
+            dropped = " (dropped later)" if added and added not in names else ""
+            axes.set_title(
+                f"round {number}: {in_figure(added or 'nothing is worth its parameters')}{dropped}", loc="left"
+            )
         for axes in grid[len(rounds) :]:
             axes.set_axis_off()
         if len(rounds):
@@ -151,28 +158,28 @@ def evidence_figure(rounds: tuple[Round, ...], names: tuple[str, ...]) -> Figure
 
 
 def _label_decades(axes: Any) -> None:
-    """Few enough labels on a logarithmic horizontal axis, and short enough ones, that none overlaps another."""
-    axes.xaxis.set_major_locator(LogLocator(numticks=DECADES))
+    """Make the labels of a logarithmic horizontal axis few and short, so that none overlaps another."""
+    axes.xaxis.set_major_locator(LogLocator(numticks=MAX_TICKS))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: short(value)))
 
 
 def short(value: float) -> str:
-    """A number with at most a few digits, in thousands (k), millions (M) or thousand millions (G) if it is large."""
+    """Return a number with a few digits, in thousands (k), millions (M) or thousand millions (G) if it is large."""
     for factor, letter in ((1e9, "G"), (1e6, "M"), (1e4, "k")):
         if value >= factor:
             return f"{value / (1e3 if letter == 'k' else factor):.4g}{letter}"
     return f"{value:.4g}"
 
 
-def gap_figure(gaps: dict[str, dict[str, Any]]) -> Figure:
-    """Reduced chi2 of every kind of capture, before and after."""
-    kinds = list(gaps["before"]["by_kind"])[::-1]
+def gap_figure(gap_before: Gap, gap_after: Gap) -> Figure:
+    """Draw the reduced chi2 of every kind of capture before and after."""
+    kinds = list(gap_before.by_kind)[::-1]
     with style():
         figure = Figure(figsize=(5.4, 0.9 + 0.34 * (len(kinds) + 1)), layout="constrained")
         axes = figure.subplots()
-        pairs = [(when["chi2"], then["chi2"]) for when, then in ((gaps["before"], gaps["after"]),)]
-        pairs = [(gaps["before"]["by_kind"][k]["chi2"], gaps["after"]["by_kind"][k]["chi2"]) for k in kinds] + pairs
+        pairs = [(gap_before.by_kind[kind].chi2, gap_after.by_kind[kind].chi2) for kind in kinds]
+        pairs.append((gap_before.chi2, gap_after.chi2))
         for place, (before, after) in enumerate(pairs):
             axes.plot((before, after), (place, place), color=FAINT, linewidth=1, zorder=1)
         for values, colour, label in zip(zip(*pairs, strict=True), (BEFORE, AFTER), ("before", "after"), strict=True):
@@ -191,15 +198,21 @@ def gap_figure(gaps: dict[str, dict[str, Any]]) -> Figure:
 
 
 def correlation_figure(names: list[str], correlation: torch.Tensor) -> Figure:
-    """How the parameters trade off against each other."""
+    """Draw how the errors of the parameters are correlated.
+
+    Args:
+        names: of the K parameters.
+        correlation: ``(K, K)``, -1 to 1.
+    """
     with style():
         side = 1.6 + 0.42 * len(names)
         figure = Figure(figsize=(side + 1.2, side), layout="constrained")
         axes = figure.subplots()
         others = correlation.clone().fill_diagonal_(math.nan)
         image = axes.imshow(others.numpy(), cmap="RdBu_r", vmin=-1, vmax=1)
-        axes.set_xticks(range(len(names)), names, rotation=40, ha="right")
-        axes.set_yticks(range(len(names)), names)
+        labels = list(map(in_figure, names))
+        axes.set_xticks(range(len(names)), labels, rotation=40, ha="right")
+        axes.set_yticks(range(len(names)), labels)
         axes.spines[:].set_visible(False)
         for row, column in ((r, c) for r in range(len(names)) for c in range(len(names)) if r != c):
             value = float(correlation[row, column])
@@ -209,8 +222,13 @@ def correlation_figure(names: list[str], correlation: torch.Tensor) -> Figure:
         return figure
 
 
-def chart_figure(values: torch.Tensor, unit: str) -> Figure:
-    """An estimated map: an image, or a profile along rows or columns."""
+def map_figure(values: torch.Tensor, unit: str) -> Figure:
+    """Draw an estimated map: an image, or a profile along rows or columns.
+
+    Args:
+        values: ``(H, W)``, ``(H, 1)`` or ``(1, W)``.
+        unit: of the values.
+    """
     with style():
         if min(values.shape) == 1:
             figure = Figure(figsize=(6.4, 2.4), layout="constrained")
@@ -224,7 +242,7 @@ def chart_figure(values: torch.Tensor, unit: str) -> Figure:
 
 
 def unnamed_figure(unnamed: Unnamed) -> Figure:
-    """What no name explains: how much of the signal it is, and where."""
+    """Draw a deviation without a name: how much it changes the signal, and where."""
     with style():
         figure = Figure(figsize=(5, 3.6 if unnamed.picture.ndim == 2 else 2.6), layout="constrained")
         axes = figure.subplots()
@@ -238,31 +256,33 @@ def unnamed_figure(unnamed: Unnamed) -> Figure:
         else:
             axes.plot(values, color=AFTER, marker=".")
             axes.axhline(0, color=FAINT, linewidth=0.8)
-        axes.set_title(f"{unnamed.stage}: {unnamed.where}", loc="left")
+        axes.set_title(in_figure(f"{unnamed.stage}: {unnamed.where}"), loc="left")
         return figure
 
 
 def test_figure(before: ResidualTest | None, after: ResidualTest) -> Figure:
-    """A question's picture before and after; of a map that there was not before, after alone."""
-    asked = [("before", BEFORE, before)] if before else []
-    asked.append(("after", AFTER, after))
-    names, colours, tests = zip(*asked, strict=True)
+    """Draw what a residual test saw before and after; after alone if it could not be made before."""
+    panels = [("before", BEFORE, before)] if before else []
+    panels.append(("after", AFTER, after))
+    titles, colours, tests = zip(*panels, strict=True)
     own = before is not None and hidden_by(before.picture, after.picture)
     with style():
         height = 2.5 if after.picture.kind == "map" else 2.1
         figure = Figure(figsize=(2.8 * (len(tests) + own) + 0.8, height), layout="constrained")
-        draw_test(figure, [each.picture for each in tests], names, colours, own)
+        draw_test(figure, [test.picture for test in tests], titles, colours, own)
         return figure
 
 
-def figures(found: Diagnosis) -> dict[str, Figure]:
-    """The pictures that lie beside the report, by file name."""
-    before, after = found.before.residuals, found.after.residuals
+def figures(diagnosis: Diagnosis) -> dict[str, Figure]:
+    """Draw the figures that lie beside the report, by file name."""
+    before, after = diagnosis.before.residuals, diagnosis.after.residuals
     pictures = {
         "residuals.png": residuals_figure(before, after),
         "example.png": example_figure(before, after),
         "histogram.png": histogram_figure(before, after),
-        "gap.png": gap_figure({"before": found.before.gap.describe(), "after": found.after.gap.describe()}),
-        "evidence.png": evidence_figure(found.rounds, found.names),
+        "gap.png": gap_figure(diagnosis.before.gap, diagnosis.after.gap),
+        "evidence.png": evidence_figure(diagnosis.rounds, diagnosis.names),
     }
-    return pictures | {f"unnamed_{n}.png": unnamed_figure(each) for n, each in enumerate(found.unnamed, start=1)}
+    return pictures | {
+        f"unnamed_{number}.png": unnamed_figure(unnamed) for number, unnamed in enumerate(diagnosis.unnamed, start=1)
+    }

@@ -1,19 +1,24 @@
-"""The files of a diagnosis: ``report.json``, ``report.html``, pictures and ``encoder.yaml``."""
+"""The files of a diagnosis: ``report.json``, ``report.html``, pictures and ``encoder.yaml``.
+
+Everything here reads a :class:`~sci_lightning.diagnosis.diagnosis.Diagnosis`; nothing is fitted or computed anew.
+"""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+import yaml
 from matplotlib.figure import Figure
-from omegaconf import OmegaConf
 
 from sci_lightning import __version__
 from sci_lightning.diagnosis.diagnosis import Diagnosis
-from sci_lightning.diagnosis.report.report_page import report_page
+from sci_lightning.diagnosis.report.pictures import figures
+from sci_lightning.diagnosis.report.report_page import Provenance, report_page
 from sci_lightning.encoder.empirical import Empirical
 from sci_lightning.files.atomic_file import whole_file
 
@@ -25,63 +30,73 @@ UNCERTAINTY = (
 """What ``std`` and ``systematic`` of the report mean, for people."""
 
 
-def describe(found: Diagnosis) -> dict[str, Any]:
-    """``report.json`` without its run time."""
-    effects = [effect.describe() for effect in found.effects]
-    assessments = {"before": found.before, "after": found.after}
+def write_report(
+    diagnosis: Diagnosis,
+    out: str | Path,
+    provenance: Provenance | None = None,
+    drawn: Mapping[str, Figure] | None = None,
+) -> None:
+    """Write all files of a diagnosis into the folder ``out``; none is ever half written.
+
+    Args:
+        diagnosis: the result.
+        out: the folder; created if it does not exist.
+        provenance: what was diagnosed, when and how; None if the report is to say nothing about that.
+        drawn: the figures by file name; None to draw them.
+    """
+    out, drawn = Path(out), figures(diagnosis) if drawn is None else drawn
+    provenance = provenance or Provenance()
+    with whole_file(out / "report.json") as temporary:
+        temporary.write_text(json.dumps(describe(diagnosis) | provenance.describe(), indent=1) + "\n")
+    write_encoder(diagnosis, out)
+    for name, figure in drawn.items():
+        with whole_file(out / name) as temporary:
+            figure.savefig(temporary, dpi=150, facecolor="white", bbox_inches="tight")  # no label is cut off
+    with whole_file(out / "report.html") as temporary:
+        temporary.write_text(report_page(diagnosis, provenance, drawn, UNCERTAINTY), encoding="utf-8")
+
+
+def describe(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Return the content of ``report.json`` without its provenance, as plain data; the schema describes every field."""
+    assessments = {"before": diagnosis.before, "after": diagnosis.after}
+    effects = diagnosis.after.fit.hypothesis.effects
+    noise = {name: values for name, values in effects.items() if diagnosis.model.effects[name].noise}
     return {
         "format": "sci-diagnosis",
         "format_version": 1,
-        "verdict": found.verdict,
-        "effects": effects,
+        "verdict": diagnosis.verdict,
+        "effects": [effect.describe() for effect in diagnosis.effects],
         "uncertainty": UNCERTAINTY,
         "gap": {when: assessment.gap.describe() for when, assessment in assessments.items()},
         "unnamed": [
-            {"stage": each.stage, "where": each.where, "p_value": each.p_value, "picture": f"unnamed_{number}.png"}
-            for number, each in enumerate(found.unnamed, start=1)
+            {
+                "stage": unnamed.stage,
+                "where": unnamed.where,
+                "p_value": unnamed.p_value,
+                "picture": f"unnamed_{number}.png",
+            }
+            for number, unnamed in enumerate(diagnosis.unnamed, start=1)
         ],
-        "where": {when: [test.describe() for test in each.tests] for when, each in assessments.items()},
-        "noise": {
-            **{
-                name: each
-                for name, each in found.after.fit.hypothesis.effects.items()
-                if found.model.effects[name].noise
-            },
-            "stated_by_the_file": list(found.stated_noise),
-        },
-        "next_captures": list(dict.fromkeys(each["tell_apart"] for each in effects if each["tell_apart"])),
-        "split": found.split.describe(),
-        "seed": found.seed,
+        "where": {when: [test.describe() for test in model.tests] for when, model in assessments.items()},
+        "noise": {**noise, "stated_by_the_file": list(diagnosis.stated_noise)},
+        "next_captures": list(diagnosis.next_captures),
+        "split": diagnosis.split.describe(),
+        "seed": diagnosis.seed,
         "sci_lightning": __version__,
     }
 
 
-def write_pictures(drawn: Mapping[str, Figure], out: str | Path) -> None:
-    """PNG files by name."""
-    for name, figure in drawn.items():
-        with whole_file(Path(out) / name) as temporary:
-            figure.savefig(temporary, dpi=150, facecolor="white", bbox_inches="tight")  # no label is cut off
-
-
-def write_page(
-    found: Diagnosis, report: Mapping[str, Any], drawn: Mapping[str, Figure], command: str, out: str | Path
-) -> None:
-    """``report.html``; see :func:`~sci_lightning.diagnosis.report.report_page.report_page`."""
-    with whole_file(Path(out) / "report.html") as temporary:
-        temporary.write_text(report_page(found, report, drawn, command), encoding="utf-8")
-
-
-def write_encoder(found: Diagnosis, out: str | Path) -> None:
-    """The corrected encoder: ``encoder.yaml``, with the patterns and maps it names beside it."""
+def write_encoder(diagnosis: Diagnosis, out: str | Path) -> None:
+    """Write the corrected encoder: ``encoder.yaml``, and beside it the patterns and maps that it names."""
     out = Path(out)
-    seen, fit = found.observation, found.after.fit
-    coding = seen.sequences[torch.tensor([len(set(each.tolist())) for each in seen.sequences]).argmax()]
-    patterns = seen.patterns[coding].numpy()
+    observation, fit = diagnosis.observation, diagnosis.after.fit
+    distinct = torch.tensor([len(set(sequence.tolist())) for sequence in observation.sequences])
+    patterns = observation.patterns[observation.sequences[distinct.argmax()]].numpy()
     slots, height, width = patterns.shape
     _save(out / "patterns.npy", patterns)
     effects: dict[str, Any] = {}
     for name, values in fit.hypothesis.effects.items():
-        effect = found.model.effects[name]
+        effect = diagnosis.model.effects[name]
         if issubclass(effect, Empirical) and effect.of_captures:
             continue
         effects[name] = {"_target_": f"{effect.__module__}.{effect.__qualname__}", **values}
@@ -96,11 +111,11 @@ def write_encoder(found: Diagnosis, out: str | Path) -> None:
         "_target_": "sci_lightning.encoder.Encoder",
         "aperture": "auto",
         "mask": {"_target_": "sci_lightning.encoder.mask.Measured", **mask},
-        "sensor": {"_target_": "sci_lightning.encoder.sensor.ClipQuantise", "bit_depth": seen.bit_depth},
+        "sensor": {"_target_": "sci_lightning.encoder.sensor.ClipQuantise", "bit_depth": observation.bit_depth},
         "effects": effects,
     }
     with whole_file(out / "encoder.yaml") as temporary:
-        OmegaConf.save(OmegaConf.create(content), temporary)
+        temporary.write_text(yaml.safe_dump(content, sort_keys=False, allow_unicode=True), encoding="utf-8")
 
 
 def _save(path: Path, array: np.ndarray) -> None:

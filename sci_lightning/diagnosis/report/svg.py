@@ -1,4 +1,4 @@
-"""Figures as SVG inside a page: in the page's own colour of ink and its own type, light or dark."""
+"""Figures as SVG inside a page, in the page's own text colour and typeface, on a light or a dark ground."""
 
 from __future__ import annotations
 
@@ -6,15 +6,18 @@ import io
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from html import escape
 from typing import Any
 
 from matplotlib import style as mpl_style
 from matplotlib.figure import Figure
 
+from sci_lightning.files.plain_text import printable
+
 INK = "#010203"
-"""All but black, where a figure stands alone; the page's own colour in it."""
+"""Nearly black where a figure stands alone; replaced by the page's text colour inside a page."""
 BEFORE, AFTER, FAINT = "#d6604d", "#2f86bf", "#8a8f98"
-"""Of what belongs to the model before, after, and to neither; told apart on white and on black."""
+"""Colours of the ideal camera, of the corrected one and of neither; distinguishable on white and on black."""
 
 STYLE: dict[str, Any] = {
     "text.color": INK,
@@ -39,13 +42,18 @@ STYLE: dict[str, Any] = {
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Figures made within look alike."""
+    """Give all figures that are made in this context the same style."""
     with mpl_style.context(STYLE):
         yield
 
 
 def svg(figure: Figure, label: str) -> str:
-    """The figure as an ``<svg>`` element that fits its column; ``label`` says what it shows to those who cannot see."""
+    """Return the figure as an ``<svg>`` element that fits its column.
+
+    Args:
+        figure: the figure.
+        label: what it shows, for those who cannot see it; plain text.
+    """
     with io.StringIO() as file, style():
         figure.savefig(file, format="svg", transparent=True, bbox_inches="tight", metadata={"Date": None})
         text = file.getvalue()
@@ -61,8 +69,8 @@ def svg(figure: Figure, label: str) -> str:
     width = figure.get_size_inches()[0] * 72
     head = re.compile(r'<svg[^>]*viewBox="([^"]*)"[^>]*>', re.DOTALL)
     return head.sub(
-        lambda found: (
-            f'<svg viewBox="{found[1]}" role="img" aria-label="{label}" '
+        lambda match: (
+            f'<svg viewBox="{match[1]}" role="img" aria-label="{escape(printable(label))}" '
             f'style="max-width:{width * 1.34:.0f}px" xmlns:xlink="http://www.w3.org/1999/xlink">'
         ),
         text,

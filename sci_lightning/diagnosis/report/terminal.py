@@ -1,68 +1,66 @@
-"""What a diagnosis shows on the terminal: how the search goes, and what it found."""
+"""A diagnosis on the terminal: how the search proceeds, and its result."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
 
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from sci_lightning.cli.console import PlainConsole, styled
-from sci_lightning.diagnosis.report.digits import chi2
-from sci_lightning.diagnosis.report.sentences import parameter
+from sci_lightning.diagnosis.diagnosis import Diagnosis
+from sci_lightning.diagnosis.report.digits import chi2, quantity
+from sci_lightning.diagnosis.report.sentences import headline
 
-TONES = {"consistent": "green", "explained": "green", "partly_explained": "yellow", "unexplained": "red"}
+COLOURS = {"consistent": "green", "explained": "green", "partly_explained": "yellow", "unexplained": "red"}
 
 
 @contextmanager
-def searching(console: PlainConsole, most: int) -> Iterator[Callable[[str], None]]:
-    """A bar over the rounds of the search; gives what is to be called with every piece of news.
+def search_progress(console: PlainConsole, rounds: int) -> Iterator[Callable[[str], None]]:
+    """Show a progress bar over the rounds of the search.
 
     Args:
-        console: where to.
-        most: rounds at most.
+        console: the terminal.
+        rounds: largest number of rounds.
+
+    Yields:
+        A function to be called with a one-line message after every step.
     """
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("searching, round 1", total=most + 1)
+        task = progress.add_task("searching, round 1", total=rounds + 1)
 
-        def told(news: str) -> None:
-            progress.console.print(f"  {news}", style="dim")
+        def on_progress(message: str) -> None:
+            progress.console.print(f"  {message}", style="dim")
             progress.advance(task)
             progress.update(task, description=f"searching, round {int(progress.tasks[0].completed) + 1}")
 
-        yield told
+        yield on_progress
 
 
-def print_report(report: Mapping[str, Any], sentence: str, console: PlainConsole) -> None:
-    """Verdict, effects with their parameters, and the gap before and after.
-
-    Args:
-        report: ``report.json``.
-        sentence: the verdict in words.
-        console: where to.
-    """
-    verdict = report["verdict"]
-    console.say(styled(verdict.replace("_", " "), f"bold {TONES[verdict]}"), f": {sentence}")
-    if report["effects"]:
+def print_report(diagnosis: Diagnosis, console: PlainConsole) -> None:
+    """Print the verdict, the named effects with their parameters, and the gap before and after."""
+    verdict = diagnosis.verdict
+    console.say(styled(verdict.replace("_", " "), f"bold {COLOURS[verdict]}"), f": {headline(diagnosis)}")
+    if diagnosis.effects:
         effects = Table("effect", "stage", "parameter", title="effects", title_justify="left")
         effects.add_column("value", justify="right")
-        for effect in report["effects"]:
-            for name, content in effect["parameters"].items():
-                unit = "" if content["unit"] == "1" else f" {content['unit']}"
-                effects.add_row(effect["name"], effect["stage"], name, parameter(content) + unit)
+        for effect in diagnosis.effects:
+            for name, estimate in effect.parameters.items():
+                value = quantity(estimate.value, estimate.std, estimate.systematic)
+                unit = "" if estimate.unit == "1" else f" {estimate.unit}"
+                effects.add_row(effect.name, effect.effect.stage, name, value + unit)
         console.print(effects)
         console.say("\u00b1 is one standard deviation, statistical only; report.json has all digits")
-    before, after = report["gap"]["before"], report["gap"]["after"]
+    before, after = diagnosis.before.gap, diagnosis.after.gap
     gap = Table("kind", title="gap on held-out pixels", title_justify="left")
     for title in ("RMSE before (DN)", "after", "chi2 before", "after"):
         gap.add_column(title, justify="right")
-    for kind in (*before["by_kind"], "all"):
-        pair = [each if kind == "all" else each["by_kind"][kind] for each in (before, after)]
-        numbers = (*(f"{each['rmse_dn']:.3g}" for each in pair), *(chi2(each["chi2"]) for each in pair))
+    for kind in (*before.by_kind, "all"):
+        pair = [whole if kind == "all" else whole.by_kind[kind] for whole in (before, after)]
+        numbers = (*(f"{misfit.rmse_dn:.3g}" for misfit in pair), *(chi2(misfit.chi2) for misfit in pair))
         gap.add_row(kind, *numbers, style="bold" if kind == "all" else "")
     console.print(gap)
-    for advice in report["next_captures"]:
+    for advice in diagnosis.next_captures:
         console.say(styled("record next"), f": {advice}")

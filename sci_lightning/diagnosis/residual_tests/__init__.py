@@ -1,4 +1,4 @@
-"""Where captures and model disagree: questions to the residuals, each with a p-value and a picture, one a file.
+"""Where captures and model disagree: tests of the residuals, with p-values and pictures.
 
 Residuals are standard normal and independent when the model is right. Every test below has a null distribution that
 follows from this alone. Parameters that were fitted to the same pixels can only take structure out of the residuals,

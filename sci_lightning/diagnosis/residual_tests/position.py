@@ -1,12 +1,14 @@
-"""Is the misfit tied to places on the sensor, the same in every capture?"""
+"""Is the misfit tied to places on the sensor, and are estimated maps as random as they should be?"""
 
 from __future__ import annotations
 
+import math
+
 import torch
 
-from sci_lightning.diagnosis.residual_tests.residual_test import Answer, Picture
+from sci_lightning.diagnosis.residual_tests.residual_test import Answer, Picture, judge
 from sci_lightning.diagnosis.residual_tests.residuals import Residuals
-from sci_lightning.diagnosis.residual_tests.significance import judge
+from sci_lightning.diagnosis.search.map_test import map_p_value
 
 MOST = 16
 """Blocks along either side, and rings around the centre."""
@@ -16,24 +18,24 @@ PLACE = ("column (pixel)", "row (pixel)")
 
 
 def blocks(residuals: Residuals) -> Answer:
-    """Mean residual of square blocks of pixels."""
+    """Test the mean residual of square blocks of pixels."""
     total, size = block_sums(residuals.scaled.sum(0))
     scores = total / (size * len(residuals.raw)).sqrt()
     return judge(scores, Picture("map", scores, axes=PLACE, extent=extent(residuals.raw)))
 
 
 def rows(residuals: Residuals) -> Answer:
-    """Mean residual of every row."""
+    """Test the mean residual of every row."""
     return _line_answer(residuals.scaled.sum((0, 2)), residuals.raw[:, 0].numel(), "row (pixel)")
 
 
 def columns(residuals: Residuals) -> Answer:
-    """Mean residual of every column."""
+    """Test the mean residual of every column."""
     return _line_answer(residuals.scaled.sum((0, 1)), residuals.raw[:, :, 0].numel(), "column (pixel)")
 
 
 def radius(residuals: Residuals) -> Answer:
-    """Mean residual of rings around the image centre, of equal area."""
+    """Test the mean residual of rings around the image centre, of equal area."""
     count, height, width = residuals.raw.shape
     y = torch.arange(height) - (height - 1) / 2
     x = torch.arange(width) - (width - 1) / 2
@@ -55,13 +57,13 @@ def radius(residuals: Residuals) -> Answer:
 
 
 def pixels(residuals: Residuals) -> Answer:
-    """Mean residual of every single pixel."""
+    """Test the mean residual of every single pixel."""
     scores = residuals.scaled.sum(0) / len(residuals.raw) ** 0.5
     return judge(scores, Picture("map", scores, axes=PLACE))
 
 
 def block_sums(field: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Sum of a ``(H, W)`` field over each block ``(h, w)`` float64, and how many pixels each has."""
+    """Return the sum of a ``(H, W)`` field over every block, ``(h, w)`` float64, and the number of its pixels."""
     height, width = field.shape
     side = max(LEAST, -(-max(height, width) // MOST))
     down, across = -(-height // side), -(-width // side)
@@ -72,7 +74,7 @@ def block_sums(field: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
 
 
 def extent(field: torch.Tensor) -> tuple[float, float, float, float]:
-    """Left, right, bottom, top of what was summed over blocks of ``(.., H, W)``."""
+    """Return left, right, bottom and top, in pixels, of a map of blocks of a ``(.., H, W)`` field."""
     height, width = field.shape[-2:]
     return -0.5, width - 0.5, height - 0.5, -0.5
 
@@ -87,3 +89,27 @@ def _line_answer(total: torch.Tensor, pixels: int, axis: str) -> Answer:
         errors=torch.full((len(total),), pixels**-0.5),
     )
     return judge(total / pixels**0.5, picture)
+
+
+LEAST_DETERMINED = 0.1
+"""Part of the prior's standard deviation that a map value's spread has at least when it is drawn."""
+
+
+def estimated_map(residuals: Residuals, name: str) -> Answer:
+    """Test an estimated map, see :func:`~sci_lightning.diagnosis.search.map_test.map_p_value`.
+
+    A map absorbs whatever stays at its place: dust or a dead line too, whose values are not independent.
+    """
+    one = residuals.fit.maps[name]
+    values = residuals.fit.hypothesis.maps[name].double()
+    scores = values / (one.std**2 - one.variance).clamp(min=(LEAST_DETERMINED * one.std) ** 2).sqrt()
+    if one.kind == "hot":
+        picture = Picture("map", values, "part of full scale", axes=PLACE)
+    elif one.kind == "pixel":
+        picture = Picture("map", scores, axes=PLACE)
+    else:
+        place = tuple(map(float, range(scores.numel())))
+        picture = Picture("curve", scores.flatten(), x=place, axes=(PLACE[one.kind == "row"],))
+    p_value = map_p_value(one)
+    nats = -math.log(max(p_value, 1e-300))
+    return Answer(nats, p_value, nats, picture)

@@ -1,4 +1,4 @@
-"""Where captures and model disagree: all questions to the residuals of a fit, with corrected p-values and pictures."""
+"""All residual tests of a fit, with corrected p-values and pictures: where do captures and model disagree?"""
 
 from __future__ import annotations
 
@@ -6,21 +6,15 @@ from collections.abc import Callable
 from functools import partial
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.residual_tests.capture import captures, drift, kinds
-from sci_lightning.diagnosis.residual_tests.carry_over import carry_over
-from sci_lightning.diagnosis.residual_tests.charts import estimated_map
-from sci_lightning.diagnosis.residual_tests.codes import codes
-from sci_lightning.diagnosis.residual_tests.copies import copies
-from sci_lightning.diagnosis.residual_tests.distribution import distribution
-from sci_lightning.diagnosis.residual_tests.edges import image_edges, mask_edges
-from sci_lightning.diagnosis.residual_tests.frequency import frequency
-from sci_lightning.diagnosis.residual_tests.intensity import intensity
-from sci_lightning.diagnosis.residual_tests.light import light
+from sci_lightning.diagnosis.residual_tests.captures import captures, carry_over, drift, kinds
+from sci_lightning.diagnosis.residual_tests.converter import codes
+from sci_lightning.diagnosis.residual_tests.image import copies, frequency, image_edges, mask_edges
+from sci_lightning.diagnosis.residual_tests.light import intensity, light
 from sci_lightning.diagnosis.residual_tests.modulation import delays, patterns, slots, swaps
-from sci_lightning.diagnosis.residual_tests.position import blocks, columns, pixels, radius, rows
+from sci_lightning.diagnosis.residual_tests.noise import distribution, variance_by_intensity, variance_by_position
+from sci_lightning.diagnosis.residual_tests.position import blocks, columns, estimated_map, pixels, radius, rows
 from sci_lightning.diagnosis.residual_tests.residual_test import About, Answer, ResidualTest, corrected
 from sci_lightning.diagnosis.residual_tests.residuals import Residuals
-from sci_lightning.diagnosis.residual_tests.variance import variance_by_intensity, variance_by_position
 
 Question = tuple[About, str, Callable[[Residuals], Answer]]
 
@@ -49,22 +43,22 @@ QUESTIONS: dict[str, Question] = {
     "distribution": ("variance", "Are the residuals spread like a bell?", distribution),
     "codes": ("converter", "Are there codes that the converter never gives?", codes),
 }
-"""What is asked of every fit."""
+"""Tests of every fit by name: what they are about, the question in words, and the function."""
 
 
 def residual_tests(fitter: Fitter, fit: Fit, seed: int = 0) -> list[ResidualTest]:
-    """Every question's answer, those about the estimated maps too, in this order.
+    """Run every residual test on a fit, those of its estimated maps too.
 
     Args:
-        fitter: of the captures.
-        fit: the model that is asked.
+        fitter: holds captures, split and model.
+        fit: the fitted model.
         seed: of the residuals' randomisation.
     """
     return ask(Residuals.of(fitter, fit, seed))
 
 
 def ask(residuals: Residuals) -> list[ResidualTest]:
-    """The answers of :func:`residual_tests`, to residuals that are at hand."""
+    """Run every residual test on residuals; the p-values are corrected for the number of tests (Holm)."""
     questions = dict(QUESTIONS)
     for name in residuals.fit.maps:
         question = f"Is the map of {name} as random as its name says?"

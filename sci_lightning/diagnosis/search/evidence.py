@@ -15,6 +15,7 @@ import torch
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.search.alternatives import alternatives
+from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.effects.parameter import Parameter, Value
 
 EXACTNESS = 1e-3
@@ -48,8 +49,7 @@ class NamedEffect:
     """An effect that the diagnosis names.
 
     Attributes:
-        name: of the effect.
-        stage: modulator, relay, exposure, optics or sensor.
+        effect: its class, which has its name, its stage and the sentence that a report says about it.
         parameters: estimates by name.
         delta_nll: nats of log-likelihood that the captures lose without it; None for noise, which they always have.
         delta_bic: the difference of the Bayesian information criterion; None for noise.
@@ -57,20 +57,24 @@ class NamedEffect:
         tell_apart: which captures would tell them apart, in full sentences; empty without alternatives.
     """
 
-    name: str
-    stage: str
+    effect: type[Effect]
     parameters: Mapping[str, Estimate]
     delta_nll: float | None = None
     delta_bic: float | None = None
     alternatives: tuple[str, ...] = ()
     tell_apart: str = ""
 
+    @property
+    def name(self) -> str:
+        """Name of the effect."""
+        return self.effect.name
+
     def describe(self) -> dict[str, Any]:
         """Return the effect as it stands in ``report.json``."""
         evidence = {} if self.delta_nll is None else {"delta_nll": self.delta_nll, "delta_bic": self.delta_bic}
         return {
             "name": self.name,
-            "stage": self.stage,
+            "stage": self.effect.stage,
             "parameters": {name: asdict(estimate) for name, estimate in self.parameters.items()},
             "evidence": evidence,
             "alternatives": list(self.alternatives),
@@ -111,12 +115,12 @@ def named_effects(fitter: Fitter, fit: Fit, names: Sequence[str]) -> tuple[Named
                 std = fit.maps[name].std_error
             parameters[parameter] = Estimate(value, std, systematic_limit(value, about), about.unit)
         if effect.noise:
-            effects.append(NamedEffect(name, effect.stage, parameters))
+            effects.append(NamedEffect(effect, parameters))
             continue
         without = fitter.fit(fit.hypothesis.without(name))
         other, lost = alternatives(fitter, fit, without, name), fit.log_likelihood - without.log_likelihood
         delta_bic = 2 * lost - len(parameters) * float(np.log(fitter.fitted.numel()))
-        effects.append(NamedEffect(name, effect.stage, parameters, lost, delta_bic, other.names, other.tell_apart))
+        effects.append(NamedEffect(effect, parameters, lost, delta_bic, other.names, other.tell_apart))
     return tuple(effects)
 
 

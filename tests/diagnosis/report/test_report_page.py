@@ -2,34 +2,40 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import pytest
 import torch
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from omegaconf import OmegaConf
 
 from sci_lightning.captures import read_captures
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose, remaining_tests
 from sci_lightning.diagnosis.fit.fit import Fitter
+from sci_lightning.diagnosis.fit.gap import Gap, Misfit
 from sci_lightning.diagnosis.report.pictures import (
     evidence_figure,
     example_figure,
     figures,
     gap_figure,
     residuals_figure,
+    unnamed_figure,
 )
-from sci_lightning.diagnosis.report.report import describe
-from sci_lightning.diagnosis.report.report_page import report_page
+from sci_lightning.diagnosis.report.report import UNCERTAINTY, describe, write_report
+from sci_lightning.diagnosis.report.report_page import Provenance, report_page
+from sci_lightning.diagnosis.report.svg import svg
 from sci_lightning.diagnosis.residual_tests.drawing import OWN
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
 from sci_lightning.diagnosis.search.search import Round
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, VirtualCamera
+from tests.schemas.validation import check
 
 VOID = {"meta", "link", "br", "img", "input"}
 
@@ -44,16 +50,32 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
     return diagnose(read_captures(path), few)
 
 
-def page(found: Diagnosis, **more: Any) -> str:
-    source = {"captures": {"file": "a<b>.h5", "name": "Lab 1"}, "date": "2026-11-21T23:05:06+00:00", "runtime_s": 1.5}
-    report = describe(found) | source | more
-    return report_page(found, report, figures(found), "python -m sci_lightning.diagnose captures='<a>.h5'")
+SOURCE = Provenance(
+    file="a<b>.h5",
+    name="Lab 1",
+    date="2026-11-21T23:05:06+00:00",
+    runtime_s=1.5,
+    command="python -m sci_lightning.diagnose captures='<a>.h5'",
+)
+
+
+def blank_figures(found: Diagnosis) -> dict[str, Figure]:
+    """Empty figures in the place of those of the diagnosis, where the test is about texts; they are drawn at once."""
+    names = ("residuals", "example", "histogram", "gap", "evidence")
+    unnamed = (f"unnamed_{number}" for number, _ in enumerate(found.unnamed, start=1))
+    return {f"{name}.png": Figure(figsize=(1, 1)) for name in (*names, *unnamed)}
+
+
+def page(found: Diagnosis, source: Provenance = SOURCE) -> str:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sci_lightning.diagnosis.report.report_page.MAX_TEST_FIGURES", 1)
+        return report_page(found, source, blank_figures(found), UNCERTAINTY)
 
 
 @pytest.fixture(scope="module")
 def text(found: Diagnosis) -> str:
-    """The page of ``found``."""
-    return page(found)
+    """The page of ``found`` with all figures."""
+    return report_page(found, SOURCE, figures(found), UNCERTAINTY)
 
 
 class Tags(HTMLParser):
@@ -82,14 +104,16 @@ def test_it_is_well_formed_and_needs_nothing_else(text: str) -> None:
 
 def test_it_says_what_was_found(found: Diagnosis, text: str) -> None:
     assert re.search(
-        r"<h1>The mask&#x27;s image is displaced by \(0\.61\d?( ± 0.\d+)?, \u22120\.35.* pixel and columns differ", text
+        r"<h1>The mask&#39;s image is displaced by \(0\.61\d?( ± 0.\d+)?, \u22120\.35.* pixel and columns differ", text
     )
-    command = "captures=&#x27;&lt;a&gt;.h5"
+    command = "captures=&#39;&lt;a&gt;.h5"
     for words in (
         "column_noise",
         "statistical error (1 σ)",
         "Uncertainties are statistical only",
         "Estimated map of column_noise",
+        "The errors of mask_shift dx and mask_shift dy are correlated by",
+        "chance reaches" if found.after.gap.chi2_limit > 1.05 else "(1 = noise)",
         command,
         "1.5 s",
     ):
@@ -99,15 +123,37 @@ def test_it_says_what_was_found(found: Diagnosis, text: str) -> None:
 
 
 def test_what_is_left_and_what_to_do(found: Diagnosis) -> None:
-    other = replace(found, unnamed=(Unnamed("ghost", "optics", "a second image", 1e-20, 99.0, torch.rand(32, 40)),))
-    report = describe(other)
-    report["effects"][0] |= {"alternatives": ["mask_scale"], "tell_apart": "Record 3."}
-    text = page(other, effects=report["effects"], next_captures=["Record 3."])
+    ambiguous = replace(found.effects[0], alternatives=("mask_scale",), tell_apart="Record 3.")
+    ghost = Unnamed("ghost", "optics", "a second image", 1e-20, 99.0, torch.rand(32, 40))
+    other = replace(found, effects=(ambiguous, *found.effects[1:]), unnamed=(ghost,))
+    text = page(other)
     assert "optics: a second image (p 1e-20)" in text
     assert "cannot tell <b>mask_shift</b> from mask_scale" in text
     assert "(or it is mask_scale, which these captures cannot tell from it)" in text
     assert "<li>Record 3.</li>" in text
-    assert report["unnamed"][0]["picture"] == "unnamed_1.png"
+    report = describe(other)
+    assert report["unnamed"][0]["picture"] == "unnamed_1.png" and report["next_captures"] == ["Record 3."]
+    check("report", json.loads(json.dumps(report)))
+
+
+def test_files(found: Diagnosis, tmp_path: Path) -> None:
+    write_report(found, tmp_path, SOURCE, blank_figures(found))
+    report = json.loads((tmp_path / "report.json").read_text())
+    check("report", report)
+    assert report["captures"] == {"file": "a<b>.h5", "name": "Lab 1"} and report["runtime_s"] == 1.5
+    assert report["date"] == SOURCE.date and list(report)[-3:] == ["captures", "date", "runtime_s"]
+    written = {path.name for path in tmp_path.iterdir()} - set(blank_figures(found))
+    assert written == {"report.json", "report.html", "encoder.yaml", "patterns.npy", "column_noise.npy"}
+    assert set(blank_figures(found)) == set(figures(found))
+    encoder = OmegaConf.load(tmp_path / "encoder.yaml")
+    assert list(encoder.effects) == list(found.after.fit.hypothesis.effects)
+    assert encoder.effects.mask_shift.dx == found.effects[0].parameters["dx"].value  # to the last digit
+
+
+def test_a_report_without_provenance(found: Diagnosis) -> None:
+    text = page(found, Provenance())
+    assert "<title>explained: mask_shift, column_noise</title>" in text
+    assert not re.search(r"<th>(run time|command)</th>", text) and Provenance().describe() == {}
 
 
 def test_a_page_of_a_camera_in_which_nothing_is_hidden(tmp_path: Path) -> None:
@@ -119,18 +165,21 @@ def test_a_page_of_a_camera_in_which_nothing_is_hidden(tmp_path: Path) -> None:
 
 
 def test_it_names_the_file_and_the_day(text: str) -> None:
-    assert "a&lt;b&gt;.h5 &middot; Lab 1 &middot; 2026-11-21 23:05 UTC</p>" in text
+    assert "a&lt;b&gt;.h5 · Lab 1 · 2026-11-21 23:05 UTC</p>" in text
     assert "<title>explained: mask_shift, column_noise · a&lt;b&gt;.h5 · 2026-11-21</title>" in text
 
 
 def test_what_files_contribute_is_shown_and_never_obeyed(found: Diagnosis) -> None:
     evil = "<img src=x onerror=alert(1)>\x1b[31m\u202e&"
-    report = describe(found)
-    report["effects"][0] |= {"name": evil, "alternatives": [evil], "stage": evil}
-    named = {"captures": {"file": evil, "name": evil}, "effects": report["effects"], "next_captures": [evil]}
-    text = page(found, **named)
+    own = type("Evil", (found.effects[0].effect,), {"name": evil, "stage": evil, "sentence": ""})
+    effect = replace(found.effects[0], effect=own, alternatives=(evil,), tell_apart=evil)
+    ghost = Unnamed(evil, evil, evil, 1e-20, 99.0, torch.rand(32, 40))
+    rounds = (Round({evil: 9.0}, {}, None),)
+    other = replace(found, effects=(effect, *found.effects[1:]), unnamed=(ghost,), rounds=rounds)
+    text = page(other, Provenance(evil, evil, evil, 1.0, evil))
+    text += svg(evidence_figure(rounds, ()), evil) + svg(unnamed_figure(ghost), evil)
     assert "<img" not in text and "\x1b" not in text and "\u202e" not in text
-    assert "&lt;img src=x onerror=alert(1)&gt;\\x1b[31m\\u202e&amp;" in text
+    assert text.count("&lt;img src=x onerror=alert(1)&gt;\\x1b[31m\\u202e&amp;") > 10
 
 
 def test_tables_are_stacked_where_the_page_is_narrow(text: str) -> None:
@@ -177,7 +226,7 @@ def test_no_label_of_the_residuals_is_cut_off(found: Diagnosis, shape: tuple[int
 @pytest.mark.parametrize("nats", [30.0, 3e3, 2e5, 3e7, 1e12])
 def test_labels_of_large_evidence_do_not_overlap(nats: float) -> None:
     rounds = tuple(Round({"gain": nats, "prnu": 2.0}, {"gain": (nats, nats)}, "gain") for _ in range(2))
-    for figure in (evidence_figure(rounds, ("gain",)), gap_figure(gaps_of(nats))):
+    for figure in (evidence_figure(rounds, ("gain",)), gap_figure(gap_of(nats), gap_of(1.0))):
         FigureCanvasAgg(figure).draw()
         for axes in figure.axes:
             low, high = axes.get_xlim()
@@ -187,9 +236,8 @@ def test_labels_of_large_evidence_do_not_overlap(nats: float) -> None:
             assert all(left.x1 + 2 < right.x0 for left, right in pairwise(boxes))
 
 
-def gaps_of(chi2: float) -> dict[str, Any]:
-    before, after = ({"chi2": value, "by_kind": {"flat": {"chi2": value}}} for value in (chi2, 1.0))
-    return {"before": before, "after": after}
+def gap_of(chi2: float) -> Gap:
+    return Gap(chi2, 1.0, 1.0, pixels=100, chi2_limit=1.05, by_kind={"flat": Misfit(chi2, 1.0, 1.0)})
 
 
 def test_a_verdict_waits_for_the_residuals_to_be_noise(found: Diagnosis) -> None:

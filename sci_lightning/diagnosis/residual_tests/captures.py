@@ -1,30 +1,29 @@
-"""Does the misfit go with single captures, their kind, or the order in which they were taken?"""
+"""Does the misfit go with single captures, their kind or their order, or with what earlier captures leave?"""
 
 from __future__ import annotations
 
 import torch
 from scipy.stats import f as fisher
 
-from sci_lightning.diagnosis.residual_tests.residual_test import Answer, Picture
+from sci_lightning.diagnosis.residual_tests.residual_test import Answer, Picture, Regression, judge
 from sci_lightning.diagnosis.residual_tests.residuals import Residuals
-from sci_lightning.diagnosis.residual_tests.significance import judge
 
 POWERS = 3
 """A drift is a polynomial of this degree in the number of the capture."""
 
 
 def kinds(residuals: Residuals) -> Answer:
-    """Mean residual of every kind of capture."""
+    """Test the mean residual of every kind of capture."""
     names = tuple(sorted(set(residuals.observation.kinds)))
-    members = [torch.tensor([each == name for each in residuals.observation.kinds]) for name in names]
-    count = torch.tensor([residuals.raw[each].numel() for each in members]).double()
-    mean = torch.stack([residuals.scaled[each].mean(dtype=torch.float64) for each in members])
+    members = [torch.tensor([kind == name for kind in residuals.observation.kinds]) for name in names]
+    count = torch.tensor([residuals.raw[member].numel() for member in members]).double()
+    mean = torch.stack([residuals.scaled[member].mean(dtype=torch.float64) for member in members])
     picture = Picture("bars", mean, unit="mean residual (σ)", x=names, axes=("kind",), errors=count.rsqrt())
     return judge(mean * count.sqrt(), picture)
 
 
 def captures(residuals: Residuals) -> Answer:
-    """Light beyond the model in every capture, relative to its own; the mean residual, where there is no light."""
+    """Test the excess light of every capture, relative to its own; without light the mean residual."""
     values, errors = _light(residuals)
     scores = torch.zeros_like(values)
     scores[residuals.observation.number.argsort().argsort()] = values / errors
@@ -33,9 +32,9 @@ def captures(residuals: Residuals) -> Answer:
 
 
 def drift(residuals: Residuals) -> Answer:
-    """Whether the light changes smoothly from capture to capture, beyond what captures differ by anyway.
+    """Test whether the light changes smoothly from capture to capture, beyond what captures differ by anyway.
 
-    Of captures without light nothing is asked.
+    Captures without light are left out.
     """
     values, errors = _light(residuals)
     lit = torch.tensor([bool(mean.mean() > 1) for mean in residuals.prediction.mean])
@@ -65,9 +64,31 @@ def drift(residuals: Residuals) -> Answer:
 
 
 def _light(residuals: Residuals) -> tuple[torch.Tensor, torch.Tensor]:
-    """``(N,)`` light beyond the model, as a part of the capture's own light (1 without any), and standard errors."""
+    """Return the excess light ``(N,)`` as a part of the capture's own (of 1 without any), and its standard errors."""
     light = residuals.prediction.mean / residuals.observation.full_scale * residuals.sensitivity
     lit = (light.square().sum((1, 2)) > 0)[:, None, None]
     light = torch.where(lit, light, 1.0).double()
     weight = light.square().sum((1, 2))
     return (light * residuals.scaled).sum((1, 2)) / weight, weight.rsqrt()
+
+
+LATER = 3
+"""Captures back to which a remainder is looked for."""
+
+
+def carry_over(residuals: Residuals) -> Answer:
+    """Regress the residual on the pictures of earlier captures, without what resembles the capture's own picture."""
+    pictures = residuals.prediction.mean / residuals.observation.full_scale
+    place = {number: n for n, number in enumerate(residuals.observation.number.tolist())}
+    regression = Regression(LATER)
+    for number, n in place.items():
+        weight = residuals.sensitivity[n]
+        own = torch.linalg.qr(torch.stack((weight, weight * pictures[n]), -1).flatten(0, 1)).Q
+        changes = torch.zeros(LATER, *weight.shape)
+        for later in range(1, LATER + 1):
+            if number - later in place:
+                before = (pictures[place[number - later]] * weight).flatten()
+                changes[later - 1] = (before - own @ (own.T @ before)).reshape(weight.shape)
+        regression.add(changes, residuals.scaled[n])
+    names = tuple(str(later) for later in range(1, LATER + 1))
+    return regression.answer(names, "captures later", "part that remains")
