@@ -28,7 +28,8 @@ if TYPE_CHECKING:  # what type checkers and editors see; at run time FACE says w
     from sci_lightning import decoder as decoders
     from sci_lightning import metrics
     from sci_lightning.captures import read_captures
-    from sci_lightning.cli.load_decoder import load_decoder
+    from sci_lightning.cli.notebook import load_decoder, train
+    from sci_lightning.diagnosis import Diagnosis, SearchSettings, diagnose
     from sci_lightning.encoder import Encoder, effects
     from sci_lightning.encoder import mask as masks
     from sci_lightning.encoder import sensor as sensors
@@ -38,6 +39,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; at run time FACE says w
     from sci_lightning.metrics import HDRVDP2
     from sci_lightning.runs.checkpoint import Checkpoint
     from sci_lightning.runs.checkpoint import read_checkpoint as load_checkpoint
+    from sci_lightning.training.run import Run
     from sci_lightning.virtual_camera import Session, VirtualCamera
 
     __version__: str
@@ -45,20 +47,25 @@ if TYPE_CHECKING:  # what type checkers and editors see; at run time FACE says w
 FACE = {
     "BadInput": "errors:BadInput",
     "Checkpoint": "runs.checkpoint:Checkpoint",
+    "Diagnosis": "diagnosis:Diagnosis",
     "Encoder": "encoder:Encoder",
     "HDRVDP2": "metrics:HDRVDP2",
     "Pipeline": "imaging.pipeline:Pipeline",
+    "Run": "training.run:Run",
     "Session": "virtual_camera:Session",
+    "SearchSettings": "diagnosis:SearchSettings",
     "SnapshotOperator": "imaging.operator:SnapshotOperator",
     "VirtualCamera": "virtual_camera:VirtualCamera",
     "decoders": "decoder",
+    "diagnose": "diagnosis:diagnose",
     "effects": "encoder.effects",
     "load_checkpoint": "runs.checkpoint:read_checkpoint",
-    "load_decoder": "cli.load_decoder:load_decoder",
+    "load_decoder": "cli.notebook:load_decoder",
     "masks": "encoder.mask",
     "metrics": "metrics",
     "read_captures": "captures:read_captures",
     "sensors": "encoder.sensor",
+    "train": "cli.notebook:train",
 }
 """Where each public name is found: a module of this package, and after the colon a member of it."""
 
@@ -66,13 +73,17 @@ __all__ = [
     "HDRVDP2",
     "BadInput",
     "Checkpoint",
+    "Diagnosis",
     "Encoder",
     "Pipeline",
+    "Run",
+    "SearchSettings",
     "Session",
     "SnapshotOperator",
     "VirtualCamera",
     "__version__",
     "decoders",
+    "diagnose",
     "effects",
     "load_checkpoint",
     "load_decoder",
@@ -80,6 +91,7 @@ __all__ = [
     "metrics",
     "read_captures",
     "sensors",
+    "train",
 ]
 
 

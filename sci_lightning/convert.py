@@ -6,22 +6,24 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from omegaconf import DictConfig, open_dict
+from omegaconf import open_dict
 
-from sci_lightning.cli.command import built, chosen, member, plain, run
+from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition, built, compose, plain
 from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
 
 
-def convert(cfg: DictConfig) -> None:
+def convert(composition: Composition) -> None:
     """Write a file of weights that ``ckpt_path=`` of evaluate, reconstruct and train takes.
 
     Args:
-        cfg: ``conf/convert.yaml``, composed.
+        composition: of ``conf/convert.yaml``.
     """
     from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.runs.checkpoint import load_file, read_checkpoint, write_weights
 
+    cfg = composition.cfg
     path, console = Path(cfg.checkpoint), PlainConsole()
     content = load_file(path)
     ours = "config" in content
@@ -36,7 +38,7 @@ def convert(cfg: DictConfig) -> None:
         config, state = checkpoint.config, checkpoint.state
     else:
         try:
-            config, state = published(cfg, content, console)
+            config, state = published(composition, content, console)
         except BadInput as error:
             raise BadInput(f"{path}: {error}") from error
     write_weights(cfg.out, config, state)
@@ -50,9 +52,9 @@ def convert(cfg: DictConfig) -> None:
 
 
 def published(
-    cfg: DictConfig, content: Mapping[str, Any], console: PlainConsole
+    composition: Composition, content: Mapping[str, Any], console: PlainConsole
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Configuration and state of a checkpoint, made of what a network's authors saved.
+    """Return configuration and state of a checkpoint, made of what a network's authors saved.
 
     A mask in the file takes the place of the encoder's. ``frames``, ``size`` and ``encoder`` are set where absent.
     """
@@ -61,6 +63,7 @@ def published(
     from sci_lightning.decoder.published import load_published, unpack
     from sci_lightning.encoder.mask import LearnedStructural, published_mask
 
+    cfg = composition.cfg
     _, found = unpack(content)
     shape = (8, 256, 256) if found is None else found.levels.shape
     cfg.frames = cfg.frames or (shape[0] if len(shape) == 3 else 8)
@@ -69,13 +72,13 @@ def published(
     load_published(decoder, content)
 
     mask = None if found is None else published_mask(found.levels, found.real, cfg.frames, tuple(cfg.size))
-    names = {"encoder": chosen("encoder"), "decoder": chosen("decoder")}
+    names = {group: composition.choice(group) for group in ("encoder", "decoder")}
     if "encoder" not in cfg:
         names["encoder"] = "rbw_osr" if mask is None else "lsw_sr" if mask().sum(0).eq(1).all() else "rbw_sr"
-        told = "no mask in the file, a random one takes its place" if mask is None else f"the file's mask, {mask}"
-        console.print(f"encoder={names['encoder']}: {told}")
+        origin = "no mask in the file, a random one takes its place" if mask is None else f"the file's mask, {mask}"
+        console.print(f"encoder={names['encoder']}: {origin}")
         with open_dict(cfg):
-            cfg.encoder = member("convert", "encoder", names["encoder"])
+            cfg.encoder = compose("convert", [f"encoder={names['encoder']}"]).cfg.encoder
     if mask is not None:
         target = f"{type(mask).__module__}.{type(mask).__name__}"
         own = {"bits": mask.bits} if isinstance(mask, LearnedStructural) else {"file": None}

@@ -8,20 +8,18 @@ import time
 from datetime import datetime, timezone
 from pathlib import Path
 
-from omegaconf import DictConfig
-
-from sci_lightning.cli.command import run, targets
+from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition, plain
 from sci_lightning.cli.console import PlainConsole, styled
 
 
-def diagnose(cfg: DictConfig) -> None:
+def diagnose(composition: Composition) -> None:
     """Write ``report.html``, ``report.json``, ``encoder.yaml`` and pictures, and print what was found.
 
     Args:
-        cfg: ``conf/diagnose.yaml``, composed.
+        composition: of ``conf/diagnose.yaml``.
     """
     from sci_lightning.captures import read_captures
-    from sci_lightning.cli.loggers import chosen_loggers
     from sci_lightning.cli.next_command import invocation, nearest, print_next
     from sci_lightning.diagnosis import diagnosis as library
     from sci_lightning.diagnosis.report.dashboard import log_diagnosis
@@ -31,10 +29,12 @@ def diagnose(cfg: DictConfig) -> None:
     from sci_lightning.diagnosis.report.terminal import print_report, search_progress
     from sci_lightning.diagnosis.search_settings import SearchSettings
     from sci_lightning.diagnosis.vocabulary import vocabulary
+    from sci_lightning.training.loggers import build_loggers
 
+    cfg = composition.cfg
     start, out, console = time.perf_counter(), Path(cfg.out), PlainConsole()
     captures = read_captures(cfg.captures)
-    candidates = vocabulary(cfg.candidates, targets("effect"))
+    candidates = vocabulary(cfg.candidates, composition.targets("effect"))
     settings = SearchSettings(max_effects=cfg.most, **cfg.search)
     with search_progress(console, cfg.most) as on_progress:
         diagnosis = library.diagnose(captures, candidates, cfg.seed, cfg.empirical, settings, on_progress)
@@ -48,7 +48,7 @@ def diagnose(cfg: DictConfig) -> None:
             command=shlex.join(["python", "-m", "sci_lightning.diagnose", *sys.argv[1:]]),
         )
         write_report(diagnosis, out, provenance, drawn)
-    for logger in chosen_loggers(cfg, "diagnosis"):
+    for logger in build_loggers(plain(cfg.logger) if cfg.get("logger") else None, "diagnosis"):
         log_diagnosis(logger, diagnosis, drawn)
     print_report(diagnosis, console)
     console.say(styled(out / "report.html"), "; beside it report.json, encoder.yaml and pictures")

@@ -5,47 +5,45 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from omegaconf import DictConfig
-
-from sci_lightning.cli.command import built, plain, run
+from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition, built, plain
 from sci_lightning.cli.console import PlainConsole, styled
 
 
-def evaluate(cfg: DictConfig) -> float:
+def evaluate(composition: Composition) -> float:
     """Test, write ``metrics.json`` and pictures of the scenes, and print a table; returns the mean PSNR in dB.
 
-    ``encoder=`` replaces the encoder of the training, see :func:`~sci_lightning.cli.tested_encoder.chosen_encoder`, and
-    ``decoder=`` takes the place of a checkpoint, see :func:`~sci_lightning.cli.trained_decoder.chosen_checkpoint`.
+    ``encoder=`` replaces the encoder of the training and ``decoder=`` takes the place of a checkpoint, see
+    :mod:`sci_lightning.cli.encoder_and_decoder`.
     ``captures=`` tests on what a camera recorded of known scenes instead of recording the data's scenes.
     ``decoder.camera=`` is the encoder that the decoder takes the camera for, without it the encoder itself.
 
     Args:
-        cfg: ``conf/evaluate.yaml``, composed.
+        composition: of ``conf/evaluate.yaml``.
     """
-    import lightning as L
     from torch.utils.data import DataLoader
 
     from sci_lightning.captures import read_captures
-    from sci_lightning.cli.metrics import chosen_metrics
+    from sci_lightning.cli.encoder_and_decoder import resized, resolve_camera, resolve_checkpoint, resolve_encoder
     from sci_lightning.cli.next_command import invocation, print_next
-    from sci_lightning.cli.tested_encoder import chosen_camera, chosen_encoder, resized
-    from sci_lightning.cli.trained_decoder import chosen_checkpoint
     from sci_lightning.data.captured import CapturedSnapshots
     from sci_lightning.data.loader import scene_loader
     from sci_lightning.decoder import kernels
     from sci_lightning.errors import BadInput, OtherSize
-    from sci_lightning.runs.results import print_results, results, with_effects, write_json
+    from sci_lightning.runs.results import print_results, run_metrics, with_effects, write_json
     from sci_lightning.training.callbacks import Progress, ScenePictures
+    from sci_lightning.training.metrics import build_metrics
     from sci_lightning.training.system import System
 
+    cfg = composition.cfg
     kernels.use(cfg.kernels)
     out = Path(cfg.out)
-    checkpoint = chosen_checkpoint("evaluate", cfg)
+    checkpoint = resolve_checkpoint("evaluate", composition)
     trained = checkpoint.config
     cfg.crop = trained["crop"] if cfg.crop is None else cfg.crop
     decoder = checkpoint.decoder()
-    encoder, test_encoder = chosen_encoder(cfg, checkpoint)
-    camera = chosen_camera(cfg, checkpoint) or encoder
+    encoder, test_encoder = resolve_encoder(composition, checkpoint)
+    camera = resolve_camera(composition, checkpoint) or encoder
     loader: DataLoader[Any]
     if cfg.captures is None:
         try:
@@ -58,14 +56,14 @@ def evaluate(cfg: DictConfig) -> float:
         cfg.data = None
     names = {**trained["names"], "test_encoder": test_encoder}
 
-    system = System(encoder, decoder, camera=camera, metrics=chosen_metrics(cfg), seed=cfg.seed)
+    metrics = build_metrics(plain(cfg.metrics) if cfg.get("metrics") else {}, cfg.size)
+    system = System(encoder, decoder, camera=camera, metrics=metrics, seed=cfg.seed)
     tested_on = test_encoder if cfg.captures else with_effects(test_encoder, encoder.path.names)
     pictures = ScenePictures(out / "pictures", f"{names['decoder']}, tested on {tested_on}", cfg.pictures)
     trainer = built(cfg, "trainer", logger=False, enable_checkpointing=False, callbacks=[Progress(), pictures])
-    assert isinstance(trainer, L.Trainer)
     trainer.test(system, loader, verbose=False)
-    found = results(system, names, {**trained, "evaluate": plain(cfg)})
-    write_json(found, out / "metrics.json")
+    found = run_metrics(system, names, {**trained, "evaluate": plain(cfg)})
+    write_json(found.to_json(), out / "metrics.json")
     console = PlainConsole()
     print_results(found, console)
     console.say(styled(out), ": metrics.json" + (", pictures/" if pictures.written else ""))
@@ -76,7 +74,7 @@ def evaluate(cfg: DictConfig) -> float:
         invocation("tables", paths={"runs": out}),
         invocation("reconstruct", *decoder_word, "measurement=SNAPSHOT.tiff", paths=decodes),
     )
-    return float(found["mean"]["psnr"])
+    return found.mean["psnr"]
 
 
 if __name__ == "__main__":

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omegaconf import DictConfig
-
 from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.console import PlainConsole, styled
 
 
-def export_mask(cfg: DictConfig) -> None:
+def export_mask(composition: Composition) -> None:
     """Write bit planes, 8-bit frames and ``planes.json``, read the planes back, and say whether the timing fits.
 
     Args:
-        cfg: ``conf/export_mask.yaml``, composed.
+        composition: of ``conf/export_mask.yaml``.
     """
     import torch
 
@@ -23,6 +22,7 @@ def export_mask(cfg: DictConfig) -> None:
     from sci_lightning.files.modulator_files import Layout, read_planes, timing_of, write_planes
     from sci_lightning.runs.checkpoint import read_checkpoint
 
+    cfg = composition.cfg
     out, console = Path(cfg.out), PlainConsole()
     module = read_checkpoint(cfg.ckpt_path, cfg.trusted).encoder().mask
     with torch.no_grad():

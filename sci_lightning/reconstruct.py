@@ -4,28 +4,26 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omegaconf import DictConfig
 from rich.progress import Progress
 
-from sci_lightning.cli.command import chosen, run
+from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition, group_members
 from sci_lightning.cli.console import PlainConsole, styled, warn
-from sci_lightning.configuration.conf_folder import CONF
 
 
-def reconstruct(cfg: DictConfig) -> None:
+def reconstruct(composition: Composition) -> None:
     """Write the reconstructed frames as PNG, an animated GIF and a float32 ``reconstruction.npy`` (N, T, H, W).
 
     The decoder gets the encoder's effective mask, and the snapshot with those of its effects undone that can be.
 
     Args:
-        cfg: ``conf/reconstruct.yaml``, composed.
+        composition: of ``conf/reconstruct.yaml``.
     """
     import numpy as np
     import torch
 
+    from sci_lightning.cli.encoder_and_decoder import resolve_camera, resolve_checkpoint, resolve_encoder
     from sci_lightning.cli.next_command import browser, print_next
-    from sci_lightning.cli.tested_encoder import chosen_camera, chosen_encoder
-    from sci_lightning.cli.trained_decoder import chosen_checkpoint
     from sci_lightning.decoder import kernels
     from sci_lightning.decoder.iterative import Iterative
     from sci_lightning.encoder.mask import Measured
@@ -35,19 +33,20 @@ def reconstruct(cfg: DictConfig) -> None:
     from sci_lightning.imaging.mask_check import mask_warning
     from sci_lightning.imaging.pipeline import Pipeline
     from sci_lightning.imaging.snapshot import read_snapshot
-    from sci_lightning.runs.device import chosen_device
+    from sci_lightning.runs.device import resolve_device
 
+    cfg = composition.cfg
     kernels.use(cfg.kernels)
     out, console, frames = Path(cfg.out), PlainConsole(), cfg.frames
-    checkpoint = chosen_checkpoint("reconstruct", cfg)
-    if cfg.ckpt_path is None and cfg.mask is None and not _mask_is_known(cfg):
+    checkpoint = resolve_checkpoint("reconstruct", composition)
+    if cfg.ckpt_path is None and cfg.mask is None and not _mask_is_known(composition):
         raise BadInput(
             "nothing says which mask the snapshot was taken with, and a random one would decode noise: give mask=FILE "
             "(MAT, NPY, H5), encoder=FOUND/encoder.yaml or ckpt_path=RUN/checkpoints/last.ckpt"
         )
     decoder = checkpoint.decoder()
-    encoder, _ = chosen_encoder(cfg, checkpoint)
-    encoder = chosen_camera(cfg, checkpoint) or encoder
+    encoder, _ = resolve_encoder(composition, checkpoint)
+    encoder = resolve_camera(composition, checkpoint) or encoder
     bit_depth = getattr(encoder.sensor, "bit_depth", None)
     snapshot = read_snapshot(
         cfg.measurement, key=cfg.key, full_scale=cfg.full_scale, bit_depth=8 if bit_depth is None else bit_depth
@@ -78,7 +77,7 @@ def reconstruct(cfg: DictConfig) -> None:
     for line in (snapshot.doubt(brightest), mask_warning(linear * aperture, mask)):
         if line:
             warn(line if line.startswith(str(snapshot.path)) else f"{snapshot.path}: {line}")
-    device = chosen_device(cfg.device)
+    device = resolve_device(cfg.device)
     pipeline.to(device)
     mask = mask.to(device)
     with torch.no_grad(), Progress(console=console, transient=True) as progress:
@@ -102,13 +101,13 @@ def reconstruct(cfg: DictConfig) -> None:
     print_next(console, browser(out / "video.gif"))
 
 
-def _mask_is_known(cfg: DictConfig) -> bool:
-    """Whether the encoder that the decoder is given reads its mask from a file, or is itself a file's."""
-    ours = {path.stem for path in (CONF / "encoder").glob("*.yaml")}
+def _mask_is_known(composition: Composition) -> bool:
+    """Return whether the decoder's encoder reads its mask from a file, or is itself described by a file."""
+    cfg = composition.cfg
     place, settings = ("encoder@camera", cfg.get("camera")) if cfg.get("camera") else ("encoder", cfg.get("encoder"))
     if not settings or "mask" not in settings:
         return False
-    return chosen(place) not in ours or settings.mask.get("file") is not None
+    return composition.choice(place) not in group_members("encoder") or settings.mask.get("file") is not None
 
 
 if __name__ == "__main__":

@@ -11,11 +11,11 @@ import torch
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf, open_dict
 
-from sci_lightning.cli.command import plain
-from sci_lightning.cli.loggers import EXTRAS
+from sci_lightning.cli.composition import plain
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.encoder import Encoder
 from sci_lightning.metrics.frame_metric import FrameMetric
+from sci_lightning.training.loggers import EXTRAS
 from sci_lightning.training.system import LOSSES
 from tests.conftest import members
 

@@ -19,7 +19,7 @@ from sci_lightning.errors import BadInput
 from tests.conftest import ROOT
 
 NAMES = [name for name in sci.__all__ if name != "__version__"]
-DOCUMENTED = ["load_decoder", "Pipeline", "SnapshotOperator"]
+DOCUMENTED = ["HDRVDP2", "Pipeline", "SnapshotOperator", "VirtualCamera", "load_decoder"]
 """Names whose docstring has an example."""
 
 
@@ -58,10 +58,29 @@ def test_type_checkers_see_the_same_names() -> None:
 def test_examples(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     value = getattr(sci, name) if name else sci
+    known = {"torch": torch, "sci": sci, name: value}
     finder = doctest.DocTestFinder(recurse=False)
-    examples = [test for test in finder.find(value, name or "sci", module=False, globs={}) if test.examples]
+    examples = [test for test in finder.find(value, name or "sci", module=False, globs=known) if test.examples]
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
     assert examples and all(runner.run(test).failed == 0 for test in examples)
+
+
+def test_training_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The example of ``sci.train`` runs; its folder is not overwritten, and its configuration can be given again."""
+    import json
+
+    monkeypatch.chdir(tmp_path)
+    (example,) = doctest.DocTestFinder(recurse=False).find(sci.train, "train", module=False, globs={})
+    assert doctest.DocTestRunner().run(example).failed == 0
+
+    assert callable(sci.train) and not isinstance(sci.train, ModuleType)
+    config = json.loads((tmp_path / "run" / "metrics.json").read_text())["config"]
+    with pytest.raises(BadInput, match="holds an earlier run"):
+        sci.train(config)
+    again = sci.train({**config, "resume": True})
+    assert again.finished_before and again.metrics.decoder == "e2e_cnn" and again.metrics.mean["psnr"] > 0
+    with pytest.raises(BadInput, match="batch_size=0"):
+        sci.train(["batch_size=0"])
 
 
 def test_unknown_names() -> None:

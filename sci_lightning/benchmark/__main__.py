@@ -7,25 +7,25 @@ from typing import Any
 
 import yaml
 from hydra.core.config_store import ConfigStore
-from omegaconf import DictConfig
 from rich.progress import Progress
 
-from sci_lightning.cli.command import chosen, member, plain, run
+from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition, compose, group_members, plain
 from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.cli.failure_line import one_line
-from sci_lightning.configuration.conf_folder import CONF, PACKAGE
+from sci_lightning.configuration.conf_folder import PACKAGE
 from sci_lightning.errors import BadInput
 
 SETTINGS = ("frames", "precision", "compile", "warm_up", "repeats", "budget", "product")
 
 
-def benchmark(cfg: DictConfig) -> None:
+def benchmark(composition: Composition) -> None:
     """Write ``benchmark.json`` and ``benchmark.md`` and print the table; a decoder that fails does not stop the others.
 
     The files are there from the first decoder on, so that an interrupted benchmark keeps what it has measured.
 
     Args:
-        cfg: ``conf/benchmark.yaml``, composed.
+        composition: of ``conf/benchmark.yaml``.
     """
     import torch
 
@@ -34,12 +34,13 @@ def benchmark(cfg: DictConfig) -> None:
     from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.decoder import kernels
     from sci_lightning.files.atomic_file import whole_file
-    from sci_lightning.runs.device import chosen_device, device_name
+    from sci_lightning.runs.device import device_name, resolve_device
     from sci_lightning.runs.results import write_json
 
+    cfg = composition.cfg
     kernels.use(cfg.kernels)
-    out, console, names = Path(cfg.out), PlainConsole(), _names(cfg)
-    device = chosen_device(cfg.device)
+    out, console, names = Path(cfg.out), PlainConsole(), _names(composition)
+    device = resolve_device(cfg.device)
     if cfg.precision not in PRECISIONS:
         raise BadInput(f"precision={cfg.precision}: choose one of {', '.join(PRECISIONS)}")
     if cfg.repeats < 1:
@@ -56,7 +57,7 @@ def benchmark(cfg: DictConfig) -> None:
             figures = {"paper": paper[name]} if name in paper else {}
             rules = paper[name]["macs_rules"] if name in paper else 2022
             try:
-                cost = decoder_cost(_decoder(cfg, name), device=str(device), rules=rules, **settings)
+                cost = decoder_cost(_decoder(composition, name), device=str(device), rules=rules, **settings)
                 found["decoders"][name] = {**cost, **figures}
             except Exception as error:
                 if len(names) == 1:
@@ -78,24 +79,25 @@ def benchmark(cfg: DictConfig) -> None:
         raise BadInput(f"{len(failed)} of {len(names)} decoders could not be measured: {reasons}")
 
 
-def _decoder(cfg: DictConfig, name: str) -> dict[str, Any]:
-    """The decoder's plain configuration: with its overrides if it was chosen by itself."""
-    alone = name == chosen("decoder")
-    return plain(cfg.decoder if alone else member("benchmark", "decoder", name, f"frames={cfg.frames}"))
+def _decoder(composition: Composition, name: str) -> dict[str, Any]:
+    """Return the decoder's plain configuration: with its overrides if it was chosen by itself."""
+    if name == composition.choice("decoder"):
+        return plain(composition.cfg.decoder)
+    return plain(compose("benchmark", [f"decoder={name}", f"frames={composition.cfg.frames}"]).cfg.decoder)
 
 
-def _names(cfg: DictConfig) -> list[str]:
-    """The decoder that was chosen, or every one of ``conf/decoder`` that ``only`` does not leave out."""
-    if chosen("decoder") != "all":
-        return [chosen("decoder")]
-    every = sorted(path.stem for path in (CONF / "decoder").glob("*.yaml"))
+def _names(composition: Composition) -> list[str]:
+    """Return the decoder that was chosen, or every one of ``conf/decoder`` that ``only`` does not leave out."""
+    if composition.choice("decoder") != "all":
+        return [composition.choice("decoder")]
+    every, cfg = group_members("decoder"), composition.cfg
     if unknown := sorted(set(cfg.only or []) - set(every)):
         raise BadInput(f"only={unknown}: no such decoder; choose from {', '.join(every)}")
     return [name for name in every if cfg.only is None or name in cfg.only]
 
 
 def main() -> None:
-    """The command; ``all`` is no file in ``conf/decoder``, whose members are decoders."""
+    """Run the command; ``all`` is no file in ``conf/decoder``, whose members are decoders."""
     ConfigStore.instance().store("all", {}, group="decoder")
     run("benchmark", benchmark)
 

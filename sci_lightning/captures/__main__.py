@@ -5,9 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from omegaconf import DictConfig
-
 from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.console import PlainConsole, styled, warn
 from sci_lightning.cli.next_command import invocation, print_next
 from sci_lightning.cli.plain_words import with_keys
@@ -19,32 +18,33 @@ python -m sci_lightning.captures info FILE              check a captures file, s
 Each takes --help, which lists its settings."""
 
 
-def pack(cfg: DictConfig) -> None:
+def pack(composition: Composition) -> None:
     """Pack a folder into a captures file and print what went in.
 
     Args:
-        cfg: ``conf/captures_pack.yaml``, composed.
+        composition: of ``conf/captures_pack.yaml``.
     """
     from sci_lightning.captures.pack import pack_captures
     from sci_lightning.captures.table import summary_lines
 
-    console = PlainConsole()
+    cfg, console = composition.cfg, PlainConsole()
     for line in summary_lines(pack_captures(cfg.folder, cfg.out, on_warning=warn)):
         console.print(line)
     console.print(styled(cfg.out))
     print_next(console, invocation("diagnose", paths={"captures": cfg.out}))
 
 
-def info(cfg: DictConfig) -> None:
+def info(composition: Composition) -> None:
     """Print the table of a captures file and write its contact sheet.
 
     Args:
-        cfg: ``conf/captures_info.yaml``, composed.
+        composition: of ``conf/captures_info.yaml``.
     """
     from sci_lightning.captures.contact_sheet import contact_sheet
     from sci_lightning.captures.read import read_captures
     from sci_lightning.captures.table import summary_lines, summary_table
 
+    cfg = composition.cfg
     captures = read_captures(cfg.captures)
     sheet = Path(cfg.out)
     if sheet.suffix.lower() != ".png":

@@ -5,37 +5,30 @@ from __future__ import annotations
 import logging
 import os
 import sys
+import traceback
 import warnings
-from collections.abc import Callable
-from contextlib import nullcontext
-from pathlib import Path
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
-from omegaconf import DictConfig, OmegaConf, open_dict
+from omegaconf import DictConfig, open_dict
 
-from sci_lightning.cli.console import PlainConsole
+from sci_lightning.cli.composition import Composition, from_hydra, group_members
 from sci_lightning.cli.continued_run import continued
 from sci_lightning.cli.encoder_file import PLACES, EncoderFile, adapt_to_encoder_files, adopt_encoder_files
-from sci_lightning.cli.failure_line import check_choices, check_words, exit_status, one_line, root_cause
+from sci_lightning.cli.failure_line import exit_status, one_line
 from sci_lightning.cli.help import help_text
-from sci_lightning.cli.settings_check import Refused, check_command_settings
-from sci_lightning.cli.sweep import (
-    Row,
-    defer_to_rows,
-    finished_rows,
-    is_skipped,
-    present_row,
-    refuse_uncomposed_row,
-    scores_in,
-)
+from sci_lightning.cli.hydra_callbacks import CommandFailed
+from sci_lightning.cli.settings import check_command_settings
+from sci_lightning.cli.sweep import defer_to_rows, finished_rows, in_sweep, refuse_uncomposed_row
+from sci_lightning.cli.words import check_choices, check_words
 from sci_lightning.configuration.conf_folder import CONF
-from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_text import one_printable_line
 from sci_lightning.runs.run_folder import is_first_process, remove_if_refused, run_folder
 
-Task = Callable[[DictConfig], Any]
+Task = Callable[[Composition], Any]
 
 
 def run(name: str, task: Task) -> None:
@@ -59,145 +52,114 @@ def run(name: str, task: Task) -> None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return
     debug = os.environ.get("HYDRA_FULL_ERROR") == "1" or "debug=true" in sys.argv
-    failures: list[tuple[str, int]] = []
-    told = sys.argv
-    files: dict[str, EncoderFile] = {}
-
-    def job(cfg: DictConfig) -> Any:
-        in_folder = HydraConfig.get().output_subdir is not None or not is_first_process()  # else `out` is a file
-        if in_folder:
-            with open_dict(cfg):
-                cfg.out = HydraConfig.get().runtime.output_dir
-        _quieten()
-        sys.argv = told  # processes that this one starts adopt the files themselves
-        row = present_row()
-        try:
-            refuse_uncomposed_row()
-            places = {place: files[chosen(place)] for place in PLACES.values() if chosen(place) in files}
-            adapt_to_encoder_files(cfg, places)
-            check_command_settings(cfg, name)
-            os.environ["HYDRA_FULL_ERROR"] = "1" if debug else "0"  # as it was, for the processes that this one starts
-            with run_folder(cfg.out) if in_folder else nullcontext():
-                value = task(cfg)
-        except Exception as error:
-            if row is not None:
-                files_of_rows, number, overrides = row
-                outcome = "skipped" if is_skipped(root_cause(error)) else "failed"
-                files_of_rows.write(Row(number, overrides, outcome, one_line(error), exit_status(error)))
-            elif in_folder and exit_status(error) == 2:
-                remove_if_refused(cfg.out, HydraConfig.get().job.name)
-            if debug:
-                raise
-            if row is None:
-                failures.append((one_line(error), exit_status(error)))
-            return None
-        finally:
-            os.environ["HYDRA_FULL_ERROR"] = "1"
-        if row is not None:
-            files_of_rows, number, overrides = row
-            files_of_rows.write(Row(number, overrides, "done", "", 0, scores_in(Path(cfg.get("out", "")))))
-        return value
-
+    failed: list[tuple[str, int]] = []
+    interrupted = False
     try:
-        os.environ["HYDRA_FULL_ERROR"] = "1"  # composition errors reach the lines below instead of Hydra's printer
-        encoders = [path.stem for path in (CONF / "encoder").glob("*.yaml")]
-        words = sorted(told[1:], key=lambda word: word not in ("-m", "--multirun"))  # wherever among the settings
-        check_words(name, words)
-        check_choices(words)
-        arguments, earlier = continued(words, encoders) if name == "train" else (words, {})
-        arguments, files = adopt_encoder_files(arguments, [*encoders, *earlier])
-        files.update(earlier)
-        sys.argv = [told[0], *defer_to_rows(arguments)]
-        hydra.main(version_base="1.3", config_path=str(CONF), config_name=name)(job)()
+        words = sorted(sys.argv[1:], key=lambda word: word not in ("-m", "--multirun"))  # wherever among the settings
+        arguments, files = _hydra_arguments(name, words)
+        job = _job(name, task, files, debug)
+        with _process_state([sys.argv[0], *arguments], full_errors=True):
+            hydra.main(version_base="1.3", config_path=str(CONF), config_name=name)(job)()
     except (KeyboardInterrupt, SystemExit) as stop:
-        _end_sweep(interrupted=True)
+        interrupted = True
         # what Lightning makes of Ctrl-C, without a word
         if isinstance(stop, KeyboardInterrupt) or isinstance(stop.__context__, KeyboardInterrupt):
             sys.exit("interrupted")
         raise
-    except (Exception, Refused) as stop:
-        error = stop.__cause__ if isinstance(stop, Refused) and stop.__cause__ else stop
+    except (Exception, CommandFailed) as stop:
+        error = stop.__cause__ if isinstance(stop, CommandFailed) and stop.__cause__ else stop
         if debug:
-            _end_sweep()
             raise error from error.__cause__
-        failures.append((one_line(error), exit_status(error)))
+        failed.append((one_line(error), exit_status(error)))
     finally:
-        sys.argv = told
-        os.environ["HYDRA_FULL_ERROR"] = "1" if debug else "0"
-    failures = _end_sweep() + failures
-    for line, _ in failures:
+        failed = _end_sweep(interrupted) + failed
+    for line, _ in failed:
         print(f"error: {one_printable_line(line)}", file=sys.stderr)
-    if failures:
-        sys.exit(min(status for _, status in failures))
+    if failed:
+        sys.exit(min(status for _, status in failed))
 
 
-def _end_sweep(interrupted: bool = False) -> list[tuple[str, int]]:
+def _hydra_arguments(name: str, words: Sequence[str]) -> tuple[list[str], dict[str, EncoderFile]]:
+    """Check the words of a command line and translate what Hydra does not know: files of encoders, runs to go on with.
+
+    Returns:
+        the arguments as Hydra takes them, and the encoder files in them by the name that stands there for each.
+
+    Raises:
+        BadInput: a word that is no setting or option, or a file that cannot be used.
+    """
+    check_words(name, words)
+    check_choices(words)
+    encoders = group_members("encoder")
+    arguments, earlier = continued(list(words), encoders) if name == "train" else (list(words), {})
+    arguments, files = adopt_encoder_files(arguments, [*encoders, *earlier])
+    return defer_to_rows(arguments), {**files, **earlier}
+
+
+def _job(name: str, task: Task, files: Mapping[str, EncoderFile], debug: bool) -> Callable[[DictConfig], Any]:
+    """Return what Hydra calls, once or for every row of a sweep: check the settings, take the folder, run the task."""
+    words = sys.argv
+
+    def job(cfg: DictConfig) -> Any:
+        settings = HydraConfig.get()
+        in_folder = settings.output_subdir is not None or not is_first_process()  # else `out` is a file
+        if in_folder:
+            with open_dict(cfg):
+                cfg.out = settings.runtime.output_dir
+        _silence_libraries()
+        composition = from_hydra(cfg, settings)
+        try:
+            refuse_uncomposed_row(settings)
+            chosen = {place: composition.choice(place) for place in PLACES.values()}
+            present = {place: files[file] for place, file in chosen.items() if file in files}
+            adapt_to_encoder_files(cfg, present, composition.overrides)
+            check_command_settings(cfg, name)
+            # processes that this one starts begin with the command line that this one was started with
+            with _process_state(words, full_errors=debug), run_folder(cfg.out) if in_folder else nullcontext():
+                return task(composition)
+        except Exception as error:
+            if in_sweep():
+                if debug:
+                    traceback.print_exc()
+                raise  # SweepRows makes a row of it, and the others go on
+            if in_folder and exit_status(error) == 2:
+                remove_if_refused(cfg.out, settings.job.name)
+            raise CommandFailed from error
+
+    return job
+
+
+@contextmanager
+def _process_state(argv: Sequence[str], full_errors: bool) -> Iterator[None]:
+    """Set, for a while, what ``hydra.main`` reads of the process: it takes neither of the two as an argument.
+
+    Args:
+        argv: the program and its arguments.
+        full_errors: whether Hydra raises the errors of composing and running; else it prints them and exits.
+    """
+    before = sys.argv, os.environ.get("HYDRA_FULL_ERROR")
+    sys.argv, os.environ["HYDRA_FULL_ERROR"] = list(argv), "1" if full_errors else "0"
+    try:
+        yield
+    finally:
+        sys.argv = before[0]
+        os.environ.pop("HYDRA_FULL_ERROR")
+        if before[1] is not None:
+            os.environ["HYDRA_FULL_ERROR"] = before[1]
+
+
+def _end_sweep(interrupted: bool) -> list[tuple[str, int]]:
     """Print the table of a sweep's rows; return a line and a status for each that failed. Nothing without a sweep."""
     rows = finished_rows()
     if not rows:
         return []
-    from sci_lightning.cli.next_command import dashboard, invocation, print_next
-    from sci_lightning.cli.sweep_table import row_names, sweep_table
+    from sci_lightning.cli.sweep_summary import failures, print_summary
 
-    console = PlainConsole()
-    console.print(sweep_table(rows))
-    for row, name in zip(rows, row_names(rows), strict=True):
-        if row.outcome == "skipped":
-            console.print(f"skipped: [{name}] {row.line}")
-    if interrupted:
-        return []
-    if any(row.scores for row in rows):
-        folder = Path(HydraConfig.get().sweep.dir)
-        dashboards = any(folder.glob("**/tensorboard"))
-        print_next(
-            console,
-            invocation("tables", paths={"runs": folder}),
-            *([dashboard(folder)] if dashboards else []),
-        )
-    failed = [(f"[{' '.join(row.overrides)}] {row.line}", row.status) for row in rows if row.outcome == "failed"]
-    if unfinished := sum(row.outcome == "unfinished" for row in rows):
-        failed.append((f"{unfinished} of {len(rows)} rows did not run to their end", 1))
-    if not failed and all(row.outcome == "skipped" for row in rows):
-        return [(f"none of the {len(rows)} rows exists: {rows[0].line}", 2)]
-    return failed
+    print_summary(rows, interrupted)
+    return [] if interrupted else failures(rows)
 
 
-def chosen(group: str) -> str:
-    """Which member of a configuration group the command line or the defaults chose, such as ``lsw_sr``."""
-    return str(HydraConfig.get().runtime.choices.get(group, "none"))
-
-
-def member(command: str, group: str, name: str, *overrides: str) -> DictConfig:
-    """A member of a configuration group as ``command`` would have it; inside a running command only."""
-    return hydra.compose(command, [f"{group}={name}", *overrides])[group]
-
-
-def targets(group: str) -> list[str]:
-    """What the members of a configuration group build, ``hydra.searchpath`` included; inside a running command only."""
-    sources = HydraConfig.get().runtime.config_sources
-    folders = [Path(source.path) / group for source in sources if source.schema == "file"]
-    members = [OmegaConf.load(file) for folder in folders for file in sorted(folder.glob("*.yaml"))]
-    return [str(target) for member in members if (target := OmegaConf.select(member, "_target_"))]
-
-
-def plain(cfg: DictConfig) -> dict[str, Any]:
-    """The configuration as resolved dictionaries, lists and values, fit for JSON and checkpoints."""
-    content = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
-    assert isinstance(content, dict)
-    return {str(key): value for key, value in content.items()}
-
-
-def built(cfg: DictConfig, part: str, **more: Any) -> Any:
-    """Build what ``cfg`` configures under ``part``, see :func:`~sci_lightning.configuration.build.build`."""
-    from sci_lightning.configuration.build import build
-
-    node = OmegaConf.select(cfg, part)
-    if not isinstance(node, DictConfig):
-        raise BadInput(f"{part}={node}: expected a mapping with _target_, which names a class")
-    return build(plain(node), part, **more)
-
-
-def _quieten() -> None:
+def _silence_libraries() -> None:
     """Drop what the libraries say that tells a user of a command nothing."""
     for name in ("utilities.rank_zero", "trainer.connectors.checkpoint_connector"):
         logging.getLogger(f"lightning.pytorch.{name}").setLevel(logging.WARNING)

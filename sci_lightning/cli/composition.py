@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import hydra
+from hydra.conf import HydraConf
+from hydra.core.global_hydra import GlobalHydra
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from sci_lightning.configuration.build import build
@@ -54,13 +56,19 @@ def compose(command: str, overrides: Iterable[str] = ()) -> Composition:
     Raises:
         HydraException: an override that cannot be read, or that chooses or sets what does not exist.
     """
-    given = list(overrides)
-    with hydra.initialize_config_dir(str(CONF), job_name=command, version_base="1.3"):
-        cfg = hydra.compose(command, given, return_hydra_config=True)
+    running = GlobalHydra.instance().hydra  # of the command that is running, which Hydra allows one of
+    GlobalHydra.instance().clear()
+    try:
+        with hydra.initialize_config_dir(str(CONF), job_name=command, version_base="1.3"):
+            cfg = hydra.compose(command, list(overrides), return_hydra_config=True)
+    finally:
+        GlobalHydra.instance().clear()
+        if running is not None:
+            GlobalHydra.instance().initialize(running)
     return from_hydra(cfg, cfg.hydra)
 
 
-def from_hydra(cfg: DictConfig, settings: DictConfig) -> Composition:
+def from_hydra(cfg: DictConfig, settings: HydraConf) -> Composition:
     """Return the composition of a configuration, given Hydra's own settings, which are removed from it."""
     choices = {str(group): str(choice) for group, choice in settings.runtime.choices.items()}
     sources = [Path(source.path) for source in settings.runtime.config_sources if source.schema == "file"]

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from hydra.core.config_store import ConfigStore
-from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, OmegaConf
 
 from sci_lightning.cli.settings import check_fields
@@ -125,22 +124,23 @@ def checked_encoder(path: Path, content: Mapping[str, Any]) -> dict[str, Any]:
     return dict(_anchored(dict(content), path, Path()))
 
 
-def adapt_to_encoder_files(cfg: DictConfig, files: Mapping[str, EncoderFile]) -> None:
+def adapt_to_encoder_files(cfg: DictConfig, files: Mapping[str, EncoderFile], overrides: Iterable[str]) -> None:
     """Fit a composed configuration to the encoder files in it.
 
     ``frames`` and ``size`` are the file's unless the command line says otherwise. Then every ``_target_`` is checked,
     and what was checked takes the place of the node, resolved: nothing is left in it that could still change.
 
     Args:
-        cfg: of the command, inside a running one.
+        cfg: of the command.
         files: by the place (a value of :data:`PLACES`) where each one stands.
+        overrides: of the command line, as Hydra takes them.
 
     Raises:
         BadInput: files or settings that contradict each other, or a class that the file may not name.
     """
     from sci_lightning.configuration.registry import check_targets
 
-    given = {override.lstrip("+").partition("=")[0] for override in HydraConfig.get().overrides.task}
+    given = {override.lstrip("+").partition("=")[0] for override in overrides}
     fitted: dict[str, tuple[Any, Path]] = {}
     for file in files.values():
         known = file.field()

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from difflib import get_close_matches
-from typing import NoReturn
+from typing import Any
 
-from hydra._internal.utils import get_args_parser
 from hydra.errors import (
     ConfigCompositionException,
     HydraException,
@@ -17,7 +16,6 @@ from hydra.errors import (
 )
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
-from yaml import YAMLError, safe_load
 
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.errors import BadInput, as_machine_failure
@@ -71,59 +69,6 @@ def exit_status(error: BaseException) -> int:
     )
 
 
-def check_words(command: str, arguments: Sequence[str]) -> None:
-    """Check that a command line has no options but Hydra's, which would print its usage and no reason.
-
-    Args:
-        command: its name, for the message.
-        arguments: of the command line.
-
-    Raises:
-        BadInput: an option that is none, or a word that is no ``key=value``.
-    """
-    parser = get_args_parser()
-
-    def error(message: str) -> NoReturn:
-        raise BadInput(f"{message}; sci_lightning.{command} --help lists settings, --hydra-help options")
-
-    parser.error = error  # type: ignore[method-assign]  # its own prints the usage
-    given, unknown = parser.parse_known_args(list(arguments))
-    if options := [word for word in unknown if word.startswith("-")]:
-        place = list(arguments).index(options[0])
-        name, equals, value = options[0].lstrip("-").partition("=")
-        following = [] if equals else [word for word in arguments[place + 1 : place + 2] if not word.startswith("-")]
-        right = f"{name.replace('-', '_')}={value or (following or ['..'])[0]}"
-        raise BadInput(f"{options[0]}: no such option; settings are written without dashes, {right}; --help lists them")
-    if unknown:
-        raise BadInput(f"{excerpt(unknown[0])}: write options, which begin with dashes, before all settings")
-    for word in given.overrides:
-        if "=" not in word and not word.startswith("~"):
-            raise BadInput(f"{excerpt(word)}: expected key=value; --help lists the settings")
-
-
-def check_choices(arguments: Iterable[str]) -> None:
-    """Check that overrides of configuration groups are names, before Hydra meets a number or null.
-
-    Args:
-        arguments: of the command line.
-
-    Raises:
-        BadInput: one that is no name; the message lists the choices.
-    """
-    for argument in arguments:
-        key, equals, value = argument.partition("=")
-        group = key.lstrip("+").partition("@")[0]
-        if not equals or not group or not (CONF / group).is_dir():
-            continue
-        try:
-            kind = type(safe_load(value))
-        except YAMLError:  # Hydra's grammar knows more than YAML
-            continue
-        if kind not in (str, list):
-            options = ", ".join(sorted(path.stem for path in (CONF / group).glob("*.yaml")))
-            raise BadInput(f"{group}={excerpt(value)}: no such {group}; choose one of {options}")
-
-
 def _unknown_setting(error: ConfigCompositionException) -> str | None:
     """What Hydra says of an override of a setting that does not exist, with the settings that do in its place."""
     unknown = re.match(r"Could not override '(.+?)'", str(error))
@@ -141,8 +86,11 @@ def _unknown_setting(error: ConfigCompositionException) -> str | None:
     exact = getattr(error.__cause__, "full_key", None) == key
     beside = [str(other) for other in node or () if exact and not str(other).startswith("_")]
     near = [f"{above}.{other}".lstrip(".") for other in get_close_matches(name, beside, n=1, cutoff=0.7)]
-    if not near and isinstance(node, DictConfig) and node._get_parent() is None:
-        near = [leaf for leaf in _leaves(node) if leaf.endswith(f".{key}")][:3]
+    if not near and isinstance(node, DictConfig) and "hydra" in node:  # the whole configuration
+        settings = OmegaConf.to_container(node, resolve=False)
+        near = (
+            [leaf for leaf in _leaves(settings) if leaf.endswith(f".{key}")][:3] if isinstance(settings, dict) else []
+        )
     if near:
         return f"{line}; did you mean {' or '.join(near)}?"
     if above == "trainer":
@@ -150,13 +98,13 @@ def _unknown_setting(error: ConfigCompositionException) -> str | None:
     return f"{line}; {above} has {', '.join(beside)}" if above and beside else f"{line}; --help lists all"
 
 
-def _leaves(node: DictConfig, above: str = "") -> Iterator[str]:
-    """The keys of all values below ``node``, Hydra's own left out."""
-    for key in map(str, node):
-        name, value = f"{above}{key}", None if OmegaConf.is_missing(node, key) else node._get_node(key)
-        if isinstance(value, DictConfig) and not (value._is_none() or value._is_interpolation()):
+def _leaves(settings: Mapping[Any, Any], above: str = "") -> Iterator[str]:
+    """Return the keys of all values in unresolved settings, Hydra's own left out."""
+    for key, value in settings.items():
+        name = f"{above}{key}"
+        if isinstance(value, Mapping):
             yield from _leaves(value, f"{name}.") if name != "hydra" else ()
-        elif not key.startswith("_"):
+        elif not str(key).startswith("_"):
             yield name
 
 

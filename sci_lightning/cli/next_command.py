@@ -55,9 +55,9 @@ def dashboard(folder: str | Path) -> str:
 
 def print_next(console: PlainConsole, *lines: str) -> None:
     """Print command lines under the word ``next``, one a line; nothing in the rows of a sweep."""
-    from sci_lightning.cli.sweep import present_row  # loads Hydra, which not every command needs before its end
+    from sci_lightning.cli.sweep import in_sweep  # loads Hydra, which not every command needs before its end
 
-    if present_row() is None:
+    if not in_sweep():
         for place, line in enumerate(lines):
             console.print(f"{'next:' if not place else '  or:'} {line}")
 

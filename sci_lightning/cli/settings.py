@@ -11,9 +11,11 @@ from dataclasses import is_dataclass
 from typing import Annotated, Any, Literal
 
 from annotated_types import DocInfo, Interval, MinLen
+from omegaconf import DictConfig, OmegaConf
 
 from sci_lightning.configuration.arguments import check_arguments, check_value
 from sci_lightning.configuration.bounds import Frames, NonNegative, Positive, Repeats, Seed, Size
+from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.errors import BadInput
 from sci_lightning.files.memory_bound import memory_bound
@@ -129,6 +131,32 @@ def check_settings(settings: Mapping[str, Any], nullable: Iterable[str]) -> None
         elif key in SETTINGS:
             check_value(key, value, SETTINGS[key] | None if key in free and SETTINGS[key] is not Any else SETTINGS[key])
     check_field(settings.get("frames"), settings.get("size"))
+
+
+def check_command_settings(cfg: DictConfig, command: str) -> None:
+    """Check the values at the top of a composed configuration that are no groups.
+
+    Args:
+        cfg: of a command; settings that are still missing are left out.
+        command: the name of its file in ``conf/``. A setting that is null there may be null.
+
+    Raises:
+        BadInput: see :func:`check_settings`.
+    """
+    present = [str(key) for key in cfg if key in SETTINGS and not OmegaConf.is_missing(cfg, key)]
+    settings = {key: _plain_value(cfg[key]) for key in present}
+    defaults = OmegaConf.load(CONF / f"{command}.yaml")
+    if not isinstance(defaults, DictConfig):
+        raise TypeError(f"conf/{command}.yaml: expected a mapping")
+    for key in ("size", "crop"):
+        if isinstance(side := settings.get(key), int) and not isinstance(defaults.get(key), int):
+            raise BadInput(f"{key}={side}: expected [height,width]; of a square {key}=[{side},{side}]")
+    nullable = [str(key) for key, value in defaults.items_ex(resolve=False) if value is None]
+    check_settings(settings, nullable)
+
+
+def _plain_value(value: Any) -> Any:
+    return OmegaConf.to_container(value) if OmegaConf.is_config(value) else value
 
 
 def check_field(frames: int | None, size: Sequence[int] | int | None, where: str = "") -> None:

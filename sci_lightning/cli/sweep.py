@@ -3,31 +3,38 @@
 from __future__ import annotations
 
 import copy
+import io
 import json
 import os
 import re
 import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import redirect_stderr
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra.conf import HydraConf
+from hydra.core.config_loader import ConfigLoader
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
+from hydra.core.object_type import ObjectType
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.utils import JobReturn, JobStatus
 from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
+from hydra.plugins.config_source import ConfigSource
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, flag_override, open_dict, read_write
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError
 
-from sci_lightning.cli.failure_line import one_line
+from sci_lightning.cli.failure_line import exit_status, one_line, root_cause
+from sci_lightning.cli.hydra_callbacks import check_folder
 from sci_lightning.errors import BadInput, NoSuchCombination
 from sci_lightning.files.atomic_file import whole_file
-from sci_lightning.runs.run_folder import check_folder, is_first_process
+from sci_lightning.runs.run_folder import is_first_process
 
 CHANGES_EVERYTHING = ("experiment", "scale")
 """Groups whose members set values anywhere in the configuration."""
@@ -86,40 +93,39 @@ class RowFiles:
         return rows
 
 
-def present_row() -> tuple[RowFiles, int, list[str]] | None:
-    """Return where the running row leaves its outcome, its number and its overrides; None outside a sweep."""
-    hydra = HydraConfig.get() if HydraConfig.initialized() else None
-    if hydra is None or hydra.mode is not RunMode.MULTIRUN or OmegaConf.is_missing(hydra.job, "num"):
-        return None
-    return RowFiles(_settings()["folder"]), int(hydra.job.num), list(hydra.overrides.task)
+def in_sweep() -> bool:
+    """Return whether this process is running a row of a sweep."""
+    return HydraConfig.initialized() and _is_row(HydraConfig.get())
 
 
-def refuse_uncomposed_row() -> None:
-    """Raise what was wrong with the configuration of the row that is running now, if it could not be composed.
+def refuse_uncomposed_row(settings: HydraConf) -> None:
+    """Raise what was wrong with the configuration of a row that could not be composed; nothing happens to others.
+
+    Args:
+        settings: Hydra's own, of the job that is running.
 
     Raises:
         BadInput: NoSuchCombination where the row is to be skipped.
     """
-    error = _settings().get("error") if present_row() else None
+    error = settings.callbacks["sweep"]["error"] if _is_row(settings) else None
     if error is not None:
         raise (NoSuchCombination if error["skipped"] else BadInput)(error["line"])
 
 
-def scores_in(folder: Path) -> dict[str, float]:
-    """The mean scores of the ``metrics.json`` in a folder, empty if there is none."""
+def mean_scores(folder: Path) -> dict[str, float]:
+    """Return the mean scores of the ``metrics.json`` in a folder by metric, empty if there is none."""
     path = folder / "metrics.json"
     return dict(json.loads(path.read_text())["mean"]) if path.is_file() else {}
 
 
 def finished_rows() -> list[Row]:
-    """All rows of the sweep that this process started, in their order; empty if it started none."""
-    folder = _settings().get("folder") if HydraConfig.initialized() else None
+    """Return all rows of the sweep that this process started, in their order; empty if it started none."""
+    folder = HydraConfig.get().callbacks.get("sweep", {}).get("folder") if HydraConfig.initialized() else None
     return [] if folder is None else RowFiles(folder).take()
 
 
-def _settings() -> Any:
-    """The settings of :class:`SweepStart` in the configuration of the present run."""
-    return HydraConfig.get().callbacks.get("sweep", {})
+def _is_row(settings: HydraConf) -> bool:
+    return settings.mode is RunMode.MULTIRUN and not OmegaConf.is_missing(settings.job, "num")
 
 
 def defer_to_rows(arguments: Sequence[str]) -> list[str]:
@@ -159,31 +165,65 @@ def defer_to_rows(arguments: Sequence[str]) -> list[str]:
     return changed
 
 
-class RowLoader(ConfigLoaderImpl):
+class RowLoader(ConfigLoader):
     """Composes the rows of a sweep; one that cannot be composed becomes a row that fails, and the others go on.
 
-    Hydra and its launchers let an error in composing end the whole sweep.
+    Hydra and its launchers let an error in composing end the whole sweep. Everything but the rows is left to Hydra's
+    own loader.
+
+    Args:
+        loader: Hydra's own.
+        rows: where the outcome of each row is written; every row is "unfinished" as soon as it is planned.
     """
 
-    def __init__(self, config_search_path: ConfigSearchPath) -> None:
-        super().__init__(config_search_path)
+    def __init__(self, loader: ConfigLoader, rows: RowFiles) -> None:
+        self.loader, self.rows = loader, rows
         self.process = os.getpid()
         self.planned: list[list[str]] = []
 
     def load_sweep_config(self, master_config: DictConfig, sweep_overrides: list[str]) -> DictConfig:
-        folder = master_config.hydra.callbacks.sweep.folder
-        if os.getpid() == self.process and list(sweep_overrides) not in self.planned:
-            RowFiles(folder).write(Row(len(self.planned), list(sweep_overrides)))
-            self.planned.append(list(sweep_overrides))
+        overrides = list(sweep_overrides)
+        if os.getpid() == self.process and overrides not in self.planned:
+            self.rows.write(Row(len(self.planned), overrides))
+            self.planned.append(overrides)
         try:
-            row = super().load_sweep_config(master_config, sweep_overrides)
-            if is_first_process() and list(sweep_overrides) in self.planned:
-                check_folder(_folder(row, self.planned.index(list(sweep_overrides))), row)
+            row = self.loader.load_sweep_config(master_config, sweep_overrides)
+            if is_first_process() and overrides in self.planned:
+                check_folder(_folder(row, self.planned.index(overrides)), row)
         except Exception as error:
             row = _uncomposed(master_config, sweep_overrides, error)
-        with flag_override(row.hydra, "struct", False):
-            row.hydra.callbacks.sweep.folder = folder
         return row
+
+    def load_configuration(
+        self,
+        config_name: str | None,
+        overrides: list[str],
+        run_mode: RunMode,
+        from_shell: bool = True,
+        validate_sweep_overrides: bool = True,
+    ) -> DictConfig:
+        return self.loader.load_configuration(config_name, overrides, run_mode, from_shell, validate_sweep_overrides)
+
+    def get_search_path(self) -> ConfigSearchPath:
+        return self.loader.get_search_path()
+
+    def get_sources(self) -> list[ConfigSource]:
+        return self.loader.get_sources()
+
+    def list_groups(self, parent_name: str) -> list[str]:
+        return self.loader.list_groups(parent_name)
+
+    def get_group_options(
+        self,
+        group_name: str,
+        results_filter: ObjectType | None = ObjectType.CONFIG,
+        config_name: str | None = None,
+        overrides: list[str] | None = None,
+    ) -> list[str]:
+        return self.loader.get_group_options(group_name, results_filter, config_name, overrides)
+
+    def compute_defaults_list(self, config_name: str | None, overrides: list[str], run_mode: RunMode) -> Any:
+        return self.loader.compute_defaults_list(config_name, overrides, run_mode)
 
 
 def _folder(row: DictConfig, number: int) -> Path:
@@ -215,13 +255,15 @@ def _uncomposed(master: DictConfig, overrides: list[str], error: Exception) -> D
     return row
 
 
-class SweepStart(Callback):
-    """Prepares a sweep: a folder for the outcomes of its rows, and a loader that no row's configuration can stop.
+class SweepRows(Callback):
+    """Collects the rows of a sweep: a failure ends its row, never the sweep, whichever launcher and sweeper run it.
 
-    The configuration is kept in Hydra's state, where the process that started the sweep finds that folder at the end.
+    A row may run in another process or on another machine (joblib, submitit), where Hydra calls ``on_job_end``, and it
+    may be killed there. What became of it therefore goes through a file in the sweep's folder, which all of them see.
 
     Args:
-        folder: where rows leave their outcomes; set by this callback.
+        folder: where rows leave their outcomes; set when a sweep starts, and kept in Hydra's state, where the process
+            that started the sweep finds it at the end.
         error: why a row has no configuration; set by :class:`RowLoader`.
     """
 
@@ -229,8 +271,24 @@ class SweepStart(Callback):
         self.folder, self.error = folder, error
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
-        config.hydra.callbacks.sweep.folder = str(Path(config.hydra.sweep.dir).absolute() / f".rows_{uuid4().hex}")
+        self.folder = str(Path(config.hydra.sweep.dir).absolute() / f".rows_{uuid4().hex}")
+        config.hydra.callbacks.sweep.folder = self.folder
         HydraConfig.instance().set_config(config)
         hydra = GlobalHydra.instance().hydra
-        assert hydra is not None
-        hydra.config_loader = RowLoader(hydra.config_loader.get_search_path())
+        if hydra is not None:
+            hydra.config_loader = RowLoader(hydra.config_loader, RowFiles(self.folder))
+
+    def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:
+        if self.folder is None or not _is_row(config.hydra):
+            return
+        number, overrides = int(config.hydra.job.num), list(config.hydra.overrides.task)
+        try:
+            with redirect_stderr(io.StringIO()):  # asked for its result, a failed job writes on the terminal
+                _ = job_return.return_value
+        except Exception as error:
+            outcome = "skipped" if is_skipped(root_cause(error)) else "failed"
+            row = Row(number, overrides, outcome, one_line(error), exit_status(error))
+            job_return.return_value, job_return.status = None, JobStatus.COMPLETED
+        else:
+            row = Row(number, overrides, "done", "", 0, mean_scores(Path(config.hydra.runtime.output_dir)))
+        RowFiles(self.folder).write(row)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omegaconf import DictConfig
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from sci_lightning.cli.command import plain, run
+from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition, plain
 from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.proving_ground.case import Case
 from sci_lightning.proving_ground.records import Records
@@ -16,11 +16,11 @@ PLANNED = ("suites", "seeds", "cases", "effects", "size", "frames", "masks", "bi
 """Keys of the configuration that :func:`~.plan.plan` takes."""
 
 
-def proving_ground(cfg: DictConfig) -> None:
+def proving_ground(composition: Composition) -> None:
     """Run the cases that have no record yet, then write and print the summary of all records in ``out``.
 
     Args:
-        cfg: ``conf/proving_ground.yaml``, composed.
+        composition: of ``conf/proving_ground.yaml``.
     """
     from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.errors import BadInput
@@ -29,6 +29,7 @@ def proving_ground(cfg: DictConfig) -> None:
     from sci_lightning.proving_ground.report import write_report
     from sci_lightning.proving_ground.summary import summarise
 
+    cfg = composition.cfg
     settings, out, console = plain(cfg), Path(cfg.out), PlainConsole()
     files = Records(out / "cases")
     if cfg.run:

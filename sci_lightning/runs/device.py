@@ -7,7 +7,7 @@ import torch
 from sci_lightning.errors import BadInput
 
 
-def chosen_device(name: str) -> torch.device:
+def resolve_device(name: str) -> torch.device:
     """The device that ``device=`` names: cpu, cuda, cuda:1, ..; auto is the GPU where there is one.
 
     Raises:

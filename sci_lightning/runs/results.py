@@ -1,9 +1,11 @@
-"""What a run found: ``metrics.json`` and the table on the terminal."""
+"""The results of a run: ``metrics.json`` and the table on the terminal."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +19,61 @@ from sci_lightning.training.system import System
 UNITS = {"psnr": "PSNR (dB)", "ssim": "SSIM", "qscore": "Q-Score"}
 
 
-def results(system: System, names: Mapping[str, str], config: Mapping[str, Any]) -> dict[str, Any]:
-    """Everything ``metrics.json`` holds, from a system that has just been tested.
+@dataclass(frozen=True)
+class RunMetrics:
+    """The content of ``metrics.json``: what a run was, and how well it reconstructs.
 
-    ``effects`` and ``test_effects`` name the effects of the encoder that was trained and of the one that was tested
-    with; they are absent where there are none, and of a real camera, whose effects nobody knows.
+    Attributes:
+        encoder, decoder, test_encoder: as the configuration calls them; it was trained with the first and tested behind
+            the last.
+        scenes: by the scene's name, then by metric: PSNR in dB, SSIM, Q-Score, ..
+        mean: of the scenes, by metric.
+        conventions: how a metric was computed, where it has conventions.
+        baseline: the means of an estimate in which every frame is the mean measurement.
+        seconds_per_measurement: the median time to decode one.
+        device: on which it was decoded.
+        parameters: of the decoder.
+        macs: multiply-accumulates to decode one measurement of the mask's size.
+        config: the run's plain configuration.
+        effects, test_effects: names of the effects of the encoder that was trained and of the one that was tested
+            with; none of a real camera, whose effects nobody knows.
+    """
+
+    encoder: str
+    decoder: str
+    test_encoder: str
+    scenes: Mapping[str, Mapping[str, float]]
+    mean: Mapping[str, float]
+    conventions: Mapping[str, str]
+    baseline: Mapping[str, float]
+    seconds_per_measurement: float
+    device: str
+    parameters: int
+    macs: int
+    config: Mapping[str, Any]
+    effects: Sequence[str] = ()
+    test_effects: Sequence[str] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the dictionary that the file holds; effects are absent where there are none."""
+        content = {field.name: getattr(self, field.name) for field in fields(self)}
+        order = ("encoder", "decoder", "test_encoder", "effects", "test_effects")
+        first = {key: content.pop(key) for key in order}
+        last = content.pop("config")
+        kept = {key: list(value) if key.endswith("effects") else value for key, value in first.items() if value}
+        return {"format": "sci-metrics", "format_version": 1, **kept, **content, "config": dict(last)}
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> RunMetrics:
+        """Return the metrics of a file of this program; what an earlier version did not write is empty or 0."""
+        empty = {"scenes": {}, "conventions": {}, "baseline": {}, "parameters": 0, "macs": 0}
+        texts = {"encoder": "", "decoder": "", "test_encoder": "", "device": "", "seconds_per_measurement": math.nan}
+        known = {**empty, **texts, **content}
+        return cls(**{field.name: known[field.name] for field in fields(cls) if field.name in known})
+
+
+def run_metrics(system: System, names: Mapping[str, str], config: Mapping[str, Any]) -> RunMetrics:
+    """Return the metrics of a system that has just been tested.
 
     Args:
         system: after ``trainer.test``.
@@ -32,21 +84,21 @@ def results(system: System, names: Mapping[str, str], config: Mapping[str, Any])
     trained = [name for name, effect in (config["encoder"].get("effects") or {}).items() if effect is not None]
     tested: list[str] = [] if config.get("evaluate", {}).get("captures") else system.encoder.path.names
     trained.sort(key=lambda name: tested.index(name) if name in tested else len(tested))  # as the light meets them
-    effects = {"effects": trained, "test_effects": tested}
-    return {
-        "format": "sci-metrics",
-        "format_version": 1,
-        **names,
-        **{key: value for key, value in effects.items() if value},
+    return RunMetrics(
+        encoder=names["encoder"],
+        decoder=names["decoder"],
+        test_encoder=names["test_encoder"],
+        effects=trained,
+        test_effects=tested,
         **system.tested,
-        "parameters": count_parameters(system.decoder),
-        "macs": count_macs(system.decoder, mask.frames, *mask.size),
-        "config": dict(config),
-    }
+        parameters=count_parameters(system.decoder),
+        macs=count_macs(system.decoder, mask.frames, *mask.size),
+        config=config,
+    )
 
 
 def with_effects(name: str, effects: Iterable[str]) -> str:
-    """An encoder's name with those of its effects, such as ``lsw_sr + mask_shift``."""
+    """Return an encoder's name with those of its effects, such as ``lsw_sr + mask_shift``."""
     return " + ".join([name, *effects])
 
 
@@ -56,40 +108,40 @@ def write_json(content: Mapping[str, Any], path: str | Path) -> None:
         temporary.write_text(json.dumps(content, indent=1) + "\n")
 
 
-def print_results(found: Mapping[str, Any], console: PlainConsole) -> None:
-    """A table of the scenes, their mean, and the baseline in which every frame is the mean measurement."""
-    encoder, tested = (
-        with_effects(found[name], found.get(effects, []))
-        for name, effects in (("encoder", "effects"), ("test_encoder", "test_effects"))
-    )
-    trained = f"trained on {encoder}, " if found["parameters"] else ""
-    title = f"{found['decoder']}, {trained}tested on {tested}"
-    conventions = "\n".join(f"{UNITS.get(key, key)}: {text}" for key, text in found["conventions"].items())
+def print_results(metrics: RunMetrics, console: PlainConsole) -> None:
+    """Print a table of the scenes, their mean, and the baseline in which every frame is the mean measurement."""
+    encoder, tested = with_effects(metrics.encoder, metrics.effects), metrics.test_encoder
+    tested = with_effects(tested, metrics.test_effects)
+    trained = f"trained on {encoder}, " if metrics.parameters else ""
+    title = f"{metrics.decoder}, {trained}tested on {tested}"
+    conventions = "\n".join(f"{UNITS.get(key, key)}: {text}" for key, text in metrics.conventions.items())
     table = Table(title=title, title_justify="left", caption=conventions or None, caption_justify="left")
     table.add_column("scene")
-    keys = list(found["mean"])
+    keys = list(metrics.mean)
     for key in keys:
         table.add_column(UNITS.get(key, key), justify="right")
-    rows = [*found["scenes"].items(), ("mean", found["mean"])]
-    for name, scores in rows:
-        table.add_row(name, *(number(key, scores[key]) for key in keys), style="bold" if name == "mean" else "")
-    table.add_row("every frame = mean measurement", *(number(key, found["baseline"][key]) for key in keys), style="dim")
+    for name, values in [*metrics.scenes.items(), ("mean", metrics.mean)]:
+        table.add_row(name, *(number(key, values[key]) for key in keys), style="bold" if name == "mean" else "")
+    baseline = (number(key, metrics.baseline[key]) for key in keys)
+    table.add_row("every frame = mean measurement", *baseline, style="dim")
     console.print(table)
 
 
 def number(key: str, value: float) -> str:
-    """Return a score with the digits that its metric is printed with."""
+    """Return a value with the digits that its metric is printed with."""
     return f"{value:.4f}" if key == "ssim" else f"{value:.2f}"
 
 
-def hparams(found: Mapping[str, Any]) -> dict[str, Any]:
-    """The choices that tell runs apart, flat, for TensorBoard's table of hyper-parameters."""
-    config = found["config"]
-    chosen = {key: found[key] for key in ("encoder", "decoder")}
-    chosen["effects"] = ", ".join(found.get("effects", [])) or "none"
-    chosen["mask_bits"] = config["encoder"]["mask"].get("bits", 1)
-    chosen.update({key: config[key] for key in ("scale", "frames", "batch_size", "seed")})
-    chosen.update({key: config["system"][key] for key in ("loss", "lr", "final_lr")})
-    chosen["size"] = "x".join(map(str, config["size"]))
-    chosen.update(found["conventions"])
-    return chosen
+def hparams(metrics: RunMetrics) -> dict[str, Any]:
+    """Return the choices that tell runs apart, flat, for TensorBoard's table of hyper-parameters."""
+    config = metrics.config
+    return {
+        "encoder": metrics.encoder,
+        "decoder": metrics.decoder,
+        "effects": ", ".join(metrics.effects) or "none",
+        "mask_bits": config["encoder"]["mask"].get("bits", 1),
+        **{key: config[key] for key in ("scale", "frames", "batch_size", "seed")},
+        **{key: config["system"][key] for key in ("loss", "lr", "final_lr")},
+        "size": "x".join(map(str, config["size"])),
+        **metrics.conventions,
+    }

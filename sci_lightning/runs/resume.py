@@ -69,8 +69,8 @@ def check_nothing_lost(out: Path, training: bool, resume: bool = False, ckpt_pat
         )
 
 
-def finished(out: Path, config: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The content of ``metrics.json`` in ``out``, None if there is none.
+def load_finished_metrics(out: Path, config: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the content of ``metrics.json`` in ``out``, None if there is none.
 
     Raises:
         BadInput: it is damaged, or of another configuration.
@@ -89,8 +89,8 @@ def finished(out: Path, config: Mapping[str, Any]) -> dict[str, Any] | None:
     return dict(found)
 
 
-def interrupted(out: Path, config: Mapping[str, Any]) -> str | None:
-    """The checkpoint in ``out`` that a run can go on from, None if there is none.
+def find_resumable_checkpoint(out: Path, config: Mapping[str, Any]) -> str | None:
+    """Return the checkpoint in ``out`` that a run can go on from, None if there is none.
 
     Raises:
         BadInput: it is damaged, or of another configuration.

@@ -8,19 +8,13 @@ import os
 import re
 import socket
 import stat
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
-from hydra.experimental.callback import Callback
-from omegaconf import DictConfig, OmegaConf
-
-from sci_lightning.cli.settings_check import Refused
 from sci_lightning.errors import BadInput
-from sci_lightning.runs.resume import check_nothing_lost
 
 RANKS = ("RANK", "LOCAL_RANK", "SLURM_PROCID")
 """Variables in which launchers of several processes tell each its number."""
@@ -97,7 +91,7 @@ def lock(folder: Path) -> None:
     """Lock a folder until the end of :func:`run_folder` or of the process; raises as that does."""
     path = folder / ".lock"
     while folder not in _locks:
-        _make(folder, exist_ok=True)
+        make_folder(folder, exist_ok=True)
         file = _lock_file(path)
         try:
             fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # unlike flock: not inherited by workers that live on
@@ -142,62 +136,8 @@ def remove_leftovers(checkpoints: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-class OwnFolder(Callback):
-    """Takes the folder of a command before Hydra writes into it.
-
-    A name with the time in it is that of a new folder: of commands that start in the same second all but one wait for
-    the next.
-
-    Raises:
-        Refused: another process writes there, or a training lies there that would be overwritten.
-    """
-
-    def on_run_start(self, config: DictConfig, **kwargs: Any) -> None:
-        if not is_first_process():
-            return
-        try:
-            while _is_new(config) and not _made_for(config):
-                time.sleep(0.1)
-                OmegaConf.clear_cache(config)  # which keeps the time
-            folder = Path(config.hydra.run.dir).resolve()
-            lock(folder)
-            try:
-                check_folder(folder, config)
-            except BadInput:
-                unlock(folder)
-                raise
-        except Exception as error:
-            raise Refused from error
-
-    def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
-        if _is_new(config) and not _made_for(config):
-            raise Refused from BadInput(f"{config.out}: another sweep was started in this second; start it again")
-
-
-def _is_new(config: DictConfig) -> bool:
-    """Whether a command's folder is called after the time."""
-    content = OmegaConf.to_container(config, resolve=False)
-    return isinstance(content, dict) and "${now:" in str(content["out"])
-
-
-def _made_for(config: DictConfig) -> bool:
-    """Make a command's folder; False if it is there."""
-    try:
-        _make(Path(config.out).resolve())
-    except FileExistsError:
-        return False
-    return True
-
-
-def _make(folder: Path, exist_ok: bool = False) -> None:
+def make_folder(folder: Path, exist_ok: bool = False) -> None:
     """Make a folder and those above it, and note which were not there."""
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     folder.mkdir(parents=True, exist_ok=exist_ok)
     _made.setdefault(folder, missing) if missing else None
-
-
-def check_folder(folder: Path, config: DictConfig) -> None:
-    """Check that a command with this configuration overwrites no training; raises as ``check_nothing_lost`` does."""
-    training = "resume" in config
-    settings = {"resume": bool(config.resume), "ckpt_path": config.ckpt_path} if training else {}
-    check_nothing_lost(folder, training, **settings)

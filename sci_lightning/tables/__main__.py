@@ -5,24 +5,26 @@ from __future__ import annotations
 import sys
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import yaml
-from omegaconf import DictConfig
+from omegaconf import OmegaConf
 
-from sci_lightning.cli.command import plain, run
+from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition, compose, group_members, plain
 from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.configuration.conf_folder import PACKAGE
 from sci_lightning.files.plain_text import one_printable_line
 
 
-def tables(cfg: DictConfig) -> None:
+def tables(composition: Composition) -> None:
     """Collect the ``metrics.json`` below ``runs``; print each table and write it as Markdown, LaTeX and PNG.
 
     Beside them the paper's figures as PNG: quality against cost, dynamic range, mosaics of runs that left a checkpoint.
     Files that are of no use are named, one line each, and the others go on.
 
     Args:
-        cfg: ``conf/tables.yaml``, composed.
+        composition: of ``conf/tables.yaml``.
     """
     from sci_lightning.cli.next_command import browser, invocation, print_next
     from sci_lightning.imaging.figures import write_figure
@@ -36,17 +38,19 @@ def tables(cfg: DictConfig) -> None:
     from sci_lightning.tables.run_table import run_table
     from sci_lightning.tables.score_table import score_table
 
+    cfg = composition.cfg
     out, console = Path(cfg.out), PlainConsole()
     folders = plain(cfg)["runs"]
     runs, lines = find_runs([Path(str(folder)) for folder in (folders if isinstance(folders, list) else [folders])])
     for line in lines:
         _left_out(line)
     paper = yaml.safe_load((PACKAGE / "tables" / "paper_figures.yaml").read_text())
-    cost = costs(paper["decoders"])
-    grids = [encoder_table(paper["encoders"])]
+    cost = costs(paper["decoders"], _members("decoder", "frames=8"))
+    encoders = _members("encoder", "frames=8", "size=[32,32]")
+    grids = [encoder_table(paper["encoders"], encoders)]
     grids += [score_table(name, table, runs, cost) for name, table in paper["tables"].items()]
     grids.append(claim_table(paper["claims"], paper["tables"], runs))
-    recorded = wedges(list(paper["encoders"]), cfg.sensor)
+    recorded = wedges({name: encoders[name] for name in paper["encoders"]}, cfg.sensor)
     grids.append(dynamic_range_table(recorded, cfg.sensor))
     grids.append(run_table(runs))
     for grid in grids:
@@ -63,6 +67,14 @@ def tables(cfg: DictConfig) -> None:
     console.say(styled(out), f": {', '.join(grid.name for grid in grids)} as .md, .tex and .png; {len(runs)} runs")
     console.print(f"figures: {', '.join(names)} as .png")
     print_next(console, browser(out / "cost.png"), invocation("train", "-m", "experiment=table5", "scale=small"))
+
+
+def _members(group: str, *overrides: str) -> dict[str, Any]:
+    """Return the plain configuration of every member of a group, as ``train`` would have it, by its name."""
+    names = group_members(group)
+    composed = {name: compose("train", [f"{group}={name}", *overrides]).cfg[group] for name in names}
+    # of encoders whose mask is a file, the file is missing
+    return {name: OmegaConf.to_container(member, resolve=True) for name, member in composed.items()}
 
 
 def _left_out(line: str) -> None:

@@ -6,9 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sci_lightning.cli.command import member, plain
-from sci_lightning.configuration.conf_folder import CONF
-
 
 @dataclass(frozen=True)
 class Cost:
@@ -24,24 +21,25 @@ class Cost:
     macs: int | None = None
 
 
-def costs(paper: Mapping[str, Mapping[str, Any]]) -> dict[str, Cost]:
-    """The cost of each decoder that the paper lists, of weights without data; inside a running command only.
+def costs(paper: Mapping[str, Mapping[str, Any]], decoders: Mapping[str, Mapping[str, Any]]) -> dict[str, Cost]:
+    """Count the parameters and operations of each decoder that the paper lists; no memory is taken for its weights.
 
     Args:
         paper: ``decoders`` of ``paper_figures.yaml``.
+        decoders: ours by name: plain configurations for T = 8.
     """
-    return {name: _cost(name, figures) for name, figures in paper.items()}
+    return {name: _cost(name, figures, decoders.get(name)) for name, figures in paper.items()}
 
 
-def _cost(name: str, figures: Mapping[str, Any]) -> Cost:
+def _cost(name: str, figures: Mapping[str, Any], config: Mapping[str, Any] | None) -> Cost:
     import torch
 
     from sci_lightning.configuration.build import build
     from sci_lightning.decoder.complexity import count_parameters
     from sci_lightning.decoder.paper_count import count_as_paper
 
-    if not (CONF / "decoder" / f"{name}.yaml").is_file():
+    if config is None:
         return Cost(figures)
     with torch.device("meta"):
-        decoder = build(plain(member("train", "decoder", name, "frames=8")), f"decoder={name}")
+        decoder = build(config, f"decoder={name}")
     return Cost(figures, count_parameters(decoder), count_as_paper(decoder, 8, 256, 256, figures["macs_rules"]))

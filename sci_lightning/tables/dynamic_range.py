@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from typing import Any
 
 import torch
 from matplotlib.figure import Figure
 
-from sci_lightning.cli.command import member, plain
 from sci_lightning.configuration.build import build
 from sci_lightning.encoder import Encoder
 from sci_lightning.imaging.operator import SnapshotOperator
@@ -17,20 +17,17 @@ STEPS = 256
 """Of the wedge, from black to what fills the sensor's range when fully transmitted."""
 
 
-def wedges(names: Sequence[str], sensor: Mapping[str, float]) -> dict[str, torch.Tensor]:
-    """What each encoder records of the wedge, see :func:`wedge`; inside a running command only.
+def wedges(encoders: Mapping[str, Mapping[str, Any]], sensor: Mapping[str, float]) -> dict[str, torch.Tensor]:
+    """Return what each encoder records of the wedge, see :func:`wedge`, with its mask as it starts, nothing learned.
 
     Args:
-        names: of ``conf/encoder``, with masks as they start, before anything is learned.
+        encoders: plain configurations by name.
         sensor: noise of those encoders that have a sensor response, ``full_well`` and ``read_noise``.
     """
     recorded = {}
-    for name in names:
-        config = member("train", "encoder", name, "frames=8", "size=[32,32]")
-        for key, value in sensor.items():
-            if key in config.sensor:
-                config.sensor[key] = value
-        recorded[name] = wedge(build(plain(config), f"encoder={name}"))
+    for name, config in encoders.items():
+        noise = {key: value for key, value in sensor.items() if key in config["sensor"]}
+        recorded[name] = wedge(build({**config, "sensor": {**config["sensor"], **noise}}, f"encoder={name}"))
     return recorded
 
 
@@ -79,11 +76,11 @@ def dynamic_range_figure(recorded: Mapping[str, torch.Tensor]) -> Figure:
     """Heat maps: how often a pixel reports which brightness of which step."""
     figure = Figure(figsize=(3.6 * len(recorded), 3.7), layout="constrained")
     axes = figure.subplots(1, len(recorded), squeeze=False)[0]
-    for each, (name, reported) in zip(axes, recorded.items(), strict=True):
+    for panel, (name, reported) in zip(axes, recorded.items(), strict=True):
         bins = 64
         shares = torch.stack([torch.histc(step.clamp(0, 1.25), bins, 0, 1.25) for step in reported]) / reported.shape[1]
-        image = each.imshow(shares.T, origin="lower", extent=(0, 1, 0, 1.25), aspect="auto", cmap="magma", vmax=0.5)
-        each.set(title=f"{name}: {told_apart(reported)} steps told apart", xlabel="brightness of the step")
+        image = panel.imshow(shares.T, origin="lower", extent=(0, 1, 0, 1.25), aspect="auto", cmap="magma", vmax=0.5)
+        panel.set(title=f"{name}: {told_apart(reported)} steps told apart", xlabel="brightness of the step")
     axes[0].set_ylabel("brightness that pixels report")
     figure.colorbar(image, ax=axes, label="share of pixels")
     return figure

@@ -6,27 +6,25 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from sci_lightning.cli.command import member
-from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.tables.grid import Grid
 
 
-def encoder_table(paper: Mapping[str, Mapping[str, str]]) -> Grid:
-    """Every member of ``conf/encoder``, the paper's in its order; inside a running command only.
+def encoder_table(paper: Mapping[str, Mapping[str, str]], encoders: Mapping[str, Mapping[str, Any]]) -> Grid:
+    """Return a row for each encoder, the paper's first and in its order.
 
     Args:
         paper: ``encoders`` of ``paper_figures.yaml``.
+        encoders: plain configurations of ours by name.
     """
-    others = sorted(path.stem for path in (CONF / "encoder").glob("*.yaml") if path.stem not in paper)
-    rows = [_row(name, paper.get(name, {})) for name in (*paper, *others)]
+    others = [name for name in encoders if name not in paper]
+    rows = [_row(name, encoders[name], paper.get(name, {})) for name in (*paper, *others)]
     heading = ["encoder", "mask", "sensor", "aperture", "in the paper", "the paper's definition"]
     return Grid("table1", "Table 1: definition of the encoders", heading, rows)
 
 
-def _row(name: str, paper: Mapping[str, str]) -> list[str]:
-    encoder = member("train", "encoder", name)
+def _row(name: str, encoder: Mapping[str, Any], paper: Mapping[str, str]) -> list[str]:
     mask, sensor = (_words(encoder[part]) for part in ("mask", "sensor"))
-    return [name, mask, sensor, str(encoder.aperture), paper.get("row", ""), paper.get("configuration", "")]
+    return [name, mask, sensor, str(encoder["aperture"]), paper.get("row", ""), paper.get("configuration", "")]
 
 
 def _words(part: Mapping[str, Any]) -> str:

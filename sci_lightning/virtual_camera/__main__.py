@@ -5,21 +5,21 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Any
 
-from omegaconf import DictConfig
-
-from sci_lightning.cli.command import plain, run
+from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition, plain
 from sci_lightning.cli.console import PlainConsole, styled
 
 
-def virtual_camera(cfg: DictConfig) -> None:
+def virtual_camera(composition: Composition) -> None:
     """Write a captures file and its truth file; print where they are, but not what is hidden.
 
     Args:
-        cfg: ``conf/virtual_camera.yaml``, composed.
+        composition: of ``conf/virtual_camera.yaml``.
     """
     from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.virtual_camera import Session, VirtualCamera
 
+    cfg = composition.cfg
     given = plain(cfg)
     settings: dict[str, Any] = {field.name: given[field.name] for field in fields(Session)}
     settings = {name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()}

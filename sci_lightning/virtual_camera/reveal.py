@@ -5,10 +5,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from omegaconf import DictConfig
 from rich.table import Table
 
 from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.cli.next_command import invocation, print_next
 from sci_lightning.cli.plain_words import with_keys
@@ -19,15 +19,16 @@ from sci_lightning.virtual_camera.reveal_files import read_report, read_truth
 GOOD_ANSWERS = ("within 95 %", "right")
 
 
-def reveal(cfg: DictConfig) -> None:
+def reveal(composition: Composition) -> None:
     """Print a table of the parameters, true and estimated, and a verdict in one sentence.
 
     Args:
-        cfg: ``conf/reveal.yaml``, composed.
+        composition: of ``conf/reveal.yaml``.
 
     Raises:
         BadInput: a file that is missing, or is something else.
     """
+    cfg = composition.cfg
     hidden, reported = read_truth(cfg.truth), read_report(cfg.report)
     table = Table(title="what was hidden, and what was found", title_justify="left")
     for name in ("effect", "parameter", "hidden", "found", ""):

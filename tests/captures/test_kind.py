@@ -57,6 +57,6 @@ def test_kind(kind, sequence, scene, aperture):
     assert infer_kind(PATTERNS, np.array(sequence), scene.astype(np.float32), aperture) == kind
 
 
-def test_one_slot_is_no_single_pattern():
+def test_one_slot_is_no_single_pattern() -> None:
     scene = TEXTURE[None].astype(np.float32)
     assert infer_kind(PATTERNS, np.array([ON]), scene) == "static"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import h5py
 import numpy as np
 import pytest
@@ -204,7 +206,7 @@ def refused(folder, tmp_path, message, start):
     assert not list(tmp_path.rglob("*.h5"))
 
 
-def test_no_recipe(tmp_path):
+def test_no_recipe(tmp_path: Path) -> None:
     refused(tmp_path / "none", tmp_path, "no such folder", str(tmp_path))
     refused(tmp_path, tmp_path, "no captures.yaml in this folder", str(tmp_path))
     for text, message in (

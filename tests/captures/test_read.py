@@ -6,6 +6,7 @@ import re
 import struct
 import subprocess
 import sys
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -175,7 +176,7 @@ def test_value_beyond_the_bits_is_named(file):
     refused(path, "'measurement' of capture 0 holds 1024, expected raw DN, integers from 0 to 1023 (10 bits)")
 
 
-def test_no_file_folder_other_format(tmp_path):
+def test_no_file_folder_other_format(tmp_path: Path) -> None:
     refused(tmp_path / "none.h5", "no such file")
     refused(tmp_path, "is a folder, expected a captures file (python -m sci_lightning.captures pack makes one)")
     (tmp_path / "text.h5").write_text("hello")
@@ -235,7 +236,7 @@ def test_another_name_in_messages(file):
         read_captures(file(sequence=np.zeros((N, T))), called="mine.h5")
 
 
-def test_neither_torch_nor_matplotlib_is_loaded():
+def test_neither_torch_nor_matplotlib_is_loaded() -> None:
     seen = "import sci_lightning.captures, sys; print(sorted(set(sys.modules) & {'torch', 'matplotlib', 'hydra'}))"
     done = subprocess.run([sys.executable, "-c", seen], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
@@ -309,7 +310,7 @@ def test_strings_without_end(file, tmp_path, index, length):
     assert "its strings are damaged (an object of" in hostile_files.refusal(READ, path)
 
 
-def test_a_type_that_numpy_has_no_name_for(tmp_path):
+def test_a_type_that_numpy_has_no_name_for(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.attrs.update({"format": "sci-captures", "format_version": 1, "bit_depth": 8})
         h5py.h5d.create(file.id, b"measurement", h5py.h5t.UNIX_D32LE, h5py.h5s.create_simple((1, 2, 2)))

@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 from omegaconf import DictConfig, OmegaConf
 
-from sci_lightning.cli.settings import SETTINGS, check_settings
-from sci_lightning.cli.settings_check import check_command_settings
+from sci_lightning.cli.settings import SETTINGS, check_command_settings, check_settings
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.errors import BadInput
 

@@ -180,7 +180,7 @@ def checkpoint(refused: Refused, tmp_path: Path) -> Path:
     from hydra import compose, initialize_config_dir
     from hydra.utils import instantiate
 
-    from sci_lightning.cli.command import plain
+    from sci_lightning.cli.composition import plain
     from sci_lightning.configuration.conf_folder import CONF
     from sci_lightning.training.system import System
 

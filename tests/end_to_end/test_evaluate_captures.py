@@ -14,7 +14,7 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from sci_lightning.captures import Captures, read_captures
-from sci_lightning.cli.command import plain
+from sci_lightning.cli.composition import plain
 from sci_lightning.decoder import GAPNet
 from sci_lightning.metrics.psnr import psnr
 from sci_lightning.runs.checkpoint import write_weights

@@ -11,7 +11,7 @@ import torch
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
-from sci_lightning.cli.command import plain
+from sci_lightning.cli.composition import plain
 from sci_lightning.data.loader import ClipLoader, scene_loader
 from sci_lightning.data.source import Clips, Scene
 from sci_lightning.decoder.complexity import count_parameters

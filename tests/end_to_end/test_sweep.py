@@ -17,7 +17,7 @@ import pytest
 import torch
 import yaml
 
-from sci_lightning.cli.command import plain
+from sci_lightning.cli.composition import plain
 from sci_lightning.configuration.conf_folder import CONF, PACKAGE
 from tests.conftest import ROOT, members
 

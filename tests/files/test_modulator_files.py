@@ -12,7 +12,7 @@ import torch
 from omegaconf import DictConfig
 from PIL import Image
 
-from sci_lightning.cli.command import plain
+from sci_lightning.cli.composition import plain
 from sci_lightning.encoder.mask import LearnedStructural, RandomBinary
 from sci_lightning.errors import BadInput
 from sci_lightning.files.modulator_files import Layout, levels_of, read_planes, timing_of, write_planes

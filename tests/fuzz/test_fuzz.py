@@ -19,9 +19,9 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from sci_lightning.cli.command import built
+from sci_lightning.cli.composition import built
 from sci_lightning.cli.encoder_file import adopt_encoder_files
-from sci_lightning.cli.settings_check import check_command_settings
+from sci_lightning.cli.settings import check_command_settings
 from sci_lightning.configuration.build import build_from_file
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.decoder import Decoder

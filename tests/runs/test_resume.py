@@ -10,28 +10,35 @@ import pytest
 import torch
 from omegaconf import DictConfig
 
-from sci_lightning.cli.command import plain
+from sci_lightning.cli.composition import plain
 from sci_lightning.errors import BadInput
-from sci_lightning.runs.resume import check_nothing_lost, check_same_run, finished, interrupted
+from sci_lightning.runs.resume import (
+    check_nothing_lost,
+    check_same_run,
+    find_resumable_checkpoint,
+    load_finished_metrics,
+)
 
 Configuration = Callable[..., DictConfig]
 
 
 def test_nothing_there(configuration: Configuration, tmp_path: Path) -> None:
     config = plain(configuration("train"))
-    assert finished(tmp_path, config) is None and interrupted(tmp_path, config) is None
+    assert load_finished_metrics(tmp_path, config) is None and find_resumable_checkpoint(tmp_path, config) is None
 
 
 def test_finished(configuration: Configuration, tmp_path: Path) -> None:
     earlier = plain(configuration("train", "decoder=e2e_cnn", "out=/somewhere/else"))
     (tmp_path / "metrics.json").write_text(json.dumps({"config": earlier, "mean": {"psnr": 30.0}}))
-    found = finished(tmp_path, plain(configuration("train", "decoder=e2e_cnn", f"out={tmp_path}", "workers=3")))
+    found = load_finished_metrics(
+        tmp_path, plain(configuration("train", "decoder=e2e_cnn", f"out={tmp_path}", "workers=3"))
+    )
     assert found is not None and found["mean"]["psnr"] == 30.0
     with pytest.raises(BadInput, match=r"decoder.blocks is 5, now 4\); give another out="):
-        finished(tmp_path, plain(configuration("train", "decoder=e2e_cnn", "decoder.blocks=4")))
+        load_finished_metrics(tmp_path, plain(configuration("train", "decoder=e2e_cnn", "decoder.blocks=4")))
     (tmp_path / "metrics.json").write_text("[]")
     with pytest.raises(BadInput, match="not the metrics of a run"):
-        finished(tmp_path, earlier)
+        load_finished_metrics(tmp_path, earlier)
 
 
 def test_finished_before_binary_masks_had_bits(configuration: Configuration, tmp_path: Path) -> None:
@@ -40,7 +47,7 @@ def test_finished_before_binary_masks_had_bits(configuration: Configuration, tmp
     for encoder in (earlier["encoder"], earlier["test_encoders"]["rbw_sr"]):
         assert encoder["mask"].pop("bits") == 1
     (tmp_path / "metrics.json").write_text(json.dumps({"config": earlier, "mean": {"psnr": 30.0}}))
-    assert finished(tmp_path, now) is not None
+    assert load_finished_metrics(tmp_path, now) is not None
 
 
 def test_interrupted(configuration: Configuration, tmp_path: Path) -> None:
@@ -49,12 +56,12 @@ def test_interrupted(configuration: Configuration, tmp_path: Path) -> None:
     config = plain(configuration("train", "decoder=e2e_cnn", f"out={tmp_path}"))
     names = {"encoder": "lsw_sr", "decoder": "e2e_cnn"}
     torch.save({"config": {**config, "names": names}, "state_dict": {}}, path)
-    assert interrupted(tmp_path, config) == str(path)
+    assert find_resumable_checkpoint(tmp_path, config) == str(path)
     with pytest.raises(BadInput, match="seed is 0, now 1"):
-        interrupted(tmp_path, {**config, "seed": 1})
+        find_resumable_checkpoint(tmp_path, {**config, "seed": 1})
     path.write_bytes(b"damaged")
     with pytest.raises(BadInput, match="damaged"):
-        interrupted(tmp_path, config)
+        find_resumable_checkpoint(tmp_path, config)
 
 
 @pytest.mark.parametrize(
@@ -63,7 +70,7 @@ def test_interrupted(configuration: Configuration, tmp_path: Path) -> None:
 def test_metrics_that_are_none(configuration: Configuration, tmp_path: Path, content: str) -> None:
     (tmp_path / "metrics.json").write_text(content)
     with pytest.raises(BadInput, match="not the metrics of a run"):
-        finished(tmp_path, plain(configuration("train")))
+        load_finished_metrics(tmp_path, plain(configuration("train")))
 
 
 @pytest.mark.parametrize("out", ["", ",", '"', None, 5, [1]])

@@ -27,7 +27,7 @@ with run_folder(sys.argv[1]):
 STARTED = """
 from hydra.core.utils import setup_globals
 from omegaconf import OmegaConf
-from sci_lightning.runs.run_folder import OwnFolder
+from sci_lightning.cli.hydra_callbacks import OwnFolder
 setup_globals()
 OwnFolder().on_run_start(OmegaConf.create({"out": "outputs/${now:%S}", "hydra": {"run": {"dir": "${out}"}}}))
 """  # the names come round: a folder per second

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 import pytest
@@ -14,8 +15,11 @@ from sci_lightning.virtual_camera.hardware.camera import Camera
 SMALL = Session(size=(32, 32), frames=4, flat=2, all_on=1, all_off=1, dark=2, static=2, dynamic=2)
 
 
+Signal: TypeAlias = Callable[..., np.ndarray]
+
+
 @pytest.fixture
-def signal() -> Callable[..., np.ndarray]:
+def signal() -> Signal:
     """``signal(acquisition, mask_shift={"dx": 1})``: what reaches the converter, (N, H, W), without noise."""
 
     def without_noise(

@@ -28,8 +28,13 @@ PRINTING = {
     "rich.table",
 }
 COMMANDS = {
-    "__main__": {"sci_lightning.cli.command", "omegaconf", *PRINTING},
-    "reveal": {"sci_lightning.cli.command", "sci_lightning.cli.plain_words", "omegaconf", *PRINTING},
+    "__main__": {"sci_lightning.cli.command", "sci_lightning.cli.composition", *PRINTING},
+    "reveal": {
+        "sci_lightning.cli.command",
+        "sci_lightning.cli.composition",
+        "sci_lightning.cli.plain_words",
+        *PRINTING,
+    },
     "reveal_files": {"sci_lightning.files.bounded_file"},
 }
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.special import ndtr
 
 from sci_lightning.virtual_camera.hardware.relay import Relay
-from tests.virtual_camera.conftest import SMALL, one_capture
+from tests.virtual_camera.conftest import SMALL, Signal, one_capture
 from tests.virtual_camera.test_effects import one_mirror
 
 RANDOM = np.random.default_rng(2).random((1, 12, 15))
@@ -67,7 +67,7 @@ def test_areas(relay, surround):
     np.testing.assert_allclose(seen(relay, surround=surround), counted(relay, surround), atol=0.02)
 
 
-def test_a_fraction_of_a_pixel_is_linear_interpolation():
+def test_a_fraction_of_a_pixel_is_linear_interpolation() -> None:
     image = seen(Relay(dx=0.25, dy=-0.5))
     expected = 0.75 * RANDOM[0] + 0.25 * np.pad(RANDOM[0], ((0, 0), (1, 0)))[:, :-1]
     expected = 0.5 * expected + 0.5 * np.pad(expected, ((0, 1), (0, 0)))[1:]
@@ -92,7 +92,7 @@ def test_blur_widens_by_its_variance(sigma):
     assert (image.sum(0) * place**2).sum() / image.sum() == pytest.approx(sigma**2 + 1 / 12 + 1 / 12 / 256)
 
 
-def test_astigmatism_blurs_along_x_only(signal):
+def test_astigmatism_blurs_along_x_only(signal: Signal) -> None:
     seen = signal(one_mirror(), mask_astigmatism={"sigma": 0.7})[0]
     assert seen[8].sum() == pytest.approx(1) and seen[8, 5] < 0.6
     both = signal(one_mirror(), mask_astigmatism={"sigma": 0.7}, mask_blur={"sigma": 0.5})[0]
@@ -101,7 +101,7 @@ def test_astigmatism_blurs_along_x_only(signal):
     np.testing.assert_allclose(both.sum(1), signal(one_mirror(), mask_blur={"sigma": 0.5})[0].sum(1), atol=1e-9)
 
 
-def test_keystone_and_barrel_move_what_is_far_from_the_middle(signal):
+def test_keystone_and_barrel_move_what_is_far_from_the_middle(signal: Signal) -> None:
     low = one_mirror(15, 14, (17, 17))
     assert signal(low, keystone={"tilt": 0.2})[0].argmax() > 15 * 17 + 14  # larger at the lower end
     assert signal(low, barrel_distortion={"strength": 0.2})[0].argmax() < 15 * 17
@@ -110,14 +110,14 @@ def test_keystone_and_barrel_move_what_is_far_from_the_middle(signal):
         assert signal(middle, **wish)[0, 8, 8] > 0.95
 
 
-def test_light_that_crosses_into_the_next_pixel(signal):
+def test_light_that_crosses_into_the_next_pixel(signal: Signal) -> None:
     """Of a square blurred by sigma, sigma / sqrt(2 pi) leaves over each side, by whichever lens."""
     for name in ("mask_blur", "optical_blur"):
         image = signal(one_mirror(), **{name: {"sigma": 0.2}})[0]
         assert image[8].sum() / image.sum() == pytest.approx(1 - 2 * 0.2 / np.sqrt(2 * np.pi), abs=1e-6)
 
 
-def test_mask_blur_leaves_the_scene_and_optical_blur_does_not(signal):
+def test_mask_blur_leaves_the_scene_and_optical_blur_does_not(signal: Signal) -> None:
     scene = np.zeros((2, 16, 16))
     scene[:, :, 8:] = 1
     even = one_capture(np.full((2, 16, 16), 0.5), scene)
@@ -125,26 +125,26 @@ def test_mask_blur_leaves_the_scene_and_optical_blur_does_not(signal):
     assert signal(even, optical_blur={"sigma": 1.0})[0, 8, 7] > 0.2
 
 
-def test_shift_moves_right_and_down(signal):
+def test_shift_moves_right_and_down(signal: Signal) -> None:
     image = signal(one_mirror(8, 5), mask_shift={"dx": 2, "dy": 1})[0]
     assert image[9, 7] == pytest.approx(1) and image.sum() == pytest.approx(1)
 
 
-def test_rotation_is_clockwise_and_scale_is_outward(signal):
+def test_rotation_is_clockwise_and_scale_is_outward(signal: Signal) -> None:
     right = one_mirror(8, 14, (17, 17))  # to the right of the middle
     row, column = np.unravel_index(signal(right, mask_rotation={"angle": 30})[0].argmax(), (17, 17))
     assert row > 8 and column < 14
     assert signal(right, mask_scale={"scale": 1.2})[0, 8].argmax() == 15
 
 
-def test_both_turns_are_about_the_middle(signal):
+def test_both_turns_are_about_the_middle(signal: Signal) -> None:
     middle = one_mirror(8, 8, (17, 17))
     assert signal(middle, mask_rotation={"angle": 10}, mask_scale={"scale": 1.1})[0].argmax() == 8 * 17 + 8
     moved = signal(middle, mask_rotation={"angle": 10}, mask_shift={"dx": 3})[0]
     assert moved.argmax() == 8 * 17 + 11
 
 
-def test_cells_are_as_fine_as_the_light_is_uneven():
+def test_cells_are_as_fine_as_the_light_is_uneven() -> None:
     def count(relay, *, sharp=False, oversampling=8):
         rows, columns = relay.cells((16, 20), oversampling, sharp_optics=sharp)
         assert rows[0] == columns[0] == 0 and rows[-1] == 16 and columns[-1] == 20
@@ -157,7 +157,7 @@ def test_cells_are_as_fine_as_the_light_is_uneven():
     assert count(Relay(dx=0.3, sigma=0.3), oversampling=1) == (16, 20)
 
 
-def test_a_displaced_mask_blurred_again_is_exact(signal):
+def test_a_displaced_mask_blurred_again_is_exact(signal: Signal) -> None:
     """Half a mirror lights half a pixel, not all of it evenly, and the next lens knows the difference."""
     wish = {"mask_shift": {"dx": 0.4}, "optical_blur": {"sigma": 0.5}}
     seen = signal(one_mirror(), **wish)[0, 8]
@@ -169,7 +169,7 @@ def test_a_displaced_mask_blurred_again_is_exact(signal):
     assert np.abs(coarse - seen).max() > 0.02
 
 
-def test_a_blurred_mask_blurred_again_is_nearly_exact(signal):
+def test_a_blurred_mask_blurred_again_is_nearly_exact(signal: Signal) -> None:
     once = signal(one_mirror(), optical_blur={"sigma": 0.5})[0]
     twice = signal(one_mirror(), mask_blur={"sigma": 0.4}, optical_blur={"sigma": 0.3})[0]
     np.testing.assert_allclose(twice, once, atol=3e-3)

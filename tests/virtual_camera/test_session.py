@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from sci_lightning.virtual_camera import Acquisition, Session, VirtualCamera
 from sci_lightning.virtual_camera.patterns import structural
 
 
-def test_the_default_is_34_captures():
+def test_the_default_is_34_captures() -> None:
     session = Session()
     assert sum(session.counts.values()) == 34
     assert (session.size, session.frames, session.bit_depth) == ((128, 128), 8, 8)
@@ -40,7 +42,7 @@ def test_any_size(mask, size, frames, bit_depth):
     assert np.nanmin(captures.scene) >= 0 and np.nanmax(captures.scene) <= 1
 
 
-def test_kinds():
+def test_kinds() -> None:
     acquisition = Session(size=(16, 16), frames=4, dark_exposures=(1.0, 4.0)).acquisition(0)
     assert set(acquisition.kind) == {"dark", "flat", "pattern", "static", "dynamic"}
     by_kind = {kind: np.array(acquisition.kind) == kind for kind in acquisition.kind}
@@ -54,14 +56,14 @@ def test_kinds():
     assert bare.kind == ("dynamic",) * 3
 
 
-def test_white_just_fills_the_range():
+def test_white_just_fills_the_range() -> None:
     for mask in ("structural", "binary"):
         acquisition = Session(size=(64, 64), mask=mask).acquisition(0)
         full = acquisition.patterns[:8].sum(0).mean() * acquisition.aperture[-1]
         assert full == pytest.approx(1, rel=0.01)
 
 
-def test_patterns_of_a_file(tmp_path):
+def test_patterns_of_a_file(tmp_path: Path) -> None:
     patterns = np.random.default_rng(0).random((3, 16, 20))
     np.save(tmp_path / "mask.npy", patterns)
     session = Session(size=(16, 20), frames=3, mask=str(tmp_path / "mask.npy"))
@@ -102,7 +104,7 @@ def test_wrong_sessions(wrong, message):
         Session(**wrong)
 
 
-def test_an_acquisition_that_does_not_fit():
+def test_an_acquisition_that_does_not_fit() -> None:
     fitting = {
         "patterns": np.zeros((4, 16, 16)),
         "sequence": np.zeros((2, 4), int),

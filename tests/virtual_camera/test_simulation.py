@@ -112,7 +112,9 @@ def test_a_datasheet_can_be_withheld(tmp_path: Path) -> None:
 
 
 def test_every_effect_can_be_stated_as_truth() -> None:
-    simulation = VirtualCamera(Session(size=(16, 16), frames=4), list(EFFECTS)).simulate(seed=1)
+    few = {"dark": 1, "flat": 1, "all_on": 0, "all_off": 0, "pattern": 0, "static": 0, "dynamic": 1}
+    session = Session(size=(16, 16), frames=4, oversampling=1, **few)
+    simulation = VirtualCamera(session, list(EFFECTS)).simulate(seed=1)
     assert list(simulation.effects) == list(EFFECTS)  # in the order of light
     assert len(json.loads(json.dumps(simulation.truth().as_json()))["effects"]) == len(EFFECTS)
 

@@ -30,12 +30,12 @@ def test_photons(level):
     assert brighter.var() == pytest.approx(1.1 * level / 2000, rel=0.03)
 
 
-def test_few_photons_are_counted_whole():
+def test_few_photons_are_counted_whole() -> None:
     electrons = recorded(replace(DEEP, full_well_e=100.0), 0.03) * 100
     np.testing.assert_allclose(electrons, np.round(electrons), atol=1e-2)
 
 
-def test_read_noise_is_in_dn_and_the_dark_is_clipped():
+def test_read_noise_is_in_dn_and_the_dark_is_clipped() -> None:
     session = Session(size=(200, 200), frames=2, read_noise_dn=1.5)
     dark = recorded(session, 0.0) * 255
     assert dark.min() == 0 and (dark == 0).mean() == pytest.approx(0.63, abs=0.01)  # P(1.5 z < 0.5)
@@ -45,12 +45,12 @@ def test_read_noise_is_in_dn_and_the_dark_is_clipped():
     assert louder.var() == pytest.approx(9 + 1 / 12, rel=0.03)
 
 
-def test_wells_that_are_full_do_not_flicker():
+def test_wells_that_are_full_do_not_flicker() -> None:
     full = recorded(replace(DEEP, read_noise_dn=0.0), 0.9, saturation={"level": 0.5})
     assert full.std() == 0 and full[0, 0, 0] == pytest.approx(0.5, abs=1e-4)
 
 
-def test_effective_bits():
+def test_effective_bits() -> None:
     session = Session(size=(64, 64), frames=2)
     ramp = np.linspace(0, 0.5, 64 * 64).reshape(1, 64, 64).repeat(2, 0)
     camera = Camera(session, choose_effects({"bit_depth": {"bits": 6}}, session, 0), 0)
@@ -58,7 +58,7 @@ def test_effective_bits():
     assert len(codes) == 64 and codes[0] == 0 and codes[-1] == 255
 
 
-def test_a_session_is_one_seed():
+def test_a_session_is_one_seed() -> None:
     session = Session(size=(24, 24), frames=4)
     first, again = (VirtualCamera(session, "random").simulate(5) for _ in range(2))
     np.testing.assert_array_equal(first.measurement, again.measurement)

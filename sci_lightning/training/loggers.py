@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from lightning.pytorch.loggers import Logger
-from omegaconf import DictConfig
 
-from sci_lightning.cli.command import built
+from sci_lightning.configuration.build import build
 from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_text import with_article
 
@@ -19,17 +18,17 @@ EXTRAS = ("wandb", "mlflow")
 """Loggers that need a package of the same name, which is an optional extra of ours."""
 
 
-def chosen_loggers(cfg: DictConfig, run_name: str) -> list[Logger]:
+def build_loggers(settings: Mapping[str, Any] | None, run_name: str) -> list[Logger]:
     """Build the loggers that a command's configuration names under ``logger``; an entry that is None is left out.
 
     Args:
-        cfg: of the command.
+        settings: the plain configuration of each logger by its name; None for no loggers.
         run_name: of the run on the dashboard, for those that are not given one.
 
     Raises:
         BadInput: a logger whose package is not installed, or something that is no logger.
     """
-    return [_built(cfg, str(name), run_name) for name, settings in (cfg.get("logger") or {}).items() if settings]
+    return [_built(name, logger, run_name) for name, logger in (settings or {}).items() if logger]
 
 
 def run_name(config: Mapping[str, Any]) -> str:
@@ -42,11 +41,11 @@ def run_name(config: Mapping[str, Any]) -> str:
     return f"{names['encoder']}_{config['encoder']['mask'].get('bits', 1)}bit_{names['decoder']}"
 
 
-def _built(cfg: DictConfig, name: str, run_name: str) -> Logger:
+def _built(name: str, settings: Mapping[str, Any], run_name: str) -> Logger:
     key = RUN_NAME.get(name, "")
-    named = {key: run_name} if key in cfg.logger[name] and cfg.logger[name][key] is None else {}
+    named = {key: run_name} if key in settings and settings[key] is None else {}
     try:
-        logger = built(cfg, f"logger.{name}", **named)
+        logger = build(settings, f"logger.{name}", **named)
     except BadInput as error:
         if name not in EXTRAS or not isinstance(error.__cause__, ImportError):
             raise

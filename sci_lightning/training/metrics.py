@@ -1,32 +1,34 @@
-"""What a run is scored with."""
+"""The metrics that a run is measured with."""
 
 from __future__ import annotations
 
-from omegaconf import DictConfig
+from collections.abc import Mapping, Sequence
+from typing import Any
 
-from sci_lightning.cli.command import built
+from sci_lightning.configuration.build import build
 from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_text import with_article
 from sci_lightning.metrics.frame_metric import FrameMetric
 
 
-def chosen_metrics(cfg: DictConfig) -> dict[str, FrameMetric]:
-    """The metrics that ``metric=`` names, by their names in ``metrics.json``.
+def build_metrics(settings: Mapping[str, Any], size: Sequence[int]) -> dict[str, FrameMetric]:
+    """Build the metrics that ``metric=`` names, by their names in ``metrics.json``.
 
     Args:
-        cfg: of the command; an entry of ``metrics`` that is None is left out.
+        settings: the plain configuration of each metric by its name; one that is None is left out.
+        size: (H, W) of the frames in pixels.
 
     Raises:
         BadInput: PSNR, by which the best checkpoint is chosen, is missing, an entry is no metric, or ``size`` is too
             small for it.
     """
-    metrics = {str(name): built(cfg, f"metrics.{name}") for name, metric in cfg.get("metrics", {}).items() if metric}
+    metrics = {name: build(metric, f"metrics.{name}") for name, metric in settings.items() if metric}
     for name, metric in metrics.items():
         if not isinstance(metric, FrameMetric):
             raise BadInput(f"metrics.{name}: its _target_ is {with_article(type(metric).__name__)}, not a FrameMetric")
-        if min(cfg.size) < metric.smallest:
+        if min(size) < metric.smallest:
             raise BadInput(
-                f"size={list(cfg.size)}: metrics.{name} needs frames of at least {metric.smallest} x {metric.smallest} "
+                f"size={list(size)}: metrics.{name} needs frames of at least {metric.smallest} x {metric.smallest} "
                 f"pixels; metrics.{name}=null leaves it out"
             )
     if "psnr" not in metrics:

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from omegaconf import DictConfig
 
-from sci_lightning.cli.command import plain
-from sci_lightning.cli.loggers import EXTRAS, chosen_loggers, run_name
+from sci_lightning.cli.composition import plain
 from sci_lightning.errors import BadInput
+from sci_lightning.training.loggers import EXTRAS, build_loggers, run_name
 
 Configuration = Callable[..., DictConfig]
 
@@ -19,7 +19,7 @@ Configuration = Callable[..., DictConfig]
 def test_one_several_or_none(configuration: Configuration, tmp_path: Path) -> None:
     def kinds(*overrides: str) -> list[str]:
         cfg = configuration("train", f"out={tmp_path}", *overrides)
-        return [type(logger).__name__ for logger in chosen_loggers(cfg, "run")]
+        return [type(logger).__name__ for logger in build_loggers(plain(cfg).get("logger"), "run")]
 
     assert kinds() == kinds("logger=tensorboard") == ["TensorBoardLogger"]
     assert kinds("logger=csv") == ["CSVLogger"]
@@ -31,9 +31,11 @@ def test_the_run_is_named_by_encoder_bits_and_decoder(configuration: Configurati
     names = {"names": {"encoder": "lsw_sr", "decoder": "e2e_cnn"}}
     config = plain(configuration("train", "encoder.mask.bits=3")) | names
     assert run_name(config) == "lsw_sr_3bit_e2e_cnn"
-    (board,) = chosen_loggers(configuration("train", f"out={tmp_path}"), run_name(config))
+    (board,) = build_loggers(plain(configuration("train", f"out={tmp_path}"))["logger"], run_name(config))
     assert board.log_dir == str(tmp_path / "tensorboard" / "lsw_sr_3bit_e2e_cnn")
-    (board,) = chosen_loggers(configuration("train", f"out={tmp_path}", "logger.tensorboard.version=mine"), "run")
+    (board,) = build_loggers(
+        plain(configuration("train", f"out={tmp_path}", "logger.tensorboard.version=mine"))["logger"], "run"
+    )
     assert board.log_dir == str(tmp_path / "tensorboard" / "mine")
 
 
@@ -42,4 +44,4 @@ def test_a_logger_that_is_not_installed(name: str, configuration: Configuration)
     if find_spec(name):
         pytest.skip(f"{name} is installed")
     with pytest.raises(BadInput, match=rf"logger={name}: .* pip install 'sci-lightning\[{name}\]'"):
-        chosen_loggers(configuration("train", f"logger={name}", "out=run"), "run")
+        build_loggers(plain(configuration("train", f"logger={name}", "out=run"))["logger"], "run")

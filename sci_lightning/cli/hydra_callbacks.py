@@ -1,0 +1,99 @@
+"""Callbacks that Hydra calls before it makes a command's folder: the settings are checked, and the folder is taken."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+from hydra.experimental.callback import Callback
+from omegaconf import DictConfig, OmegaConf
+
+from sci_lightning.cli.settings import SETTINGS, check_command_settings, check_settings
+from sci_lightning.errors import BadInput
+from sci_lightning.runs.resume import check_nothing_lost
+from sci_lightning.runs.run_folder import is_first_process, lock, make_folder, unlock
+
+
+class CommandFailed(BaseException):
+    """Ends a command; ``__cause__`` says why.
+
+    It is no ``Exception``: of those Hydra makes a warning when a callback raises one, and writes lines of its own on
+    the terminal when a job does.
+    """
+
+
+class CheckBeforeWriting(Callback):
+    """Check the settings when they are composed; Hydra makes the folder ``out`` only afterwards.
+
+    Raises:
+        CommandFailed: a setting that is missing, cannot be resolved, or is of another type or out of its range.
+    """
+
+    def on_run_start(self, config: DictConfig, config_name: str | None = None, **kwargs: Any) -> None:
+        try:
+            if missing := [str(key) for key in config if key in SETTINGS and OmegaConf.is_missing(config, key)]:
+                raise BadInput(f"give {missing[0]}=..; --help says what it is")
+            check_command_settings(config, str(config_name))
+        except Exception as error:
+            raise CommandFailed from error
+
+    def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
+        try:  # every other setting may be one of those that the sweep varies; its runs check themselves
+            check_settings({"out": config.get("out")}, nullable=())
+        except Exception as error:
+            raise CommandFailed from error
+
+
+class OwnFolder(Callback):
+    """Take the folder of a command before Hydra writes into it.
+
+    A name with the time in it is that of a new folder: of commands that start in the same second all but one wait for
+    the next.
+
+    Raises:
+        CommandFailed: another process writes there, or a training lies there that would be overwritten.
+    """
+
+    def on_run_start(self, config: DictConfig, **kwargs: Any) -> None:
+        if not is_first_process():
+            return
+        try:
+            while _is_new(config) and not _made_for(config):
+                time.sleep(0.1)
+                OmegaConf.clear_cache(config)  # which keeps the time
+            folder = Path(config.hydra.run.dir).resolve()
+            lock(folder)
+            try:
+                check_folder(folder, config)
+            except BadInput:
+                unlock(folder)
+                raise
+        except Exception as error:
+            raise CommandFailed from error
+
+    def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
+        if _is_new(config) and not _made_for(config):
+            raise CommandFailed from BadInput(f"{config.out}: another sweep was started in this second; start it again")
+
+
+def check_folder(folder: Path, config: DictConfig) -> None:
+    """Check that a command with this configuration overwrites no training; raises as ``check_nothing_lost`` does."""
+    training = "resume" in config
+    settings = {"resume": bool(config.resume), "ckpt_path": config.ckpt_path} if training else {}
+    check_nothing_lost(folder, training, **settings)
+
+
+def _is_new(config: DictConfig) -> bool:
+    """Return whether a command's folder is called after the time."""
+    content = OmegaConf.to_container(config, resolve=False)
+    return isinstance(content, dict) and "${now:" in str(content["out"])
+
+
+def _made_for(config: DictConfig) -> bool:
+    """Make a command's folder; return False if it is there."""
+    try:
+        make_folder(Path(config.out).resolve())
+    except FileExistsError:
+        return False
+    return True

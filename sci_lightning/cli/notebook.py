@@ -1,0 +1,115 @@
+"""What a notebook does with the configuration in ``conf/``: get a decoder, train."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sci_lightning.cli.composition import Composition, built, compose, group_members, plain
+from sci_lightning.cli.encoder_file import PLACES, adapt_to_encoder_files, adopt_encoder_files
+from sci_lightning.cli.settings import check_command_settings
+from sci_lightning.errors import BadInput
+from sci_lightning.runs.resume import check_nothing_lost
+from sci_lightning.runs.run_folder import run_folder
+
+if TYPE_CHECKING:
+    from sci_lightning.decoder import Decoder
+    from sci_lightning.training.run import Run
+
+
+def load_decoder(
+    source: str | Path, overrides: Iterable[str] = (), *, name: str | None = None, trusted: Iterable[str] = ()
+) -> Decoder:
+    """Return a decoder in evaluation mode: ``decoder(measurement, mask)`` gives the video.
+
+    It takes a linear measurement ``(N, H, W)``, light in units of full scale over the aperture, and the mask
+    ``(T, H, W)`` in [0, 1]; it returns the estimate ``(N, T, H, W)``.
+
+    >>> import torch
+    >>> import sci_lightning as sci
+    >>> mask = (torch.rand(8, 16, 16) < 0.5).float()
+    >>> decoder = sci.load_decoder("gap_tv", ["decoder.iterations=[2]"])
+    >>> tuple(decoder(torch.rand(1, 8, 16, 16).mul(mask).sum(1), mask).shape)
+    (1, 8, 16, 16)
+    >>> network = sci.load_decoder("res2former", ["scale=smoke"])  # weights as they start, nothing learned yet
+
+    Args:
+        source: the name of a decoder in ``conf/decoder``, whose weights are those that it starts with; or the path of a
+            checkpoint, ``RUN/checkpoints/last.ckpt``; or, together with ``name``, that of published weights.
+        overrides: of a decoder that is configured by its name: ``["frames=10", "decoder.dim=48"]``.
+        name: of the decoder that published weights belong to, such as ``res2former``.
+        trusted: packages beside this one whose classes a checkpoint may name.
+
+    Raises:
+        BadInput: no such decoder or file, or weights that do not fit; nothing in a file is executed.
+    """
+    from sci_lightning.decoder.published import load_published
+    from sci_lightning.runs.checkpoint import load_file, read_checkpoint
+
+    names = group_members("decoder")
+    chosen = str(source) if str(source) in names and name is None else name
+    if chosen is None:
+        if not Path(source).exists():
+            raise BadInput(f"{source}: no such decoder or checkpoint; choose one of {', '.join(names)}, or give a path")
+        return read_checkpoint(source, trusted).decoder().eval()
+    if chosen not in names:
+        raise BadInput(f"{chosen}: no such decoder; choose one of {', '.join(names)}")
+    decoder: Decoder = built(compose("train", [f"decoder={chosen}", *overrides]).cfg, "decoder")
+    if name is not None:
+        try:
+            load_published(decoder, load_file(Path(source)))
+        except BadInput as error:
+            raise BadInput(f"{source}: {error}") from error
+    return decoder.eval()
+
+
+def train(configuration: Iterable[str] | Mapping[str, Any]) -> Run:
+    """Train a mask and a decoder together, test them, and write the folder of a run, as the command ``train`` does.
+
+    >>> import sci_lightning as sci
+    >>> small = ["scale=smoke", "decoder=e2e_cnn", "metric=[psnr]", "logger=none"]
+    >>> quiet = ["callbacks.progress=null", "+trainer.enable_progress_bar=false"]
+    >>> run = sci.train([*small, *quiet, "trainer.accelerator=cpu", "data.scenes_count=1", "out=run"])
+    >>> run.metrics.mean["psnr"] > 0  # dB, over the test scenes
+    True
+    >>> checkpoint = sci.load_checkpoint(run.checkpoint)
+    >>> tuple(checkpoint.encoder().mask().shape)  # (T, H, W), the mask as it was learned
+    (8, 32, 32)
+
+    Args:
+        configuration: overrides as on the command line, ``["encoder=lsw_sr", "size=[64,64]", "out=run"]``; or a whole
+            configuration as plain data, such as that of an earlier run (``metrics.config``).
+
+    Raises:
+        BadInput: settings that do not fit, or a folder ``out`` that holds another training.
+        HydraException: an override that cannot be read, or that chooses or sets what does not exist.
+
+    Source: the method is that of "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Sec. 3.
+    """
+    from sci_lightning.training.run import run_training
+
+    overrides: tuple[str, ...] = ()
+    if isinstance(configuration, Mapping):
+        config = dict(configuration)
+        classes = {part: str(config[part]["_target_"]).rpartition(".")[2] for part in ("encoder", "decoder")}
+        names = config.pop("names", classes)
+    else:
+        composition = _compose_training(configuration)
+        config, overrides = plain(composition.cfg), composition.overrides
+        names = {part: composition.choice(part) for part in ("encoder", "decoder")}
+    out = Path(config["out"])
+    check_nothing_lost(out, training=True, resume=config["resume"], ckpt_path=config["ckpt_path"])
+    with run_folder(out):
+        return run_training(config, names, overrides)
+
+
+def _compose_training(overrides: Iterable[str]) -> Composition:
+    """Compose and check the configuration of a training; ``encoder=`` may be the path of an encoder file."""
+    arguments, files = adopt_encoder_files(list(overrides), group_members("encoder"))
+    composition = compose("train", arguments)
+    chosen = {place: composition.choice(place) for place in PLACES.values()}
+    present = {place: files[name] for place, name in chosen.items() if name in files}
+    adapt_to_encoder_files(composition.cfg, present, composition.overrides)
+    check_command_settings(composition.cfg, "train")
+    return composition

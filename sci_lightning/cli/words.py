@@ -1,0 +1,103 @@
+"""The words of a command line, checked before Hydra sees them: it would answer with its usage and no reason."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser
+from collections.abc import Iterable, Sequence
+from typing import NoReturn
+
+from yaml import YAMLError, safe_load
+
+from sci_lightning.configuration.conf_folder import CONF
+from sci_lightning.errors import BadInput
+from sci_lightning.files.plain_text import excerpt
+
+FLAGS = (
+    ("--help", "-h"),
+    ("--hydra-help",),
+    ("--version",),
+    ("--resolve",),
+    ("--run", "-r"),
+    ("--multirun", "-m"),
+    ("--shell-completion", "-sc"),
+)
+"""Hydra's options that stand alone; it has no public list of them, and ``--hydra-help`` prints these."""
+
+OPTIONS = (
+    ("--package", "-p"),
+    ("--config-path", "-cp"),
+    ("--config-name", "-cn"),
+    ("--config-dir", "-cd"),
+    ("--experimental-rerun",),
+)
+"""Hydra's options that are followed by a value."""
+
+SHOWN = ("job", "hydra", "all")
+"""Values of Hydra's ``--cfg``."""
+ABOUT = ("all", "config", "defaults", "defaults-tree", "plugins", "searchpath")
+"""Values of Hydra's ``--info``, which may stand alone."""
+
+
+class _Parser(ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise BadInput(f"{message}; {self.prog} --help lists settings, --hydra-help options")
+
+
+def hydra_options(command: str) -> ArgumentParser:
+    """Return a parser of Hydra's options and of overrides; it raises BadInput where Hydra's prints its usage."""
+    parser = _Parser(f"sci_lightning.{command}", add_help=False)
+    for names in FLAGS:
+        parser.add_argument(*names, action="store_true")
+    for names in OPTIONS:
+        parser.add_argument(*names)
+    parser.add_argument("--cfg", "-c", choices=SHOWN)
+    parser.add_argument("--info", "-i", nargs="?", const="all", choices=ABOUT)
+    parser.add_argument("overrides", nargs="*")
+    return parser
+
+
+def check_words(command: str, arguments: Sequence[str]) -> None:
+    """Check that a command line has no options but Hydra's, and settings that are ``key=value``.
+
+    Args:
+        command: its name, for the message.
+        arguments: of the command line.
+
+    Raises:
+        BadInput: an option that is none, or a word that is no ``key=value``.
+    """
+    given, unknown = hydra_options(command).parse_known_args(list(arguments))
+    if options := [word for word in unknown if word.startswith("-")]:
+        place = list(arguments).index(options[0])
+        name, equals, value = options[0].lstrip("-").partition("=")
+        following = [] if equals else [word for word in arguments[place + 1 : place + 2] if not word.startswith("-")]
+        right = f"{name.replace('-', '_')}={value or (following or ['..'])[0]}"
+        raise BadInput(f"{options[0]}: no such option; settings are written without dashes, {right}; --help lists them")
+    if unknown:
+        raise BadInput(f"{excerpt(unknown[0])}: write options, which begin with dashes, before all settings")
+    for word in given.overrides:
+        if "=" not in word and not word.startswith("~"):
+            raise BadInput(f"{excerpt(word)}: expected key=value; --help lists the settings")
+
+
+def check_choices(arguments: Iterable[str]) -> None:
+    """Check that overrides of configuration groups are names, before Hydra meets a number or null.
+
+    Args:
+        arguments: of the command line.
+
+    Raises:
+        BadInput: one that is no name; the message lists the choices.
+    """
+    for argument in arguments:
+        key, equals, value = argument.partition("=")
+        group = key.lstrip("+").partition("@")[0]
+        if not equals or not group or not (CONF / group).is_dir():
+            continue
+        try:
+            kind = type(safe_load(value))
+        except YAMLError:  # Hydra's grammar knows more than YAML
+            continue
+        if kind not in (str, list):
+            options = ", ".join(sorted(path.stem for path in (CONF / group).glob("*.yaml")))
+            raise BadInput(f"{group}={excerpt(value)}: no such {group}; choose one of {options}")

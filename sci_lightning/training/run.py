@@ -1,0 +1,166 @@
+"""A training from its configuration to its results, without Hydra: what ``train`` and ``sci.train`` call."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import lightning as L
+import torch
+from lightning.fabric.plugins.environments.slurm import SLURMEnvironment
+from lightning.pytorch.loggers import TensorBoardLogger
+
+from sci_lightning.configuration.build import build
+from sci_lightning.data.loader import ClipLoader, scene_loader
+from sci_lightning.decoder import kernels
+from sci_lightning.decoder.complexity import count_parameters
+from sci_lightning.encoder.trial import check_recording
+from sci_lightning.errors import BadInput
+from sci_lightning.runs.checkpoint import read_checkpoint
+from sci_lightning.runs.results import RunMetrics, hparams, run_metrics, write_json
+from sci_lightning.runs.resume import check_same_run, find_resumable_checkpoint, load_finished_metrics
+from sci_lightning.training.callbacks import LastCheckpoint
+from sci_lightning.training.loggers import build_loggers, run_name
+from sci_lightning.training.metrics import build_metrics
+from sci_lightning.training.stop_signal import StopSignal
+from sci_lightning.training.system import System
+from sci_lightning.training.training_checkpoint import TrainingCheckpointIO, remove_slurm_checkpoints
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a training left behind.
+
+    Attributes:
+        folder: with ``metrics.json``, ``checkpoints/``, pictures and logs.
+        metrics: of the test that followed: PSNR in dB, SSIM and the like, by scene and their means.
+        checkpoint: of the encoder and the decoder as they were at the end; ``sci.load_checkpoint`` reads it.
+        tests: metrics behind other encoders (``test_encoders``), by their names.
+        finished_before: whether everything was there already and nothing was computed (``resume=true``).
+    """
+
+    folder: Path
+    metrics: RunMetrics
+    checkpoint: Path
+    tests: Mapping[str, RunMetrics] = field(default_factory=dict)
+    finished_before: bool = False
+
+
+def run_training(
+    config: Mapping[str, Any],
+    names: Mapping[str, str],
+    overrides: Sequence[str] = (),
+    *,
+    stop: StopSignal | None = None,
+    on_resume: Callable[[str, list[str]], None] = lambda path, changes: None,
+) -> Run:
+    """Train, test, write checkpoints and ``metrics.json``.
+
+    Args:
+        config: ``conf/train.yaml``, composed, resolved and plain.
+        names: what the configuration calls its ``encoder`` and its ``decoder``; kept in checkpoints and results.
+        overrides: of the command line, kept in checkpoints so that the run can be gone on with.
+        stop: asks the training to stop; without it nothing does.
+        on_resume: called with the path of the checkpoint that the training goes on from, and what differs from it.
+
+    Raises:
+        BadInput: settings that do not go together, or a checkpoint of another training.
+        Diverged: a loss or a gradient is no longer finite.
+    """
+    kernels.use(config["kernels"])
+    out = Path(config["out"])
+    if any(part > full for part, full in zip(config["crop"], config["size"], strict=True)):
+        raise BadInput(
+            f"crop={config['crop']} is larger than size={config['size']}: a training clip must fit under the mask"
+        )
+    start_from = config["ckpt_path"]
+    if config["resume"]:
+        if (done := load_finished_metrics(out, config)) is not None:
+            return Run(out, RunMetrics.from_json(done), out / "checkpoints" / "last.ckpt", finished_before=True)
+        start_from = start_from or find_resumable_checkpoint(out, config)
+    run_config = {**config, "names": dict(names), "overrides": list(overrides)}
+    system = _build_system(run_config)
+    resumed = _load(system, start_from, run_config, on_resume) if start_from else None
+
+    source = build(config["data"], "data")
+    held_out = source.scenes()
+    tested_on = build(config["benchmark"], "benchmark").scenes() if config["benchmark"]["root"] else held_out
+    checkpoint_io = TrainingCheckpointIO(system)
+    trainer = _build_trainer(run_config, checkpoint_io, stop)
+    share: dict[str, Any] = {"rank": trainer.global_rank, "world_size": trainer.world_size}
+    clips = checkpoint_io.clips = ClipLoader(source.clips(), config["batch_size"], workers=config["workers"], **share)
+    trainer.fit(system, clips, scene_loader(held_out, **share), ckpt_path=resumed)
+    trainer.save_checkpoint(out / "checkpoints" / "last.ckpt")
+    if trainer.is_global_zero:
+        remove_slurm_checkpoints(out)
+    if stop is not None:
+        stop.act_at_once()
+    return _test(system, trainer, scene_loader(tested_on, **share), run_config)
+
+
+def _build_system(config: Mapping[str, Any]) -> System:
+    """Build the encoder, the decoder with its first weights, and the LightningModule around them."""
+    names = config["names"]
+    torch.manual_seed(config["seed"])  # the decoder's first weights
+    encoder, decoder = build(config["encoder"], "encoder"), build(config["decoder"], "decoder")
+    check_recording(encoder, f"encoder={names['encoder']}")
+    if not count_parameters(decoder):
+        raise BadInput(f"decoder={names['decoder']} has nothing to learn: evaluate and reconstruct take it untrained")
+    metrics = build_metrics(config.get("metrics", {}), config["size"])
+    parts = {"encoder": encoder, "decoder": decoder, "metrics": metrics}
+    system: System = build(config["system"], "system", **parts, run_config=dict(config))
+    return system
+
+
+def _load(
+    system: System, path: str, config: Mapping[str, Any], on_resume: Callable[[str, list[str]], None]
+) -> str | None:
+    """Fill the encoder and the decoder from a checkpoint; return its path if the training itself goes on from it."""
+    checkpoint = read_checkpoint(path)
+    if checkpoint.resumable:
+        on_resume(path, check_same_run(path, checkpoint.config, config))
+    checkpoint.fill("decoder", system.decoder, config["names"]["decoder"])
+    checkpoint.fill("encoder", system.encoder, config["names"]["encoder"])
+    return path if checkpoint.resumable else None
+
+
+def _build_trainer(
+    config: Mapping[str, Any], checkpoint_io: TrainingCheckpointIO, stop: StopSignal | None
+) -> L.Trainer:
+    """Build Lightning's trainer with the loggers and the callbacks of the configuration."""
+    loggers = build_loggers(config.get("logger"), run_name(config))
+    settings = config["callbacks"].items()
+    callbacks = [build(callback, f"callbacks.{name}") for name, callback in settings if callback]
+    for callback in callbacks:
+        if isinstance(callback, LastCheckpoint):
+            callback.stop = stop
+    trainer: L.Trainer = build(
+        config["trainer"], "trainer", callbacks=callbacks, logger=loggers, plugins=[checkpoint_io]
+    )
+    if stop is not None and SLURMEnvironment.detect():  # Lightning queues the job again
+        stop.leave(signal.SIGTERM)
+    return trainer
+
+
+def _test(system: System, trainer: L.Trainer, scenes: Any, config: Mapping[str, Any]) -> Run:
+    """Test behind every encoder of ``test_encoders``, then behind the trained one; write a ``metrics.json`` of each."""
+    out, names, tests = Path(config["out"]), config["names"], {}
+    recorded = {key: value for key, value in config.items() if key not in ("names", "overrides")}
+    for name, settings in config["test_encoders"].items():
+        metrics = build_metrics(config.get("metrics", {}), config["size"])
+        tested = system.with_encoder(build(settings, f"test_encoders.{name}"), metrics)
+        trainer.test(tested, scenes, verbose=False)
+        if trainer.is_global_zero:
+            tests[name] = run_metrics(tested, {**names, "test_encoder": name}, recorded)
+            write_json(tests[name].to_json(), out / f"test_{name}" / "metrics.json")
+    trainer.test(system, scenes, verbose=False)
+    found = run_metrics(system, {**names, "test_encoder": names["encoder"]}, recorded)
+    if trainer.is_global_zero:  # metrics.json last: it says that the run is finished
+        write_json(found.to_json(), out / "metrics.json")
+        for logger in trainer.loggers:
+            if isinstance(logger, TensorBoardLogger):
+                logger.log_hyperparams(hparams(found), {f"test/{key}": value for key, value in found.mean.items()})
+    return Run(out, found, out / "checkpoints" / "last.ckpt", tests)
