@@ -50,6 +50,7 @@ class Peak(TorchDispatchMode):
     def __init__(self) -> None:
         super().__init__()
         self.alive: dict[StorageWeakRef, int] = {}
+        self.at_most = 0
         self.bytes = 0
 
     def __torch_dispatch__(self, function: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
@@ -57,9 +58,13 @@ class Peak(TorchDispatchMode):
         for tensor in tree_leaves(result):
             if isinstance(tensor, torch.Tensor):
                 storage = tensor.untyped_storage()
-                self.alive[StorageWeakRef(storage)] = storage.nbytes()
-        self.alive = {storage: size for storage, size in self.alive.items() if not storage.expired()}
-        self.bytes = max(self.bytes, sum(self.alive.values()))
+                reference = StorageWeakRef(storage)
+                self.at_most += storage.nbytes() - self.alive.get(reference, 0)
+                self.alive[reference] = storage.nbytes()
+        if self.at_most > self.bytes:  # only then can it be a new peak, and what is no longer alive has to be known
+            self.alive = {storage: size for storage, size in self.alive.items() if not storage.expired()}
+            self.at_most = sum(self.alive.values())
+            self.bytes = max(self.bytes, self.at_most)
         return result
 
 
