@@ -18,7 +18,7 @@ def export_mask(composition: Composition) -> None:
     import torch
 
     from sci_lightning.cli.next_command import invocation, print_next
-    from sci_lightning.errors import BadInput
+    from sci_lightning.errors import MachineFailure
     from sci_lightning.files.modulator_files import Layout, read_planes, timing_of, write_planes
     from sci_lightning.runs.checkpoint import read_checkpoint
 
@@ -34,7 +34,7 @@ def export_mask(composition: Composition) -> None:
     timing = timing_of(module.frames, bits, cfg.frame_rate, cfg.binary_rate, cfg.gray_rate)
     write_planes(mask, bits, out, layout, timing)
     if not torch.equal(read_planes(out), mask):
-        raise BadInput(f"{out}: the planes do not read back as the mask; is the disk full?")
+        raise MachineFailure(f"{out}: the planes do not read back as the mask; is the disk full?")
     console.print(f"{module.frames} slots of {bits} bit, {height} x {width}, on {canvas[0]} x {canvas[1]} mirrors")
     for way, what in (("planes", "by_planes"), ("gray_frames", "by_gray_frames")):
         fits = "fits" if timing[f"{way}_fit"] else styled("too fast", "red")

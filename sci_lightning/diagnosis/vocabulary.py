@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from importlib import import_module
+from pkgutil import resolve_name
 
 from sci_lightning.encoder import effects
 from sci_lightning.encoder.effects import Effect
@@ -34,9 +34,8 @@ def vocabulary(more: Mapping[str, str] | None = None, members: Iterable[str] = (
 
 def _effect(where: str, path: str) -> type[Effect]:
     """Import the class of an effect; ``where`` says in messages who asks for it."""
-    module, _, name = path.rpartition(".")
     try:
-        effect = getattr(import_module(module), name)
+        effect = resolve_name(path)
     except Exception as error:
         raise BadInput(f"{where}: no class {path!r} ({error})") from error
     if not (isinstance(effect, type) and issubclass(effect, Effect)):

@@ -59,9 +59,14 @@ class SnapshotOperator:
             total = torch.addcmul(total, slot, frame)
         return total
 
-    def static_scene(self, frame: torch.Tensor) -> torch.Tensor:
-        """Return the measurement ``(N, qH, qW)`` of a scene at rest: one frame ``(N, H, W)`` in all T slots."""
-        return self.total() * self.on_cells(frame)
+    def static_scene(self, frame: torch.Tensor, total: torch.Tensor | None = None) -> torch.Tensor:
+        """Return the measurement ``(N, qH, qW)`` of a scene at rest: one frame ``(N, H, W)`` in all T slots.
+
+        Args:
+            frame: ``(N, H, W)``.
+            total: the result of :meth:`total`, for callers that need it for several scenes; None computes it.
+        """
+        return (self.total() if total is None else total) * self.on_cells(frame)
 
     def uniform_scene(self, levels: torch.Tensor) -> torch.Tensor:
         """Return the measurement ``(qH, qW)`` of frames without structure, of one brightness each, ``(T,)``."""

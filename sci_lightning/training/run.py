@@ -68,7 +68,7 @@ def run_training(
 
     Raises:
         BadInput: settings that do not go together, or a checkpoint of another training.
-        Diverged: a loss or a gradient is no longer finite.
+        TrainingDiverged: a loss or a gradient is no longer finite.
     """
     kernels.use(config["kernels"])
     out = Path(config["out"])

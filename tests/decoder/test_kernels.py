@@ -10,7 +10,7 @@ import pytest
 import torch
 from torch.nn import functional as F
 
-from sci_lightning.decoder import Decoder, kernels
+from sci_lightning.decoder import Decoder, STFormer, kernels
 from sci_lightning.decoder.kernels import switch
 from sci_lightning.decoder.layers.convolution import Conv3d
 from sci_lightning.errors import BadInput
@@ -44,6 +44,17 @@ def test_both_decode_to_the_same(
     with kernels.use("plain"):
         plain = decoder(measurement, mask)
     torch.testing.assert_close(video, plain, rtol=0, atol=2e-5 * float(plain.abs().max()))
+
+
+def test_the_same_gradients() -> None:
+    decoder, measurement, mask = STFormer(4, 16, 1), torch.rand(1, 16, 16), torch.rand(4, 16, 16)
+    gradients = []
+    for name in kernels.KERNELS:
+        with kernels.use(name):
+            loss = decoder(measurement, mask).square().mean()
+        gradients.append(torch.autograd.grad(loss, list(decoder.parameters())))
+    for fast, plain in zip(*gradients, strict=True):
+        torch.testing.assert_close(fast, plain, rtol=0, atol=1e-5 * float(plain.abs().max()))
 
 
 def test_plain_takes_no_kernel(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,6 +18,7 @@ from sci_lightning.encoder.effects.stage import ExposureEffect, ModulatorEffect,
 from sci_lightning.encoder.empirical import Empirical
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.signal import Signal
+from sci_lightning.imaging.operator import SnapshotOperator
 
 Setting = dict[str, Value]
 """Values of an effect's parameters by name."""
@@ -290,17 +291,17 @@ class CameraModel:
         shown = path.images(observation.patterns)
         images: list[torch.Tensor] = [torch.zeros(())] * len(observation)
         for which, sequence in enumerate(observation.sequences):  # one by one: the masks of all do not fit in memory
-            masks = path.during(shown, sequence[None])[0]
+            operator = SnapshotOperator(path.during(shown, sequence[None])[0], cells)
             total = None
             for number in (observation.sequence == which).nonzero()[:, 0].tolist():
                 scene = observation.scene[number]
                 if scene.shape[0] == 1:  # the scene is at rest, so that the masks may be summed first
-                    total = masks.sum(0) if total is None else total
-                    images[number] = total * _in_cells(scene, cells)[0]
+                    total = operator.total() if total is None else total
+                    images[number] = operator.static_scene(scene, total)[0]
                 elif scene.shape[1:] == (1, 1):
-                    images[number] = torch.einsum("thw,t->hw", masks, scene[:, 0, 0])
+                    images[number] = operator.uniform_scene(scene[:, 0, 0])
                 else:
-                    images[number] = (masks * _in_cells(scene, cells)).sum(0)
+                    images[number] = operator(scene[None])[0]
         light = torch.stack(images) * observation.aperture
         return Signal(
             light,
@@ -333,8 +334,3 @@ def _key(effect: Effect) -> Hashable:
     """Return what identifies an effect with its parameters and every value of its map."""
     content = effect.map.numpy().tobytes() if isinstance(effect, MapEffect) else None
     return effect.name, tuple(effect.values.items()), content
-
-
-def _in_cells(scene: torch.Tensor, cells: int) -> torch.Tensor:
-    """Return a scene on the grid of q x q cells a pixel."""
-    return scene if cells == 1 else scene.repeat_interleave(cells, -1).repeat_interleave(cells, -2)

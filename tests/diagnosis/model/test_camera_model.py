@@ -10,6 +10,7 @@ from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
 from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder.effects import MapEffect, OpticsEffect, Parameter
+from sci_lightning.encoder.effects.sensor.saturation import Saturation
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.virtual_camera import Session, capture_session, write_captures
 
@@ -24,6 +25,19 @@ class Window(MapEffect, OpticsEffect):
 
     def form(self, signal: Signal) -> Signal:
         return signal.with_mean(signal.pooled().mean * (1 + self.std * self.map))
+
+
+class FullWells(Saturation):
+    """A user's own effect that limits the signal, under another name."""
+
+    name = "full_wells"
+    ceiling = "height"
+    about = {"height": Saturation.about["level"]}
+    height: torch.Tensor
+
+    @property
+    def level(self) -> torch.Tensor:  # type: ignore[override]
+        return self.height
 
 
 @pytest.fixture(scope="module")
@@ -48,3 +62,16 @@ def test_a_further_candidate_makes_a_new_model(model: CameraModel) -> None:
     larger = model.with_candidates({"window": Window})
     assert "window" in larger.vocabulary and "window" in larger.effects
     assert "window" not in model.vocabulary and "window" not in model.effects
+
+
+def test_an_effect_of_ones_own_may_limit_the_signal_as_saturation_does(model: CameraModel) -> None:
+    own = model.with_candidates({"full_wells": FullWells})
+    starts = {name: own.starts(name, Hypothesis({})) for name in ("saturation", "full_wells")}
+    assert [start["height"] for start in starts["full_wells"]] == [start["level"] for start in starts["saturation"]]
+    wells, built_in = (
+        Hypothesis({name: {key: 0.5}}) for name, key in (("full_wells", "height"), ("saturation", "level"))
+    )
+    assert own.predict(wells).clipped is not None
+    assert torch.equal(own.predict(wells).mean, own.predict(built_in).mean)
+    adapted = own.adding(wells, "black_level", {"offset": 0.1}).effects["full_wells"]["height"]
+    assert float(adapted) == pytest.approx(0.4, abs=1e-3)  # recorded at 0.5 as before
