@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; at run time FACE says w
     from sci_lightning import metrics
     from sci_lightning.captures import read_captures
     from sci_lightning.cli.notebook import load_decoder, train
+    from sci_lightning.diagnosis import Diagnosis, SearchSettings, diagnose
     from sci_lightning.encoder import Encoder, effects
     from sci_lightning.encoder import mask as masks
     from sci_lightning.encoder import sensor as sensors
@@ -46,14 +47,17 @@ if TYPE_CHECKING:  # what type checkers and editors see; at run time FACE says w
 FACE = {
     "BadInput": "errors:BadInput",
     "Checkpoint": "runs.checkpoint:Checkpoint",
+    "Diagnosis": "diagnosis:Diagnosis",
     "Encoder": "encoder:Encoder",
     "HDRVDP2": "metrics:HDRVDP2",
     "Pipeline": "imaging.pipeline:Pipeline",
     "Run": "training.run:Run",
     "Session": "virtual_camera:Session",
+    "SearchSettings": "diagnosis:SearchSettings",
     "SnapshotOperator": "imaging.operator:SnapshotOperator",
     "VirtualCamera": "virtual_camera:VirtualCamera",
     "decoders": "decoder",
+    "diagnose": "diagnosis:diagnose",
     "effects": "encoder.effects",
     "load_checkpoint": "runs.checkpoint:read_checkpoint",
     "load_decoder": "cli.notebook:load_decoder",
@@ -69,14 +73,17 @@ __all__ = [
     "HDRVDP2",
     "BadInput",
     "Checkpoint",
+    "Diagnosis",
     "Encoder",
     "Pipeline",
     "Run",
+    "SearchSettings",
     "Session",
     "SnapshotOperator",
     "VirtualCamera",
     "__version__",
     "decoders",
+    "diagnose",
     "effects",
     "load_checkpoint",
     "load_decoder",

@@ -12,6 +12,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis import vocabulary as effects_vocabulary
@@ -28,6 +30,9 @@ from sci_lightning.diagnosis.search.search import Round, search
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.verdict import verdict
 from sci_lightning.encoder.effects import Effect
+
+if TYPE_CHECKING:  # a diagnosis without pictures does not load matplotlib
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -98,6 +103,18 @@ class Diagnosis:
     def next_captures(self) -> tuple[str, ...]:
         """Captures that would tell the named effects from their alternatives, a sentence for each."""
         return tuple(dict.fromkeys(effect.tell_apart for effect in self.effects if effect.tell_apart))
+
+    def save(self, folder: str | Path) -> None:
+        """Write ``report.json``, ``report.html``, ``encoder.yaml`` and the pictures into a folder."""
+        from sci_lightning.diagnosis.report.report import write_report
+
+        write_report(self, folder)
+
+    def plot(self) -> dict[str, Figure]:
+        """Draw the pictures of the report; a dictionary of figures by file name."""
+        from sci_lightning.diagnosis.report.pictures import figures
+
+        return figures(self)
 
 
 def diagnose(

@@ -11,29 +11,29 @@ from sci_lightning.errors import BadInput
 
 
 def vocabulary(more: Mapping[str, str] | None = None, members: Iterable[str] = ()) -> dict[str, type[Effect]]:
-    """Every effect of the package by name, and more.
+    """Return every effect of the package by name, and the user's own.
 
     Args:
         more: the user's own by name: dotted paths of subclasses of :class:`Effect`, ``my_module.Mine``.
-        members: dotted paths likewise, of the configuration group ``effect``, whose members may be called anything.
+        members: dotted paths likewise, of the configuration group ``effect``, whose members may have any file name.
 
     Raises:
         BadInput: a path that leads nowhere or to something that is no effect, or a name other than the effect's own.
     """
-    classes = [getattr(effects, each) for each in effects.__all__]
-    found = {each.name: each for each in classes if hasattr(each, "name")}
+    exported = [getattr(effects, name) for name in effects.__all__]
+    classes = {effect.name: effect for effect in exported if hasattr(effect, "name")}
     for path in members:
         effect = _effect("effect", path)
-        found[effect.name] = effect
+        classes[effect.name] = effect
     for name, path in (more or {}).items():
-        found[name] = _effect(f"candidates.{name}", path)
-        if found[name].name != name:
-            own = found[name].name
+        classes[name] = _effect(f"candidates.{name}", path)
+        if (own := classes[name].name) != name:
             raise BadInput(f"candidates.{name}: {path} calls itself {own!r}; write candidates.{own}")
-    return found
+    return classes
 
 
 def _effect(where: str, path: str) -> type[Effect]:
+    """Import the class of an effect; ``where`` says in messages who asks for it."""
     try:
         effect = resolve_name(path)
     except Exception as error:

@@ -122,6 +122,10 @@ def test_one_capture(tmp_path: Path) -> None:
     found = diagnose(captures.take([int(first)]), vocabulary())
     split = describe(found)["split"]
     assert split["held_out_captures"] == [] and "one capture" in split["note"]
+    found.save(tmp_path / "out")
+    assert {"report.json", "report.html", "encoder.yaml", *found.plot()} <= {
+        path.name for path in (tmp_path / "out").iterdir()
+    }
 
 
 def test_order_does_not_matter(tmp_path: Path) -> None:
