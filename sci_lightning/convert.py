@@ -64,14 +64,14 @@ def published(
     from sci_lightning.encoder.mask import LearnedStructural, published_mask
 
     cfg = composition.cfg
-    _, found = unpack(content)
-    shape = (8, 256, 256) if found is None else found.levels.shape
+    _, unpacked = unpack(content)
+    shape = (8, 256, 256) if unpacked is None else unpacked.levels.shape
     cfg.frames = cfg.frames or (shape[0] if len(shape) == 3 else 8)
     cfg.size = cfg.size or list(shape[-2:])
     decoder = built(cfg, "decoder")
     load_published(decoder, content)
 
-    mask = None if found is None else published_mask(found.levels, found.real, cfg.frames, tuple(cfg.size))
+    mask = None if unpacked is None else published_mask(unpacked.levels, unpacked.real, cfg.frames, tuple(cfg.size))
     names = {group: composition.choice(group) for group in ("encoder", "decoder")}
     if "encoder" not in cfg:
         names["encoder"] = "rbw_osr" if mask is None else "lsw_sr" if mask().sum(0).eq(1).all() else "rbw_sr"

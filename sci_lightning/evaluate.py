@@ -62,10 +62,10 @@ def evaluate(composition: Composition) -> float:
     pictures = ScenePictures(out / "pictures", f"{names['decoder']}, tested on {tested_on}", cfg.pictures)
     trainer = built(cfg, "trainer", logger=False, enable_checkpointing=False, callbacks=[Progress(), pictures])
     trainer.test(system, loader, verbose=False)
-    found = run_metrics(system, names, {**trained, "evaluate": plain(cfg)})
-    write_json(found.to_json(), out / "metrics.json")
+    scores = run_metrics(system, names, {**trained, "evaluate": plain(cfg)})
+    write_json(scores.to_json(), out / "metrics.json")
     console = PlainConsole()
-    print_results(found, console)
+    print_results(scores, console)
     console.say(styled(out), ": metrics.json" + (", pictures/" if pictures.written else ""))
     decodes = {"ckpt_path": cfg.ckpt_path} if cfg.ckpt_path else {}
     decoder_word = [] if decodes else [f"decoder={names['decoder']}"]
@@ -74,7 +74,7 @@ def evaluate(composition: Composition) -> float:
         invocation("tables", paths={"runs": out}),
         invocation("reconstruct", *decoder_word, "measurement=SNAPSHOT.tiff", paths=decodes),
     )
-    return found.mean["psnr"]
+    return scores.mean["psnr"]
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ def reconstruct(composition: Composition) -> None:
     from sci_lightning.decoder.iterative import Iterative
     from sci_lightning.encoder.mask import Measured
     from sci_lightning.errors import BadInput
-    from sci_lightning.files.atomic_file import whole_file
+    from sci_lightning.files.atomic_file import atomic_write
     from sci_lightning.imaging.animation import write_frames, write_gif
     from sci_lightning.imaging.mask_check import mask_warning
     from sci_lightning.imaging.pipeline import Pipeline
@@ -92,7 +92,7 @@ def reconstruct(composition: Composition) -> None:
 
     write_frames(video, out / "frames")
     write_gif(video, out / "video.gif", cfg.fps)
-    with whole_file(out / "reconstruction.npy") as temporary:
+    with atomic_write(out / "reconstruction.npy") as temporary:
         np.save(temporary, video.numpy())
     n, t, h, w = video.shape
     level = f"mean level {float(measurement.mean()):.3f} of full scale, aperture {aperture:.3g}"

@@ -33,7 +33,7 @@ def benchmark(composition: Composition) -> None:
     from sci_lightning.benchmark.table import as_markdown, as_table
     from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.decoder import kernels
-    from sci_lightning.files.atomic_file import whole_file
+    from sci_lightning.files.atomic_file import atomic_write
     from sci_lightning.runs.device import device_name, resolve_device
     from sci_lightning.runs.results import write_json
 
@@ -48,7 +48,7 @@ def benchmark(composition: Composition) -> None:
     settings: dict[str, Any] = {key: cfg[key] for key in SETTINGS}
     settings["size"] = (cfg.size, cfg.size) if isinstance(cfg.size, int) else tuple(cfg.size)
     about = {"format": "sci-benchmark", "format_version": 1, "torch": torch.__version__, "device": device_name(device)}
-    found: dict[str, Any] = {**about, **settings, "decoders": {}, "failed": {}}
+    content: dict[str, Any] = {**about, **settings, "decoders": {}, "failed": {}}
     paper = yaml.safe_load((PACKAGE / "tables" / "paper_figures.yaml").read_text())["decoders"]
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("", total=len(names))
@@ -58,23 +58,23 @@ def benchmark(composition: Composition) -> None:
             rules = paper[name]["macs_rules"] if name in paper else 2022
             try:
                 cost = decoder_cost(_decoder(composition, name), device=str(device), rules=rules, **settings)
-                found["decoders"][name] = {**cost, **figures}
+                content["decoders"][name] = {**cost, **figures}
             except Exception as error:
                 if len(names) == 1:
                     raise
-                found["failed"][name] = one_line(error)
-            write_json(found, out / "benchmark.json")
-            with whole_file(out / "benchmark.md") as temporary:
-                temporary.write_text(as_markdown(found))
+                content["failed"][name] = one_line(error)
+            write_json(content, out / "benchmark.json")
+            with atomic_write(out / "benchmark.md") as temporary:
+                temporary.write_text(as_markdown(content))
             progress.advance(task)
-    console.print(as_table(found))
+    console.print(as_table(content))
     console.say(styled(out), ": benchmark.json, benchmark.md")
     name = names[0] if len(names) == 1 else "e2e_cnn"
     if name in ("gap_tv", "admm_tv", "desci"):  # nothing to learn
         print_next(console, invocation("evaluate", f"decoder={name}", "data=synthetic", "size=[64,64]"))
     else:
         print_next(console, invocation("train", "experiment=quickstart", f"decoder={name}"))
-    if failed := found["failed"]:
+    if failed := content["failed"]:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in failed.items())
         raise BadInput(f"{len(failed)} of {len(names)} decoders could not be measured: {reasons}")
 

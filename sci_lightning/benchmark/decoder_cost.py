@@ -126,5 +126,5 @@ def _now(place: torch.device) -> float:
 def _memory(field: str) -> int:
     """Bytes that this process holds (VmRSS) or has held at most (VmHWM); 0 where the system does not tell."""
     status = Path("/proc/self/status")
-    found = re.search(rf"{field}:\s+(\d+) kB", status.read_text()) if status.is_file() else None
-    return 1024 * int(found[1]) if found else 0
+    match = re.search(rf"{field}:\s+(\d+) kB", status.read_text()) if status.is_file() else None
+    return 1024 * int(match[1]) if match else 0

@@ -26,14 +26,14 @@ PAPER: dict[str, Callable[[Cost], str]] = {
 }
 
 
-def title(found: Mapping[str, Any]) -> str:
+def title(content: Mapping[str, Any]) -> str:
     """What was measured, and on what."""
-    sides, compiled = " x ".join(map(str, found["size"])), ", compiled" if found["compile"] else ""
-    brackets = "; in brackets the paper's Table 4, whose time is of a GPU" if _comparable(found) else ""
-    return f"{sides}, T = {found['frames']}, on {found['device']}, {found['precision']}{compiled}{brackets}"
+    sides, compiled = " x ".join(map(str, content["size"])), ", compiled" if content["compile"] else ""
+    brackets = "; in brackets the paper's Table 4, whose time is of a GPU" if _comparable(content) else ""
+    return f"{sides}, T = {content['frames']}, on {content['device']}, {content['precision']}{compiled}{brackets}"
 
 
-def rows(found: Mapping[str, Any]) -> list[list[str]]:
+def rows(content: Mapping[str, Any]) -> list[list[str]]:
     """The heading, and one row for each decoder; empty cells where there is no figure.
 
     The paper's figures are for 256 x 256 and T = 8, and stand beside ours at that size only.
@@ -42,19 +42,19 @@ def rows(found: Mapping[str, Any]) -> list[list[str]]:
         found: the content of ``benchmark.json``.
     """
     body = []
-    for name, cost in found["decoders"].items():
+    for name, cost in content["decoders"].items():
         cells = [_cell(column, cost) for column in COLUMNS.values()]
-        if _comparable(found) and "paper" in cost:
-            told = [_cell(PAPER[heading], cost) if heading in PAPER else "" for heading in COLUMNS]
-            cells = [f"{cell} ({paper})" if paper else cell for cell, paper in zip(cells, told, strict=True)]
+        if _comparable(content) and "paper" in cost:
+            published = [_cell(PAPER[heading], cost) if heading in PAPER else "" for heading in COLUMNS]
+            cells = [f"{cell} ({paper})" if paper else cell for cell, paper in zip(cells, published, strict=True)]
         body.append([name, *cells])
     return [["decoder", *COLUMNS], *body]
 
 
-def as_table(found: Mapping[str, Any]) -> Table:
+def as_table(content: Mapping[str, Any]) -> Table:
     """For the terminal."""
-    heading, *body = rows(found)
-    table = Table(title=title(found), title_justify="left", box=box.SIMPLE_HEAD)
+    heading, *body = rows(content)
+    table = Table(title=title(content), title_justify="left", box=box.SIMPLE_HEAD)
     for number, column in enumerate(heading):
         table.add_column(column, justify="right" if number else "left", no_wrap=not number)
     for row in body:
@@ -62,15 +62,15 @@ def as_table(found: Mapping[str, Any]) -> Table:
     return table
 
 
-def as_markdown(found: Mapping[str, Any]) -> str:
+def as_markdown(content: Mapping[str, Any]) -> str:
     """For a README."""
-    heading, *body = rows(found)
+    heading, *body = rows(content)
     ruled = [heading, ["---", *["---:"] * (len(heading) - 1)], *body]
-    return "\n".join([title(found), "", *(f"| {' | '.join(row)} |" for row in ruled), ""])
+    return "\n".join([title(content), "", *(f"| {' | '.join(row)} |" for row in ruled), ""])
 
 
-def _comparable(found: Mapping[str, Any]) -> bool:
-    return (found["frames"], *found["size"]) == (8, 256, 256)
+def _comparable(content: Mapping[str, Any]) -> bool:
+    return (content["frames"], *content["size"]) == (8, 256, 256)
 
 
 def _cell(column: Callable[[Cost], str], cost: Cost) -> str:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from sci_lightning.captures.captures import Captures
-from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.atomic_file import atomic_write
 
 MOST = 60
 """Largest number of thumbnails; of more captures, an even selection of every kind is shown."""
@@ -46,7 +46,7 @@ def contact_sheet(path: str | Path, captures: Captures) -> int:
         The number of captures that are left out because there are more than :data:`MOST`.
     """
     figure = contact_sheet_figure(captures)
-    with whole_file(path) as temporary:
+    with atomic_write(path) as temporary:
         figure.savefig(temporary, dpi=120, format="png")
     return max(0, len(captures) - MOST)
 

@@ -207,17 +207,17 @@ def _files(folder: Path, node: Node, key: str, name: str) -> list[str]:
         raise node.refusal(key, f"'{name}' leads out of {folder}; copy the file into this folder")
     try:
         # a file of exactly that name takes precedence over a glob: brackets are legal in names
-        found = (
+        matches = (
             [str(folder / name)] if (folder / name).is_file() else glob.glob(str(Path(glob.escape(str(folder)), name)))
         )
     except ValueError:  # a name that no file can have
-        found = []
-    if not found:
+        matches = []
+    if not matches:
         raise node.refusal(key, f"no file fits '{name}' in {folder}")
-    for path in found:
+    for path in matches:
         if not Path(path).resolve().is_relative_to(folder.resolve()):
             raise node.refusal(key, f"{path} is a link out of {folder}; copy the file into this folder")
-    return sorted(found, key=_natural)
+    return sorted(matches, key=_natural)
 
 
 def _natural(path: str) -> list[tuple[int, str]]:

@@ -86,11 +86,11 @@ def _captures(contents: Contents, path: Path) -> Captures:
 
 def _check_format(contents: Contents) -> None:
     for name, expected in (("format", FORMAT), ("format_version", FORMAT_VERSION)):
-        found = contents.attribute(name)
-        if found is None:
+        content = contents.attribute(name)
+        if content is None:
             raise contents.refusal(f"no attribute '{name}', expected {expected!r}: not a captures file")
-        if found != expected:
-            raise contents.refusal(f"attribute '{name}' is {found!r}, expected {expected!r}")
+        if content != expected:
+            raise contents.refusal(f"attribute '{name}' is {content!r}, expected {expected!r}")
 
 
 def _number(contents: Contents, name: str, expected: str, is_right: Callable[[float], bool]) -> float | None:

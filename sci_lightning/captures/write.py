@@ -10,7 +10,7 @@ import numpy as np
 from sci_lightning.captures.captures import Captures
 from sci_lightning.captures.read import FORMAT, FORMAT_VERSION, read_captures
 from sci_lightning.errors import BadInput
-from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.hdf5_file import write_hdf5
 
 ENDINGS = (".h5", ".hdf5")
@@ -42,7 +42,7 @@ def write_captures(path: str | Path, captures: Captures) -> Captures:
     if not np.isnan(captures.scene).all():
         datasets["scene"] = captures.scene
     datasets |= {"aperture": captures.aperture, "exposure": captures.exposure}
-    with whole_file(path) as temporary:
+    with atomic_write(path) as temporary:
         write_hdf5(temporary, attributes, {**datasets, "kind": captures.kind})
         written = read_captures(temporary, called=path)
     return replace(written, name=captures.name or path.stem, path=path)

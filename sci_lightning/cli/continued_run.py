@@ -88,7 +88,9 @@ def continued(arguments: list[str], encoders: Iterable[str]) -> tuple[list[str],
         BadInput: a checkpoint that cannot be read, overrides in it that a checkpoint may not hold, or files to read
             that lie neither in the current folder nor in the run's and that the arguments do not repeat.
     """
-    given = {key.lstrip("+~"): value.strip("'\"") for key, _, value in (each.partition("=") for each in arguments)}
+    given = {
+        key.lstrip("+~"): value.strip("'\"") for key, _, value in (argument.partition("=") for argument in arguments)
+    }
     path = _checkpoint(given)
     if path is None or {"-m", "--multirun"} & set(arguments):
         return arguments, {}

@@ -91,18 +91,18 @@ def first_comment(text: str) -> str:
 def read_defaults(text: str) -> list[Setting]:
     """The defaults list of a configuration: groups and their default choices."""
     block = re.search(r"^defaults:\n((?:  .*\n|#.*\n)*)", text, re.MULTILINE)
-    found = []
+    own_settings = []
     for line in block[1].splitlines() if block else []:
         match = re.match(r"  - ([\w/@.]+): *(\[.*?\]|[^#]*?) *(?:#\s*(.*))?$", line)
         if match:
-            found.append(Setting(match[1], match[2], match[3] or ""))
-    return found
+            own_settings.append(Setting(match[1], match[2], match[3] or ""))
+    return own_settings
 
 
 def read_settings(text: str) -> list[Setting]:
     """The settings of a configuration with their comments, nested ones by their dotted path."""
     text = re.sub(r"^defaults:\n(?:  .*\n|#.*\n)*", "", text, flags=re.MULTILINE)
-    found: list[Setting] = []
+    own_settings: list[Setting] = []
     path: list[str] = []
     above: list[str] = []
     for line in text.splitlines():
@@ -117,9 +117,9 @@ def read_settings(text: str) -> list[Setting]:
         value, _, about = (part.strip() for part in rest.partition("#"))
         path = [*path[:indent], key]
         if path[0] != "hydra" and value:
-            found.append(Setting(".".join(path), value, " ".join([*above, about]).strip()))
+            own_settings.append(Setting(".".join(path), value, " ".join([*above, about]).strip()))
         above = [about] if about and not value else []
-    return found
+    return own_settings
 
 
 def _members(conf: Path, group: str, chosen: str) -> list[str]:

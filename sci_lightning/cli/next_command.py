@@ -18,7 +18,7 @@ def override(key: str, value: str | Path) -> str:
     text = str(value)
     if not re.fullmatch(r"[\w./+~@%-]+", text):
         # in Hydra's quotes a backslash means itself, except before a quote
-        text = "'" + re.sub(r"(\\*)('|$)", lambda found: 2 * found[1] + ("\\'" if found[2] else ""), text) + "'"
+        text = "'" + re.sub(r"(\\*)('|$)", lambda match: 2 * match[1] + ("\\'" if match[2] else ""), text) + "'"
     return f"{key}={text}"
 
 

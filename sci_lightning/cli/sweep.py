@@ -33,7 +33,7 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError
 from sci_lightning.cli.failure_line import exit_status, one_line, root_cause
 from sci_lightning.cli.hydra_callbacks import check_folder
 from sci_lightning.errors import BadInput, NoSuchCombination
-from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.runs.run_folder import is_first_process
 
 CHANGES_EVERYTHING = ("experiment", "scale")
@@ -82,7 +82,7 @@ class RowFiles:
         self.folder = Path(folder)
 
     def write(self, row: Row) -> None:
-        with whole_file(self.folder / f"{row.number}.json") as temporary:
+        with atomic_write(self.folder / f"{row.number}.json") as temporary:
             temporary.write_text(json.dumps(asdict(row)))
 
     def take(self) -> list[Row]:

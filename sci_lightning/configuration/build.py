@@ -107,7 +107,7 @@ def _imported(key: str, target: Any) -> Callable[..., Any]:
     for end in range(len(parts) - 1, 0, -1):
         name = ".".join(parts[:end])
         try:
-            found: Any = importlib.import_module(name)
+            member: Any = importlib.import_module(name)
         except ModuleNotFoundError as error:
             if error.name is not None and (name == error.name or name.startswith(f"{error.name}.")):
                 continue  # a class, or there is no such module
@@ -116,10 +116,10 @@ def _imported(key: str, target: Any) -> Callable[..., Any]:
             raise BadInput(f"{key}._target_={target}: cannot be imported ({type(error).__name__}: {error})") from error
         try:
             for part in parts[end:]:
-                found = getattr(found, part)
+                member = getattr(member, part)
         except AttributeError as error:
             raise BadInput(f"{key}._target_={target}: no such class ({error})") from error
-        if not callable(found):
+        if not callable(member):
             raise BadInput(f"{key}._target_={target}: not a class or a function")
-        return found
+        return member
     raise BadInput(f"{key}._target_={target}: there is no module '{parts[0]}'")

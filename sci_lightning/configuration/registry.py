@@ -67,8 +67,8 @@ def class_for_file(path: str | Path, target: object, trusted: Iterable[str] = ()
     """
     from torch import nn
 
-    if isinstance(target, str) and (found := registered_classes().get(target)):
-        return found
+    if isinstance(target, str) and (known := registered_classes().get(target)):
+        return known
     package = str(target).partition(".")[0]
     if isinstance(target, str) and NAME.fullmatch(target) and package in trusted and package != "sci_lightning":
         module, _, name = target.rpartition(".")

@@ -21,7 +21,7 @@ from rich.progress import track
 from sci_lightning.cli.console import PlainConsole
 from sci_lightning.data.reader import frame_files, read_frames
 from sci_lightning.errors import BadInput, as_machine_failure
-from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.npy_file import npy_header
 
 TRAILER = struct.Struct("<8sII")
@@ -188,7 +188,7 @@ def _checksum(file: Path, layout: Layout) -> int:
 
 def _write(clip: Path, file: Path) -> Layout:
     """Decode ``clip`` into ``file`` with one frame in memory at a time."""
-    with whole_file(file) as temporary, temporary.open("wb") as stream:
+    with atomic_write(file) as temporary, temporary.open("wb") as stream:
         stream.write(_header((0, 0, 0)))  # a placeholder: the number of frames is known at the end
         count, size, pixels = 0, (0, 0), 0
         for frame in read_frames(clip):

@@ -144,16 +144,16 @@ def diagnose(
     fitter = Fitter(model, split(observation, settings), settings)
     noise, stated_by_file = datasheet_noise(observation)
     ideal = fitter.fit(noise, fixed=stated_by_file, iterations=30)
-    found = search(fitter, ideal, noise, on_progress)
-    corrected = found.fit
-    if found.unnamed and not empirical:  # the noise keeps its values: it must not absorb what has no name
-        named = found.fit.hypothesis
-        for deviation in found.unnamed:
+    explanation = search(fitter, ideal, noise, on_progress)
+    corrected = explanation.fit
+    if explanation.unnamed and not empirical:  # the noise keeps its values: it must not absorb what has no name
+        named = explanation.fit.hypothesis
+        for deviation in explanation.unnamed:
             named = named.without(deviation.name)
         fixed = tuple((effect, parameter) for effect in noise.effects for parameter in noise.effects[effect])
         corrected = fitter.fit(named, fixed=fixed)
     before, after = (assess(fitter, fit, seed) for fit in (ideal, corrected))
-    names = sorted(found.names, key=lambda name: model.vocabulary[name].rank)
+    names = sorted(explanation.names, key=lambda name: model.vocabulary[name].rank)
     return Diagnosis(
         observation=observation,
         model=model,
@@ -162,9 +162,9 @@ def diagnose(
         seed=seed,
         before=before,
         after=after,
-        effects=named_effects(fitter, found.fit, names),
-        unnamed=found.unnamed,
-        rounds=found.rounds,
+        effects=named_effects(fitter, explanation.fit, names),
+        unnamed=explanation.unnamed,
+        rounds=explanation.rounds,
         stated_noise=tuple(effect for effect, _ in stated_by_file),
         correlation=error_correlation(corrected),
         remaining=remaining_tests(fitter, before, after, names),

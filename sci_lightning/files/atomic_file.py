@@ -26,7 +26,7 @@ WRONG_PLACE = (
 
 
 @contextmanager
-def whole_file(path: str | Path) -> Iterator[Path]:
+def atomic_write(path: str | Path) -> Iterator[Path]:
     """Give a temporary path in the folder of ``path``; rename it to ``path`` on success, remove it on failure.
 
     The folder is made when needed. The temporary name keeps the ending, which some writers look at. The file's content
@@ -74,9 +74,9 @@ def _temporary(path: Path) -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)
         with suppress(FileNotFoundError):
             path.lstat()  # raises at once, and not after hours of work, if the name is too long
-        for leftover in path.parent.glob(f".*.{_digest(path)}.*"):
-            if _abandoned(leftover):
-                leftover.unlink(missing_ok=True)
+        for abandoned in path.parent.glob(f".*.{_digest(path)}.*"):
+            if _abandoned(abandoned):
+                abandoned.unlink(missing_ok=True)
         suffix = path.suffix if len(path.suffix) <= 16 else ""
         start = path.stem.encode(errors="surrogateescape")[:60].decode(errors="ignore")
         name = f".{start}.{_digest(path)}.{_machine()}-{os.getpid()}-{uuid4().hex[:8]}.part{suffix}"

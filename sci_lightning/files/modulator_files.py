@@ -17,7 +17,7 @@ from PIL import Image
 from sci_lightning.configuration.arguments import check_value
 from sci_lightning.configuration.bounds import Bits, Frames, Pixels, Size
 from sci_lightning.errors import BadInput
-from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.json_fields import read_json
 from sci_lightning.files.memory_bound import check_memory
 from sci_lightning.tables.run_files import is_inside
@@ -123,7 +123,7 @@ def write_planes(mask: torch.Tensor, bits: int, folder: str | Path, layout: Layo
         "timing": timing,
         "planes": planes,
     }
-    with whole_file(folder / SHEET) as temporary:
+    with atomic_write(folder / SHEET) as temporary:
         temporary.write_text(json.dumps(about, indent=1) + "\n")
 
 
@@ -181,7 +181,7 @@ def timing_of(frames: int, bits: int, frame_rate: float, binary_rate: float, gra
 
 
 def _write_png(path: Path, picture: Image.Image) -> None:
-    with whole_file(path) as temporary:
+    with atomic_write(path) as temporary:
         picture.save(temporary)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 from PIL import Image
 
-from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.atomic_file import atomic_write
 
 
 def to_bytes(video: torch.Tensor) -> torch.Tensor:
@@ -19,12 +19,12 @@ def write_frames(video: torch.Tensor, folder: str | Path) -> None:
     """Write ``(N, T, H, W)`` as 8-bit ``NNN_TT.png``: snapshot and frame, both counted from 0."""
     for snapshot, frames in enumerate(to_bytes(video).numpy()):
         for slot, frame in enumerate(frames):
-            with whole_file(Path(folder) / f"{snapshot:03d}_{slot:02d}.png") as temporary:
+            with atomic_write(Path(folder) / f"{snapshot:03d}_{slot:02d}.png") as temporary:
                 Image.fromarray(frame).save(temporary)
 
 
 def write_gif(video: torch.Tensor, path: str | Path, fps: float = 8.0) -> None:
     """Write ``(N, T, H, W)`` as one animated GIF that repeats, snapshot after snapshot."""
     first, *rest = [Image.fromarray(frame) for frame in to_bytes(video).flatten(0, 1).numpy()]
-    with whole_file(path) as temporary:
+    with atomic_write(path) as temporary:
         first.save(temporary, save_all=True, append_images=rest, duration=1000 / fps, loop=0)

@@ -9,7 +9,7 @@ import torch
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.plain_text import in_figure
 
 MAX_FRAMES = 8
@@ -90,5 +90,5 @@ def show_picture(axes: Axes, image: np.ndarray, title: str, high: float = 1.0, c
 
 def write_figure(figure: Figure, path: str | Path) -> None:
     """Write a figure as PNG without margins; an existing file is replaced only by a complete one."""
-    with whole_file(path) as temporary:
+    with atomic_write(path) as temporary:
         figure.savefig(temporary, dpi=150, bbox_inches="tight")

@@ -42,7 +42,7 @@ def proving_ground(composition: Composition) -> None:
     pictures = write_pictures(out, records)
     marks = {True: styled("yes", "green"), False: styled("no ", "red"), None: styled("   ", "")}
     for row in rows:
-        console.say(marks[row.met], f" {row.what}: {row.found}" + (f" (target {row.target})" if row.target else ""))
+        console.say(marks[row.met], f" {row.what}: {row.figure}" + (f" (target {row.target})" if row.target else ""))
     console.say(styled(out), f": summary.md, summary.json, {', '.join(path.name for path in pictures)}")
     same = [f"{key}={settings[key]}".replace(" ", "").replace("'", "") for key in ("suites", "size", "cases")]
     overrides = [override.replace("None", "null") for override in (*same, f"seeds={cfg.seeds + 1}")]

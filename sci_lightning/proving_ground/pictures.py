@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator, NullLocator
 
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE
-from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.proving_ground.outcome import Failure, Outcome
 from sci_lightning.proving_ground.proportion import NORMAL, Proportion
 from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY
@@ -45,7 +45,7 @@ def write_pictures(out: str | Path, records: Iterable[Outcome | Failure]) -> lis
     for name, (draw, cases) in pictures.items():
         if cases:
             paths.append(Path(out) / f"{name}.png")
-            with whole_file(paths[-1]) as temporary:
+            with atomic_write(paths[-1]) as temporary:
                 draw(cases).savefig(temporary, dpi=130, format="png")
     return paths
 

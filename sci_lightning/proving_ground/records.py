@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sci_lightning.errors import BadInput
-from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.proving_ground.case import Case
 from sci_lightning.proving_ground.outcome import Failure, Outcome, parse_record
 
@@ -25,7 +25,7 @@ class Records:
 
     def write(self, record: Mapping[str, Any]) -> None:
         """Write a record; it replaces an earlier one of the same case."""
-        with whole_file(self.folder / f"{record['case']}.json") as temporary:
+        with atomic_write(self.folder / f"{record['case']}.json") as temporary:
             temporary.write_text(json.dumps(record, indent=1) + "\n")
 
     def read(self) -> list[Outcome | Failure]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sci_lightning import __version__
-from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.proving_ground.summary import Row
 
 ANSWERS = {True: "yes", False: "**no**", None: ""}
@@ -17,7 +17,7 @@ ANSWERS = {True: "yes", False: "**no**", None: ""}
 def write_report(out: str | Path, rows: Sequence[Row]) -> None:
     """Write both files into the folder ``out``; neither is ever half written."""
     out = Path(out)
-    with whole_file(out / "summary.md") as temporary:
+    with atomic_write(out / "summary.md") as temporary:
         temporary.write_text(as_markdown(rows))
     content = {
         "format": "sci-proving-ground",
@@ -25,17 +25,17 @@ def write_report(out: str | Path, rows: Sequence[Row]) -> None:
         "rows": [as_plain_data(row) for row in rows],
         "sci_lightning": __version__,
     }
-    with whole_file(out / "summary.json") as temporary:
+    with atomic_write(out / "summary.json") as temporary:
         temporary.write_text(json.dumps(content, indent=1) + "\n")
 
 
 def as_markdown(rows: Sequence[Row]) -> str:
     """Return the table, then which targets were missed, then every case that counts against a row."""
     lines = ["| what | found (95 % interval) | target | reached |", "|---|---|---|---|"]
-    lines += [f"| {row.what} | {row.found} | {row.target} | {ANSWERS[row.met]} |" for row in rows]
-    missed = [f"- {row.what}: {row.found}; the target is {row.target}." for row in rows if row.met is False]
+    lines += [f"| {row.what} | {row.figure} | {row.target} | {ANSWERS[row.met]} |" for row in rows]
+    missed = [f"- {row.what}: {row.figure}; the target is {row.target}." for row in rows if row.met is False]
     lines += ["", "## What fell short", "", *(missed or ["Nothing."])]
-    if not_tried := [row.what for row in rows if row.found == "no cases"]:
+    if not_tried := [row.what for row in rows if row.figure == "no cases"]:
         lines += ["", f"Not tried: {'; '.join(not_tried)}."]
     for row in rows:
         if row.missed:
@@ -45,7 +45,7 @@ def as_markdown(rows: Sequence[Row]) -> str:
 
 def as_plain_data(row: Row) -> dict[str, Any]:
     """Return a row as plain data for JSON; keys without a value are absent."""
-    content: dict[str, Any] = {"what": row.what, "found": row.found}
+    content: dict[str, Any] = {"what": row.what, "found": row.figure}
     if row.target:
         content["target"] = row.target
     if row.met is not None:

@@ -38,15 +38,15 @@ class Row:
 
     Attributes:
         what: what is measured.
-        found: the figure, in words.
+        figure: the figure, in words.
         target: the target, in words; empty where there is none.
-        met: whether the figure itself reaches the target (its interval is in ``found``); None without cases or target.
+        met: whether the figure itself reaches the target (its interval is in ``figure``); None without cases or target.
         proportion: the proportion that the figure is, where it is one.
         missed: the cases that count against the row, a line each.
     """
 
     what: str
-    found: str
+    figure: str
     target: str = ""
     met: bool | None = None
     proportion: Proportion | None = None
@@ -107,7 +107,7 @@ def exact_names(outcomes: Sequence[Outcome], failures: Sequence[Failure], suite:
     row = at_least(what, counted, lambda outcome: outcome.exact, least, failed(failures, suite))
     if not (left_out := len(cases) - len(counted)) or not (row.proportion and row.proportion.total):
         return row
-    return replace(row, found=f"{row.found}; {left_out} not asked: too faint or too strong")
+    return replace(row, figure=f"{row.figure}; {left_out} not asked: too faint or too strong")
 
 
 def false_alarms(outcomes: Sequence[Outcome], mask: str) -> Row:
@@ -160,8 +160,8 @@ def interval_coverage(outcomes: Sequence[Outcome]) -> Row:
     # Among few parameters, all intervals may contain the truth, although one in a hundred should not.
     met = proportion.share >= 0.9 and proportion.interval[0] <= 0.99
     rms = math.sqrt(sum(error**2 for _, error, _ in errors) / len(errors))
-    found = f"{in_words(proportion)}; errors of {rms:.2f} stated standard deviations, root mean square"
-    return Row(what, found, target, met, proportion, missed)
+    figure = f"{in_words(proportion)}; errors of {rms:.2f} stated standard deviations, root mean square"
+    return Row(what, figure, target, met, proportion, missed)
 
 
 def closed_gap(outcomes: Iterable[Outcome]) -> Row:
@@ -171,7 +171,7 @@ def closed_gap(outcomes: Iterable[Outcome]) -> Row:
     row = at_least(what, counted, lambda outcome: outcome.closed >= CLOSED_SHARE, 1.0)
     if not counted:
         return row
-    return replace(row, found=f"{row.found}; median {median(outcome.closed for outcome in counted):.1%} closed")
+    return replace(row, figure=f"{row.figure}; median {median(outcome.closed for outcome in counted):.1%} closed")
 
 
 def times(outcomes: Sequence[Outcome]) -> list[Row]:

@@ -22,7 +22,7 @@ from sci_lightning.encoder.light_path import name_numbered_effects
 from sci_lightning.encoder.mask import Mask
 from sci_lightning.encoder.trial import check_recording
 from sci_lightning.errors import BadInput
-from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.plain_text import excerpt, with_article
 from sci_lightning.runs.checkpoint_archive import check_archive, check_values
 from sci_lightning.runs.checkpoint_contents import check_run_config, check_state
@@ -140,7 +140,7 @@ def write_weights(path: str | Path, config: Mapping[str, Any], state: Mapping[st
         state: likewise.
     """
     digest = checkpoint_digest(config, state)
-    with whole_file(path) as temporary:
+    with atomic_write(path) as temporary:
         if temporary.suffix == ".safetensors":
             from safetensors.torch import save_file
 
@@ -155,7 +155,7 @@ class SafeCheckpointIO(TorchCheckpointIO):
 
     def save_checkpoint(self, checkpoint: dict[str, Any], path: Any, storage_options: Any = None) -> None:
         digest = checkpoint_digest(checkpoint["config"], checkpoint["state_dict"])
-        with whole_file(path) as temporary:
+        with atomic_write(path) as temporary:
             torch.save({**checkpoint, "digest": digest}, temporary)
 
     def load_checkpoint(self, path: Any, map_location: Any = None, weights_only: bool | None = None) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from sci_lightning.cli.console import PlainConsole
 from sci_lightning.decoder.complexity import count_macs, count_parameters
-from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.training.system import System
 
 UNITS = {"psnr": "PSNR (dB)", "ssim": "SSIM", "qscore": "Q-Score"}
@@ -104,7 +104,7 @@ def with_effects(name: str, effects: Iterable[str]) -> str:
 
 def write_json(content: Mapping[str, Any], path: str | Path) -> None:
     """Write JSON whole or not at all."""
-    with whole_file(path) as temporary:
+    with atomic_write(path) as temporary:
         temporary.write_text(json.dumps(content, indent=1) + "\n")
 
 

@@ -53,18 +53,18 @@ def check_nothing_lost(out: Path, training: bool, resume: bool = False, ckpt_pat
     Raises:
         BadInput: there is a training that would be lost, in whole or in part.
     """
-    found = [name for name in RESULTS if os.path.lexists(out / name)]
+    present = [name for name in RESULTS if os.path.lexists(out / name)]
     if not training:
-        if checkpoints := [name for name in found if name.startswith("checkpoints/")]:
+        if checkpoints := [name for name in present if name.startswith("checkpoints/")]:
             raise BadInput(
                 f"{out}: holds a training ({checkpoints[0]}), part of it would be overwritten; give another out="
             )
         return
     last = out / "checkpoints" / "last.ckpt"
     own = ckpt_path is not None and last.is_file() and Path(ckpt_path).exists() and last.samefile(ckpt_path)
-    if found and not (resume or own or any(out.glob("hpc_ckpt_*.ckpt"))):  # Slurm starts the same command line again
+    if present and not (resume or own or any(out.glob("hpc_ckpt_*.ckpt"))):  # Slurm starts the same command line again
         raise BadInput(
-            f"{out}: holds an earlier run ({found[0]}), which would be overwritten; resume=true keeps it and goes on "
+            f"{out}: holds an earlier run ({present[0]}), which would be overwritten; resume=true keeps it and goes on "
             "where it stopped, another out= starts a new one"
         )
 
@@ -79,14 +79,14 @@ def load_finished_metrics(out: Path, config: Mapping[str, Any]) -> dict[str, Any
     if not path.is_file():
         return None
     try:
-        found = json.loads(path.read_text())
-        earlier = dict(found["config"])
-        float(found["mean"]["psnr"])
+        present = json.loads(path.read_text())
+        earlier = dict(present["config"])
+        float(present["mean"]["psnr"])
         check_plain_data(path, earlier)
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise BadInput(f"{path}: not the metrics of a run; remove it, and the run is made again") from error
     _check_same(path, earlier, config)
-    return dict(found)
+    return dict(present)
 
 
 def find_resumable_checkpoint(out: Path, config: Mapping[str, Any]) -> str | None:

@@ -37,11 +37,11 @@ def _pairs(claim: Mapping[str, Any], lines: Mapping[str, list[Line]]) -> Iterato
     cells = []
     for side in ("ahead", "behind"):
         table, names, column = claim[side]
-        found: dict[str, list[Line]] = {}
+        groups: dict[str, list[Line]] = {}
         for line in lines[table]:
             if line.column == column and (names == "each" or line.row in names):
-                found.setdefault(line.row, []).append(line)
-        cells.append(found)
+                groups.setdefault(line.row, []).append(line)
+        cells.append(groups)
     ahead, behind = cells
     for row, group in ahead.items():
         if claim["behind"][1] != "each":

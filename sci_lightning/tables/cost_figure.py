@@ -101,7 +101,7 @@ def _places(
     )
     radius = [(AREA * point.parameters / largest) ** 0.5 / 2 for point in points]
     taken = [(a - r, b - r, a + r, b + r) for a, b, r in zip(x, y, radius, strict=True)]
-    found = {}
+    content = {}
     for row, point in best.items():
         text = f"{in_figure(row)}, {point.parameters:.3g} M"
         number = next(number for number, other in enumerate(points) if other is point)
@@ -120,8 +120,8 @@ def _places(
         covered = [sum(_overlap(box, other) for other in taken) + _beyond(box) for box in boxes]
         chosen = covered.index(min(covered))
         taken.append(boxes[chosen])
-        found[row] = text, middles[chosen]
-    return found
+        content[row] = text, middles[chosen]
+    return content
 
 
 def _spread(values: Sequence[float], length: float) -> list[float]:

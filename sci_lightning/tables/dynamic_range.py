@@ -46,7 +46,7 @@ def wedge(encoder: Encoder, steps: int = STEPS) -> torch.Tensor:
     return reported[:, mask.sum(0) > 0]
 
 
-def told_apart(reported: torch.Tensor) -> int:
+def distinguishable_steps(reported: torch.Tensor) -> int:
     """How many steps of a wedge ``(steps, pixels)`` can be told apart.
 
     From black on, the next one is the first whose mean over the pixels exceeds the last one's by more than the noise:
@@ -62,7 +62,7 @@ def told_apart(reported: torch.Tensor) -> int:
 
 def dynamic_range_table(recorded: Mapping[str, torch.Tensor], sensor: Mapping[str, float]) -> Grid:
     """A row for each encoder."""
-    rows = [[name, str(told_apart(reported)), str(len(reported))] for name, reported in recorded.items()]
+    rows = [[name, str(distinguishable_steps(reported)), str(len(reported))] for name, reported in recorded.items()]
     noise = f"full well {sensor['full_well']:g} electrons, read noise {sensor['read_noise']:g} DN"
     notes = [
         f"Simulated, single pixels: steps whose means differ by more than the noise of two pixels. Sensors: {noise}.",
@@ -80,7 +80,7 @@ def dynamic_range_figure(recorded: Mapping[str, torch.Tensor]) -> Figure:
         bins = 64
         shares = torch.stack([torch.histc(step.clamp(0, 1.25), bins, 0, 1.25) for step in reported]) / reported.shape[1]
         image = panel.imshow(shares.T, origin="lower", extent=(0, 1, 0, 1.25), aspect="auto", cmap="magma", vmax=0.5)
-        panel.set(title=f"{name}: {told_apart(reported)} steps told apart", xlabel="brightness of the step")
+        panel.set(title=f"{name}: {distinguishable_steps(reported)} steps told apart", xlabel="brightness of the step")
     axes[0].set_ylabel("brightness that pixels report")
     figure.colorbar(image, ax=axes, label="share of pixels")
     return figure

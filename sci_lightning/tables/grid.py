@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from rich import box
 from rich.table import Table
 
-from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.plain_text import file_name, in_figure, in_latex, in_markdown
 from sci_lightning.imaging.figures import write_figure
 
@@ -40,7 +40,7 @@ class Grid:
         folder, name = Path(folder), file_name(self.name)
         texts = {"md": self.as_markdown(), "tex": self.as_latex()}
         for ending, text in texts.items():
-            with whole_file(folder / f"{name}.{ending}") as temporary:
+            with atomic_write(folder / f"{name}.{ending}") as temporary:
                 temporary.write_text(text, encoding="utf-8")
         write_figure(self.as_figure(), folder / f"{name}.png")
         return [folder / f"{name}.{ending}" for ending in (*texts, "png")]

@@ -20,7 +20,7 @@ def files_below(folder: str | Path, name: str) -> list[Path]:
         BadInput: more than ``MOST_ENTRIES`` files and folders.
     """
     folder = Path(folder)
-    found: list[tuple[float, str]] = []
+    matches: list[tuple[float, str]] = []
     waiting, count = [str(folder)], 0
     while waiting:
         try:
@@ -34,8 +34,8 @@ def files_below(folder: str | Path, name: str) -> list[Path]:
             if entry.is_dir(follow_symlinks=False):
                 waiting.append(entry.path)
             elif entry.name == name and is_inside(Path(entry.path), folder):
-                found.append((entry.stat().st_mtime, entry.path))
-    return [Path(path) for _, path in sorted(found)]
+                matches.append((entry.stat().st_mtime, entry.path))
+    return [Path(path) for _, path in sorted(matches)]
 
 
 def is_inside(path: str | Path, folder: str | Path) -> bool:

@@ -51,8 +51,8 @@ def score_table(
             rows.append(cells + [""] * len(COST) * bool(table.get("cost")))
     devices = sorted({run.device for line in lines for run in line.runs})
     notes = [f"Runs on {', '.join(devices)}."] if devices else []
-    told = {f"{key}: {text}." for line in lines for run in line.runs for key, text in run.setting.conventions}
-    notes += sorted(told)
+    sentences = {f"{key}: {text}." for line in lines for run in line.runs for key, text in run.setting.conventions}
+    notes += sorted(sentences)
     heading = HEADING + COST if table.get("cost") else HEADING
     return Grid(name, table["title"], heading, rows, notes + [COST_NOTE] * bool(table.get("cost")))
 

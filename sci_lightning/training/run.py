@@ -157,10 +157,10 @@ def _test(system: System, trainer: L.Trainer, scenes: Any, config: Mapping[str, 
             tests[name] = run_metrics(tested, {**names, "test_encoder": name}, recorded)
             write_json(tests[name].to_json(), out / f"test_{name}" / "metrics.json")
     trainer.test(system, scenes, verbose=False)
-    found = run_metrics(system, {**names, "test_encoder": names["encoder"]}, recorded)
+    scores = run_metrics(system, {**names, "test_encoder": names["encoder"]}, recorded)
     if trainer.is_global_zero:  # metrics.json last: it says that the run is finished
-        write_json(found.to_json(), out / "metrics.json")
+        write_json(scores.to_json(), out / "metrics.json")
         for logger in trainer.loggers:
             if isinstance(logger, TensorBoardLogger):
-                logger.log_hyperparams(hparams(found), {f"test/{key}": value for key, value in found.mean.items()})
-    return Run(out, found, out / "checkpoints" / "last.ckpt", tests)
+                logger.log_hyperparams(hparams(scores), {f"test/{key}": value for key, value in scores.mean.items()})
+    return Run(out, scores, out / "checkpoints" / "last.ckpt", tests)

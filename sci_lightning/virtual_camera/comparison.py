@@ -85,11 +85,11 @@ def compare(hidden: Sequence[HiddenEffect], report: Report) -> list[ComparedPara
             answer = _answer(true_value, unit, estimate)
             rows.append(ComparedParameter(effect.name, name, unit, true_value, estimate, answer))
     hidden_names = {effect.name for effect in hidden}
-    for found in report.effects:
-        if found.name not in hidden_names:
+    for named in report.effects:
+        if named.name not in hidden_names:
             rows += [
-                ComparedParameter(found.name, name, estimate.unit, None, estimate, "not hidden")
-                for name, estimate in found.parameters.items()
+                ComparedParameter(named.name, name, estimate.unit, None, estimate, "not hidden")
+                for name, estimate in named.parameters.items()
             ]
     return rows
 
@@ -100,7 +100,7 @@ def verdict(hidden: Sequence[HiddenEffect], report: Report) -> str:
     reported = [effect.name for effect in report.effects]
     if not hidden:
         anything = reported or report.unnamed_stages
-        return f"nothing was hidden{': a false alarm' if anything else ', and nothing was found'}"
+        return f"nothing was hidden{': a false alarm' if anything else ', and nothing was named'}"
     if set(reported) == set(stages):
         return f"every name is right{', but something is left unnamed' if report.unnamed_stages else ''}"
     outside = [effect.name for effect in hidden if not effect.in_vocabulary]

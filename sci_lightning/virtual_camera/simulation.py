@@ -10,7 +10,7 @@ import numpy as np
 
 from sci_lightning.captures.captures import Captures
 from sci_lightning.errors import BadInput
-from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.hdf5_file import write_hdf5
 from sci_lightning.virtual_camera.acquisition import Acquisition
 from sci_lightning.virtual_camera.evidence import log_likelihood_gains
@@ -126,10 +126,10 @@ class Simulation:
             "exposure": acquisition.exposure,
             "kind": acquisition.kind,
         }
-        with whole_file(path) as temporary:
+        with atomic_write(path) as temporary:
             write_hdf5(temporary, attributes, datasets)
         truth = path.with_suffix(".truth.json")
-        with whole_file(truth) as temporary:
+        with atomic_write(truth) as temporary:
             temporary.write_text(json.dumps({**self.truth().as_json(), "captures": path.name}, indent=2) + "\n")
         return truth
 

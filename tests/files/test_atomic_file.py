@@ -22,7 +22,7 @@ from safetensors.torch import save_file
 from sci_lightning.captures import read_captures, write_captures
 from sci_lightning.cli.failure_line import exit_status, one_line
 from sci_lightning.errors import BadInput, MachineFailure
-from sci_lightning.files.atomic_file import ABANDONED_AFTER, whole_file
+from sci_lightning.files.atomic_file import ABANDONED_AFTER, atomic_write
 from tests.captures.conftest import write
 from tests.conftest import ROOT
 from tests.end_to_end.test_train import TINY
@@ -54,7 +54,7 @@ def nearly_full_disk(room: int) -> Iterator[None]:
 def test_full_disk(tmp_path: Path, writer: str) -> None:
     path = tmp_path / ("a.npy" if writer == "array" else "a.png" if writer == "picture" else "a.bin")
     path.write_text("before")
-    with pytest.raises(MachineFailure) as caught, nearly_full_disk(100_000), whole_file(path) as temporary:
+    with pytest.raises(MachineFailure) as caught, nearly_full_disk(100_000), atomic_write(path) as temporary:
         WRITERS[writer](temporary)
     line = str(caught.value)
     assert line.startswith(f"{path}: ") and "free some space or write to another disk" in line and "\n" not in line
@@ -66,14 +66,14 @@ def test_what_libraries_make_of_a_full_disk(tmp_path: Path) -> None:
     """Errors that only carry the system's text, or another error that does."""
     for error in (OSError(errno.ENOSPC, "No space left on device"), OSError(errno.EDQUOT, "Disk quota exceeded")):
         said = r"a\.txt: (no space left on device|disk quota exceeded); free some"
-        with pytest.raises(MachineFailure, match=said), whole_file(tmp_path / "a.txt"):
+        with pytest.raises(MachineFailure, match=said), atomic_write(tmp_path / "a.txt"):
             raise error
         assert exit_status(error) == 1 and "free some space" in one_line(error)
-    with pytest.raises(MachineFailure, match=r"a\.txt: no space left on device"), whole_file(tmp_path / "a.txt"):
+    with pytest.raises(MachineFailure, match=r"a\.txt: no space left on device"), atomic_write(tmp_path / "a.txt"):
         raise RuntimeError(
             "Can't write data (file write failed: errno = 28, error message = 'No space left on device')"
         )
-    with pytest.raises(ZeroDivisionError), whole_file(tmp_path / "a.txt"):
+    with pytest.raises(ZeroDivisionError), atomic_write(tmp_path / "a.txt"):
         raise ZeroDivisionError
     assert os.listdir(tmp_path) == []
     assert exit_status(OSError(errno.EACCES, "Permission denied", "a.txt")) == 2
@@ -96,7 +96,7 @@ def test_full_disk_while_captures_are_written(tmp_path: Path, room: int) -> None
 def test_where_no_file_can_be(tmp_path: Path, path: str, reason: str) -> None:
     (tmp_path / "file").write_text("before")
     (tmp_path / "folder").mkdir()
-    with pytest.raises(BadInput, match=reason) as caught, whole_file(tmp_path / path):
+    with pytest.raises(BadInput, match=reason) as caught, atomic_write(tmp_path / path):
         pytest.fail("the writer had begun")
     assert str(caught.value).startswith(str(tmp_path / path)) and "\n" not in str(caught.value)
     assert sorted(os.listdir(tmp_path)) == ["file", "folder"] and (tmp_path / "file").read_text() == "before"
@@ -108,14 +108,14 @@ def test_a_folder_that_is_read_only(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(Path, "touch", denied)
     said = r"a\.txt: no file can be written there \(permission denied\); give another"
-    with pytest.raises(BadInput, match=said), whole_file(tmp_path / "a.txt"):
+    with pytest.raises(BadInput, match=said), atomic_write(tmp_path / "a.txt"):
         pytest.fail("the writer had begun")
 
 
 @pytest.mark.parametrize("name", ["a" * 251 + ".txt", "ä" * 120 + ".npy", "a." + "b" * 200, "x[1]*.txt"])
 def test_long_and_strange_names(tmp_path: Path, name: str) -> None:
     for text in ("first", "second"):
-        with whole_file(tmp_path / name) as temporary:
+        with atomic_write(tmp_path / name) as temporary:
             temporary.write_text(text)
     assert os.listdir(tmp_path) == [name] and (tmp_path / name).read_text() == "second"
     assert (tmp_path / name).stat().st_mode & 0o777 == 0o666 & ~os.umask(os.umask(0o22))
@@ -123,8 +123,8 @@ def test_long_and_strange_names(tmp_path: Path, name: str) -> None:
 
 KILLED = """
 import os, signal, sys
-from sci_lightning.files.atomic_file import whole_file
-with whole_file(sys.argv[1]) as temporary:
+from sci_lightning.files.atomic_file import atomic_write
+with atomic_write(sys.argv[1]) as temporary:
     temporary.write_text("half")
     os.kill(os.getpid(), signal.SIGKILL)
 """
@@ -137,7 +137,7 @@ def test_leftovers_of_killed_writers_go_and_nothing_else(tmp_path: Path) -> None
     for name in ("a.npy", "a.npy", "b.npy"):
         subprocess.run([sys.executable, "-c", KILLED, tmp_path / name], cwd=ROOT, check=False)
     assert len(os.listdir(tmp_path)) == len(kept) + 2  # the second writer of a.npy removed the first one's
-    with whole_file(tmp_path / "a.npy") as outer, whole_file(tmp_path / "a.npy") as inner:
+    with atomic_write(tmp_path / "a.npy") as outer, atomic_write(tmp_path / "a.npy") as inner:
         assert outer.exists() and inner.exists()  # that of a living process stays
         inner.write_text("a")
         outer.write_text("a")
@@ -145,12 +145,12 @@ def test_leftovers_of_killed_writers_go_and_nothing_else(tmp_path: Path) -> None
     assert len(left) == 2 and left[0].startswith(".b.") and left[1] == "a.npy"
     elsewhere = left[0].replace(left[0].split(".")[3].split("-")[0], "00000000")  # written by another machine
     (tmp_path / left[0]).rename(tmp_path / elsewhere)
-    with whole_file(tmp_path / "b.npy"):
+    with atomic_write(tmp_path / "b.npy"):
         pass
     assert (tmp_path / elsewhere).exists()
     old = time.time() - ABANDONED_AFTER - 1
     os.utime(tmp_path / elsewhere, (old, old))
-    with whole_file(tmp_path / "b.npy"):
+    with atomic_write(tmp_path / "b.npy"):
         pass
     assert sorted(os.listdir(tmp_path)) == sorted([*kept, "a.npy", "b.npy"])
 
@@ -162,7 +162,7 @@ def test_file_and_folder_are_on_the_disk_when_it_has_its_name(tmp_path: Path, mo
         os, "fsync", lambda handle: (steps.append(os.readlink(f"/proc/self/fd/{handle}")), fsync(handle))
     )
     monkeypatch.setattr(os, "replace", lambda *names: (steps.append("replace"), replace(*names)))
-    with whole_file(tmp_path / "a.txt") as temporary:
+    with atomic_write(tmp_path / "a.txt") as temporary:
         temporary.write_text("a")
     assert steps == [str(temporary), "replace", str(tmp_path)]
 

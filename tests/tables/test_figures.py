@@ -17,7 +17,7 @@ from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.mask import LearnedStructural, RandomBinary
 from sci_lightning.encoder.sensor import ClipQuantise, Ideal
 from sci_lightning.tables.cost_figure import cost_figure
-from sci_lightning.tables.dynamic_range import told_apart, wedge
+from sci_lightning.tables.dynamic_range import distinguishable_steps, wedge
 from sci_lightning.tables.run import find_runs
 from tests.end_to_end.test_train import TINY
 from tests.tables.conftest import Made
@@ -27,23 +27,23 @@ PAPER: dict[str, Any] = yaml.safe_load((PACKAGE / "tables" / "paper_figures.yaml
 
 def test_told_apart() -> None:
     exact = torch.linspace(0, 1, 11)[:, None].expand(-1, 500)
-    assert told_apart(exact) == 11
-    assert told_apart(torch.zeros(11, 500)) == 1
+    assert distinguishable_steps(exact) == 11
+    assert distinguishable_steps(torch.zeros(11, 500)) == 1
     noise = torch.randn(11, 500, generator=torch.Generator().manual_seed(0))
-    assert told_apart(exact + 0.1 * noise) in (5, 6, 7)  # two pixels differ by 0.14: every other step
-    assert told_apart(exact.clamp(max=0.5)) == 6
+    assert distinguishable_steps(exact + 0.1 * noise) in (5, 6, 7)  # two pixels differ by 0.14: every other step
+    assert distinguishable_steps(exact.clamp(max=0.5)) == 6
 
 
 def test_a_sensor_limits_the_range_and_a_structural_mask_wins_it_back() -> None:
     masks = {"random": RandomBinary(8, (32, 32)), "structural": LearnedStructural(4, 8, (32, 32))}
     ideal = wedge(Encoder(masks["random"], Ideal(), aperture=1.0))
-    assert told_apart(ideal) == len(ideal) == 256
+    assert distinguishable_steps(ideal) == len(ideal) == 256
     torch.testing.assert_close(ideal.mean(1), torch.linspace(0, 1, 256))
     random, structural = (wedge(Encoder(mask, ClipQuantise(8, 10000, 1.0))) for mask in masks.values())
     assert random.shape[1] < 1024 == structural.shape[1]  # of a random mask some pixels never open
-    assert told_apart(random) < told_apart(structural) < 256
+    assert distinguishable_steps(random) < distinguishable_steps(structural) < 256
     noiseless = Encoder(masks["structural"], ClipQuantise(8))
-    assert told_apart(wedge(noiseless)) == 256 and told_apart(wedge(noiseless, 512)) == 256
+    assert distinguishable_steps(wedge(noiseless)) == 256 and distinguishable_steps(wedge(noiseless, 512)) == 256
 
 
 def test_cost_figure(made: Made, tmp_path: Path) -> None:

@@ -61,7 +61,7 @@ class LocalGain:
         information = (self._weighted @ jacobian.flatten(1).T).double() - self._map_response @ self._cross.T
         self._inverse = torch.linalg.pinv(information, hermitian=True, rtol=1e-10)
 
-    def gain_of_each(self, changes: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def gain_of_single_changes(self, changes: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the nats that every one of some changes gains alone, and by which factor: ``(K,)`` each.
 
         A change that would have to be reversed gains nothing.

@@ -20,7 +20,7 @@ from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.report.pictures import figures
 from sci_lightning.diagnosis.report.report_page import Provenance, report_page
 from sci_lightning.encoder.empirical import Empirical
-from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.atomic_file import atomic_write
 
 UNCERTAINTY = (
     "Uncertainties are statistical only: one standard deviation, from the noise of the captures. Systematic errors, of "
@@ -46,13 +46,13 @@ def write_report(
     """
     out, drawn = Path(out), figures(diagnosis) if drawn is None else drawn
     provenance = provenance or Provenance()
-    with whole_file(out / "report.json") as temporary:
+    with atomic_write(out / "report.json") as temporary:
         temporary.write_text(json.dumps(describe(diagnosis) | provenance.describe(), indent=1) + "\n")
     write_encoder(diagnosis, out)
     for name, figure in drawn.items():
-        with whole_file(out / name) as temporary:
+        with atomic_write(out / name) as temporary:
             figure.savefig(temporary, dpi=150, facecolor="white", bbox_inches="tight")  # no label is cut off
-    with whole_file(out / "report.html") as temporary:
+    with atomic_write(out / "report.html") as temporary:
         temporary.write_text(report_page(diagnosis, provenance, drawn, UNCERTAINTY), encoding="utf-8")
 
 
@@ -114,10 +114,10 @@ def write_encoder(diagnosis: Diagnosis, out: str | Path) -> None:
         "sensor": {"_target_": "sci_lightning.encoder.sensor.ClipQuantise", "bit_depth": observation.bit_depth},
         "effects": effects,
     }
-    with whole_file(out / "encoder.yaml") as temporary:
+    with atomic_write(out / "encoder.yaml") as temporary:
         temporary.write_text(yaml.safe_dump(content, sort_keys=False, allow_unicode=True), encoding="utf-8")
 
 
 def _save(path: Path, array: np.ndarray) -> None:
-    with whole_file(path) as temporary:
+    with atomic_write(path) as temporary:
         np.save(temporary, array.astype(np.float32))

@@ -77,7 +77,7 @@ def draw_map(axes: Axes, picture: Picture, low: float, high: float) -> AxesImage
 def limits(pictures: Sequence[Picture]) -> tuple[float, float]:
     """Values between which all the pictures are drawn: symmetrical for maps, a few far ones cut off."""
     middle = pictures[0].middle
-    away = torch.cat([(each.values.double() - middle).flatten() for each in pictures])
+    away = torch.cat([(entry.values.double() - middle).flatten() for entry in pictures])
     away = away[away.isfinite()]
     if not len(away):
         return middle - 1, middle + 1
@@ -86,8 +86,8 @@ def limits(pictures: Sequence[Picture]) -> tuple[float, float]:
         far = max(far, 3.0 if middle == 0 and pictures[0].unit == "standard errors" else 1e-6)
         return middle - far, middle + far
     own = 1.0 if pictures[0].unit == "standard errors" else 0.0
-    errors = [each.errors if each.errors is not None else torch.full_like(each.values, own) for each in pictures]
-    spread = torch.cat([each.double().flatten() for each in errors]).nan_to_num(0.0)
+    errors = [entry.errors if entry.errors is not None else torch.full_like(entry.values, own) for entry in pictures]
+    spread = torch.cat([entry.double().flatten() for entry in errors]).nan_to_num(0.0)
     low, high = float((away - 2 * spread).min()), float((away + 2 * spread).max())
     room = 0.06 * max(high - low, 1e-9)
     return middle + low - room, middle + high + room
@@ -107,6 +107,6 @@ def _bars(axes: Axes, picture: Picture, colour: str) -> None:
     errors = None if picture.errors is None else 2 * picture.errors.numpy()
     axes.bar(place, values, width=0.7, color=colour, yerr=errors, error_kw={"elinewidth": 0.9, "ecolor": "#8a8f98"})
     every = max(1, -(-len(values) // LABELS))
-    labels = [str(each) for each in picture.x][::every]
+    labels = [str(entry) for entry in picture.x][::every]
     turned = max(map(len, labels), default=0) > 3 and sum(map(len, labels)) > 24
     axes.set_xticks(place[::every], labels, rotation=30 if turned else 0, ha="right" if turned else "center")

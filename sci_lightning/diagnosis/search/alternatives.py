@@ -99,9 +99,9 @@ def tell_apart(fitter: Fitter, one: Fit, rival: Fit) -> str:
             best = min(options, key=lambda kind: counts[kind] or math.inf)
             count = counts[best] or 1
             nats = options[best].nats(count)
-            worth = f"about {nats:,.0f} nats" if nats <= MANY_NATS else f"more than {MANY_NATS:,} nats"
+            gain = f"about {nats:,.0f} nats" if nats <= MANY_NATS else f"more than {MANY_NATS:,} nats"
             record = f"{'one capture' if count == 1 else f'{count} captures'} of {best}"
-            return f"To tell {names}, record {record} ({worth}; {needed:.0f} are needed)."
+            return f"To tell {names}, record {record} ({gain}; {needed:.0f} are needed)."
     best = max(options, key=lambda kind: options[kind].nats(most))
     reach = f"even {most} captures of {best} would bring only {options[best].nats(most):.2g} nats"
     return (

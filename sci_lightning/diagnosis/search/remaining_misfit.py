@@ -174,7 +174,7 @@ def screen_free_forms(fitter: Fitter, base: Fit, maps: Mapping[str, type[Effect]
     """
     local, likelihood = LocalGain(fitter, base), fitter.pixel_likelihood(base.prediction)
     tried = [*fitter.model.free_forms, *(name for name in maps if name not in fitter.model.free_forms)]
-    found = []
+    significant = []
     for name in tried:
         effect = fitter.model.effects[name]
         if name in base.hypothesis.effects:
@@ -182,7 +182,7 @@ def screen_free_forms(fitter: Fitter, base: Fit, maps: Mapping[str, type[Effect]
         if effect.map_kind:
             one = estimate_map(fitter.model, base.hypothesis, name, base.prediction, likelihood, fitter.fitted)
             p_value = float(chi2.sf(2 * max(one.evidence, 0.0), 1))
-            found.append(FreeForm(name, one.evidence, 1, p_value, dict.fromkeys(effect.about, one.std), effect))
+            significant.append(FreeForm(name, one.evidence, 1, p_value, dict.fromkeys(effect.about, one.std), effect))
         elif issubclass(effect, Empirical):
             groups = effect.proposals(base.prediction.mean, local.gradient, local.information)
             if groups:
@@ -190,10 +190,10 @@ def screen_free_forms(fitter: Fitter, base: Fit, maps: Mapping[str, type[Effect]
             else:
                 deviation = _screen_numbers(fitter, base, effect, local)
             if deviation is not None:
-                found.append(deviation)
-    found = [replace(deviation, p_value=min(1.0, deviation.p_value * len(tried))) for deviation in found]
+                significant.append(deviation)
+    significant = [replace(deviation, p_value=min(1.0, deviation.p_value * len(tried))) for deviation in significant]
     pixels = float(fitter.fitted.sum())
-    return sorted(found, key=lambda deviation: -deviation.bic_gain(pixels))
+    return sorted(significant, key=lambda deviation: -deviation.bic_gain(pixels))
 
 
 def _screen_numbers(fitter: Fitter, base: Fit, effect: type[Empirical], local: LocalGain) -> FreeForm | None:
@@ -225,7 +225,7 @@ def _screen_proposals(
     best = None
     for settings in groups:
         trials = [fitter.model.predict(base.hypothesis.with_effect(effect.name, setting)).mean for setting in settings]
-        nats, factors = local.gain_of_each(torch.stack(trials) - base.prediction.mean)
+        nats, factors = local.gain_of_single_changes(torch.stack(trials) - base.prediction.mean)
         top = int(nats.argmax())
         if best is None or float(nats[top]) > best.gain:
             places = math.prod(fitter.model.observation.size)  # a proposal is the best of as many as there are pixels

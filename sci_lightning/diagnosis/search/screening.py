@@ -85,7 +85,7 @@ def _screen_starts(
     candidates = [Candidate(name, gain, start) for gain, start in zip(large, starts, strict=True)]
     if not any(parameter.choices for parameter in about.values()):
         changes = torch.stack([trial.mean - base.prediction.mean for trial in trials])
-        small, factors = local.gain_of_each(changes)
+        small, factors = local.gain_of_single_changes(changes)
         for i, (gain, factor) in enumerate(zip(small.tolist(), factors.tolist(), strict=True)):
             if gain > candidates[i].gain:
                 candidates[i] = Candidate(name, gain, _scaled(starts[i], about, factor))

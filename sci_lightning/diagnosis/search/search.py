@@ -120,8 +120,8 @@ def select_effects(
             for name, fit in fits.items()
         }
         least = settings.formula_error * fitter.explained(best, ideal, best)
-        worth = {name: bic_gain(fitter, best, fit) for name, fit in fits.items()}
-        added = max((name for name in fits if worth[name] > least), key=worth.__getitem__, default=None)
+        bic_gains = {name: bic_gain(fitter, best, fit) for name, fit in fits.items()}
+        added = max((name for name in fits if bic_gains[name] > least), key=bic_gains.__getitem__, default=None)
         rounds.append(Round({candidate.name: candidate.gain for candidate in screened}, gains, added))
         if added is None:
             break

@@ -10,7 +10,7 @@ import torch
 from lightning.pytorch.loggers import TensorBoardLogger
 from matplotlib.figure import Figure
 
-from sci_lightning.files.atomic_file import whole_file
+from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.imaging.figures import mask_figure, reconstruction_figure
 from sci_lightning.training.system import System
 
@@ -42,7 +42,7 @@ class Pictures(L.Callback):
         self.folder.mkdir(parents=True, exist_ok=True)
         boards = [logger.experiment for logger in trainer.loggers if isinstance(logger, TensorBoardLogger)]
         for name, figure in figures:
-            with whole_file(self.folder / f"{name.replace('/', '_')}.png") as temporary:  # never through a link
+            with atomic_write(self.folder / f"{name.replace('/', '_')}.png") as temporary:  # never through a link
                 figure.savefig(temporary, dpi=110)
             for board in boards:
                 board.add_figure(name, figure, trainer.global_step)

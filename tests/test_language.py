@@ -1,0 +1,89 @@
+"""The words of the house: names say what a thing is, and docstrings are sentences (docs/glossary.md)."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+import sci_lightning
+
+PACKAGE = Path(sci_lightning.__file__).parent
+FILES = sorted(PACKAGE.rglob("*.py"))
+
+DIALECT = {
+    "each": "name the thing: effect, row, capture",
+    "found": "say what was found, or what is returned: matches, effects, estimate",
+    "told": "commanded, stated, given",
+    "chart": "fixed-pattern map",
+    "charts": "fixed-pattern maps",
+    "pull": "gradient",
+    "toll": "penalty",
+    "held": "held-out",
+    "lever": "leverage",
+    "worth": "gain",
+    "settle": "prune, converge",
+    "leftover": "remaining misfit",
+    "likeliest": "most likely",
+    "whole_file": "atomic_write",
+}
+"""Names that a reader from outside cannot guess, and what to say instead."""
+
+PARTS = re.compile(r"(^|_)(each|told|chart|charts|toll|whole_file)(_|$)|^chosen_")
+"""Parts of names that are dialect wherever they stand."""
+
+
+def names(tree: ast.AST) -> set[tuple[str, int]]:
+    """Every name that a file defines, with its line: variables, arguments, functions, classes and attributes."""
+    defined: set[tuple[str, int]] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+            defined.add((node.name, node.lineno))
+        elif isinstance(node, ast.arg):
+            defined.add((node.arg, node.lineno))
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            defined.add((node.id, node.lineno))
+        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+            defined.add((node.attr, node.lineno))
+    return defined
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(PACKAGE)))
+def test_names(file: Path) -> None:
+    tree = ast.parse(file.read_text())
+    wrong = [
+        f"line {line}: {name}: {DIALECT.get(name, 'DESIGN.md, Language')}"
+        for name, line in sorted(names(tree), key=lambda entry: entry[1])
+        if name in DIALECT or PARTS.search(name.lower())
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(PACKAGE)))
+def test_docstrings(file: Path) -> None:
+    """A docstring is a sentence that says what a thing is or does: none begins with "Of", each ends with a mark."""
+    wrong = []
+    for node in ast.walk(ast.parse(file.read_text())):
+        if not isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
+            continue
+        text = ast.get_docstring(node)
+        if text is None or getattr(node, "name", "").startswith("_"):
+            continue
+        first = text.split("\n\n")[0].strip()
+        if re.match(r"(Of|So many)\b", first) or not first.endswith((".", ":", "?", "::", "!", "``")):
+            wrong.append(f"line {getattr(node, 'lineno', 1)}: {first.splitlines()[0]}")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_no_room_is_crowded() -> None:
+    """At most 20 modules in a folder, 24 rooms and commands at the top, and no file above 400 lines."""
+    folders = {file.parent for file in FILES}
+    crowded = {
+        str(folder.relative_to(PACKAGE)): count for folder in folders if (count := len([*folder.glob("*.py")])) > 20
+    }
+    assert not crowded
+    top = {file.relative_to(PACKAGE).parts[0] for file in FILES} - {"__init__.py", "__main__.py"}
+    assert len(top) <= 24, sorted(top)
+    assert not [str(file) for file in FILES if len(file.read_text().splitlines()) > 400]
