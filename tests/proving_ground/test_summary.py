@@ -85,9 +85,9 @@ def test_rows(records: list[Outcome | Failure]) -> None:
         assert line.met is met, start
     assert row(rows, "single effect, clear").missed == ("single-bad failed",)
     assert row(rows, "95 % intervals").missed[0].startswith("gain.factor -2.5 std: gain (")
-    assert row(rows, "single effect, clear").found.endswith("; 1 not asked: too faint or too strong")
-    assert "errors of 1.09 stated standard deviations" in row(rows, "95 % intervals").found
-    assert row(rows, "time, 64 x 64").met is None and "4.0 s of a processor" in row(rows, "time, 64 x 64").found
+    assert row(rows, "single effect, clear").figure.endswith("; 1 not asked: too faint or too strong")
+    assert "errors of 1.09 stated standard deviations" in row(rows, "95 % intervals").figure
+    assert row(rows, "time, 64 x 64").met is None and "4.0 s of a processor" in row(rows, "time, 64 x 64").figure
     assert row(rows, "time, 128 x 128").met is False and row(rows, "memory").met is False
     assert row(rows, "cases that failed").missed == ("single-bad: ValueError: no",)
 
