@@ -22,7 +22,18 @@ ROOT = Path(__file__).parents[1]
 SHARED = ROOT.parent / "shared"
 
 
-LONGEST = ("test_how_to.py", "test_sweep.py", "test_bad_input.py")
+LONGEST = (
+    "test_ddp.py",
+    "test_sweep.py",
+    "test_wheel.py",
+    "test_resume.py",
+    "test_diagnosis.py",
+    "test_how_to.py",
+    "test_bad_input.py",
+    "test_stop_signal.py",
+    "test_every_decoder.py",
+    "test_trial.py",
+)
 """Files that take minutes: begun first, so that no process is left with one of them when the others are done."""
 
 

@@ -191,10 +191,10 @@ def remaining_tests(
     The formulas of strong effects are a little inexact. A test about mean or variance therefore has to find more than
     the part ``unnamed_formula_error`` of the log-likelihood that the corrected camera gains. If no noise was named, the
     p-value has to be below ``max_residual_p_value``. If some was, ``significance`` is enough: noise explains variance
-    only, so that it stands in for something else as long as the residuals have a structure.
+    only, so that it stands in for something else as long as the residuals are not random.
     """
     settings = fitter.settings
-    inexact = settings.unnamed_formula_error * fitter.explained(after.fit, before.fit, after.fit)
+    inexact = settings.unnamed_formula_error * fitter.explained_nats(after.fit, before.fit, after.fit)
     noise = any(fitter.model.effects[name].noise for name in names)
     return tuple(
         test

@@ -22,8 +22,8 @@ class SearchSettings:
         max_effects: effects that the search may name, a count; it bounds the run time, one round for each.
         held_out_block: side in pixels of the square blocks that are held out, wide enough that blurs and maps fitted
             around a block say little about its middle.
-        held_out_one_in: one capture of so many of each kind is held out as a whole, and one block of so many squared
-            of every other capture; a quarter leaves the fits most of the data.
+        held_out_one_in: with n = 4, every 4th capture of each kind is held out as a whole, and one in n squared = 16
+            blocks of the remaining captures; a quarter leaves the fits most of the data.
         min_progress_nats: gain in nats below which a fit has converged; a twentieth of what one standard deviation of
             one parameter changes is far below every threshold of the search.
         candidates_fitted: candidates per round, a count, that are fitted jointly after screening; more than one,

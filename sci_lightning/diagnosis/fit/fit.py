@@ -69,7 +69,8 @@ class _NewtonSystem:
         information: ``(p, p)`` about them.
         maps: the fixed-pattern maps, all at once.
         map_step: ``(1, S)`` Newton step of the map values if no parameter moves.
-        map_response: ``(p, S)`` by how much less the map values have to move for every unit of a parameter's step.
+        map_response: ``(p, S)`` derivative of the best map step with respect to every parameter, sign reversed: after a
+            step d of the parameters the maps move by ``map_step - d @ map_response``.
     """
 
     gradient: torch.Tensor
@@ -105,8 +106,10 @@ class Fitter:
         """Run a maximum-likelihood fit by maximising the penalised log-likelihood of the fitted pixels.
 
         Every iteration approximates the objective by a quadratic function of parameters and map values and takes the
-        step to its maximum. A step that would lower the objective is repeated with more damping (Levenberg and
-        Marquardt). The fit ends when an iteration gains less than ``SearchSettings.min_progress_nats``.
+        step to its maximum. A step that would lower the objective is repeated with more damping of the parameters
+        (Levenberg and Marquardt) and a shorter step of the maps. The fit ends when an iteration gains less than
+        ``SearchSettings.min_progress_nats``. The information and the maps that it returns are those at the start of the
+        last iteration, which lies within that gain of its end.
 
         Args:
             hypothesis: where to start.
@@ -122,11 +125,11 @@ class Fitter:
         for _ in range(iterations):
             likelihood = self.pixel_likelihood(prediction)
             if fit_maps:
-                maps = {one.name: one for one in self.maps(hypothesis, prediction, likelihood)}
+                maps = {fixed_map.name: fixed_map for fixed_map in self.maps(hypothesis, prediction, likelihood)}
             newton = self._newton_system(hypothesis, free, prediction, likelihood, maps)
             information = newton.information
-            if not math.isfinite(objective):
-                objective = self._sum(likelihood.log_likelihood) - sum(one.penalty for one in maps.values())
+            if not math.isfinite(objective):  # afterwards the accepted step says it, with the priors of its iteration
+                objective = self._sum(likelihood.log_likelihood) - sum(fixed_map.penalty for fixed_map in maps.values())
             before = objective
             for attempt in range(ATTEMPTS):
                 moved = self._step(hypothesis, free, newton, damping, SHORTER**attempt)
@@ -149,9 +152,9 @@ class Fitter:
         """Take a Newton step of the free parameters, damped, and the given part of the step of the maps."""
         moved, step = free.newton_step(hypothesis, newton.gradient, newton.information, damping)
         map_steps = newton.maps.split((newton.map_step - step @ newton.map_response) * part)
-        for one, map_step in zip(newton.maps.maps, map_steps, strict=True):
-            setting, values = one.moved(map_step[0])
-            moved = moved.with_effect(one.name, setting, values)
+        for fixed_map, map_step in zip(newton.maps.maps, map_steps, strict=True):
+            setting, values = fixed_map.moved(map_step[0])
+            moved = moved.with_effect(fixed_map.name, setting, values)
         return moved
 
     def _objective(
@@ -167,16 +170,16 @@ class Fitter:
         Args:
             hypothesis: after the step.
             prediction: of it.
-            maps: before the step; their prior stays during an iteration.
-            likelihood: before the step; its information is scaled with the variance of a pixel.
+            maps: before the step; the width of their prior is kept fixed within an iteration.
+            likelihood: before the step; its Fisher information is rescaled by the change of every pixel's variance.
             start: the prediction before the step.
         """
         objective = self._sum(self.log_likelihood(prediction))
         if maps:
             scale = likelihood.mean_information * self.fitted * start.total_variance / prediction.total_variance
-            for name, one in maps.items():
+            for name, fixed_map in maps.items():
                 squared = self.model.map_jacobian(hypothesis, name, prediction).square()
-                objective -= one.penalty_of(hypothesis.maps[name], one.gather(squared * scale).double())
+                objective -= fixed_map.penalty_of(hypothesis.maps[name], fixed_map.gather(squared * scale).double())
         return objective
 
     def _newton_system(
@@ -206,7 +209,7 @@ class Fitter:
             information += spike
         # Fitting a fixed-pattern map absorbs part of the noise, so the residuals understate it. Add the absorbed
         # variance (the map's leverage) back before updating the noise level.
-        leverage = sum(one.leverage for one in system.maps)
+        leverage = sum(fixed_map.leverage for fixed_map in system.maps)
         gradient += (spread * (weight * leverage)).flatten(1).sum(1, dtype=torch.float64) - map_cost
         cross = system.cross_information(weighted_mean)
         response = system.solve(cross)
@@ -234,10 +237,11 @@ class Fitter:
         for i, (step, neighbour, shifted) in enumerate(free.neighbours(hypothesis)):
             mean[i] = (shifted.mean - prediction.mean) / step
             spread[i] = (shifted.deviation / prediction.deviation).log() / step
-            for one in maps:
-                if one.kind != "hot":
-                    change = (self.model.map_jacobian(neighbour, one.name, shifted) - one.jacobian) / step
-                    penalty[i] += float((one.cross_information(change[None] * weight)[0] * one.variance).sum())
+            for fixed_map in maps:
+                if fixed_map.kind != "hot":
+                    change = (self.model.map_jacobian(neighbour, fixed_map.name, shifted) - fixed_map.jacobian) / step
+                    cross = fixed_map.cross_information(change[None] * weight)[0]
+                    penalty[i] += float((cross * fixed_map.variance).sum())
         return mean, spread, penalty
 
     def _clipped_derivatives(
@@ -249,8 +253,9 @@ class Fitter:
             the gradient ``(p,)``, and the information ``(p, p)`` that the spike at the saturation level adds.
         """
         slopes, level_slopes = [], []
-        ways = (free.neighbours(hypothesis, part) for part in (FINE_DIFFERENCE, -FINE_DIFFERENCE))  # both: it is curved
-        for (step, _, above), (back, _, below) in zip(*ways, strict=True):
+        # central differences, because the log-likelihood is strongly curved over one step
+        up_and_down = (free.neighbours(hypothesis, part) for part in (FINE_DIFFERENCE, -FINE_DIFFERENCE))
+        for (step, _, above), (back, _, below) in zip(*up_and_down, strict=True):
             one_sided = step == back
             start = likelihood.log_likelihood if one_sided else self.log_likelihood(below)
             gain = (self.log_likelihood(above) - start) * self.fitted
@@ -282,13 +287,13 @@ class Fitter:
         """Sum over the fitted pixels."""
         return float((values * self.fitted).sum(dtype=torch.float64))
 
-    def explained(self, fit: Fit, ideal: Fit, noise: Fit) -> float:
-        """Return the nats by which the mean of one fit is likelier than that of another.
+    def explained_nats(self, fit: Fit, baseline: Fit, noise: Fit) -> float:
+        """Return the log-likelihood that the mean of one fit gains over the mean of another, in nats, at least 0.
 
-        Both are judged with the standard deviation of a third fit, because noise explains nothing.
+        Both use the standard deviation of the fit ``noise``, so that a change of noise alone does not count as a gain.
         """
         deviation, bits = noise.prediction.deviation, fit.prediction.bits
-        after, before = (Prediction(one.prediction.mean, deviation, bits) for one in (fit, ideal))
+        after, before = (Prediction(judged.prediction.mean, deviation, bits) for judged in (fit, baseline))
         return max(0.0, float((self.log_likelihood(after) - self.log_likelihood(before)).sum(dtype=torch.float64)))
 
     def maps(
@@ -304,6 +309,6 @@ class Fitter:
     def with_map_uncertainty(self, prediction: Prediction, maps: Mapping[str, FixedPatternMap]) -> Prediction:
         """Return the prediction with the maps' uncertainty in its standard deviation, to judge held-out pixels."""
         variance = prediction.deviation.square()
-        for one in maps.values():
-            variance = variance + one.leverage
+        for fixed_map in maps.values():
+            variance = variance + fixed_map.leverage
         return replace(prediction, deviation=variance.sqrt()) if maps else prediction

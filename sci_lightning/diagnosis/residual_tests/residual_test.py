@@ -47,10 +47,10 @@ class Answer:
     """What a test finds before it is known how many questions were asked.
 
     Attributes:
-        statistic: the larger, the less it can be chance.
+        statistic: larger values are less likely by chance.
         p_value: probability of such a statistic, or a larger one, when the model is right.
         nats: log-likelihood that a model of this structure would gain, about; what chance gives taken off.
-        picture: what there is to be observation.
+        picture: the picture that shows this answer.
     """
 
     statistic: float

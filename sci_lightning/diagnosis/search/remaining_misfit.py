@@ -109,7 +109,7 @@ def explain_remaining_misfit(
     given_names = {deviation.name for deviation in given}
     as_free_form = {name: fitter.model.effects[name] for name in contradicted if name not in given_names}
     for name in as_free_form:
-        on_progress(f"the map of {name} has structure: not that")
+        on_progress(f"the map of {name} is not random, so {name} is rejected")
         fit = fitter.fit(fit.hypothesis.without(name), iterations=20)
     deviations, gained = [*given], 0.0
     for _ in range(settings.max_unnamed - len(deviations)):
@@ -137,7 +137,7 @@ def unnamed_threshold(fitter: Fitter, fit: Fit, ideal: Fit, noise: Fit) -> float
         noise: the fit whose standard deviation is used to say how much is explained.
     """
     settings = fitter.settings
-    return settings.unnamed_min_gain_nats + settings.unnamed_formula_error * fitter.explained(fit, ideal, noise)
+    return settings.unnamed_min_gain_nats + settings.unnamed_formula_error * fitter.explained_nats(fit, ideal, noise)
 
 
 def best_free_form(

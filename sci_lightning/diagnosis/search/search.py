@@ -119,7 +119,7 @@ def select_effects(
             )
             for name, fit in fits.items()
         }
-        least = settings.formula_error * fitter.explained(best, ideal, best)
+        least = settings.formula_error * fitter.explained_nats(best, ideal, best)
         bic_gains = {name: bic_gain(fitter, best, fit) for name, fit in fits.items()}
         added = max((name for name in fits if bic_gains[name] > least), key=bic_gains.__getitem__, default=None)
         rounds.append(Round({candidate.name: candidate.gain for candidate in screened}, gains, added))
@@ -127,7 +127,7 @@ def select_effects(
             break
         on_progress(f"{added}: {gains[added][0]:.0f} nats")
         larger = fits[added]
-        best = prune(fitter, larger, start, settings.formula_error * fitter.explained(larger, ideal, larger))
+        best = prune(fitter, larger, start, settings.formula_error * fitter.explained_nats(larger, ideal, larger))
     return exchange(fitter, best, start), rounds
 
 

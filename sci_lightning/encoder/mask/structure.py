@@ -29,8 +29,9 @@ def structure(mask: torch.Tensor, bits: int) -> torch.Tensor:
     r"""Turn a real-valued mask into a structural mask: discrete levels that sum to 1 over time.
 
     With :math:`L = 2^{bits}`: round to multiples of 1/L (halves up, 1 becomes 1 - 1/L, a pixel that is dark
-    throughout becomes 1/L throughout), then walk through the slots and take from each its rounded share
-    of the surplus :math:`\Sigma = L (\sum_t M_t - 1)`,
+    throughout becomes 1/L throughout), then walk through the slots and take from each its rounded share of the surplus.
+    With :math:`M_t` the integer level of slot t, :math:`\Omega_t = \sum_{s \ge t} M_s` the levels of the slots that are
+    still to come, and :math:`\Sigma_t` the surplus that is left, which starts as :math:`\sum_t M_t - L`,
 
     .. math:: \Delta_t = \lfloor \Sigma_t M_t / \Omega_t + 1/2 \rfloor, \quad
               \Omega_{t+1} = \Omega_t - M_t, \quad \Sigma_{t+1} = \Sigma_t - \Delta_t .
