@@ -151,9 +151,7 @@ def run(request: Mapping[str, Any]) -> None:
     except BaseException:
         traceback.print_exc()
     finally:
-        for thread in threading.enumerate():
-            if thread is not threading.current_thread() and not thread.daemon:
-                thread.join(30)
+        threading._shutdown()  # type: ignore[attr-defined]  # as the interpreter does at its end: joins threads
         atexit._run_exitfuncs()
         for stream in (sys.stdout, sys.stderr):
             with contextlib.suppress(OSError, ValueError):
