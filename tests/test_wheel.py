@@ -11,7 +11,14 @@ from pathlib import Path
 
 from tests.conftest import ROOT
 
-SMALL = ["experiment=quickstart", "data.clips_per_epoch=8", "trainer.max_epochs=1", "trainer.accelerator=cpu"]
+SMALL = [
+    "experiment=quickstart",
+    "data.clips_per_epoch=8",
+    "data.scenes_count=1",
+    "metrics.qscore=null",
+    "trainer.max_epochs=1",
+    "trainer.accelerator=cpu",
+]
 
 
 def test_wheel(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
 from sci_lightning.cli.console import PlainConsole, styled
-from sci_lightning.proving_ground.case import Case
-from sci_lightning.proving_ground.records import Records
+
+if TYPE_CHECKING:  # --help answers without torch
+    from sci_lightning.proving_ground.case import Case
+    from sci_lightning.proving_ground.records import Records
 
 PLANNED = ("suites", "seeds", "cases", "effects", "size", "frames", "masks", "bit_depths")
 """Keys of the configuration that :func:`~.plan.plan` takes."""
@@ -26,6 +29,7 @@ def proving_ground(composition: Composition) -> None:
     from sci_lightning.errors import BadInput
     from sci_lightning.proving_ground.pictures import write_pictures
     from sci_lightning.proving_ground.plan import plan
+    from sci_lightning.proving_ground.records import Records
     from sci_lightning.proving_ground.report import write_report
     from sci_lightning.proving_ground.summary import summarise
 

@@ -79,7 +79,7 @@ def test_parameter_by_parameter() -> None:
 @pytest.mark.parametrize(
     ("truth", "found", "sentence"),
     [
-        ((), report(), "nothing was hidden, and nothing was found"),
+        ((), report(), "nothing was hidden, and nothing was named"),
         ((), report(gain={}), "nothing was hidden: a false alarm"),
         ((), report(unnamed=["optics"]), "nothing was hidden: a false alarm"),
         (hidden(gain={}), report(gain={}), "every name is right"),
