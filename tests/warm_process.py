@@ -12,6 +12,7 @@ import contextlib
 import importlib
 import json
 import os
+import resource
 import runpy
 import signal
 import subprocess
@@ -72,6 +73,7 @@ class WarmProcesses:
                 "out": str(out),
                 "err": str(err),
                 "timeout": timeout,
+                "largest_file": resource.getrlimit(resource.RLIMIT_FSIZE),  # tests lower it to play a full disk
             }
             self.server.stdin.write(json.dumps(request) + "\n")
             self.server.stdin.flush()
@@ -135,6 +137,7 @@ def run(request: Mapping[str, Any]) -> None:
             os.dup2(opened, descriptor)
             os.close(opened)
         sys.stdin, sys.stdout, sys.stderr = open(0), open(1, "w"), open(2, "w", buffering=1)  # noqa: SIM115
+        resource.setrlimit(resource.RLIMIT_FSIZE, tuple(request["largest_file"]))
         os.environ.clear()
         os.environ.update(request["environment"])
         os.chdir(request["cwd"])
