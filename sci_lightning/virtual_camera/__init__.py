@@ -7,9 +7,6 @@ is shared with :mod:`sci_lightning.encoder`.
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 from sci_lightning.virtual_camera.acquisition import Acquisition
 from sci_lightning.virtual_camera.hardware.vocabulary import EFFECTS, OUTSIDE, VOCABULARY
 from sci_lightning.virtual_camera.hidden_effects import choose_effects
@@ -27,13 +24,3 @@ __all__ = [
     "VirtualCamera",
     "choose_effects",
 ]
-
-
-def capture_session(session: Session, effects: Any = None, seed: int = 0, **choice: Any) -> Simulation:
-    """Simulate a session; the former name of :meth:`VirtualCamera.simulate`."""
-    return VirtualCamera(session, effects, **choice).simulate(seed)
-
-
-def write_captures(path: str | Path, captures: Simulation) -> Path:
-    """Write a simulation; the former name of :meth:`Simulation.write`."""
-    return captures.write(path)

@@ -18,7 +18,7 @@ from scipy.io import savemat
 from skimage.io import imsave
 
 from sci_lightning.decoder import Res2former
-from sci_lightning.virtual_camera import Session, capture_session, write_captures
+from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.cli.test_encoder_file import encoder_file
 from tests.conftest import ROOT
 from tests.decoder.test_published import as_published
@@ -56,7 +56,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     recipe = "{bit_depth: 8, patterns: masks.npy, captures: [{measurement: grey.tif, scene: 0.4}]}"
     (place / "LAB" / "captures.yaml").write_text(recipe)
     session = Session(size=(32, 32), frames=4, dark=2, flat=2, all_on=1, all_off=1, static=2, dynamic=2)
-    write_captures(place / "CAPTURES.h5", capture_session(session, seed=0))
+    VirtualCamera(session).write(place / "CAPTURES.h5", seed=0)
     encoder_file(place / "CAMERA", 32)
     encoder_file(place / "FOUND", 32, CORRECTED)
     state = {f"decoder.{key}": value for key, value in as_published(Res2former()).items()}

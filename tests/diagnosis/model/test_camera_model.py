@@ -12,7 +12,7 @@ from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder.effects import MapEffect, OpticsEffect, Parameter
 from sci_lightning.encoder.effects.sensor.saturation import Saturation
 from sci_lightning.encoder.signal import Signal
-from sci_lightning.virtual_camera import Session, capture_session, write_captures
+from sci_lightning.virtual_camera import Session, VirtualCamera
 
 
 class Window(MapEffect, OpticsEffect):
@@ -43,7 +43,7 @@ class FullWells(Saturation):
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> CameraModel:
     path = tmp_path_factory.mktemp("model") / "a.h5"
-    write_captures(path, capture_session(Session(size=(16, 16), dark=1, flat=1), {}, seed=1))
+    VirtualCamera(Session(size=(16, 16), dark=1, flat=1), {}).write(path, seed=1)
     return CameraModel(observe(read_captures(path)), vocabulary())
 
 

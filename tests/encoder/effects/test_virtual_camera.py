@@ -30,8 +30,8 @@ def test_mean(name: str) -> None:
     effect = build(name, **TURNED.get(name, {}))
     camera = Camera(SESSION, choose_effects({name: effect.values}, SESSION, 0), 0)
     if isinstance(effect, MapEffect):
-        chart = {"prnu": camera.fixed_maps[name] - 1}.get(name, camera.fixed_maps[name])
-        effect.map = torch.from_numpy(chart / (1 if name == "hot_pixels" else effect.values["std"])).float()
+        fixed_map = {"prnu": camera.fixed_maps[name] - 1}.get(name, camera.fixed_maps[name])
+        effect.map = torch.from_numpy(fixed_map / (1 if name == "hot_pixels" else effect.values["std"])).float()
     if effect.noise:
         effect.respond = lambda signal: signal  # type: ignore[method-assign]  # the mean is what is compared
     ours = encoder(effect, bits=8 if name == "bit_depth" else None)
