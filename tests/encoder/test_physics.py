@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import types
 
 import pytest
 import torch
@@ -12,6 +13,9 @@ from sci_lightning.encoder.effects import MaskShift
 from sci_lightning.encoder.mask import RandomBinary
 from sci_lightning.encoder.sensor import Ideal
 from sci_lightning.errors import BadInput
+
+# Operators that a torchvision without its compiled part describes; torch forgets them with the library they are in.
+OPERATORS = torch.library.Library("torchvision", "FRAGMENT")
 
 
 def encoder() -> Encoder:
@@ -24,8 +28,44 @@ def test_without_deepinv(monkeypatch: pytest.MonkeyPatch) -> None:
         encoder().as_deepinv()
 
 
-def test_is_the_encoder() -> None:
+@pytest.fixture(scope="module")
+def deepinv() -> None:
+    """Import deepinv, although the operators of its torchvision may be missing.
+
+    The torchvision of PyPI is compiled for torch with CUDA. Beside torch for processors it cannot load its compiled
+    operators, and then fails while it describes two of them. Their signatures are enough: nothing here calls them.
+    """
+    try:
+        import torchvision  # noqa: F401
+    except ModuleNotFoundError:
+        pytest.skip("deepinv is not installed: pip install 'sci-lightning[deepinv]'")
+    except RuntimeError:
+        for name in [name for name in sys.modules if name.partition(".")[0] == "torchvision"]:
+            del sys.modules[name]
+        for operator in ("nms", "qnms"):
+            OPERATORS.define(f"{operator}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
     pytest.importorskip("deepinv", reason="deepinv is not installed: pip install 'sci-lightning[deepinv]'")
+
+
+def test_with_a_broken_deepinv(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Broken:
+        def find_spec(self, name: str, *_: object) -> None:
+            if name == "deepinv.physics":
+                raise RuntimeError("operator torchvision::nms does not exist")
+
+    for name in [name for name in sys.modules if name.partition(".")[0] == "deepinv"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "deepinv", types.ModuleType("deepinv"))
+    sys.modules["deepinv"].__path__ = []
+    monkeypatch.setattr(sys, "meta_path", [Broken(), *sys.meta_path])
+    with pytest.raises(
+        BadInput, match=r"deepinv cannot be imported: operator torchvision::nms does not exist; .* fits torch"
+    ):
+        encoder().as_deepinv()
+
+
+@pytest.mark.usefixtures("deepinv")
+def test_is_the_encoder() -> None:
     camera, video = encoder(), torch.rand(2, 5, 16, 18)
     physics = camera.as_deepinv()
     measurement = camera(video)[:, None]
@@ -35,9 +75,9 @@ def test_is_the_encoder() -> None:
     torch.testing.assert_close(physics.A(least), measurement)
 
 
+@pytest.mark.usefixtures("deepinv")
 def test_solvers() -> None:
     """Conjugate gradients find the closed form; a plug-and-play loop of deepinv's beats it."""
-    pytest.importorskip("deepinv", reason="deepinv is not installed: pip install 'sci-lightning[deepinv]'")
     from deepinv.models import TVDenoiser
     from deepinv.optim import L2, PGD, PnP
     from deepinv.physics import LinearPhysics
