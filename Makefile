@@ -44,10 +44,13 @@ lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+# deepinv comes without its torchvision: PyPI has it for torch with CUDA only, and beside another torch it stops Lightning.
 # made anew whenever the pinned versions or the project's own requirements change
 $(READY): constraints.txt pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-deps deepinv einops natsort \
+	  requests certifi charset-normalizer idna urllib3
 	touch $@
 
 clean:
