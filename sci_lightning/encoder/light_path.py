@@ -79,7 +79,8 @@ class LightPath(nn.Module):
     @property
     def shows_patterns_as_commanded(self) -> bool:
         """Whether no effect comes between a commanded pattern and what multiplies the frame."""
-        return not (self.of(ModulatorEffect) or self.of(RelayEffect) or self.of(ExposureEffect))
+        between = (ModulatorEffect, RelayEffect, ExposureEffect)
+        return not any(isinstance(effect, between) for effect in self.effects.values())
 
     def images(self, patterns: torch.Tensor) -> torch.Tensor:
         """Modulator and relay: return the images ``(P, qH, qW)`` on the sensor of commanded patterns ``(P, H, W)``."""

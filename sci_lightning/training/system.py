@@ -186,7 +186,8 @@ class System(L.LightningModule):
         """Return whether this step's numbers are logged: in every so many steps, and at both ends of an epoch."""
         if self._trainer is None:
             return False
-        loop, every = self.trainer.fit_loop.epoch_loop, self.trainer.log_every_n_steps
+        loop = self.trainer.fit_loop.epoch_loop
+        every = self.trainer.log_every_n_steps  # type: ignore[attr-defined]  # set by Lightning, not declared
         due = every > 0 and (loop._batches_that_stepped + 1) % every == 0
         return due or loop.batch_progress.is_last_batch or loop.batch_idx == 0
 
@@ -213,7 +214,7 @@ class System(L.LightningModule):
             TrainingDiverged: the loss or the norm is not finite.
         """
         parameters = [p for group in optimizer.param_groups for p in group["params"] if p.grad is not None]
-        norm = torch.nn.utils.get_total_norm([p.grad for p in parameters])  # type: ignore[misc]  # None was left out
+        norm = torch.nn.utils.get_total_norm([p.grad for p in parameters])
         # under float16 scaling an overflowing gradient is expected: the scaler skips that step by itself
         if self.trainer.precision != "16-mixed" and not torch.isfinite(norm + self._loss):
             raise self._diverged(norm)
