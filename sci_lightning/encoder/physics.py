@@ -20,12 +20,16 @@ def deepinv_physics(transmittance: torch.Tensor, aperture: float) -> Any:
         aperture: a.
 
     Raises:
-        BadInput: deepinv is not installed.
+        BadInput: deepinv is not installed, or the torchvision that it imports does not fit the installed torch.
     """
     try:
         from deepinv.physics import LinearPhysics
     except ImportError as error:
         raise BadInput("encoder.as_deepinv() needs deepinv: pip install 'sci-lightning[deepinv]'") from error
+    except RuntimeError as error:  # torchvision without the compiled operators that it describes
+        raise BadInput(
+            f"deepinv cannot be imported: {error}; install the torchvision that fits torch {torch.__version__}"
+        ) from error
 
     class Snapshot(LinearPhysics):  # defined here, because its base class may not be installed
         def __init__(self) -> None:

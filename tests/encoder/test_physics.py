@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 import sys
+import types
+from collections.abc import Iterator
+from importlib.machinery import ModuleSpec
 
 import pytest
 import torch
@@ -24,8 +29,62 @@ def test_without_deepinv(monkeypatch: pytest.MonkeyPatch) -> None:
         encoder().as_deepinv()
 
 
+class Substitute:
+    """Stands for torchvision: deepinv names a few of its classes while it is imported, and nothing here uses them."""
+
+    def find_spec(self, name: str, *_: object) -> ModuleSpec | None:
+        return ModuleSpec(name, self, is_package=True) if name.partition(".")[0] == "torchvision" else None
+
+    def create_module(self, spec: ModuleSpec) -> types.ModuleType:
+        module = types.ModuleType(spec.name)
+        module.__getattr__ = self.named
+        return module
+
+    @staticmethod
+    def named(name: str) -> type:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return type(name, (), {})
+
+    def exec_module(self, module: types.ModuleType) -> None:
+        pass
+
+
+@pytest.fixture(scope="module")
+def deepinv() -> Iterator[None]:
+    """Import deepinv, if need be without torchvision: PyPI has it for torch with CUDA only."""
+    if importlib.util.find_spec("deepinv") is None:
+        pytest.skip("deepinv is not installed: make test installs it")
+    substitute = Substitute()
+    if importlib.util.find_spec("torchvision") is None:
+        sys.meta_path.append(substitute)
+    importlib.import_module("deepinv")
+    yield
+    if substitute in sys.meta_path:
+        sys.meta_path.remove(substitute)
+        for name in [name for name in sys.modules if name.partition(".")[0] in ("deepinv", "torchvision")]:
+            del sys.modules[name]
+
+
+def test_with_a_broken_deepinv(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Broken:
+        def find_spec(self, name: str, *_: object) -> None:
+            if name == "deepinv.physics":
+                raise RuntimeError("operator torchvision::nms does not exist")
+
+    for name in [name for name in sys.modules if name.partition(".")[0] == "deepinv"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "deepinv", types.ModuleType("deepinv"))
+    sys.modules["deepinv"].__path__ = []
+    monkeypatch.setattr(sys, "meta_path", [Broken(), *sys.meta_path])
+    with pytest.raises(
+        BadInput, match=r"deepinv cannot be imported: operator torchvision::nms does not exist; .* fits torch"
+    ):
+        encoder().as_deepinv()
+
+
+@pytest.mark.usefixtures("deepinv")
 def test_is_the_encoder() -> None:
-    pytest.importorskip("deepinv", reason="deepinv is not installed: pip install 'sci-lightning[deepinv]'")
     camera, video = encoder(), torch.rand(2, 5, 16, 18)
     physics = camera.as_deepinv()
     measurement = camera(video)[:, None]
@@ -35,9 +94,9 @@ def test_is_the_encoder() -> None:
     torch.testing.assert_close(physics.A(least), measurement)
 
 
+@pytest.mark.usefixtures("deepinv")
 def test_solvers() -> None:
     """Conjugate gradients find the closed form; a plug-and-play loop of deepinv's beats it."""
-    pytest.importorskip("deepinv", reason="deepinv is not installed: pip install 'sci-lightning[deepinv]'")
     from deepinv.models import TVDenoiser
     from deepinv.optim import L2, PGD, PnP
     from deepinv.physics import LinearPhysics
