@@ -75,7 +75,8 @@ class LightPath(nn.Module):
 
     def border(self, size: tuple[int, int]) -> Border:
         """Return how far what lies beyond a field of ``size`` (H, W) reaches into it through all effects together."""
-        return sum((effect.border(size) for effect in self.effects.values()), Border())
+        borders = (effect.border(size) for effect in self.effects.values() if isinstance(effect, Effect))
+        return sum(borders, Border())
 
     def of(self, stage: type[StageEffect]) -> list[StageEffect]:
         """Return the effects of one stage, named by its base class, in order."""

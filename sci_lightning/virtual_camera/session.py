@@ -53,8 +53,8 @@ class Session:
         datasheet: whether the file states these two.
         oversampling: cells per pixel and axis by which a rotated or blurred mask is sampled in front of blurred optics;
             everything else is exact. With 1, the light between relay and sensor counts as uniform over every pixel.
-        surround: what lies beyond the field: ``goes_on`` for patterns and scenes like those inside (``BEYOND`` pixels on
-            each side, then their edge repeated), ``dark``, or the ``edge`` of the field repeated.
+        surround: what lies beyond the field: ``goes_on`` for patterns and scenes like those inside (``BEYOND`` pixels
+            on each side, then their edge repeated), ``dark``, or the ``edge`` of the field repeated.
 
     Raises:
         BadInput: a value of another type or out of range.

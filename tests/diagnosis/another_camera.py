@@ -1,8 +1,8 @@
 """A second, brute-force camera whose world goes on beyond the field; it shares no code with the package.
 
-Every mirror and every pixel is divided into ``FINE`` x ``FINE`` points. A point of a pixel is traced back to the mirrors
-that it sees, light is added up point by point, and what lies beyond the field (``BEYOND`` mirrors on each side) is as
-random as what lies inside.
+Every mirror and every pixel is divided into ``FINE`` x ``FINE`` points. A point of a pixel is traced back to the
+mirrors that it sees, light is added up point by point, and what lies beyond the field (``BEYOND`` mirrors on each side)
+is as random as what lies inside.
 """
 
 from __future__ import annotations

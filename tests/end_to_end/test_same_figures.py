@@ -1,8 +1,8 @@
 """Ten fixed cases, five diagnoses and five decoders, give the figures that were recorded earlier.
 
 ``same_figures.json`` was recorded by ``python -m tests.end_to_end.test_same_figures``, with the processor and the
-version of torch beside it. The world of these captures is dark beyond the field, and their files say so. On that processor and version every bit agrees; elsewhere sums are taken in another order,
-and the figures agree to rounding.
+version of torch beside it. The world of these captures is dark beyond the field, and their files say so. On that
+processor and version every bit agrees; elsewhere sums are taken in another order, and the figures agree to rounding.
 """
 
 from __future__ import annotations

@@ -13,6 +13,8 @@ from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.border import Border
 from sci_lightning.errors import BadInput
 
+NO_BORDER = Border()
+
 
 @dataclass(frozen=True)
 class Split:
@@ -33,7 +35,7 @@ class Split:
     held_out_capture: torch.Tensor
     block: int = SearchSettings.held_out_block
     one_in: int = SearchSettings.held_out_one_in
-    border: Border = Border()
+    border: Border = NO_BORDER
 
     @staticmethod
     def nothing_held_out(observation: Observation) -> Split:
