@@ -71,6 +71,6 @@ class BlockGrid:
         return (profile[:, None] * profile).flatten() + LEAST_WEIGHT
 
     def add(self, blocks: torch.Tensor, rows: int) -> torch.Tensor:
-        """Return the sum ``(N, C, .., ..)`` of blocks ``(N, C, B * B, blocks)``, of some whole rows, at their places."""
+        """Return the sum ``(N, C, .., ..)`` of blocks ``(N, C, B * B, blocks)``, of whole rows, at their places."""
         size = ((rows - 1) * self.stride + self.block, (self.columns - 1) * self.stride + self.block)
         return F.fold(blocks.flatten(1, 2), size, self.block, stride=self.stride)
