@@ -12,6 +12,7 @@ import torch
 from torch import nn
 
 from sci_lightning.decoder import Decoder, kernels
+from sci_lightning.decoder.complexity import count_parameters
 from sci_lightning.decoder.iterative import Iterative
 from sci_lightning.errors import BadInput
 
@@ -59,9 +60,9 @@ def onnx_graph(decoder: Decoder, frames: int, properties: Mapping[str, str] | No
     """
     require("onnx", "onnxscript")
     name = type(decoder).__name__
-    if isinstance(decoder, Iterative):
+    if isinstance(decoder, Iterative) or not count_parameters(decoder):
         raise BadInput(
-            f"{name} has no graph: it iterates, and what it computes depends on what it has estimated so far; "
+            f"{name} has no graph: it is an algorithm whose steps depend on the mask and on its estimates; "
             "decode with `python -m sci_lightning.reconstruct`, or export a network such as decoder=e2e_cnn"
         )
     if decoder.frames is not None and frames != decoder.frames:
