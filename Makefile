@@ -6,11 +6,10 @@
 PYTHON ?= python3
 SEED   ?= 5
 WITH   ?=
+SPEEDRUN ?= outputs/speedrun
 VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/ready
-
-SPEEDRUN ?= outputs/speedrun
 
 .PHONY: train diagnose tables smoke-tables gpu-tables speedrun documentation test lint clean
 

@@ -81,7 +81,7 @@ class TrainingDiverged(MachineFailure):
 
 
 class TrainingFailed(MachineFailure):
-    """A training's validation stays below what the mean measurement reaches; reported like :class:`TrainingDiverged`."""
+    """A training's validation stays below the mean measurement; reported like :class:`TrainingDiverged`."""
 
 
 class OtherSize(BadInput):
