@@ -1,6 +1,7 @@
 # make train: set up and run the quickstart; make diagnose: hide an effect, find it; make test: set up and run the tests;
 # make tables: train every row of the paper's tables, reduced for two cores (hours); make smoke-tables: minutes, no figures;
 # make gpu-tables: the rows that matter most, full networks, half an hour each on one GPU
+# make documentation: write the measured tables of README.md and docs/ from docs/results/
 PYTHON ?= python3
 SEED   ?= 5
 WITH   ?=
@@ -8,7 +9,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/ready
 
-.PHONY: train diagnose tables smoke-tables gpu-tables test lint clean
+.PHONY: train diagnose tables smoke-tables gpu-tables documentation test lint clean
 
 train: $(READY)
 	$(BIN)/python -m sci_lightning.train experiment=quickstart
@@ -32,6 +33,9 @@ tables smoke-tables gpu-tables: $(READY)
 	  $(BIN)/python -m sci_lightning.train -m experiment=$$rows scale=$(SCALE) $(WITH) || failed=1; done; \
 	$(BIN)/python -m sci_lightning.tables runs=outputs/sweep/$(SCALE) out=outputs/tables/$(SCALE) && exit $$failed
 
+documentation: $(READY)
+	$(BIN)/python -m sci_lightning.tables documentation=.
+
 test: $(READY) lint
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
 
@@ -40,10 +44,13 @@ lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+# deepinv comes without its torchvision: PyPI has it for torch with CUDA only, and beside another torch it stops Lightning.
 # made anew whenever the pinned versions or the project's own requirements change
 $(READY): constraints.txt pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-deps deepinv einops natsort \
+	  requests certifi charset-normalizer idna urllib3
 	touch $@
 
 clean:

@@ -1,4 +1,4 @@
-"""What evaluate and reconstruct work with: a decoder, the encoder in front of it, and the camera it is told of."""
+"""What evaluate and reconstruct work with: a decoder, the encoder in front of it, and the camera that the decoder assumes."""
 
 from __future__ import annotations
 

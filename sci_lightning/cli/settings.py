@@ -58,6 +58,7 @@ SETTINGS: Mapping[str, Any] = {
     "checkpoint": Place,
     # tables
     "runs": Place | Sequence[Place],
+    "documentation": Place,
     "mosaic": Count,
     "sensor": Mapping[str, Positive | None],
     # export_mask

@@ -14,6 +14,7 @@ from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, compose, group_members, plain
 from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.configuration.conf_folder import PACKAGE
+from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_text import one_printable_line
 
 
@@ -23,9 +24,14 @@ def tables(composition: Composition) -> None:
     Beside them the paper's figures as PNG: quality against cost, dynamic range, mosaics of runs that left a checkpoint.
     Files that are of no use are named, one line each, and the others go on.
 
+    With ``documentation=DIR`` it writes the measured tables of README.md and docs/ from docs/results/ instead.
+
     Args:
         composition: of ``conf/tables.yaml``.
     """
+    if composition.cfg.documentation:
+        _write_documentation(Path(str(composition.cfg.documentation)))
+        return
     from sci_lightning.cli.next_command import browser, invocation, print_next
     from sci_lightning.imaging.figures import write_figure
     from sci_lightning.tables.claim_table import claim_table
@@ -41,6 +47,8 @@ def tables(composition: Composition) -> None:
     cfg = composition.cfg
     out, console = Path(cfg.out), PlainConsole()
     folders = plain(cfg)["runs"]
+    if folders is None:
+        raise BadInput("give runs=DIR, a folder of train or of a sweep; documentation=. writes the tables of the pages")
     runs, lines = find_runs([Path(str(folder)) for folder in (folders if isinstance(folders, list) else [folders])])
     for line in lines:
         _left_out(line)
@@ -67,6 +75,17 @@ def tables(composition: Composition) -> None:
     console.say(styled(out), f": {', '.join(grid.name for grid in grids)} as .md, .tex and .png; {len(runs)} runs")
     console.print(f"figures: {', '.join(names)} as .png")
     print_next(console, browser(out / "cost.png"), invocation("train", "-m", "experiment=table5", "scale=small"))
+
+
+def _write_documentation(root: Path) -> None:
+    """Write the measured tables of the pages anew, and say which pages changed."""
+    from sci_lightning.tables.documentation import update_pages
+
+    changed, console = update_pages(root), PlainConsole()
+    for page in changed:
+        console.say(styled(page), ": tables written")
+    if not changed:
+        console.print("every table of the documentation is as its file says")
 
 
 def _members(group: str, *overrides: str) -> dict[str, Any]:

@@ -56,7 +56,7 @@ class Run:
         macs: its multiply-accumulates for one measurement of the mask's size.
         seed: of the training.
         scores: mean over the scenes, by metric.
-        baseline: the same of the mean measurement in every frame, which trained decoders beat; empty if not told.
+        baseline: the same of the mean measurement in every frame, which trained decoders beat; empty if not stated.
         seconds: to decode one measurement.
         device: on which it was decoded.
     """

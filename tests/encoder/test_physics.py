@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 import sys
 import types
+from collections.abc import Iterator
+from importlib.machinery import ModuleSpec
 
 import pytest
 import torch
@@ -13,9 +17,6 @@ from sci_lightning.encoder.effects import MaskShift
 from sci_lightning.encoder.mask import RandomBinary
 from sci_lightning.encoder.sensor import Ideal
 from sci_lightning.errors import BadInput
-
-# Operators that a torchvision without its compiled part describes; torch forgets them with the library they are in.
-OPERATORS = torch.library.Library("torchvision", "FRAGMENT")
 
 
 def encoder() -> Encoder:
@@ -28,23 +29,41 @@ def test_without_deepinv(monkeypatch: pytest.MonkeyPatch) -> None:
         encoder().as_deepinv()
 
 
-@pytest.fixture(scope="module")
-def deepinv() -> None:
-    """Import deepinv, although the operators of its torchvision may be missing.
+class Substitute:
+    """Stands for torchvision: deepinv names a few of its classes while it is imported, and nothing here uses them."""
 
-    The torchvision of PyPI is compiled for torch with CUDA. Beside torch for processors it cannot load its compiled
-    operators, and then fails while it describes two of them. Their signatures are enough: nothing here calls them.
-    """
-    try:
-        import torchvision  # noqa: F401
-    except ModuleNotFoundError:
-        pytest.skip("deepinv is not installed: pip install 'sci-lightning[deepinv]'")
-    except RuntimeError:
-        for name in [name for name in sys.modules if name.partition(".")[0] == "torchvision"]:
+    def find_spec(self, name: str, *_: object) -> ModuleSpec | None:
+        return ModuleSpec(name, self, is_package=True) if name.partition(".")[0] == "torchvision" else None
+
+    def create_module(self, spec: ModuleSpec) -> types.ModuleType:
+        module = types.ModuleType(spec.name)
+        module.__getattr__ = self.named
+        return module
+
+    @staticmethod
+    def named(name: str) -> type:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return type(name, (), {})
+
+    def exec_module(self, module: types.ModuleType) -> None:
+        pass
+
+
+@pytest.fixture(scope="module")
+def deepinv() -> Iterator[None]:
+    """Import deepinv, if need be without torchvision: PyPI has it for torch with CUDA only."""
+    if importlib.util.find_spec("deepinv") is None:
+        pytest.skip("deepinv is not installed: make test installs it")
+    substitute = Substitute()
+    if importlib.util.find_spec("torchvision") is None:
+        sys.meta_path.append(substitute)
+    importlib.import_module("deepinv")
+    yield
+    if substitute in sys.meta_path:
+        sys.meta_path.remove(substitute)
+        for name in [name for name in sys.modules if name.partition(".")[0] in ("deepinv", "torchvision")]:
             del sys.modules[name]
-        for operator in ("nms", "qnms"):
-            OPERATORS.define(f"{operator}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
-    pytest.importorskip("deepinv", reason="deepinv is not installed: pip install 'sci-lightning[deepinv]'")
 
 
 def test_with_a_broken_deepinv(monkeypatch: pytest.MonkeyPatch) -> None:

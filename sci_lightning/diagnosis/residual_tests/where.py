@@ -29,7 +29,7 @@ QUESTIONS: dict[str, Question] = {
     "slots": ("mean", "Do single slots let through more or less light than they should?", slots),
     "delays": ("mean", "Do patterns come late, or stay on?", delays),
     "patterns": ("mean", "Do single patterns let through more or less light than they should?", patterns),
-    "swaps": ("mean", "Is another pattern displayed than the one told?", swaps),
+    "swaps": ("mean", "Is another pattern displayed than the commanded one?", swaps),
     "mask_edges": ("mean", "Does the misfit sit on the edges of the mask's image?", mask_edges),
     "image_edges": ("mean", "Does the misfit sit on the edges of the whole picture?", image_edges),
     "frequency": ("mean", "Is the misfit coarser or finer than noise?", frequency),

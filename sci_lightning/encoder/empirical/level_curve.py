@@ -19,7 +19,7 @@ class LevelCurve(Empirical, ModulatorEffect):
 
     name = "level_curve"
     rank = 18
-    where = "levels are displayed otherwise than told"
+    where = "levels are displayed otherwise than commanded"
     number = Parameter("1", 0.0, -1, 1, step=0.005)
 
     @classmethod

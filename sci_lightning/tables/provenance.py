@@ -1,0 +1,103 @@
+"""Where, when and with what a measurement was made: what each measured table of the documentation says below itself."""
+
+from __future__ import annotations
+
+import datetime
+import platform
+import subprocess
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from sci_lightning.configuration.conf_folder import PACKAGE
+from sci_lightning.files.json_fields import Fields
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """The origin of the figures of one table.
+
+    Attributes:
+        machine: cores, processor or GPU, memory, and what else ran on it.
+        date: of the measurement, ``2026-11-22``; several days as ``2026-11-22 to 2026-11-24``.
+        commit: of the program, the first digits of its hash; ``+`` behind it means that files had been changed.
+        scale: of ``conf/scale``, or in words what was reduced; ``full`` if nothing was.
+        seeds: of the runs, such as ``0, 1, 2``; ``none`` where nothing is random.
+        command: that makes the measurement again, if one line does.
+    """
+
+    machine: str
+    date: str
+    commit: str
+    scale: str
+    seeds: str
+    command: str = ""
+
+    def sentence(self) -> str:
+        """Return the line of Markdown that stands below the table."""
+        parts = [self.machine, self.date, f"commit {self.commit}", f"scale: {self.scale}", f"seeds: {self.seeds}"]
+        return "; ".join(parts) + "." + (f" Made by `{self.command}`." if self.command else "")
+
+    def as_json(self) -> dict[str, str]:
+        """Return the entry ``provenance`` of a JSON file."""
+        return {key: value for key, value in asdict(self).items() if value}
+
+
+def read_provenance(content: Fields) -> Provenance:
+    """Return the entry ``provenance`` of a JSON file; raises BadInput where a part of it is missing."""
+    part = content.part("provenance")
+    texts = {key: part.text(key) for key in ("machine", "date", "commit", "scale", "seeds")}
+    return Provenance(**texts, command=part.text("command", ""))
+
+
+def provenance_now(device: str, scale: str, seeds: Sequence[int], command: str = "", remark: str = "") -> Provenance:
+    """Return the provenance of what has just been measured by this program on this machine.
+
+    Args:
+        device: as :func:`~sci_lightning.runs.device.device_name` calls it.
+        scale, seeds, command: see :class:`Provenance`.
+        remark: what else is to be known of the machine, such as ``other work on both cores``.
+    """
+    import torch
+
+    machine = f"{device}, {platform.machine()}, PyTorch {torch.__version__.partition('+')[0]}"
+    listed = ", ".join(map(str, seeds)) or "none"
+    today = datetime.datetime.now(datetime.timezone.utc).date().isoformat()
+    return Provenance(f"{machine}, {remark}" if remark else machine, today, commit(), scale, listed, command)
+
+
+def commit() -> str:
+    """Return the short hash of the checkout that this program runs from, with ``+`` if files differ from it.
+
+    An installed package belongs to no checkout; its version is returned instead.
+    """
+    from sci_lightning import __version__
+
+    root = PACKAGE.parent
+    try:
+        top = _git(root, "rev-parse", "--show-toplevel")
+        if top != str(root.resolve()):
+            return f"version {__version__}"
+        return _git(root, "rev-parse", "--short=8", "HEAD") + (
+            "+" if _git(root, "status", "--porcelain", "-uno") else ""
+        )
+    except (OSError, subprocess.SubprocessError):
+        return f"version {__version__}"
+
+
+def joined(provenances: Sequence[Provenance]) -> Provenance:
+    """Return what several measurements of one table have in common, and the range of what they have not."""
+    dates = sorted({date for one in provenances for date in one.date.split(" to ")})
+    values: Mapping[str, Any] = {
+        key: ", ".join(dict.fromkeys(getattr(one, key) for one in provenances))
+        for key in ("machine", "commit", "scale", "command")
+    }
+    seeds = sorted({seed for one in provenances for seed in one.seeds.split(", ")})
+    return Provenance(
+        date=dates[0] if len(dates) == 1 else f"{dates[0]} to {dates[-1]}", seeds=", ".join(seeds), **values
+    )
+
+
+def _git(folder: Any, *words: str) -> str:
+    done = subprocess.run(["git", "-C", str(folder), *words], capture_output=True, text=True, timeout=20, check=True)
+    return done.stdout.strip()

@@ -1,0 +1,116 @@
+"""The measured tables of README.md and docs/ are what the JSON files under docs/results/ say."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from sci_lightning.errors import BadInput
+from sci_lightning.tables.documentation import MARKED, pages, table_sources, updated
+from tests.conftest import ROOT
+from tests.documentation.pages import name
+from tests.schemas.validation import check
+
+MARKER = "<!-- table: measurements, from docs/results/a.json -->\n<!-- end -->\n"
+ABOUT = {"machine": "an abacus", "date": "2026-11-22", "commit": "0123abcd", "scale": "smoke", "seeds": "0, 1"}
+CONTENT = {
+    "format": "sci-measurements",
+    "format_version": 1,
+    "provenance": {**ABOUT, "command": "make smoke-tables"},
+    "columns": [
+        {"key": "name", "title": "decoder"},
+        {"key": "psnr", "title": "PSNR (dB)", "digits": 2},
+        {"key": "scores", "title": "scores", "digits": [2, 3]},
+    ],
+    "rows": [{"name": "`gap_tv`", "psnr": 28.567, "scores": [1, 0.8444]}, {"name": "desci"}],
+    "notes": ["A note."],
+}
+
+
+@pytest.fixture
+def clone(tmp_path: Path) -> Path:
+    """A small clone of the repository with one table."""
+    (tmp_path / "docs" / "results").mkdir(parents=True)
+    (tmp_path / "docs" / "results" / "a.json").write_text(json.dumps(CONTENT))
+    (tmp_path / "README.md").write_text(f"Before.\n\n{MARKER}\nAfter.\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize("page", pages(ROOT), ids=name)
+def test_a_page_shows_what_its_files_say(page: Path) -> None:
+    assert page.read_text() == updated(page, ROOT), "make documentation writes the tables anew"
+
+
+def test_every_file_of_measurements_is_shown_and_follows_its_schema() -> None:
+    shown = {path for _, _, path in table_sources(ROOT)}
+    for path in (ROOT / "docs" / "results").rglob("*.json"):
+        assert shown & {path, *path.parents}, f"{name(path)} is in no table"
+        if json.loads(path.read_text()).get("format") == "sci-measurements":
+            check("measurements", json.loads(path.read_text()))
+
+
+def test_figures_of_the_text_stand_in_a_table() -> None:
+    """What the text says in dB is in a table that a file under docs/results/ says."""
+    texts = {page: page.read_text() for page in pages(ROOT)}
+    measured = set(
+        re.findall(r"\d+\.\d+", " ".join(match["body"] for text in texts.values() for match in MARKED.finditer(text)))
+    )
+    for page, text in texts.items():
+        prose = re.sub(r"^```.*?^```", "", MARKED.sub("", text), flags=re.M | re.S)
+        said = set(re.findall(r"(\d+\.\d+) dB", prose))
+        assert said <= measured, f"{name(page)}: {sorted(said - measured)} dB in no measured table"
+
+
+def test_a_table_shows_values_notes_and_provenance(clone: Path, ran: Callable[..., str]) -> None:
+    assert "README.md: tables written" in ran("tables", f"documentation={clone}")
+    text = (clone / "README.md").read_text()
+    assert text.startswith("Before.\n\n<!-- table: measurements") and text.endswith("<!-- end -->\n\nAfter.\n")
+    assert "| decoder | PSNR (dB) | scores |\n| --- | ---: | ---: |\n" in text
+    assert "| `gap_tv` | 28.57 | 1.00 / 0.844 |\n| desci |  |  |\n\nA note.\n" in text
+    sentence = "an abacus; 2026-11-22; commit 0123abcd; scale: smoke; seeds: 0, 1. Made by `make smoke-tables`."
+    assert f"*{sentence}*" in text
+    assert "is as its file says" in ran("tables", f"documentation={clone}")
+
+
+def test_a_table_that_differs_from_its_file(clone: Path) -> None:
+    (clone / "README.md").write_text(updated(clone / "README.md", clone).replace("28.57", "29.57"))
+    assert updated(clone / "README.md", clone) != (clone / "README.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (MARKER.replace("a.json", "b.json"), "docs/results/b.json does not exist"),
+        (MARKER.replace("measurements", "guesses"), "no kind of table is called guesses; choose one of"),
+        (MARKER.replace("<!-- end -->", ""), "expected <!-- table: KIND, from PATH --> and <!-- end -->"),
+    ],
+)
+def test_markers_of_no_use(text: str, reason: str, clone: Path, refused: Callable[..., str]) -> None:
+    (clone / "README.md").write_text(text)
+    assert reason in refused("tables", f"documentation={clone}")
+    assert (clone / "README.md").read_text() == text
+
+
+def test_files_of_no_use(clone: Path) -> None:
+    path = clone / "docs" / "results" / "a.json"
+    for change, reason in [
+        ({"format": "sci-metrics"}, "expected format sci-measurements 1"),
+        ({"rows": [{"name": "a", "ssim": 1}]}, "rows hold ssim, which no column shows"),
+        ({"rows": [{"psnr": [1, 2]}]}, "psnr has 2 values and digits for 1"),
+        ({"provenance": {**ABOUT, "commit": None}}, "provenance.commit is missing"),
+    ]:
+        path.write_text(json.dumps(CONTENT | change))
+        with pytest.raises(BadInput, match=reason):
+            updated(clone / "README.md", clone)
+    shutil.rmtree(clone / "docs")
+    assert MARKED.search((clone / "README.md").read_text())
+
+
+def test_no_clone(tmp_path: Path, refused: Callable[..., str]) -> None:
+    assert "no README.md there" in refused("tables", f"documentation={tmp_path}")
+    assert "give runs=DIR" in refused("tables")
