@@ -39,6 +39,7 @@ SETTINGS: Mapping[str, Any] = {
     "device": Name,
     "workers": Workers,
     "kernels": Literal["auto", "plain"],
+    "precision": Literal["auto", 32, "bf16", 16, "32-true", "bf16-mixed", "16-mixed"],
     # train
     "batch_size": Repeats,
     "resume": bool,
@@ -68,7 +69,6 @@ SETTINGS: Mapping[str, Any] = {
     "gray_rate": Positive,
     # benchmark
     "only": Sequence[Name],
-    "precision": Name,
     "compile": bool,
     "warm_up": Count,
     "repeats": Repeats,
