@@ -66,7 +66,7 @@ class Decoder(nn.Module):
 
     @torch.no_grad()
     def begin_at_first_video(self, *networks: nn.Module) -> None:
-        """Let a training begin at the linear estimate, if there is one: the last layer of each network starts from 0."""
+        """Let a training begin at the linear estimate, if there is one: the last layers of networks start from 0."""
         for network in networks if self.linear_estimator is not None else ():
             *_, last = (
                 module for module in network.modules() if next(module.parameters(recurse=False), None) is not None
