@@ -79,10 +79,13 @@ SETTINGS: Mapping[str, Any] = {
     "search": SearchSettings,
     "empirical": bool,
     "candidates": Annotated[Mapping[str, Name], DocInfo("effects of your own, +candidates.mine=my_module.Mine")],
-    # captures, virtual_camera.reveal
+    # captures, virtual_camera.reveal (the number of captures of a kind: see virtual_camera)
     "folder": Place,
     "truth": Place,
     "report": Place,
+    "long_dark": Count,
+    "long_exposure": Positive,
+    "target": Count,
     # virtual_camera
     "effects": Any,
     "number": Count,
