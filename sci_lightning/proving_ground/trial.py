@@ -42,7 +42,7 @@ def run_trial(case: Case) -> dict[str, Any]:
         "hidden": truth["effects"],
         "log_likelihood_gain": truth["log_likelihood_gain"],
         "verdict": report["verdict"],
-        "found": report["effects"],
+        "found": report["laboratory"] + report["effects"],
         "unnamed": [
             {**entry, "nats": deviation.nats}
             for entry, deviation in zip(report["unnamed"], diagnosis.unnamed, strict=True)
