@@ -41,8 +41,8 @@ def test_all_groups_are_known() -> None:
         "logger",
         "metric",
         "scale",
-        *(f"scale/decoder/{scale}" for scale in ("quickstart", "slim", "small", "smoke")),
-        *(f"scale/mask/{scale}" for scale in ("quickstart", "small")),
+        *(f"scale/decoder/{scale}" for scale in ("cpu", "quickstart", "slim", "smoke")),
+        *(f"scale/mask/{scale}" for scale in ("cpu", "quickstart")),
         "system",
         "trainer",
     }

@@ -21,6 +21,7 @@ from sci_lightning.imaging.pipeline import Pipeline
 from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.scene_scores import SceneScores
 from sci_lightning.runs.device import device_name
+from sci_lightning.training.processor_time import ProcessorTime
 from sci_lightning.training.training_position import TrainingPosition
 
 Batch = tuple[torch.Tensor, ...]
@@ -55,7 +56,7 @@ class System(L.LightningModule):
         stage_weights: weights of the losses of the decoder's last stages, in their order; the loss is the weighted sum.
             ``(1,)`` takes the final estimate alone. Unfolding networks have many stages, most decoders one.
         lr: learning rate of Adam at the start. It falls to ``final_lr`` along a cosine over the whole run, which ends
-            after its steps or after the trainer's ``max_time``, whichever comes first.
+            after its steps, after the trainer's ``max_time`` or its :class:`ProcessorTime`, whichever comes first.
         mask_lr: learning rate of the mask at the start (same cosine); None for ``lr``.
         compile: compile the decoder with ``torch.compile``.
         seed: seed of everything random in a step.
@@ -157,8 +158,10 @@ class System(L.LightningModule):
         return {"optimizer": optimizer, "lr_scheduler": {"scheduler": scheduler, "interval": "step"}}
 
     def _time_spent(self) -> float:
-        """Return the part of the trainer's ``max_time`` that has passed, 0 to 1; 0 in a run without a limit."""
+        """Return the part of ``max_time`` or of the processor time that has passed, 0 to 1; 0 in a run without one."""
         for timer in self.trainer.callbacks:  # type: ignore[attr-defined]  # set by Lightning, not declared
+            if isinstance(timer, ProcessorTime):
+                return float(self.trainer.strategy.broadcast(timer.part_spent))
             if isinstance(timer, Timer) and (left := timer.time_remaining()) is not None:
                 spent = timer.time_elapsed() / max(timer.time_elapsed() + left, 1e-6)
                 return float(self.trainer.strategy.broadcast(spent))  # clocks differ, learning rates may not
