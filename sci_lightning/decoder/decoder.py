@@ -59,7 +59,8 @@ class Decoder(nn.Module):
         if any(margin):  # measurement and mask alike, so that they keep fitting each other
             measurement, mask = (F.pad(x, margin, mode="replicate") for x in (measurement, mask))
         estimates = self.decode_stages(measurement, mask)
-        return [estimate[..., :height, :width].contiguous() for estimate in estimates]
+        # Under autocast a network may end in a lower precision; losses and metrics want that of the measurement.
+        return [estimate[..., :height, :width].to(measurement.dtype).contiguous() for estimate in estimates]
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
         """Return the estimates of :meth:`stages`; the shapes have been checked and padded."""

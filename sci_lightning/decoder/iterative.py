@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from itertools import chain, repeat
 from typing import NamedTuple
 
@@ -11,8 +12,9 @@ import torch
 from sci_lightning.configuration.bounds import MOST_ITERATIONS, Iterations, Positive
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
-from sci_lightning.decoder.motion_filter import MotionFilter
+from sci_lightning.decoder.denoiser.motion_filter import MotionFilter
 from sci_lightning.errors import BadInput
+from sci_lightning.imaging.full_precision import full_precision
 
 
 class Iteration(NamedTuple):
@@ -105,8 +107,13 @@ class Iterative(Decoder):
 
     def denoised(self, video: torch.Tensor, strength: float) -> torch.Tensor:
         """Return the video ``(N, T, H, W)`` after the denoiser and the motion filter."""
-        video = self.denoiser(video, strength)
-        return video if self.motion is None else self.motion(video)
+        learned = next(self.denoiser.parameters(), None) is not None
+        with nullcontext() if learned else full_precision():
+            video = self.denoiser(video, strength)
+        if self.motion is None:
+            return video
+        with full_precision():
+            return self.motion(video)
 
     def reached(self, residual: torch.Tensor, iteration: int) -> bool:
         """Return whether to stop after ``iteration`` (from 0), whose y - A x is ``residual``, ``(N, H, W)``.

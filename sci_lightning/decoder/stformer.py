@@ -14,7 +14,7 @@ from sci_lightning.decoder.kernels.layout import as_one_channel
 from sci_lightning.decoder.layers.convolution import Conv3d, TransposedConv3d
 from sci_lightning.decoder.layers.sequential import Chain, named_block
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
-from sci_lightning.decoder.layers.window_attention import WindowAttention
+from sci_lightning.decoder.layers.window_attention import WindowAttention, whole_windows
 
 WINDOW = 7
 
@@ -56,7 +56,8 @@ class STFormerBlock(nn.Module):
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         height, width = x.shape[2:4]
-        z = F.pad(self.norm1(x), (0, 0, 0, -width % min(WINDOW, width), 0, -height % min(WINDOW, height)))
+        below, right = (whole_windows(side, WINDOW) - side for side in (height, width))
+        z = F.pad(self.norm1(x), (0, 0, 0, right, 0, below))
         mixed = self.attn(z) + self.time_attn(z.permute(0, 4, 1, 2, 3)).permute(0, 2, 3, 4, 1)
         x = x + mixed[:, :, :height, :width]
         return x + self.ff(self.norm2(x).permute(0, 4, 1, 2, 3)).permute(0, 2, 3, 4, 1)

@@ -177,7 +177,7 @@ def test_reconstruct(run: Path, command: Command, tmp_path: Path) -> None:
     snapshot = (torch.rand(2, 32, 32) * 255).byte().numpy()
     np.save(tmp_path / "snapshot.npy", snapshot)
     ckpt = f"ckpt_path={run}/checkpoints/last.ckpt"
-    done = command("reconstruct", ckpt, "measurement=snapshot.npy", "out=a")
+    done = command("reconstruct", ckpt, "measurement=snapshot.npy", "precision=32", "out=a")
     assert done.returncode == 0, done.stderr
     video = np.load(tmp_path / "a" / "reconstruction.npy", allow_pickle=False)
     assert video.shape == (2, 8, 32, 32)
