@@ -27,7 +27,8 @@ def tables_rows(composition: Composition) -> None:
         BadInput: settings of no use; a kept row that was trained otherwise.
         MachineFailure: rows failed; the others were trained.
     """
-    from sci_lightning.cli.next_command import invocation, override, print_next
+    from sci_lightning.cli.next_command import override, print_next
+    from sci_lightning.tables.__main__ import tables
     from sci_lightning.tables.provenance import machine_name, provenance_now
     from sci_lightning.tables.rows.kept import check_recipe, is_kept, keep
     from sci_lightning.tables.rows.plan import TableRow, plan
@@ -69,11 +70,14 @@ def tables_rows(composition: Composition) -> None:
     say(f"{workers} rows at a time, one thread each, results in {results}")
     queue = RowQueue(waiting, out / label, command, finished, say, workers)
     queue.run()
+    if any(is_kept(row, results) for row in rows):
+        where = [override("runs", str(results)), override("out", str(out / label / "tables")), "mosaic=0"]
+        tables(compose("tables", where))
     if queue.failed:
         row, reason = next(iter(queue.failed.items()))
         names = ", ".join(f"{row.name} seed {row.seed}" for row in queue.failed)
         raise MachineFailure(f"{len(queue.failed)} of {len(rows)} rows failed ({names}); {row.name}: {reason}")
-    print_next(console, invocation("tables", paths={"runs": results}))
+    print_next(console, "make documentation")
 
 
 def _budget(composition: Composition) -> tuple[float, str]:
