@@ -38,10 +38,19 @@ def rmse(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     return mse(estimate, truth).sqrt()
 
 
+def frame_rmse(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    """Return the mean over frames of the root of each one's mean squared error: as PSNR does, it weighs easy frames."""
+    return (estimate - truth).square().mean((-2, -1)).sqrt().mean()
+
+
 MEAN_MEASUREMENT = "val_mean_measurement"
 """Under this name validation logs what the mean measurement in every frame would reach, as a decoder must beat it."""
 
-LOSSES: dict[str, Callable[[torch.Tensor, torch.Tensor], torch.Tensor]] = {"mse": mse, "rmse": rmse}
+LOSSES: dict[str, Callable[[torch.Tensor, torch.Tensor], torch.Tensor]] = {
+    "mse": mse,
+    "rmse": rmse,
+    "frame_rmse": frame_rmse,
+}
 
 
 class System(L.LightningModule):
@@ -56,7 +65,7 @@ class System(L.LightningModule):
         camera: in a test, the encoder that the decoder believes in; None for ``encoder`` itself.
         metrics: metrics of validation and test, by name.
         val_every_n_frames: by metric: in validation the metric looks at one in so many frames; in a test at all.
-        loss: ``mse`` or ``rmse``.
+        loss: ``mse``, ``rmse`` or ``frame_rmse``.
         stage_weights: weights of the losses of the decoder's last stages, in their order; the loss is the weighted sum.
             ``(1,)`` takes the final estimate alone. Unfolding networks have many stages, most decoders one.
         lr: learning rate of Adam at the start. It falls to ``final_lr`` along a cosine over the whole run, which ends
