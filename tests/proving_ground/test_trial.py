@@ -25,7 +25,7 @@ def test_a_case_and_its_record(monkeypatch: pytest.MonkeyPatch) -> None:
         return diagnoses[-1]
 
     monkeypatch.setattr(trial, "diagnose", diagnose_with_few)
-    case = Case("single", ("gain",), "full", Session(size=(16, 16), frames=2))
+    case = Case("single", ("gain",), "full", Session(size=(16, 16), frames=2, surround="dark"))
     record = trial.run_trial(case)
     check("proving_ground_case", record)
     assert record["case"] == "single-gain-structural-8bit-16x16-2slots-full-0" and record["digest"] == case.digest
