@@ -39,12 +39,18 @@ class Provenance:
 
     def sentence(self) -> str:
         """Return the line of Markdown that stands below the table."""
+        if self == NOT_YET:
+            return "Not yet run."
         parts = [self.machine, self.date, f"commit {self.commit}", f"scale: {self.scale}", f"seeds: {self.seeds}"]
         return "; ".join(parts) + "." + (f" Made by `{self.command}`." if self.command else "")
 
     def as_json(self) -> dict[str, str]:
         """Return the entry ``provenance`` of a JSON file."""
         return {key: value for key, value in asdict(self).items() if value}
+
+
+NOT_YET = Provenance("none", "", "", "", "")
+"""The provenance of a table without figures."""
 
 
 def read_provenance(content: Fields) -> Provenance:
