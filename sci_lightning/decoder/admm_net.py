@@ -32,6 +32,7 @@ class ADMMNet(Decoder):
     """
 
     multiple = 4
+    global_steps = True
 
     def __init__(
         self, frames: Frames, stages: Depth = 9, channels: Sequence[Width] = (32, 64, 128), squared: bool = True
@@ -39,19 +40,25 @@ class ADMMNet(Decoder):
         super().__init__()
         self.frames = frames
         self.squared = squared
+        self.receptive_field = 20 * stages + 3
         for stage in range(1, stages + 1):
             self.add_module(f"unet{stage}", UNet(frames, channels))
             self.register_parameter(f"gamma{stage}", nn.Parameter(torch.zeros(1)))
+
+    @property
+    def halo(self) -> int:
+        """Pixels around a tile that the network of a stage needs: there are no seams in between."""
+        return UNet.receptive_field
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
         operator = self.operator(mask)
         weight = operator.sum_of_squares() if self.squared else operator.total_or_one()
         theta = operator.adjoint(measurement)
         b = torch.zeros_like(theta)
-        estimates = []
+        estimates: list[torch.Tensor] = []
         for unet, gamma in zip(self.children(), self.parameters(recurse=False), strict=True):
             x = operator.data_step(theta + b, measurement, weight + gamma)
-            theta = unet(x - b)
+            theta = self.locally(unet, UNet.receptive_field, x - b)
             b = b - (x - theta)
-            estimates.append(theta)
+            estimates = self.with_estimate(estimates, theta)
         return estimates

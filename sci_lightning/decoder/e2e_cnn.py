@@ -54,6 +54,7 @@ class E2ECNN(Decoder):
     def __init__(self, frames: Frames, channels: Width = 64, blocks: Depth = 5, input_residual: bool = False) -> None:
         super().__init__()
         self.frames = frames
+        self.receptive_field = 4 * blocks + 3
         self.input_residual = input_residual
         self.first = nn.Conv2d(frames, channels, 3, padding=1)
         self.encode = nn.ModuleList(ResidualBlock(channels) for _ in range(blocks))

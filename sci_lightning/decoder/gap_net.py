@@ -29,6 +29,7 @@ class GAPNet(Decoder):
     """
 
     multiple = 4
+    global_steps = True
 
     def __init__(
         self, frames: Frames, stages: Depth = 12, channels: Sequence[Width] = (32, 64, 128), squared: bool = True
@@ -36,15 +37,21 @@ class GAPNet(Decoder):
         super().__init__()
         self.frames = frames
         self.squared = squared
+        self.receptive_field = 20 * stages + 3
         for stage in range(1, stages + 1):
             self.add_module(f"unet{stage}", UNet(frames, channels))
+
+    @property
+    def halo(self) -> int:
+        """Pixels around a tile that the network of a stage needs: there are no seams in between."""
+        return UNet.receptive_field
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
         operator = self.operator(mask)
         weight = operator.sum_of_squares() if self.squared else operator.total_or_one()
         video = operator.adjoint(measurement)
-        estimates = []
+        estimates: list[torch.Tensor] = []
         for unet in self.children():
-            video = unet(operator.data_step(video, measurement, weight))
-            estimates.append(video)
+            video = self.locally(unet, UNet.receptive_field, operator.data_step(video, measurement, weight))
+            estimates = self.with_estimate(estimates, video)
         return estimates

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import chain, repeat
+from copy import copy
+from itertools import chain, count, repeat
 from typing import NamedTuple
 
 import torch
@@ -50,6 +51,7 @@ class Iterative(Decoder):
             no longer finite.
     """
 
+    global_steps = True
     watch: Callable[[Iteration], object] | None = None
     """Called after every iteration with its :class:`Iteration`, to show the progress."""
 
@@ -86,14 +88,31 @@ class Iterative(Decoder):
         self.tolerance = tolerance
         self.start = start
         self.motion = motion
+        self._denoisers: list[Denoiser] = []
+
+    @property
+    def halo(self) -> int:
+        """Pixels around a tile that the denoiser needs: only the denoiser works tile by tile."""
+        return self.denoiser.receptive_field
+
+    @property
+    def alignment(self) -> int:
+        """Tiles begin at multiples of so many pixels."""
+        return self.denoiser.alignment
 
     def first_estimate(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """Return the video ``(N, T, H, W)`` from which the iteration starts."""
-        return self.operator(mask).mean_video(measurement) if self.start is None else self.start(measurement, mask)
+        if self.start is None:
+            video = self.operator(mask).mean_video(measurement)
+            return video if torch.is_grad_enabled() else video.contiguous()
+        if self._tiling is None:
+            return self.start(measurement, mask)
+        return self.start.in_tiles(measurement, mask, self._tiling)
 
     def schedule(self) -> Iterator[tuple[int, float]]:
         """Yield number (from 0) and strength of every iteration, after a reset of denoiser and motion filter."""
         self.denoiser.reset()
+        self._denoisers = []
         if self.motion is not None:
             self.motion.reset()
         return enumerate(chain.from_iterable(repeat(strength, number) for strength, number in self.plan))
@@ -105,8 +124,18 @@ class Iterative(Decoder):
 
     def denoised(self, video: torch.Tensor, strength: float) -> torch.Tensor:
         """Return the video ``(N, T, H, W)`` after the denoiser and the motion filter."""
-        video = self.denoiser(video, strength)
+        denoisers = self._one_for_every_tile()
+        video = self.locally(lambda part: next(denoisers)(part, strength), self.halo, video)
         return video if self.motion is None else self.motion(video)
+
+    def _one_for_every_tile(self) -> Iterator[Denoiser]:
+        """Yield denoisers of the same weights for one tile after another, which keep what they know of their tile."""
+        if self._tiling is None:
+            yield self.denoiser
+        for number in count():
+            if number == len(self._denoisers):
+                self._denoisers.append(copy(self.denoiser))
+            yield self._denoisers[number]
 
     def reached(self, residual: torch.Tensor, iteration: int) -> bool:
         """Return whether to stop after ``iteration`` (from 0), whose y - A x is ``residual``, ``(N, H, W)``.
@@ -125,3 +154,8 @@ class Iterative(Decoder):
         if self.watch:
             self.watch(Iteration(iteration + 1, self.iterations, rms))
         return self.tolerance is not None and rms < self.tolerance
+
+
+def reused(x: torch.Tensor) -> torch.Tensor | None:
+    """Return the memory of an estimate that is not needed any more, for the next one; None where gradients need it."""
+    return None if torch.is_grad_enabled() else x

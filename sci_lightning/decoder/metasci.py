@@ -54,6 +54,7 @@ class MetaSCI(Decoder):
     def __init__(self, frames: Frames, channels: Width = 128, blocks: Depth = 3) -> None:
         super().__init__()
         self.frames = frames
+        self.receptive_field = 8 * blocks + 7
         half, quarter, eighth = channels // 2, channels // 4, channels // 8
         self.conv1 = nn.Sequential(
             nn.Conv2d(frames, quarter, 5, padding=2),
@@ -75,6 +76,11 @@ class MetaSCI(Decoder):
             nn.LeakyReLU(inplace=True),
             nn.Conv2d(eighth, frames, 3, padding=1),
         )
+
+    @property
+    def alignment(self) -> int:
+        """Tiles begin where pixels of half resolution do."""
+        return 2
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         estimate = self.operator(mask).mean_frame(measurement).unsqueeze(1) * (1 + mask)

@@ -109,6 +109,8 @@ class Res2former(Decoder):
                     f"choose dim, groups and heads so that it does"
                 )
         half, quarter = 2 * dim, 4 * dim
+        # Two convolutions in every branch, one branch behind the other: at half resolution, and at a quarter.
+        self.receptive_field = 2 * (4 * depths[0] * groups[0]) + 4 * (2 * depths[1] * groups[1]) + 8
         self.extract = nn.Sequential(
             Conv3d(1, dim, 3),
             nn.LeakyReLU(inplace=True),

@@ -159,6 +159,7 @@ class SCI3D(Decoder):
 
     def __init__(self, phases: Depth = 10, channels: Sequence[Width] = (32, 64, 128), inner: Depth = 30) -> None:
         super().__init__()
+        self.receptive_field = 40 * phases
         self.Phi_scale = nn.Parameter(torch.full((1,), 0.01), requires_grad=False)  # unused, as published
         self.fcs = nn.ModuleList(Phase(channels, inner, first=number == 0) for number in range(phases))
 

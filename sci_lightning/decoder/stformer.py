@@ -88,6 +88,7 @@ class STFormer(Decoder):
     def __init__(self, frames: Frames, dim: Width = 64, units: Depth = 4, checkpoint: bool = False) -> None:
         super().__init__()
         self.frames = frames
+        self.receptive_field = 4 * WINDOW * units + 19  # windows and shifted windows, of pixels at half resolution
         self.token_gen = nn.Sequential(
             Conv3d(1, dim, 5),
             nn.LeakyReLU(inplace=True),
@@ -116,6 +117,11 @@ class STFormer(Decoder):
             ),
             checkpoint,
         )
+
+    @property
+    def alignment(self) -> int:
+        """Tiles begin where windows do."""
+        return 2 * WINDOW
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         operator = self.operator(mask)
