@@ -98,6 +98,16 @@ class Encoder(nn.Module):
         """
         return self.path.transmittance(self.mask())
 
+    def transmittance_window(self, top: int, left: int, height: int, width: int) -> torch.Tensor:
+        """Return the part ``(T, qh, qw)`` of :meth:`transmittance` of h x w pixels from pixel (top, left) on.
+
+        Of a mask that is seen as commanded only this part is computed.
+        """
+        if self.path.shows_patterns_as_commanded:
+            return self.mask.window(top, left, height, width)
+        q = self.path.cells
+        return self.transmittance()[:, q * top : q * (top + height), q * left : q * (left + width)]
+
     def decoder_mask(self, mask: torch.Tensor) -> torch.Tensor:
         """Return the mask ``(T, H, W)`` for a decoder: the transmittance ``(T, qH, qW)`` averaged over whole pixels."""
         return SnapshotOperator(mask, self.path.cells).in_pixels().mask

@@ -76,6 +76,12 @@ class LightPath(nn.Module):
         """Return the effects of one stage, named by its base class, in order."""
         return [effect for effect in self.effects.values() if isinstance(effect, stage)]
 
+    @property
+    def shows_patterns_as_commanded(self) -> bool:
+        """Whether no effect comes between a commanded pattern and what multiplies the frame."""
+        between = (ModulatorEffect, RelayEffect, ExposureEffect)
+        return not any(isinstance(effect, between) for effect in self.effects.values())
+
     def images(self, patterns: torch.Tensor) -> torch.Tensor:
         """Modulator and relay: return the images ``(P, qH, qW)`` on the sensor of commanded patterns ``(P, H, W)``."""
         shown: list[ModulatorEffect | RelayEffect] = [*self.of(ModulatorEffect), *self.of(RelayEffect)]

@@ -45,4 +45,4 @@ class DenoiserSystem(System):
         low, high = self.noise
         strength = low + (high - low) * float(torch.rand(()))
         noisy = video + strength * torch.randn_like(video)
-        return self.checked(self.loss(self.denoise(noisy, strength), video), batch_idx)
+        return self.logged(self.loss(self.denoise(noisy, strength), video))

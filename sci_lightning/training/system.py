@@ -142,7 +142,8 @@ class System(L.LightningModule):
         groups = [{"params": list(self.decoder.parameters()), "lr": self.lr, "name": "decoder"}]
         if mask:
             groups.append({"params": mask, "lr": self.mask_lr, "name": "mask"})
-        optimizer = torch.optim.Adam(groups)
+        # the fused one is twice as fast and differs in the last bits; scaled gradients of float16 it would not clip
+        optimizer = torch.optim.Adam(groups, fused=self.trainer.precision == "bf16-mixed")
         floor = self.final_lr / self.lr
 
         def cosine(step: int) -> float:
@@ -168,18 +169,27 @@ class System(L.LightningModule):
         self._seed_step(self.trainer.fit_loop.total_batch_idx)
 
     def training_step(self, video: torch.Tensor, batch_idx: int) -> torch.Tensor:
-        mask, origin = self._window(self.encoder.transmittance(), *video.shape[-2:])
+        mask, origin = self._window(*video.shape[-2:])
         pipeline = self.pipeline
         linear = pipeline.linearise(pipeline.record(video, mask, origin), origin=origin)
         stages = self.stages(linear, pipeline.decoder_mask(mask))
-        return self.checked(self.stage_loss(stages, video), batch_idx)
+        return self.logged(self.stage_loss(stages, video))
 
-    def checked(self, loss: torch.Tensor, batch_idx: int) -> torch.Tensor:
-        """Log the loss of a batch and return it; raises TrainingDiverged if it is not finite."""
-        if not torch.isfinite(loss):
-            raise self._diverged("the loss became", float(loss.detach()), batch_idx)
-        self.log("train/loss", loss, prog_bar=True)
+    def logged(self, loss: torch.Tensor) -> torch.Tensor:
+        """Return the loss of a batch, after it was logged if this step is one of those that are."""
+        self._loss = loss.detach()
+        if self._is_logged():
+            self.log("train/loss", self._loss, prog_bar=True)
         return loss
+
+    def _is_logged(self) -> bool:
+        """Return whether this step's numbers are logged: in every so many steps, and at both ends of an epoch."""
+        if self._trainer is None:
+            return False
+        loop = self.trainer.fit_loop.epoch_loop
+        every = self.trainer.log_every_n_steps  # type: ignore[attr-defined]  # set by Lightning, not declared
+        due = every > 0 and (loop._batches_that_stepped + 1) % every == 0
+        return due or loop.batch_progress.is_last_batch or loop.batch_idx == 0
 
     def stage_loss(self, stages: Sequence[torch.Tensor], video: torch.Tensor) -> torch.Tensor:
         """Return the weighted sum of the losses of the last stages."""
@@ -192,13 +202,29 @@ class System(L.LightningModule):
         losses = [self.loss(stage, video) for stage in stages[-len(weights) :]]
         return torch.stack([weight * loss for weight, loss in zip(weights, losses, strict=True)]).sum()
 
-    def on_before_optimizer_step(self, optimizer: torch.optim.Optimizer) -> None:
-        norm = torch.nn.utils.get_total_norm([p.grad for p in self.parameters() if p.grad is not None])
+    def configure_gradient_clipping(
+        self,
+        optimizer: torch.optim.Optimizer,
+        gradient_clip_val: float | None = None,
+        gradient_clip_algorithm: str | None = None,
+    ) -> None:
+        """Check, log and clip the gradients; their norm is computed once, and the device is waited for once.
+
+        Raises:
+            TrainingDiverged: the loss or the norm is not finite.
+        """
+        parameters = [p for group in optimizer.param_groups for p in group["params"] if p.grad is not None]
+        norm = torch.nn.utils.get_total_norm([p.grad for p in parameters])
         # under float16 scaling an overflowing gradient is expected: the scaler skips that step by itself
-        if not torch.isfinite(norm) and self.trainer.precision != "16-mixed":
-            raise self._diverged("the gradient's norm became", float(norm), self.trainer.fit_loop.batch_idx)
-        self.log("train/gradient_norm", norm)
-        self.log("train/lr", optimizer.param_groups[0]["lr"])
+        if self.trainer.precision != "16-mixed" and not torch.isfinite(norm + self._loss):
+            raise self._diverged(norm)
+        if self._is_logged():
+            self.log("train/gradient_norm", norm)
+            self.log("train/lr", optimizer.param_groups[0]["lr"])
+        if gradient_clip_algorithm == "value":
+            self.clip_gradients(optimizer, gradient_clip_val, gradient_clip_algorithm)
+        elif gradient_clip_val:
+            torch.nn.utils.clip_grads_with_norm_(parameters, gradient_clip_val, norm)
 
     def on_train_epoch_end(self) -> None:
         self.validated = True
@@ -207,22 +233,28 @@ class System(L.LightningModule):
         super().optimizer_step(*args, **kwargs)
         self.encoder.mask.project_()  # here, not at the batch's end, where a checkpoint may already have been written
 
-    def _window(self, mask: torch.Tensor, height: int, width: int) -> tuple[torch.Tensor, tuple[int, int]]:
+    def _window(self, height: int, width: int) -> tuple[torch.Tensor, tuple[int, int]]:
         """Return a random window of the mask, of the clip's size, and its origin; ``record`` refuses larger clips."""
         top, left = (
             int(torch.randint(max(1, full - part + 1), ()))
             for full, part in zip(self.encoder.mask.size, (height, width), strict=True)
         )
-        q = self.encoder.path.cells
-        return mask[:, q * top : q * (top + height), q * left : q * (left + width)], (top, left)
+        return self.encoder.transmittance_window(top, left, height, width), (top, left)
 
     def _seed_step(self, step: int, testing: bool = False) -> None:
-        torch.manual_seed((((self.seed * 2 + testing) << 40) + (step << 10) + self.global_rank) % 2**63)
+        seed = (((self.seed * 2 + testing) << 40) + (step << 10) + self.global_rank) % 2**63
+        if self.device.type == "cpu":
+            torch.default_generator.manual_seed(seed)  # torch.manual_seed prints a stack for every other kind of device
+        else:
+            torch.manual_seed(seed)
 
-    def _diverged(self, what: str, value: float, batch_idx: int) -> TrainingDiverged:
+    def _diverged(self, norm: torch.Tensor) -> TrainingDiverged:
+        loss = float(self._loss)
+        what = f"the gradient's norm became {float(norm)}" if math.isfinite(loss) else f"the loss became {loss}"
         return TrainingDiverged(
-            f"{what} {value} at epoch {self.current_epoch}, batch {batch_idx} (step {self.global_step}): stopped; the "
-            f"checkpoints hold the last good state; resume from there with a smaller system.lr or check the data"
+            f"{what} at epoch {self.current_epoch}, batch {self.trainer.fit_loop.batch_idx} (step {self.global_step}): "
+            "stopped; the checkpoints hold the last good state; resume from there with a smaller system.lr or check "
+            "the data"
         )
 
     # Validation and test. A batch is (scene numbers, videos); of real captures it is followed by (measurements,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -51,6 +52,18 @@ def test_every_file_of_measurements_is_shown_and_follows_its_schema() -> None:
         assert shown & {path, *path.parents}, f"{name(path)} is in no table"
         if json.loads(path.read_text()).get("format") == "sci-measurements":
             check("measurements", json.loads(path.read_text()))
+
+
+def test_figures_of_the_text_stand_in_a_table() -> None:
+    """What the text says in dB is in a table that a file under docs/results/ says."""
+    texts = {page: page.read_text() for page in pages(ROOT)}
+    measured = set(
+        re.findall(r"\d+\.\d+", " ".join(match["body"] for text in texts.values() for match in MARKED.finditer(text)))
+    )
+    for page, text in texts.items():
+        prose = re.sub(r"^```.*?^```", "", MARKED.sub("", text), flags=re.M | re.S)
+        said = set(re.findall(r"(\d+\.\d+) dB", prose))
+        assert said <= measured, f"{name(page)}: {sorted(said - measured)} dB in no measured table"
 
 
 def test_a_table_shows_values_notes_and_provenance(clone: Path, ran: Callable[..., str]) -> None:

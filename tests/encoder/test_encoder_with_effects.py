@@ -69,7 +69,7 @@ def test_seeded_noise() -> None:
 def test_learning_reaches_the_mask_through_effects_and_windows() -> None:
     effects = [MaskShift(dx=0.4), OpticalBlur(sigma=0.5), Prnu(size=(16, 16), std=0.1), ShotNoise(full_well=1e3)]
     system = System(camera(*effects, learned=True), E2ECNN(frames=4, channels=4, blocks=1))
-    mask, origin = system._window(system.encoder.transmittance(), 8, 8)
+    mask, origin = system._window(8, 8)
     q = system.encoder.path.cells
     assert mask.shape == (4, 8 * q, 8 * q)
     video = torch.rand(2, 4, 8, 8)

@@ -116,13 +116,17 @@ def system_and_trainer(
     return system, trainer, clips
 
 
+def scenes() -> Any:
+    """Held-out noise."""
+    return scene_loader([Scene("noise", torch.rand(2, 2, 4, 4, generator=torch.Generator().manual_seed(1)))])
+
+
 def train(folder: Path, step: int | None = None, moment: str = MOMENTS[1], **options: Any) -> dict[str, Any] | None:
     """Go on with what lies in a folder; the final checkpoint, or None if the training was killed."""
     last, killer = folder / "last.ckpt", Killer(step, moment)
     system, trainer, clips = system_and_trainer(folder, [killer], **options)
-    scenes = scene_loader([Scene("noise", torch.rand(2, 2, 4, 4, generator=torch.Generator().manual_seed(1)))])
     try:
-        trainer.fit(system, clips, scenes, ckpt_path=str(last) if last.is_file() else None)
+        trainer.fit(system, clips, scenes(), ckpt_path=str(last) if last.is_file() else None)
     except Kill:
         return None
     trainer.save_checkpoint(last)

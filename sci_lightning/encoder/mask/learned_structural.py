@@ -51,3 +51,8 @@ class LearnedStructural(Mask):
 
     def forward(self) -> torch.Tensor:
         return self.cover(structure(self.weight, self.bits))
+
+    def window(self, top: int, left: int, height: int, width: int) -> torch.Tensor:
+        if self.tile != self.size:  # a tile is structured faster than what it covers
+            return super().window(top, left, height, width)
+        return structure(self.weight[:, top : top + height, left : left + width], self.bits)

@@ -52,6 +52,10 @@ class Mask(nn.Module):
         (height, width), (h, w) = self.size, self.tile
         return pattern.repeat(1, -(-height // h), -(-width // w))[:, :height, :width]
 
+    def window(self, top: int, left: int, height: int, width: int) -> torch.Tensor:
+        """Return the part ``(T, height, width)`` of the mask whose first pixel is (top, left)."""
+        return self()[:, top : top + height, left : left + width]
+
     @torch.no_grad()
     def project_(self) -> None:
         """Clamp the parameters to their range; masks that are not learned have none."""
