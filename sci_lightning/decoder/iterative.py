@@ -100,6 +100,19 @@ class Iterative(Decoder):
         """Tiles begin at multiples of so many pixels."""
         return self.denoiser.alignment
 
+    def abridged(self) -> Decoder:
+        """Return the decoder with one iteration, which has all that an iteration can have."""
+        decoder = copy(self)
+        decoder.plan = ((self.plan[0][0], 1),)
+        decoder.watch = None
+        decoder._modules = dict(self._modules)
+        if self.motion is not None:
+            decoder.motion = copy(self.motion)
+            decoder.motion.after, decoder.motion.reach = 0, min(1, self.motion.reach)
+        if self.start is not None:
+            decoder.start = self.start.abridged()
+        return decoder
+
     def first_estimate(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """Return the video ``(N, T, H, W)`` from which the iteration starts."""
         if self.start is None:
