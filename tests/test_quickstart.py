@@ -15,7 +15,7 @@ from tests.conftest import members
 
 Configuration = Callable[..., DictConfig]
 
-UNTRAINED = {"admm_tv", "desci", "gap_tv"}
+UNTRAINED = {"admm_tv", "desci", "gap_tv", "linear"}
 DECODERS = [name for name in members("decoder") if name not in UNTRAINED]
 TINY = ["size=[16,16]", "crop=[16,16]", "batch_size=1"]
 

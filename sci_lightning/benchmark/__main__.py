@@ -70,7 +70,7 @@ def benchmark(composition: Composition) -> None:
     console.print(as_table(content))
     console.say(styled(out), ": benchmark.json, benchmark.md")
     name = names[0] if len(names) == 1 else "e2e_cnn"
-    if name in ("gap_tv", "admm_tv", "desci"):  # nothing to learn
+    if name in ("linear", "gap_tv", "admm_tv", "desci"):  # nothing to learn
         print_next(console, invocation("evaluate", f"decoder={name}", "data=synthetic", "size=[64,64]"))
     else:
         print_next(console, invocation("train", "experiment=quickstart", f"decoder={name}"))

@@ -10,6 +10,9 @@ import numpy as np
 
 from sci_lightning.captures.kind import infer_kinds
 
+SURROUNDS = ("unknown", "dark")
+"""What a captures file may say about the world beyond the patterns; the first is what silence means."""
+
 
 @dataclass(frozen=True, eq=False)
 class Captures:
@@ -29,6 +32,8 @@ class Captures:
         read_noise_dn: standard deviation of the read noise in DN by the datasheet; None if it is not stated.
         full_well_e: electrons at full scale by the datasheet; None if it is not stated.
         name: of the camera or the session, for people.
+        surround: what lies beyond the patterns, a member of :data:`SURROUNDS`: ``dark`` for no light, ``unknown`` where
+            nobody has said it.
         path: the file that was read; None for captures that were never in a file.
     """
 
@@ -44,6 +49,7 @@ class Captures:
     full_well_e: float | None = None
     name: str = ""
     path: Path | None = None
+    surround: str = "unknown"
 
     def __len__(self) -> int:
         """The number of captures, N."""

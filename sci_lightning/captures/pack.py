@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sci_lightning.captures.captures import Captures
+from sci_lightning.captures.captures import SURROUNDS, Captures
 from sci_lightning.captures.kind import infer_kind
 from sci_lightning.captures.plausibility import Entry, check_entries, suspicions
 from sci_lightning.captures.recipe import FILE, WORDS, Node, Recipe, as_number, read_recipe
@@ -82,6 +82,7 @@ def pack_captures(
         bit_depth=bit_depth,
         read_noise_dn=recipe.top.number("read_noise_dn", low=0),
         full_well_e=recipe.top.number("full_well_e", low=0, above=True),
+        surround=recipe.top.text("surround", SURROUNDS) or SURROUNDS[0],
         name=recipe.top.text("name") or Path(folder).resolve().name,
     )
     return write_captures(out, captures)

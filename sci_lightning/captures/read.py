@@ -8,23 +8,26 @@ from pathlib import Path
 
 import numpy as np
 
-from sci_lightning.captures.captures import Captures
+from sci_lightning.captures.captures import SURROUNDS, Captures
 from sci_lightning.captures.contents import Contents
 from sci_lightning.captures.kind import KINDS, infer_kinds
 from sci_lightning.errors import BadInput
 from sci_lightning.files.hdf5_file import open_hdf5
 from sci_lightning.files.memory_bound import check_memory
 
-FORMAT, FORMAT_VERSION = "sci-captures", 1
+FORMAT, FORMAT_VERSION = "sci-captures", 2
+READABLE = (1, 2)
+"""Versions of the format that are read; version 1 has no attribute ``surround``."""
 MOST_CAPTURES = 100_000
 """Largest number of captures in one file; one per second makes 86,400 a day."""
 
 
 def read_captures(path: str | Path, *, called: str | Path | None = None) -> Captures:
-    """Read a captures file (HDF5, ``sci-captures`` 1) and check all of it.
+    """Read a captures file (HDF5, ``sci-captures`` 1 or 2) and check all of it.
 
     Defaults for what the file does not state: every capture shows the patterns in their order (T = P), scenes are
-    unknown (NaN), aperture and exposure are 1, kinds are inferred from the content, and the name is that of the file.
+    unknown (NaN), aperture and exposure are 1, kinds are inferred from the content, the name is that of the file, and
+    what lies beyond the patterns is unknown.
 
     Args:
         path: the file.
@@ -47,7 +50,7 @@ def read_captures(path: str | Path, *, called: str | Path | None = None) -> Capt
 
 
 def _captures(contents: Contents, path: Path) -> Captures:
-    _check_format(contents)
+    version = _check_format(contents)
     _check_sizes(contents)
     bits = _number(contents, "bit_depth", "a whole number from 1 to 16", lambda v: 1 <= v <= 16 and v == int(v))
     if bits is None:
@@ -81,16 +84,30 @@ def _captures(contents: Contents, path: Path) -> Captures:
         full_well_e=_number(contents, "full_well_e", "a positive number", lambda v: v > 0),
         name=title or path.stem,
         path=path,
+        surround=_surround(contents) if version > 1 else SURROUNDS[0],
     )
 
 
-def _check_format(contents: Contents) -> None:
-    for name, expected in (("format", FORMAT), ("format_version", FORMAT_VERSION)):
+def _check_format(contents: Contents) -> int:
+    """Refuse another format or version, and return the version."""
+    for name, readable in (("format", (FORMAT,)), ("format_version", READABLE)):
         content = contents.attribute(name)
+        expected = " or ".join(repr(one) for one in readable)
         if content is None:
-            raise contents.refusal(f"no attribute '{name}', expected {expected!r}: not a captures file")
-        if content != expected:
-            raise contents.refusal(f"attribute '{name}' is {content!r}, expected {expected!r}")
+            raise contents.refusal(f"no attribute '{name}', expected {expected}: not a captures file")
+        if content not in readable:
+            raise contents.refusal(f"attribute '{name}' is {content!r}, expected {expected}")
+    return int(content or 0)
+
+
+def _surround(contents: Contents) -> str:
+    """Return what the file says about the world beyond the patterns."""
+    stated = contents.attribute("surround")
+    if stated is None:
+        return SURROUNDS[0]
+    if stated not in SURROUNDS:
+        raise contents.refusal(f"attribute 'surround' is {stated!r}, expected {' or '.join(map(repr, SURROUNDS))}")
+    return str(stated)
 
 
 def _number(contents: Contents, name: str, expected: str, is_right: Callable[[float], bool]) -> float | None:

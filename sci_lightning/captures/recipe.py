@@ -1,9 +1,10 @@
 """``captures.yaml``: what the files of a folder are.
 
     bit_depth: 12                  # of the camera, 1 to 16
-    name: lab camera               # optional, as are the next three
+    name: lab camera               # optional, as are the next four
     read_noise_dn: 2.1             # datasheet: standard deviation, DN
     full_well_e: 10500             # datasheet: electrons at full scale
+    surround: dark                 # what lies beyond the patterns: dark (no light), else unknown
     frames: 8                      # T, slots per capture; else that of the first listed sequence, else the number of
                                    # coding patterns
     patterns: [masks.mat, all_off, all_on]   # files (stacks count for several), globs and these two words
@@ -41,7 +42,17 @@ WORDS = ("all_off", "all_on")
 LONGEST_TEXT = 200
 """Largest number of characters of a name."""
 
-TOP = ("bit_depth", "name", "read_noise_dn", "full_well_e", "frames", "patterns", "pattern_levels", "captures")
+TOP = (
+    "bit_depth",
+    "name",
+    "read_noise_dn",
+    "full_well_e",
+    "surround",
+    "frames",
+    "patterns",
+    "pattern_levels",
+    "captures",
+)
 ENTRY = ("measurement", "kind", "aperture", "exposure", "sequence", "scene", "scene_levels")
 
 

@@ -46,6 +46,7 @@ def summary_lines(captures: Captures) -> list[str]:
     lines = [
         f"N = {len(captures)} captures, H x W = {height} x {width}, T = {captures.frames} slots, "
         f"P = {patterns} patterns",
+        f"beyond the patterns: {'no light' if captures.surround == 'dark' else 'unknown'}",
         f"{captures.bit_depth} bits (0 to {captures.full_scale} DN); datasheet: {', '.join(datasheet)}",
     ]
     pairs = zip(captures.kind, captures.inferred_kind, strict=True)

@@ -35,7 +35,7 @@ def write_captures(path: str | Path, captures: Captures) -> Captures:
     if path.suffix not in ENDINGS or path.is_dir():
         raise BadInput(f"out={path}: a captures file ends in .h5 or .hdf5")
     attributes: dict[str, str | int | float] = {"format": FORMAT, "format_version": FORMAT_VERSION}
-    for name in ("bit_depth", "read_noise_dn", "full_well_e", "name"):
+    for name in ("bit_depth", "read_noise_dn", "full_well_e", "name", "surround"):
         if (value := getattr(captures, name)) not in (None, ""):
             attributes[name] = value
     datasets = {name: getattr(captures, name) for name in ("patterns", "sequence", "measurement")}

@@ -9,8 +9,8 @@ import torch
 from sci_lightning.configuration.bounds import Iterations
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
+from sci_lightning.decoder.denoiser.motion_filter import MotionFilter
 from sci_lightning.decoder.iterative import Iterative, reused
-from sci_lightning.decoder.motion_filter import MotionFilter
 from sci_lightning.errors import BadInput
 
 

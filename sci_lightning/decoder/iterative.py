@@ -12,7 +12,7 @@ import torch
 from sci_lightning.configuration.bounds import MOST_ITERATIONS, Iterations, Positive
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
-from sci_lightning.decoder.motion_filter import MotionFilter
+from sci_lightning.decoder.denoiser.motion_filter import MotionFilter
 from sci_lightning.errors import BadInput
 
 

@@ -132,5 +132,8 @@ class Res2former(Decoder):
         outer = self.encode(low)
         deep = self.bottleneck(self.down(outer))
         features = self.fuse(torch.cat([pixel_shuffle(self.up(deep)), outer], dim=1))
-        features = pixel_shuffle(self.expand(self.decode_blocks(features) + low))
+        del deep, outer  # full resolution, which follows, needs the most memory
+        features = self.decode_blocks(features) + low
+        del low
+        features = pixel_shuffle(self.expand(features))
         return self.last(features)[:, 0]

@@ -145,6 +145,9 @@ def diagnose(
     noise, stated_by_file = datasheet_noise(observation)
     ideal = fitter.fit(noise, fixed=stated_by_file, iterations=30)
     explanation = search(fitter, ideal, noise, on_progress)
+    if explanation.fitter is not fitter:
+        fitter = explanation.fitter
+        ideal = fitter.fit(noise, fixed=stated_by_file, iterations=30)
     corrected = explanation.fit
     if explanation.unnamed and not empirical:  # the noise keeps its values: it must not absorb what has no name
         named = explanation.fit.hypothesis

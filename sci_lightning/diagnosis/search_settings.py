@@ -24,6 +24,10 @@ class SearchSettings:
             around a block say little about its middle.
         held_out_one_in: with n = 4, every 4th capture of each kind is held out as a whole, and one in n squared = 16
             blocks of the remaining captures; a quarter leaves the fits most of the data.
+        border_share: largest part of the field that may be left out on one side, because what lies beyond the patterns
+            is unknown and a hypothesis would need it; with both sides at 3/8 a quarter of the field is left.
+        contender_share: part of the best candidate's gain from which a candidate takes part in the decision how many
+            pixels are left out: a hypothesis that needs the surround gains too little while its border is too narrow.
         min_progress_nats: gain in nats below which a fit has converged; a twentieth of what one standard deviation of
             one parameter changes is far below every threshold of the search.
         candidates_fitted: candidates per round, a count, that are fitted jointly after screening; more than one,
@@ -71,6 +75,8 @@ class SearchSettings:
     max_effects: Annotated[int, Interval(ge=0, le=10**9)] = 6
     held_out_block: Repeats = 16
     held_out_one_in: Repeats = 4
+    border_share: Annotated[float, Interval(ge=0, le=0.45)] = 0.375
+    contender_share: Share = 0.5
     min_progress_nats: Positive = 0.05
     candidates_fitted: Repeats = 4
     min_gain_nats: NonNegative = 2.0

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import torch
 from torch import nn
 
+from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.stage import (
     STAGES,
@@ -71,6 +72,11 @@ class LightPath(nn.Module):
     def cells(self) -> int:
         """The number of cells along either axis of a pixel: above 1 where a blur has to know where the light falls."""
         return CELLS if self.of(RelayEffect) and any(effect.subpixel for effect in self.of(OpticsEffect)) else 1
+
+    def border(self, size: tuple[int, int]) -> Border:
+        """Return how far what lies beyond a field of ``size`` (H, W) reaches into it through all effects together."""
+        borders = (effect.border(size) for effect in self.effects.values() if isinstance(effect, Effect))
+        return sum(borders, Border())
 
     def of(self, stage: type[StageEffect]) -> list[StageEffect]:
         """Return the effects of one stage, named by its base class, in order."""

@@ -57,7 +57,7 @@ def tables(composition: Composition) -> None:
     encoders = _members("encoder", "frames=8", "size=[32,32]")
     grids = [encoder_table(paper["encoders"], encoders)]
     grids += [score_table(name, table, runs, cost) for name, table in paper["tables"].items()]
-    grids.append(claim_table(paper["claims"], paper["tables"], runs))
+    grids.append(claim_table(paper["claims"], paper["tables"], runs, cost))
     recorded = wedges({name: encoders[name] for name in paper["encoders"]}, cfg.sensor)
     grids.append(dynamic_range_table(recorded, cfg.sensor))
     grids.append(run_table(runs))

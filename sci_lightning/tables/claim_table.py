@@ -1,71 +1,223 @@
-"""The paper's claims about its tables, and whether our runs bear them out."""
+"""The paper's claims about its tables, and what our runs decide about them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import statistics
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
+from sci_lightning.tables.cost import Cost
 from sci_lightning.tables.grid import Grid
-from sci_lightning.tables.line import Line, lines_of
-from sci_lightning.tables.run import Run
-from sci_lightning.tables.score_table import less, partner, seeds, together
+from sci_lightning.tables.line import METRICS, Line, lines_of
+from sci_lightning.tables.run import Run, Setting
+from sci_lightning.tables.score_table import DIGITS, seeds
+from sci_lightning.tables.verdict import CONFIDENCE, ENOUGH_LEARNED, Interval, SeedSpread, interval, seed_spread
 
-HEADING = ["claim", "row", "ours (dB)", "the paper's (dB)", "verdict", "scale", "seeds"]
+HEADING = ["claim", "place in the paper", "row", "PSNR (dB)", "SSIM", "Q-Score", "verdict", "scale", "seeds"]
 NOTE = (
-    "Differences of PSNR. A verdict within the spread of the seeds, or of one seed alone, is none to rely on. "
-    "Not trained enough: one of the two is no better than the mean measurement in every frame."
+    f"Mean differences, their {CONFIDENCE:.0%} intervals and the paper's differences. The intervals are over scenes "
+    "and seeds; the spread of the seeds is pooled over the rows that were trained with several. Reproduced: the whole "
+    "interval lies on the claim's side; contradicted: on the other one. A row that learned less than "
+    f"{ENOUGH_LEARNED:g} dB beyond the mean measurement decides nothing."
 )
+Cell = tuple[str, str, str]
+"""Table, row and column of a figure of the paper."""
+Judged = tuple[list[str], dict[str, str]]
+"""The cells of a line of the table from the row on, and the verdicts by metric."""
+Terms = tuple[tuple[float, Line], ...]
+"""Lines with their weights: 1 of what is ahead, -1 of what is behind, the other way round of what a gain is over."""
 
 
-def claim_table(claims: Sequence[Mapping[str, Any]], tables: Mapping[str, Any], runs: Sequence[Run]) -> Grid:
-    """Every claim, row by row: how far what the paper puts ahead is ahead.
+def claim_table(
+    claims: Sequence[Mapping[str, Any]],
+    tables: Mapping[str, Any],
+    runs: Sequence[Run],
+    costs: Mapping[str, Cost] | None = None,
+) -> Grid:
+    """Return every claim, row by row and metric by metric: the difference, its interval, and what it decides.
 
     Args:
         claims, tables: of ``paper_figures.yaml``.
         runs: ours.
+        costs: of decoders, for claims about what they cost.
     """
-    lines = {name: lines_of(table, runs) for name, table in tables.items()}
-    rows = []
+    evidence = Evidence(tables, runs)
+    rows: list[list[str]] = []
+    verdicts: list[str] = []
     for claim in claims:
-        for ahead, behind in _pairs(claim, lines):
-            rows += [[claim["claim"], *row] for row in _rows(ahead, behind)]
-    return Grid("claims", "What the paper claims of its tables", HEADING, rows, [NOTE])
+        judged = [_cost_row(claim["cost"], costs or {})] if "cost" in claim else evidence.rows(claim)
+        for cells, of_metrics in judged:
+            rows.append([claim["claim"], claim["place"], *cells])
+            verdicts += of_metrics.values()
+    counts = ", ".join(
+        f"{verdicts.count(verdict)} {verdict}" for verdict in ("reproduced", "contradicted", "undecided")
+    )
+    note = f"Of {len(verdicts)} comparisons, each metric by itself: {counts}."
+    return Grid("claims", "What the paper claims of its tables", HEADING, rows, [NOTE, note])
 
 
-def _pairs(claim: Mapping[str, Any], lines: Mapping[str, list[Line]]) -> Iterator[tuple[list[Line], list[Line]]]:
-    """The lines of each row that is ahead, and those of the row that it is ahead of."""
-    cells = []
-    for side in ("ahead", "behind"):
-        table, names, column = claim[side]
-        groups: dict[str, list[Line]] = {}
-        for line in lines[table]:
-            if line.column == column and (names == "each" or line.row in names):
-                groups.setdefault(line.row, []).append(line)
-        cells.append(groups)
-    ahead, behind = cells
-    for row, group in ahead.items():
+@dataclass(frozen=True)
+class Evidence:
+    """What runs say about comparisons of rows and columns of the paper's tables.
+
+    Attributes:
+        tables: of ``paper_figures.yaml``.
+        runs: ours.
+    """
+
+    tables: Mapping[str, Any]
+    runs: Sequence[Run]
+
+    def rows(self, claim: Mapping[str, Any]) -> Iterator[Judged]:
+        """The cells of a claim about scores: for each comparison and setting, or once where nothing has been run."""
+        metrics, threshold = claim.get("metrics", METRICS), -float(claim.get("within", 0))
+        for name, cells in _comparisons(claim, self.tables):
+            settings = [terms for terms in self._settings(cells) if _compared(terms, metrics)]
+            paper = {
+                metric: sum(weight * _paper(self.tables, cell)[METRICS.index(metric)] for weight, cell in cells)
+                for metric in metrics
+            }
+            for terms in settings:
+                yield self._judged(name, terms, metrics, threshold, paper)
+            if not settings:
+                texts = [_figures(None, metric, paper) for metric in METRICS]
+                yield [name, *texts, "not yet run", "", ""], {}
+
+    def _judged(
+        self, name: str, terms: Terms, metrics: Iterable[str], threshold: float, paper: Mapping[str, float]
+    ) -> Judged:
+        setting = terms[0][1].runs[0].setting
+        intervals = {
+            metric: interval([(weight, line.of_seeds(metric)) for weight, line in terms], self.spread(setting, metric))
+            for metric in metrics
+            if all(metric in line.mean() for _, line in terms)
+        }
+        verdicts = {metric: difference.verdict(threshold) for metric, difference in intervals.items()}
+        reasons = [reason for _, line in terms if (reason := self.unlearned(line))]
+        if reasons:
+            verdicts = dict.fromkeys(verdicts, "undecided")
+        elif any(self.spread(setting, metric) is None for metric in intervals):
+            reasons = ["no row was trained with more than one seed"]
+        texts = [_figures(intervals.get(metric), metric, paper) for metric in METRICS]
+        because = f" ({'; '.join(dict.fromkeys(reasons))})" if reasons else ""
+        trained = seeds(*(line.runs for _, line in terms))
+        return [name, *texts, _summary(verdicts) + because, str(setting), trained], verdicts
+
+    def spread(self, setting: Setting, metric: str) -> SeedSpread | None:
+        """The spread of the seeds in a setting, pooled over its rows."""
+        groups: dict[Any, list[Run]] = {}
+        for run in self.runs:
+            if run.setting == setting and metric in run.scores:
+                groups.setdefault((*sorted(map(str, run.fields.items())), run.parameters), []).append(run)
+        return seed_spread([{scene: run.scenes[scene][metric] for scene in run.scenes} for run in group]
+                           for group in groups.values())  # fmt: skip
+
+    def unlearned(self, line: Line) -> str:
+        """Why a line decides nothing, or nothing: its trainings, tested as they were trained, learned too little."""
+        beyond = [
+            own.scores["psnr"] - own.baseline["psnr"]
+            for run in line.runs
+            for own in [self._own_test(run)]
+            if own is not None and "psnr" in own.scores.keys() & own.baseline.keys()
+        ]
+        if len(beyond) < len(line.runs):
+            return f"it is not known how much {line.row} learned"
+        if (mean := statistics.fmean(beyond)) < ENOUGH_LEARNED:
+            return f"{line.row}, {line.column}: {mean:.1f} dB beyond the mean measurement"
+        return ""
+
+    def _own_test(self, run: Run) -> Run | None:
+        """The test of the same training behind its own encoder."""
+        fields = {**run.fields, "test_encoder": run.fields["encoder"]}
+        alike = (run.setting, run.parameters, run.seed)
+        return next((own for own in self.runs if own.fields == fields and
+                     (own.setting, own.parameters, own.seed) == alike), None)  # fmt: skip
+
+    def _settings(self, cells: Sequence[tuple[float, Cell]]) -> Iterator[Terms]:
+        """The lines of the cells, once for every setting in which all of them were run; networks are of one size."""
+        lines = [[line for line in lines_of(self.tables[cell[0]], self.runs) if line.runs and
+                  (line.row, line.column) == cell[1:]] for _, cell in cells]  # fmt: skip
+        for combination in product(*lines):
+            sizes: dict[str, set[int]] = {}
+            for line in combination:
+                sizes.setdefault(line.decoder, set()).add(line.runs[0].parameters)
+            if len({line.runs[0].setting for line in combination}) == 1 and all(
+                len(size) == 1 for size in sizes.values()
+            ):
+                yield tuple((weight, line) for (weight, _), line in zip(cells, combination, strict=True))
+
+
+def _compared(terms: Terms, metrics: Iterable[str]) -> bool:
+    """Whether the lines have one of the claim's metrics in common."""
+    return any(all(metric in line.mean() for _, line in terms) for metric in metrics)
+
+
+def _comparisons(claim: Mapping[str, Any], tables: Mapping[str, Any]) -> Iterator[tuple[str, list[tuple[float, Cell]]]]:
+    """A row's name, and the cells (table, row, column) that are compared with their weights."""
+    ahead, behind = (_side(tables, sign, *claim[side]) for side, sign in (("ahead", 1.0), ("behind", -1.0)))
+    for row, cells in ahead.items():
         if claim["behind"][1] != "each":
-            yield from ((group, other) for other in behind.values())
+            for other, others in behind.items():
+                yield row if row == other else f"{row}, {other}", cells + others
         elif row in behind:
-            yield group, behind[row]
+            yield row, cells + behind[row]
 
 
-def _rows(ahead: Sequence[Line], behind: Sequence[Line]) -> list[list[str]]:
-    """A row for each setting that both were run in, or one that says that there is none."""
-    one, other = ahead[0], behind[0]
-    row = one.row if one.row == other.row else f"{one.row}, {other.row}"
-    paper = f"{one.paper['psnr'] - other.paper['psnr']:+.2f}"
-    rows = []
-    for line in ahead:
-        match = partner(line, behind) if line.runs else None
-        if match is not None and {"psnr"} <= line.mean().keys() & match.mean().keys():
-            gap = less(line.mean(), match.mean())["psnr"]
-            spread = together(line.spread(), match.spread()).get("psnr")
-            ours = f"{gap:+.2f}" + ("" if spread is None else f" ± {spread:.2f}")
-            verdict = "reproduced" if gap > 0 else "not reproduced"
-            if not (line.learned() and match.learned()):
-                verdict = "not trained enough"
-            elif spread is not None and abs(gap) < spread:
-                verdict += ", within the spread"
-            rows.append([row, ours, paper, verdict, str(line.runs[0].setting), seeds(line.runs, match.runs)])
-    return rows or [[row, "", paper, "not yet run", "", ""]]
+def _side(
+    tables: Mapping[str, Any], sign: float, table: str, rows: str | list[str], columns: str | list[str]
+) -> dict[str, list[tuple[float, Cell]]]:
+    """The cells of one side of a claim, by row; of a gain, the second column is subtracted."""
+    columns = [columns] if isinstance(columns, str) else columns
+    weights = [sign, -sign][: len(columns)]
+    present = [row for row, cells in tables[table]["rows"].items() if all(column in cells for column in columns)]
+    return {
+        row: [(weight, (table, row, column)) for weight, column in zip(weights, columns, strict=True)]
+        for row in present
+        if rows == "each" or row in rows
+    }
+
+
+def _paper(tables: Mapping[str, Any], cell: Cell) -> list[float]:
+    table, row, column = cell
+    return list(tables[table]["rows"][row][column])
+
+
+def _figures(difference: Interval | None, metric: str, paper: Mapping[str, float]) -> str:
+    """A difference with its interval and the paper's; only the paper's where nothing was run; empty if not claimed."""
+    if metric not in paper:
+        return ""
+    digits = DIGITS[metric]
+    printed = f"(paper {paper[metric]:+.{digits}f})"
+    if difference is None:
+        return printed
+    bounds = (
+        "" if difference.low == -float("inf") else f" [{difference.low:+.{digits}f}, {difference.high:+.{digits}f}]"
+    )
+    return f"{difference.mean:+.{digits}f}{bounds} {printed}"
+
+
+def _summary(verdicts: Mapping[str, str]) -> str:
+    """``reproduced`` if all metrics agree, else each verdict with its metrics."""
+    names = {"psnr": "PSNR", "ssim": "SSIM", "qscore": "Q-Score"}
+    if len(set(verdicts.values())) == 1 and len(verdicts) == len(METRICS):
+        return f"{next(iter(verdicts.values()))} in all three"
+    present = dict.fromkeys(verdicts.values())
+    return "; ".join(
+        f"{verdict} in {', '.join(names[key] for key, value in verdicts.items() if value == verdict)}"
+        for verdict in present
+    )
+
+
+def _cost_row(cost: Mapping[str, Any], costs: Mapping[str, Cost]) -> Judged:
+    """The cells of a claim about what a decoder costs, in percent of another one."""
+    row = f"{cost['decoder']}, {cost['of']}"
+    one, other = (getattr(costs.get(cost[key]), cost["figure"], None) for key in ("decoder", "of"))
+    if one is None or other is None:
+        return [row, "", "", "", "not yet run", "", ""], {}
+    percent = 100 * one / other
+    verdict = "reproduced" if abs(percent - cost["percent"]) < 0.02 else "contradicted"
+    return [row, "", "", "", f"{verdict} ({percent:.2f} %, counted)", "full networks", "none"], {
+        cost["figure"]: verdict
+    }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import statistics
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -49,14 +48,9 @@ class Line:
         """The scores' standard deviations over the seeds, of at least two seeds."""
         return {key: statistics.stdev(scores) for key, scores in self.ours().items() if len(scores) > 1}
 
-    def learned(self) -> bool:
-        """Whether, by mean PSNR, the runs are better than the mean measurement in every frame is.
-
-        Behind an encoder that they were not trained with nothing is expected of them; nor where the files do not tell.
-        """
-        if any(run.fields["encoder"] != run.fields["test_encoder"] for run in self.runs):
-            return True
-        return self.mean()["psnr"] > statistics.fmean(run.baseline.get("psnr", -math.inf) for run in self.runs)
+    def of_seeds(self, metric: str) -> list[dict[str, float]]:
+        """The scores of a metric by scene, of every seed."""
+        return [{scene: scores[metric] for scene, scores in run.scenes.items()} for run in self.runs]
 
     def _all_have(self, metric: str) -> bool:
         return bool(self.runs) and all(metric in run.scores for run in self.runs)

@@ -11,7 +11,8 @@ from sci_lightning.errors import BadInput
 from sci_lightning.files.json_fields import Fields, read_json
 from sci_lightning.tables.run_files import files_below
 
-NAME = "metrics.json"
+NAMES = ("metrics.json", "seed[0-9]*.json")
+"""Files of runs: what a run leaves, and what is kept of the rows of the tables (docs/results/tables/)."""
 MOST_SCENES = 10_000
 MOST_EFFECTS = 64
 SHOWN = 5
@@ -26,7 +27,7 @@ class Setting:
     """What runs must share to be averaged or compared.
 
     Attributes:
-        scale: of ``conf/scale``; "own" is none of these.
+        scale: of ``conf/scale``, with the core minutes of a training that was given so many; "own" is none of these.
         size: (H, W) of the tested frames.
         scenes: names of the tested scenes.
         conventions: of the scores, by metric.
@@ -56,6 +57,7 @@ class Run:
         macs: its multiply-accumulates for one measurement of the mask's size.
         seed: of the training.
         scores: mean over the scenes, by metric.
+        scenes: scores by metric, of each scene.
         baseline: the same of the mean measurement in every frame, which trained decoders beat; empty if not stated.
         seconds: to decode one measurement.
         device: on which it was decoded.
@@ -68,6 +70,7 @@ class Run:
     macs: int
     seed: int
     scores: Mapping[str, float]
+    scenes: Mapping[str, Mapping[str, float]]
     baseline: Mapping[str, float]
     seconds: float
     device: str
@@ -104,9 +107,9 @@ def find_runs(folders: Iterable[str | Path]) -> tuple[list[Run], list[str]]:
     runs: dict[Any, Run] = {}
     lines: list[str] = []
     for folder in map(Path, folders):
-        files = files_below(folder, NAME)
+        files = files_below(folder, *NAMES)
         if not files:
-            lines.append(f"{folder}: {f'no {NAME} in it' if folder.is_dir() else 'no such folder'}")
+            lines.append(f"{folder}: {f'no {NAMES[0]} in it' if folder.is_dir() else 'no such folder'}")
         for path in files:
             try:
                 run = read_run(path)
@@ -138,10 +141,14 @@ def _run(content: Fields) -> Run:
         "bits": mask.whole("bits", 1, 64, default=1),
     }
     conventions = content.part("conventions", optional=True)
+    scale = config.text("scale", "own")
+    if "core_minutes" in config:
+        scale += f", {config.number('core_minutes', 0, 1e9):g} core minutes"
+    scenes = content.part("scenes")
     setting = Setting(
-        scale=config.text("scale", "own"),
+        scale=scale,
         size=(tested if "size" in tested else config).size("size"),
-        scenes=tuple(sorted(content.part("scenes").names()[:MOST_SCENES])),
+        scenes=tuple(sorted(scenes.names()[:MOST_SCENES])),
         conventions=tuple(sorted((key, conventions.text(key)) for key in conventions.names())),
     )
     return Run(
@@ -152,6 +159,7 @@ def _run(content: Fields) -> Run:
         macs=content.whole("macs", 0, LARGEST_COUNT),
         seed=config.whole("seed", -(2**63), 2**64),
         scores=_scores(content.part("mean")),
+        scenes={name: _scores(scenes.part(name)) for name in setting.scenes},
         baseline=_scores(content.part("baseline", optional=True)),
         seconds=content.number("seconds_per_measurement", 0, 1e9),
         device=content.text("device"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 from sci_lightning.errors import BadInput
@@ -11,8 +12,8 @@ MOST_ENTRIES = 500_000
 """Files and folders that are looked at; a run has about thirty."""
 
 
-def files_below(folder: str | Path, name: str) -> list[Path]:
-    """Return every file called ``name`` below a folder, in the order of modification.
+def files_below(folder: str | Path, *patterns: str) -> list[Path]:
+    """Return every file below a folder whose name fits a pattern such as ``seed*.json``, in the order of modification.
 
     Links to folders are not followed, and files that lie outside of the folder (links to them) are not returned.
 
@@ -33,7 +34,7 @@ def files_below(folder: str | Path, name: str) -> list[Path]:
         for entry in entries:
             if entry.is_dir(follow_symlinks=False):
                 waiting.append(entry.path)
-            elif entry.name == name and is_inside(Path(entry.path), folder):
+            elif any(fnmatchcase(entry.name, pattern) for pattern in patterns) and is_inside(Path(entry.path), folder):
                 matches.append((entry.stat().st_mtime, entry.path))
     return [Path(path) for _, path in sorted(matches)]
 

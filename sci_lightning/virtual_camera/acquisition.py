@@ -10,6 +10,21 @@ from sci_lightning.errors import BadInput
 
 
 @dataclass(frozen=True)
+class World:
+    """Patterns and scenes with what lies beyond the field, which no captures file states.
+
+    Attributes:
+        border: B, pixels on each side of the field.
+        patterns: (P, H + 2 B, W + 2 B) in [0, 1]; their middle is what the modulator is commanded to display.
+        scene: (N, T, H + 2 B, W + 2 B) float32 irradiance in [0, 1].
+    """
+
+    border: int
+    patterns: np.ndarray
+    scene: np.ndarray
+
+
+@dataclass(frozen=True)
 class Acquisition:
     """Everything that is set before N captures are taken.
 
@@ -21,6 +36,7 @@ class Acquisition:
         exposure: (N,) integration time relative to nominal. It scales what collects without the scene's light (hot
             pixels, a light leak) and nothing else: a scene's irradiance is what arrives over its whole exposure.
         kind: N labels.
+        world: patterns and scenes as they go on beyond the field; None if there is nothing but the field.
 
     Raises:
         BadInput: shapes that do not go together, or a sequence with indices outside the patterns.
@@ -32,6 +48,7 @@ class Acquisition:
     aperture: np.ndarray
     exposure: np.ndarray
     kind: tuple[str, ...]
+    world: World | None = None
 
     def __post_init__(self) -> None:
         count, slots = self.sequence.shape
@@ -42,5 +59,7 @@ class Acquisition:
             )
         if self.sequence.size and not 0 <= self.sequence.min() <= self.sequence.max() < len(self.patterns):
             raise BadInput(f"sequence has indices outside the patterns 0 to {len(self.patterns) - 1}")
+        if self.world is not None and self.world.scene.shape[2:] != self.world.patterns.shape[1:]:
+            raise BadInput("world: patterns and scene must have the same size")
         if not len(self.aperture) == len(self.exposure) == len(self.kind) == count:
             raise BadInput(f"aperture, exposure and kind must have {count} entries, one per capture")

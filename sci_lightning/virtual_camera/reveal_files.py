@@ -13,6 +13,8 @@ from sci_lightning.virtual_camera.comparison import Estimate, Report, ReportedEf
 from sci_lightning.virtual_camera.hardware.parameter import Value
 from sci_lightning.virtual_camera.truth import FORMAT, HiddenEffect
 
+READABLE = {FORMAT: (1,), "sci-diagnosis": (1, 2)}
+"""Versions of each format that can be read."""
 MAX_BYTES = 8 * 2**20
 """The report of a diagnosis has some thousands of bytes."""
 MAX_CHARACTERS = 200
@@ -94,7 +96,7 @@ def read_report(path: str | Path) -> Report:
     """Read the ``report.json`` of a diagnosis.
 
     Raises:
-        BadInput: no such file, or something else than a report of format version 1.
+        BadInput: no such file, or something else than a report of format version 1 or 2.
     """
     path = Path(path)
     content = _read_json(path, "sci-diagnosis")
@@ -110,7 +112,7 @@ def read_report(path: str | Path) -> Report:
 
 
 def _read_json(path: Path, form: str) -> Entry:
-    """Return the content of a JSON file that states the given format, version 1."""
+    """Return the content of a JSON file that states the given format, in a version that can be read."""
     raw = read_bounded(path, MAX_BYTES, f"no JSON of format {form}")
     try:
         content = json.loads(raw.decode())
@@ -119,8 +121,10 @@ def _read_json(path: Path, form: str) -> Entry:
     except ValueError as error:
         raise BadInput(f"{path}: not JSON ({error}); expected format {form}") from error
     stated = content.get("format") if isinstance(content, dict) else None
-    if stated != form or content.get("format_version") != 1:
-        raise BadInput(f"{path}: format {str(stated)[:MAX_CHARACTERS]!r}, expected {form!r}, format_version 1")
+    versions = READABLE[form]
+    if stated != form or content.get("format_version") not in versions:
+        expected = f"{form!r}, format_version {' or '.join(map(str, versions))}"
+        raise BadInput(f"{path}: format {str(stated)[:MAX_CHARACTERS]!r}, expected {expected}")
     return Entry("", content)
 
 

@@ -29,7 +29,9 @@ LUMA = (0.299, 0.587, 0.114)
 """Weights of red, green and blue in the luma of ITU-R BT.601."""
 
 
-def textured_scene(random: np.random.Generator, size: tuple[int, int], frames: int, *, moving: bool) -> np.ndarray:
+def textured_scene(
+    random: np.random.Generator, size: tuple[int, int], frames: int, *, moving: bool, border: int = 0
+) -> np.ndarray:
     """Return a scene with detail everywhere that uses most of the range [0, 1].
 
     It is a photograph with probability 2/3, else speckle, turned and magnified at random. A moving scene shifts by 0.3
@@ -40,9 +42,10 @@ def textured_scene(random: np.random.Generator, size: tuple[int, int], frames: i
         size: (H, W).
         frames: T.
         moving: whether the scene moves.
+        border: B, pixels of the scene beyond the field on each side.
 
     Returns:
-        (T, H, W) float32 irradiance.
+        (T, H + 2 B, W + 2 B) float32 irradiance; the field in its middle does not depend on the border.
     """
     if random.random() < 2 / 3:
         texture, step = _photograph(random), float(random.uniform(0.8, 2.5))
@@ -53,8 +56,11 @@ def textured_scene(random: np.random.Generator, size: tuple[int, int], frames: i
     start = np.array(texture.shape) * random.uniform(0.3, 0.7, 2)
     centre = start + step * speed * time[:, None] * np.array([np.sin(direction), np.cos(direction)])
     angle = random.uniform(0, 2 * np.pi) + random.uniform(-0.03, 0.03) * time
-    scene = _sampled(gaussian_filter(texture, 0.4 * step), size, centre, angle, step)
-    dark, bright = np.percentile(scene, (1, 99))
+    height, width = size
+    whole = (height + 2 * border, width + 2 * border)
+    scene = _sampled(gaussian_filter(texture, 0.4 * step), whole, centre, angle, step)
+    field = scene[:, border : border + height, border : border + width]
+    dark, bright = np.percentile(field, (1, 99))
     scene = (scene - dark) / max(bright - dark, 1e-3)
     return np.clip(scene * random.uniform(0.8, 1), 0, 1).astype(np.float32)
 

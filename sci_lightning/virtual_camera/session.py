@@ -9,10 +9,15 @@ from typing import NamedTuple
 import numpy as np
 
 from sci_lightning.errors import BadInput
-from sci_lightning.virtual_camera.acquisition import Acquisition
+from sci_lightning.virtual_camera.acquisition import Acquisition, World
 from sci_lightning.virtual_camera.patterns import binary, read_patterns, structural
 from sci_lightning.virtual_camera.scene import textured_scene
 from sci_lightning.virtual_camera.stream import stream
+
+SURROUNDS = ("goes_on", "dark", "edge")
+"""What may lie beyond the field."""
+BEYOND = 12
+"""Pixels of the world that are simulated beyond the field on each side."""
 
 
 class PlannedCapture(NamedTuple):
@@ -48,7 +53,8 @@ class Session:
         datasheet: whether the file states these two.
         oversampling: cells per pixel and axis by which a rotated or blurred mask is sampled in front of blurred optics;
             everything else is exact. With 1, the light between relay and sensor counts as uniform over every pixel.
-        surround: what lies beyond the field: ``dark``, or the ``edge`` of the field repeated.
+        surround: what lies beyond the field: ``goes_on`` for patterns and scenes like those inside (``BEYOND`` pixels
+            on each side, then their edge repeated), ``dark``, or the ``edge`` of the field repeated.
 
     Raises:
         BadInput: a value of another type or out of range.
@@ -73,7 +79,7 @@ class Session:
     read_noise_dn: float = 0.8
     datasheet: bool = True
     oversampling: int = 8
-    surround: str = "dark"
+    surround: str = "goes_on"
 
     def __post_init__(self) -> None:
         for name, low, high in (
@@ -99,8 +105,8 @@ class Session:
             raise BadInput("dark_exposures must have at least one integration time")
         for time in self.dark_exposures:
             _check_positive("dark_exposures", time)
-        if self.surround not in ("dark", "edge"):
-            raise BadInput(f"surround must be dark or edge, got {self.surround!r}")
+        if self.surround not in SURROUNDS:
+            raise BadInput(f"surround must be {', '.join(SURROUNDS[:-1])} or {SURROUNDS[-1]}, got {self.surround!r}")
 
     @property
     def counts(self) -> dict[str, int]:
@@ -122,32 +128,49 @@ class Session:
         Raises:
             BadInput: the file of coding patterns cannot be used.
         """
-        coding = self._coding_patterns(stream(seed, "patterns"))
-        patterns = np.concatenate((coding, np.zeros((1, *self.size)), np.ones((1, *self.size)))).astype(np.float32)
+        coding = self._coding_patterns(stream(seed, "patterns"), self.size)
         automatic = {"structural": 1.0, "binary": 2 / self.frames}.get(self.mask, 1 / max(coding.sum(0).mean(), 1e-6))
-        plan = list(self._plan(seed, automatic if isinstance(self.aperture, str) else float(self.aperture)))
-        scene = np.empty((len(plan), self.frames, *self.size), np.float32)
+        border = BEYOND if self.surround == "goes_on" else 0
+        plan = list(self._plan(seed, automatic if isinstance(self.aperture, str) else float(self.aperture), border))
+        height, width = (length + 2 * border for length in self.size)
+        scene = np.empty((len(plan), self.frames, height, width), np.float32)
         for frames, capture in zip(scene, plan, strict=True):
             frames[:] = capture.scene
+        inside = (..., slice(border, height - border), slice(border, width - border))
+        patterns = _with_even(coding)
+        world = World(border, _with_even(self._going_on(coding, seed)), scene) if border else None
         exposure = np.ones(len(plan), np.float32)
         exposure[: self.dark] = np.resize(self.dark_exposures, self.dark)  # the dark frames come first
         return Acquisition(
             patterns=patterns,
             sequence=np.array([capture.sequence for capture in plan], np.int64),
-            scene=scene,
+            scene=scene[inside],
             aperture=np.array([capture.aperture for capture in plan], np.float32),
             exposure=exposure,
             kind=tuple(capture.kind for capture in plan),
+            world=world,
         )
 
-    def _coding_patterns(self, random: np.random.Generator) -> np.ndarray:
+    def _coding_patterns(self, random: np.random.Generator, size: tuple[int, int]) -> np.ndarray:
         if self.mask == "structural":
-            return structural(random, self.frames, self.size, self.bits)
+            return structural(random, self.frames, size, self.bits)
         if self.mask == "binary":
-            return binary(random, self.frames, self.size)
-        return read_patterns(self.mask, self.frames, self.size)
+            return binary(random, self.frames, size)
+        return read_patterns(self.mask, self.frames, size)
 
-    def _plan(self, seed: int, aperture: float) -> Iterator[PlannedCapture]:
+    def _going_on(self, coding: np.ndarray, seed: int) -> np.ndarray:
+        """Return the coding patterns with more of their kind beyond the field; a file's patterns are mirrored there."""
+        if self.mask not in ("structural", "binary"):
+            around = ((0, 0), (BEYOND, BEYOND), (BEYOND, BEYOND))
+            return np.pad(coding, around, mode="reflect")
+        height, width = self.size
+        whole = self._coding_patterns(
+            stream(seed, "patterns beyond the field"), (height + 2 * BEYOND, width + 2 * BEYOND)
+        )
+        whole[:, BEYOND : BEYOND + height, BEYOND : BEYOND + width] = coding
+        return whole
+
+    def _plan(self, seed: int, aperture: float, border: int) -> Iterator[PlannedCapture]:
         """Yield the captures in the order in which they are taken, dark frames first."""
         counts, slots = self.counts, self.frames
         coded, off, on = np.arange(slots), np.full(slots, slots), np.full(slots, slots + 1)
@@ -166,8 +189,14 @@ class Session:
         for kind in ("static", "dynamic", "unknown"):
             for number in range(counts[kind]):
                 random = stream(seed, f"{kind} scene {number}")
-                scene = textured_scene(random, self.size, slots, moving=kind != "static")
+                scene = textured_scene(random, self.size, slots, moving=kind != "static", border=border)
                 yield PlannedCapture(kind, coded, scene, aperture)
+
+
+def _with_even(coding: np.ndarray) -> np.ndarray:
+    """Return the coding patterns, then all off, then all on; float32."""
+    even = np.ones_like(coding[:1])
+    return np.concatenate((coding, 0 * even, even)).astype(np.float32)
 
 
 def _levels(count: int) -> np.ndarray:

@@ -64,7 +64,13 @@ class Simulation:
             read_noise_dn=float(session.read_noise_dn) if session.datasheet else None,
             full_well_e=float(session.full_well_e) if session.datasheet else None,
             name=NAME,
+            surround=self.surround,
         )
+
+    @property
+    def surround(self) -> str:
+        """What the captures file says of the world beyond the patterns."""
+        return "dark" if self.session.surround == "dark" else "unknown"
 
     def truth(self) -> Truth:
         """Return what is hidden, and how strongly the captures speak for it.
@@ -91,7 +97,7 @@ class Simulation:
         return Truth(effects, noise, gain, self.seed, self.session)
 
     def write(self, path: str | Path) -> Path:
-        """Write the captures file (HDF5, ``sci-captures`` 1) and ``<name>.truth.json`` beside it.
+        """Write the captures file (HDF5, ``sci-captures`` 2) and ``<name>.truth.json`` beside it.
 
         The captures file contains nothing of the truth. Each file is written whole or not at all. The writer of
         :mod:`sci_lightning.captures` is deliberately not used, so that the reader is tested with files of a second one.
@@ -111,9 +117,10 @@ class Simulation:
         acquisition, session = self.acquisition, self.session
         attributes: dict[str, str | int | float] = {
             "format": "sci-captures",
-            "format_version": 1,
+            "format_version": 2,
             "bit_depth": session.bit_depth,
             "name": NAME,
+            "surround": self.surround,
         }
         if session.datasheet:
             attributes |= {"read_noise_dn": session.read_noise_dn, "full_well_e": session.full_well_e}

@@ -76,7 +76,7 @@ DN = "expected raw DN, integers from 0 to 255 (8 bits)"
 WRONG = {
     "format": ({"attrs": {"format": "sci-truth"}}, "attribute 'format' is 'sci-truth', expected 'sci-captures'"),
     "no format": ({"attrs": {"format": None}}, "no attribute 'format', expected 'sci-captures': not a captures file"),
-    "version": ({"attrs": {"format_version": 2}}, "attribute 'format_version' is 2, expected 1"),
+    "version": ({"attrs": {"format_version": 3}}, "attribute 'format_version' is 3, expected 1 or 2"),
     "no bits": ({"attrs": {"bit_depth": None}}, "no attribute 'bit_depth', expected a whole number from 1 to 16"),
     "17 bits": ({"attrs": {"bit_depth": 17}}, "attribute 'bit_depth' is 17, expected a whole number from 1 to 16"),
     "half bits": ({"attrs": {"bit_depth": 7.5}}, "attribute 'bit_depth' is 7.5, expected a whole number"),

@@ -147,6 +147,17 @@ def test_rows_that_do_not_exist_are_skipped(launcher: str, command: Command, tmp
     assert not list((tmp_path / "sweep").glob(".rows*"))
 
 
+@pytest.mark.slow
+def test_encoders_and_bit_depths_in_one_sweep(command: Command, tmp_path: Path) -> None:
+    """The how-to page's own sweep: a row for every combination that exists, a line for every other one."""
+    words = ["encoder=rbw_osr,rbw_sr,lsw_sr", "encoder.mask.bits=1,2,3,4", "scale=smoke", "decoder=e2e_cnn"]
+    done = command("train", "-m", *words, "data.scenes_count=1", *QUICK)
+    assert done.returncode == 0, done.stderr
+    assert "12 rows: 6 done, 6 skipped" in done.stdout
+    assert done.stdout.count("a binary mask has 1 bit; choose bits=1") == 6
+    assert len(list((tmp_path / "sweep").glob("*/metrics.json"))) == 6
+
+
 def test_rows_that_cannot_be_composed_do_not_stop_the_others(command: Command, tmp_path: Path) -> None:
     row = ["data.scenes_count=1", "scale=smoke", "decoder.channels=4", *QUICK]
     done = command("train", "-m", *row, "decoder=no_net,e2e_cnn", "encoder=rbw_sr,nothing")

@@ -32,18 +32,23 @@ def made(tmp_path: Path) -> Made:
         metrics: tuple[str, ...] = ("psnr", "ssim", "qscore"),
         effects: dict[str, Any] | None = None,
         baseline: float = 15.0,
+        unevenness: float = 0.0,
     ) -> Path:
         mask = {"_target_": f"sci_lightning.encoder.mask.{MASKS[encoder[:3]]}", **({"bits": bits} if bits else {})}
         config = {"encoder": {"mask": mask, "effects": effects or {}}, "seed": seed, "size": size, "scale": scale}
         every = {"psnr": psnr, "ssim": psnr / 40, "qscore": psnr + 15}
         mean = {key: every[key] for key in metrics}
+        scenes = {
+            scene: {key: value + number * unevenness for key, value in mean.items()}
+            for number, scene in ((-1, "kobe"), (0, "runner"), (1, "drop"))
+        }
         content = {
             "format": "sci-metrics",
             "format_version": 1,
             "encoder": encoder,
             "decoder": decoder,
             "test_encoder": test or encoder,
-            "scenes": {"kobe": mean, "drop": mean},
+            "scenes": scenes,
             "mean": mean,
             "baseline": {**mean, "psnr": baseline},
             "conventions": {"qscore": "Q of HDR-VDP-2.2.2"},

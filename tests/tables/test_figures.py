@@ -51,7 +51,7 @@ def test_cost_figure(made: Made, tmp_path: Path) -> None:
     made("b", "lsw_sr", "e2e_cnn", 32.0, bits=4, seed=1)
     made("c", "lsw_sr", "res2former", 35.0, bits=4, scale="paper")
     figure = cost_figure(PAPER["tables"]["table4"], find_runs([tmp_path])[0], PAPER["decoders"])
-    titles = ["the paper: 256 x 256", "ours, paper: 64 x 64, 2 scenes", "ours, small: 64 x 64, 2 scenes"]
+    titles = ["the paper: 256 x 256", "ours, paper: 64 x 64, 3 scenes", "ours, small: 64 x 64, 3 scenes"]
     panels = {axes.get_title(): axes for axes in figure.axes}
     assert sorted(panels) == sorted(titles)
     points = {title: [tuple(dot.get_offsets()[0]) for dot in panels[title].collections[:-2]] for title in titles}

@@ -17,9 +17,22 @@ def test_fields(made: Made) -> None:
     run = read_run(made("a", "rbw_osr", "e2e_cnn", 30.0, test="rbw_sr", seed=7))
     expected = {"encoder": "rbw_osr", "decoder": "e2e_cnn", "test_encoder": "rbw_sr", "mask": "RandomBinary", "bits": 1}
     assert run.fields == expected and run.seed == 7 and run.scores["psnr"] == 30.0
-    assert str(run.setting) == "small: 64 x 64, 2 scenes"
+    assert str(run.setting) == "small: 64 x 64, 3 scenes"
     assert read_run(made("b", "lsw_sr", "e2e_cnn", 30.0, bits=3)).fields["bits"] == 3
     assert str(read_run(made("b", "lsw_sr", "e2e_cnn", 30.0, scale="own")).setting).startswith("own: ")
+
+
+def test_core_minutes_are_part_of_the_scale(made: Made) -> None:
+    path = made("a", "rbw_osr", "e2e_cnn", 30.0, scale="cpu")
+    content = json.loads(path.read_text())
+    path.write_text(json.dumps({**content, "config": {**content["config"], "core_minutes": 10}}))
+    assert str(read_run(path).setting).startswith("cpu, 10 core minutes: ")
+
+
+def test_files_that_are_kept_of_rows(made: Made, tmp_path: Path) -> None:
+    made("a", "rbw_osr", "e2e_cnn", 30.0).rename(tmp_path / "a" / "seed0.json")
+    (tmp_path / "a" / "other.json").write_text("{}")
+    assert [run.path.name for run in find_runs([tmp_path])[0]] == ["seed0.json"]
 
 
 def test_an_encoder_with_effects_is_not_the_papers(made: Made) -> None:

@@ -220,7 +220,7 @@ def test_runs_with_effects_are_among_all_runs(made: Made, tmp_path: Path) -> Non
     for seed in (0, 1):
         made(f"b{seed}", "rbw_osr", "e2e_cnn", 28.0 + seed, seed=seed, test="rbw_sr")
     rows = run_table(find_runs([tmp_path])[0]).rows
-    scale = "small: 64 x 64, 2 scenes"
+    scale = "small: 64 x 64, 3 scenes"
     assert rows == [
         ["lsw_sr + mask_shift", "2", "e2e_cnn", "itself", "30.00, 0.750, 45.00", "1,000", scale, "1"],
         ["rbw_osr", "1", "e2e_cnn", "rbw_sr", "28.50 ± 0.71, 0.712 ± 0.018, 43.50 ± 0.71", "1,000", scale, "2"],

@@ -96,7 +96,7 @@ def test_patterns_of_a_file(tmp_path: Path) -> None:
         ({"read_noise_dn": -1}, "read_noise_dn must be a number of 0 or more"),
         ({"dark_exposures": ()}, "dark_exposures"),
         ({"oversampling": 0}, "oversampling"),
-        ({"surround": "white"}, "dark or edge"),
+        ({"surround": "white"}, "goes_on, dark or edge"),
     ],
 )
 def test_wrong_sessions(wrong, message):
@@ -117,3 +117,26 @@ def test_an_acquisition_that_does_not_fit() -> None:
     for name, value in (("scene", np.zeros((2, 3, 16, 16))), ("sequence", np.full((2, 4), 4)), ("kind", ("dark",))):
         with pytest.raises(BadInput, match=name):
             Acquisition(**{**fitting, name: value})
+
+
+@pytest.mark.parametrize("mask", ["structural", "binary", "file"])
+def test_the_world_goes_on_beyond_the_field(mask: str, tmp_path: Path) -> None:
+    """Patterns and scenes continue; what the file states does not depend on it, and light enters from there."""
+    np.save(tmp_path / "mask.npy", np.random.default_rng(0).random((3, 16, 20)))
+    told = str(tmp_path / "mask.npy") if mask == "file" else mask
+    session, dark = (Session(size=(16, 20), frames=3, mask=told, surround=word) for word in ("goes_on", "dark"))
+    taken, alone = session.acquisition(2), dark.acquisition(2)
+    for name in ("patterns", "scene"):
+        np.testing.assert_array_equal(getattr(taken, name), getattr(alone, name))
+    world = taken.world
+    assert world is not None and alone.world is None
+    inside = (..., slice(world.border, -world.border), slice(world.border, -world.border))
+    np.testing.assert_array_equal(world.patterns[inside], taken.patterns)
+    np.testing.assert_array_equal(world.scene[inside], taken.scene)
+    beyond = world.patterns[:3, : world.border]
+    assert 0 <= beyond.min() < beyond.max() <= 1 and beyond.std() > 0.05
+    shown = {one: VirtualCamera(one, {"mask_shift": {"dx": 3.0}}).capture(2) for one in (session, dark)}
+    lit = [captures.measurement[4:10, :, :3].mean() for captures in shown.values()]
+    assert lit[0] > 20 and lit[1] < 2
+    np.testing.assert_array_equal(shown[session].scene, shown[dark].scene)
+    assert [captures.surround for captures in shown.values()] == ["unknown", "dark"]

@@ -16,6 +16,7 @@ from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera import EFFECTS, Session, VirtualCamera
 
 SESSION = Session(size=(17, 24), frames=4, bit_depth=10, unknown=1, dark_exposures=(1.0, 2.0))
+STATED = {"format", "format_version", "bit_depth", "name", "surround"}
 HIDDEN = {"mask_shift": {"dx": 0.61, "dy": -0.35}, "read_noise": {"std": 2.3}, "prnu": {"std": 0.02}}
 
 
@@ -29,7 +30,11 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_format(path: Path) -> None:
     count, slots, size = sum(SESSION.counts.values()), 4, (17, 24)
     with h5py.File(path) as file:
-        assert file.attrs["format"] == "sci-captures" and file.attrs["format_version"] == 1
+        assert (
+            file.attrs["format"] == "sci-captures"
+            and file.attrs["format_version"] == 2
+            and file.attrs["surround"] == "unknown"
+        )
         assert file.attrs["bit_depth"] == 10 and file.attrs["name"] == "virtual camera"
         stored = {name: (data.dtype, data.shape) for name, data in file.items() if name != "kind"}
         assert stored == {
@@ -58,7 +63,7 @@ def test_captures_in_memory_are_those_of_the_file(path: Path) -> None:
     for name in ("patterns", "sequence", "measurement", "scene", "aperture", "exposure"):
         np.testing.assert_array_equal(getattr(in_memory, name), getattr(read, name))
         assert getattr(in_memory, name).dtype == getattr(read, name).dtype
-    for name in ("kind", "bit_depth", "read_noise_dn", "full_well_e", "name"):
+    for name in ("kind", "bit_depth", "read_noise_dn", "full_well_e", "name", "surround"):
         assert getattr(in_memory, name) == getattr(read, name)
 
 
@@ -76,7 +81,7 @@ def test_truth_is_beside_the_captures_and_not_in_them(path: Path) -> None:
     with h5py.File(path) as file:
         assert file.attrs["read_noise_dn"] == 0.8  # the datasheet's, not the camera's
         assert file.attrs["full_well_e"] == 10000
-        assert set(file.attrs) == {"format", "format_version", "bit_depth", "name", "read_noise_dn", "full_well_e"}
+        assert set(file.attrs) == {*STATED, "read_noise_dn", "full_well_e"}
         assert not any(data.attrs for data in file.values())
     content = path.read_bytes()
     assert not any(re.search(name.encode(), content) for name in ("mask_shift", "prnu", "truth"))
@@ -93,7 +98,8 @@ RECORDED = {
 
 @pytest.mark.parametrize("effects", RECORDED)
 def test_a_seed_gives_the_captures_that_it_always_gave(effects: str) -> None:
-    session = Session(size=(24, 20), frames=4, static=2, dynamic=2, unknown=1, dark_exposures=(1.0, 2.0))
+    few = {"static": 2, "dynamic": 2, "unknown": 1}
+    session = Session(size=(24, 20), frames=4, dark_exposures=(1.0, 2.0), surround="dark", **few)
     captures = VirtualCamera(session, effects.split("+") if "+" in effects else effects, number=3).capture(seed=2)
     content = hashlib.sha256(repr(captures.kind).encode())
     for name in ("patterns", "sequence", "measurement", "scene", "aperture", "exposure"):
@@ -105,7 +111,7 @@ def test_a_datasheet_can_be_withheld(tmp_path: Path) -> None:
     session = Session(size=(16, 16), frames=2, datasheet=False)
     VirtualCamera(session).write(tmp_path / "a.hdf5")
     with h5py.File(tmp_path / "a.hdf5") as file:
-        assert set(file.attrs) == {"format", "format_version", "bit_depth", "name"}
+        assert set(file.attrs) == STATED
         assert file["measurement"].dtype == np.uint8
     assert json.loads((tmp_path / "a.truth.json").read_text())["effects"] == []
     assert VirtualCamera(session).capture().full_well_e is None

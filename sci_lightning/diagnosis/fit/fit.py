@@ -24,6 +24,7 @@ from sci_lightning.diagnosis.model.likelihood import (
     pixel_likelihood,
 )
 from sci_lightning.diagnosis.search_settings import SearchSettings
+from sci_lightning.encoder.border import Border
 
 ATTEMPTS = 6
 """Steps that one iteration tries, each more cautious than the one before, until one does not lower the objective."""
@@ -94,7 +95,39 @@ class Fitter:
         self.split = split
         self.settings = settings or SearchSettings()
         self.fitted = split.fitted.float()
+        self.held_out = split.held_out.float()
         self._intervals: dict[int, Intervals] = {}
+
+    @property
+    def pixels(self) -> int:
+        """How many pixels count, fitted and held out."""
+        return self.split.pixels
+
+    def covering(self, *hypotheses: Hypothesis) -> Fitter:
+        """Return a fitter that leaves out every pixel that depends, by any of the hypotheses, on the unknown surround.
+
+        It leaves out what this fitter leaves out as well, and is this fitter where that suffices. At most
+        ``SearchSettings.border_share`` of the field is left out on either of two opposite sides.
+        """
+        border = Border()
+        for hypothesis in hypotheses:
+            border = border | self.model.border(hypothesis)
+        border = border.rounded().limited(self.model.observation.size, self.settings.border_share)
+        return self if self.split.border.contains(border) else self.with_border(self.split.border | border)
+
+    def with_border(self, border: Border) -> Fitter:
+        """Return a fitter for which other pixels count: those inside a border of whole pixels."""
+        if border == self.split.border:
+            return self
+        other = Fitter(self.model, replace(self.split, border=border), self.settings)
+        other._intervals = self._intervals
+        return other
+
+    def again(self, fit: Fit) -> Fit:
+        """Return a fit of another fitter, which counted other pixels, repeated with this one's."""
+        every = FreeParameters.of(self.model, fit.hypothesis).names
+        fixed = tuple(name for name in every if name not in fit.free)
+        return self.fit(fit.hypothesis, iterations=20, fixed=fixed)
 
     def fit(
         self,
@@ -143,7 +176,7 @@ class Fitter:
             if objective - before < self.settings.min_progress_nats:
                 break
         uncertain = self.log_likelihood(self.with_map_uncertainty(prediction, maps))
-        held_out = float((uncertain * (1 - self.fitted)).sum(dtype=torch.float64))
+        held_out = float((uncertain * self.held_out).sum(dtype=torch.float64))
         return Fit(hypothesis, prediction, objective, held_out, free.names, information, maps)
 
     def _step(
@@ -294,7 +327,9 @@ class Fitter:
         """
         deviation, bits = noise.prediction.deviation, fit.prediction.bits
         after, before = (Prediction(judged.prediction.mean, deviation, bits) for judged in (fit, baseline))
-        return max(0.0, float((self.log_likelihood(after) - self.log_likelihood(before)).sum(dtype=torch.float64)))
+        rows, columns = self.split.window
+        gain = (self.log_likelihood(after) - self.log_likelihood(before))[:, rows, columns]
+        return max(0.0, float(gain.sum(dtype=torch.float64)))
 
     def maps(
         self, hypothesis: Hypothesis, prediction: Prediction, likelihood: PixelLikelihood
@@ -312,3 +347,19 @@ class Fitter:
         for fixed_map in maps.values():
             variance = variance + fixed_map.leverage
         return replace(prediction, deviation=variance.sqrt()) if maps else prediction
+
+
+def judged_by(judge: Fitter, fit: Fit, maker: Fitter) -> Fit:
+    """Return a fit as ``judge`` makes it, for which other pixels may count than for its maker."""
+    return fit if judge.split.border == maker.split.border else judge.again(fit)
+
+
+def compared_alike(fitter: Fitter, *fits: Fit) -> tuple[Fitter, list[Fit]]:
+    """Return a fitter whose border suffices for several fits, and the fits with the pixels that count for it.
+
+    Args:
+        fitter: made all the fits.
+        fits: to be compared.
+    """
+    wider = fitter.covering(*(fit.hypothesis for fit in fits))
+    return wider, list(fits) if wider is fitter else [judged_by(wider, fit, fitter) for fit in fits]

@@ -13,7 +13,7 @@ def bic(fitter: Fitter, fit: Fit) -> float:
 
     n is the number of pixels. Larger is better.
     """
-    return fit.log_likelihood - 0.5 * parameter_count(fit.hypothesis) * math.log(fitter.fitted.numel())
+    return fit.log_likelihood - 0.5 * parameter_count(fit.hypothesis) * math.log(fitter.pixels)
 
 
 def parameter_count(hypothesis: Hypothesis) -> int:

@@ -2,44 +2,74 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any
 
 import torch
 
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.search_settings import SearchSettings
+from sci_lightning.encoder.border import Border
 from sci_lightning.errors import BadInput
+
+NO_BORDER = Border()
 
 
 @dataclass(frozen=True)
 class Split:
-    """Fitted and held-out pixels.
+    """Fitted and held-out pixels. Pixels of the border are neither.
 
     Attributes:
-        fitted: ``(N, H, W)`` bool, pixels that fits may see.
+        assigned: ``(N, H, W)`` bool: True for pixels that fits may see, False for those that judge, wherever they lie.
         held_out_captures: numbers, as in the file, of the captures that are held out as a whole.
         held_out_capture: ``(N,)`` bool, the same in the observation's order.
         block: side of a held-out block in pixels.
         one_in: one capture of so many of each kind is held out, and one block of so many squared of every other.
+        border: pixels along the sides of the field that count nowhere, because what lies beyond it is unknown; whole
+            numbers.
     """
 
-    fitted: torch.Tensor
+    assigned: torch.Tensor
     held_out_captures: tuple[int, ...]
     held_out_capture: torch.Tensor
     block: int = SearchSettings.held_out_block
     one_in: int = SearchSettings.held_out_one_in
+    border: Border = NO_BORDER
 
     @staticmethod
     def nothing_held_out(observation: Observation) -> Split:
         """Return the split by which every pixel is fitted."""
-        fitted = torch.ones_like(observation.dn, dtype=torch.bool)
-        return Split(fitted, (), torch.zeros(len(observation), dtype=torch.bool))
+        assigned = torch.ones_like(observation.dn, dtype=torch.bool)
+        return Split(assigned, (), torch.zeros(len(observation), dtype=torch.bool))
 
     @property
+    def window(self) -> tuple[slice, slice]:
+        """Rows and columns of the pixels that count."""
+        height, width = self.assigned.shape[-2:]
+        return self.border.window((height, width))
+
+    @cached_property
+    def fitted(self) -> torch.Tensor:
+        """``(N, H, W)`` bool: pixels that fits may see."""
+        return self.assigned & self._inside
+
+    @cached_property
     def held_out(self) -> torch.Tensor:
         """``(N, H, W)`` bool: pixels that only judge."""
-        return ~self.fitted
+        return ~self.assigned & self._inside
+
+    @property
+    def pixels(self) -> int:
+        """How many pixels count: those that are fitted and those that judge."""
+        return len(self.assigned) * int(self._inside.sum())
+
+    @property
+    def _inside(self) -> torch.Tensor:
+        """``(H, W)`` bool: pixels that count."""
+        inside = torch.zeros(self.assigned.shape[-2:], dtype=torch.bool)
+        inside[self.window] = True
+        return inside
 
     def describe(self) -> dict[str, Any]:
         """Return the split as it stands in ``report.json``."""
@@ -54,6 +84,8 @@ class Split:
             "held_out_blocks": f"{self.block} x {self.block} pixels, one in {self.one_in**2} of every fitted capture",
             "held_out_fraction": round(float(self.held_out.float().mean()), 4),
             "held_out": bool(self.held_out.any()),
+            "border": {side: int(width) for side, width in asdict(self.border).items()},
+            "counted_fraction": round(self.pixels / self.assigned.numel(), 4),
         }
 
 
@@ -78,7 +110,7 @@ def split(observation: Observation, settings: SearchSettings | None = None) -> S
     column = torch.arange(width)[None] // side
     capture = torch.arange(len(kinds))[:, None, None]
     blocks = (row * 5 + column * 3 + capture * 7) % one_in**2 == 0
-    fitted = ~(blocks | held_out[:, None, None])
-    if not fitted.any():
+    assigned = ~(blocks | held_out[:, None, None])
+    if not assigned.any():
         raise BadInput(f"captures of {height} x {width} pixels: none is left to fit; expected at least 4 x 4 pixels")
-    return Split(fitted, tuple(sorted(observation.number[held_out].tolist())), held_out, block, one_in)
+    return Split(assigned, tuple(sorted(observation.number[held_out].tolist())), held_out, block, one_in)

@@ -12,6 +12,7 @@ import torch
 from sci_lightning.diagnosis.model.likelihood import LEAST_DEVIATION, ClippedSignal
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.encoder import empirical
+from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import Effect, MapEffect, OpticsEffect, SensorEffect
 from sci_lightning.encoder.effects.parameter import Value
 from sci_lightning.encoder.effects.stage import ExposureEffect, ModulatorEffect, RelayEffect
@@ -222,6 +223,10 @@ class CameraModel:
                 _set_map(effect, hypothesis.maps.get(name), self.observation.size)
             effects.append(effect)
         return LightPath(effects)
+
+    def border(self, hypothesis: Hypothesis) -> Border:
+        """Return how far what lies beyond the patterns reaches into the field, if that is unknown; else 0."""
+        return Border() if self.observation.dark_surround else self.path(hypothesis).border(self.observation.size)
 
     @torch.no_grad()
     def predict(self, hypothesis: Hypothesis) -> Prediction:

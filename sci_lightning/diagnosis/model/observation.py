@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -39,6 +39,7 @@ class Observation:
         read_noise, full_well: the datasheet's values in DN and electrons; None where it is silent.
         position: ``(N,)`` place of each capture in the order in which they were taken, for what depends on time;
             None if they were not taken one after the other.
+        dark_surround: whether no light comes from beyond the patterns; False where nobody knows what lies there.
     """
 
     patterns: torch.Tensor
@@ -54,6 +55,7 @@ class Observation:
     read_noise: float | None
     full_well: float | None
     position: torch.Tensor | None = None
+    dark_surround: bool = False
 
     @property
     def full_scale(self) -> int:
@@ -69,6 +71,11 @@ class Observation:
     def frames(self) -> int:
         """T, slots of a capture."""
         return int(self.sequences.shape[1])
+
+    def window(self, rows: slice, columns: slice) -> Observation:
+        """Return the captures of a part of the field; the patterns stay whole."""
+        scene = [one[..., rows, columns] if one.shape[-1] > 1 else one for one in self.scene]
+        return replace(self, scene=scene, dn=self.dn[:, rows, columns])
 
     @cached_property
     def pile_ups(self) -> list[float]:
@@ -120,6 +127,7 @@ def observe(captures: Captures) -> Observation:
         read_noise=captures.read_noise_dn,
         full_well=captures.full_well_e,
         position=torch.tensor(order),
+        dark_surround=captures.surround == "dark",
     )
 
 

@@ -15,7 +15,7 @@ from sci_lightning.diagnosis.fit.gap import Gap
 from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, FAINT, style
 from sci_lightning.diagnosis.residual_tests import Picture, Residuals, ResidualTest
 from sci_lightning.diagnosis.residual_tests.drawing import OWN, draw_map, draw_test, hidden_by, limits
-from sci_lightning.diagnosis.residual_tests.position import PLACE
+from sci_lightning.diagnosis.residual_tests.position import PLACE, extent
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
 from sci_lightning.diagnosis.search.search import Round
 from sci_lightning.files.plain_text import in_figure
@@ -35,7 +35,7 @@ def residuals_figure(before: Residuals, after: Residuals) -> Figure:
     If the residuals after cannot be seen on the scale of those before, a third row shows them on their own scale.
     """
     both = before.raw, after.raw
-    means = [Picture("map", raw.mean(0) * len(raw) ** 0.5, axes=PLACE) for raw in both]
+    means = [Picture("map", raw.mean(0) * len(raw) ** 0.5, axes=PLACE, extent=extent(before)) for raw in both]
     sizes = [raw.square().mean(0).sqrt() for raw in both]
     spans = [(0.0, max(float(torch.quantile(size, 0.998)), 1.5)) for size in (torch.stack(sizes), sizes[1])]
     own = hidden_by(means[0], means[1])
@@ -47,13 +47,13 @@ def residuals_figure(before: Residuals, after: Residuals) -> Figure:
         grid = figure.subplots(rows, 2, sharex=True, sharey=True)
         for column, when in enumerate(("before: the ideal camera", "after: with what was found")):
             mean: Any = draw_map(grid[0, column], means[column], *limits(means))
-            size = _sizes(grid[1, column], sizes[column], spans[0])
+            size = _sizes(grid[1, column], sizes[column], spans[0], means[column].extent)
             grid[0, column].set_title(when, loc="left")
         _colour_bar(figure, mean, list(grid[0]), MEAN)
         _colour_bar(figure, size, list(grid[1]), SIZE)
         if own:
             mean = draw_map(grid[2, 0], means[1], *limits(means[1:]))
-            size = _sizes(grid[2, 1], sizes[1], spans[1])
+            size = _sizes(grid[2, 1], sizes[1], spans[1], means[1].extent)
             for axes, image, label in ((grid[2, 0], mean, MEAN), (grid[2, 1], size, SIZE)):
                 axes.set_title(OWN, loc="left")
                 _colour_bar(figure, image, [axes], label)
@@ -65,8 +65,8 @@ def residuals_figure(before: Residuals, after: Residuals) -> Figure:
         return figure
 
 
-def _sizes(axes: Any, values: torch.Tensor, span: tuple[float, float]) -> Any:
-    return axes.imshow(values.numpy(), vmin=span[0], vmax=span[1], interpolation="nearest")
+def _sizes(axes: Any, values: torch.Tensor, span: tuple[float, float], place: Any) -> Any:
+    return axes.imshow(values.numpy(), vmin=span[0], vmax=span[1], interpolation="nearest", extent=place)
 
 
 def _colour_bar(figure: Figure, image: Any, axes: list[Any], label: str) -> None:
@@ -79,13 +79,17 @@ def example_figure(before: Residuals, after: Residuals) -> Figure:
     held_out = before.fitter.split.held_out_capture
     misfit = before.raw.square().mean((1, 2))
     number = int(torch.where(held_out, misfit, -1.0).argmax() if held_out.any() else misfit.argmax())
-    pictures = [Picture("map", residuals.raw[number], axes=PLACE) for residuals in (before, after)]
+    pictures = [
+        Picture("map", residuals.raw[number], axes=PLACE, extent=extent(before)) for residuals in (before, after)
+    ]
     own = hidden_by(*pictures)
     titles = [f"capture {int(seen.number[number])} ({seen.kinds[number]})", "residual before", "residual after", OWN]
     with style():
         figure = Figure(figsize=(13.2 if own else 10.4, 3.1), layout="constrained")
         grid = figure.subplots(1, 4 if own else 3, sharey=True)
-        recorded: Any = grid[0].imshow(seen.dn[number].numpy(), cmap="gray", vmin=0, interpolation="nearest")
+        recorded: Any = grid[0].imshow(
+            seen.dn[number].numpy(), cmap="gray", vmin=0, interpolation="nearest", extent=extent(before)
+        )
         for axes, picture in zip(grid[1:3], pictures, strict=True):
             residual: Any = draw_map(axes, picture, *limits(pictures))
         _colour_bar(figure, recorded, [grid[0]], "DN")

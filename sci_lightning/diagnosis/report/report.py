@@ -63,7 +63,7 @@ def describe(diagnosis: Diagnosis) -> dict[str, Any]:
     noise = {name: values for name, values in effects.items() if diagnosis.model.effects[name].noise}
     return {
         "format": "sci-diagnosis",
-        "format_version": 1,
+        "format_version": 2,
         "verdict": diagnosis.verdict,
         "effects": [effect.describe() for effect in diagnosis.effects],
         "uncertainty": UNCERTAINTY,

@@ -41,7 +41,7 @@ def variance_by_position(residuals: Residuals) -> Answer:
     total, size = block_sums(spread)
     freedom = size * max(count - 1, 1)
     unit = "log10 of variance (0 = as predicted)"
-    picture = Picture("map", (total / freedom).log10(), unit, axes=PLACE, extent=extent(raw))
+    picture = Picture("map", (total / freedom).log10(), unit, axes=PLACE, extent=extent(residuals))
     return judge(chi2_normal(total, freedom), picture)
 
 

@@ -21,24 +21,27 @@ def blocks(residuals: Residuals) -> Answer:
     """Test the mean residual of square blocks of pixels."""
     total, size = block_sums(residuals.scaled.sum(0))
     scores = total / (size * len(residuals.raw)).sqrt()
-    return judge(scores, Picture("map", scores, axes=PLACE, extent=extent(residuals.raw)))
+    return judge(scores, Picture("map", scores, axes=PLACE, extent=extent(residuals)))
 
 
 def rows(residuals: Residuals) -> Answer:
     """Test the mean residual of every row."""
-    return _line_answer(residuals.scaled.sum((0, 2)), residuals.raw[:, 0].numel(), "row (pixel)")
+    return _line_answer(residuals.scaled.sum((0, 2)), residuals.raw[:, 0].numel(), "row (pixel)", residuals.origin[0])
 
 
 def columns(residuals: Residuals) -> Answer:
     """Test the mean residual of every column."""
-    return _line_answer(residuals.scaled.sum((0, 1)), residuals.raw[:, :, 0].numel(), "column (pixel)")
+    return _line_answer(
+        residuals.scaled.sum((0, 1)), residuals.raw[:, :, 0].numel(), "column (pixel)", residuals.origin[1]
+    )
 
 
 def radius(residuals: Residuals) -> Answer:
     """Test the mean residual of rings around the image centre, of equal area."""
     count, height, width = residuals.raw.shape
-    y = torch.arange(height) - (height - 1) / 2
-    x = torch.arange(width) - (width - 1) / 2
+    (top, left), (whole_height, whole_width) = residuals.origin, residuals.field
+    y = torch.arange(top, top + height) - (whole_height - 1) / 2
+    x = torch.arange(left, left + width) - (whole_width - 1) / 2
     distance = torch.hypot(y[:, None], x[None])
     ring = (distance.flatten().argsort().argsort() * MOST) // distance.numel()
     size = torch.bincount(ring, minlength=MOST).double()
@@ -59,7 +62,7 @@ def radius(residuals: Residuals) -> Answer:
 def pixels(residuals: Residuals) -> Answer:
     """Test the mean residual of every single pixel."""
     scores = residuals.scaled.sum(0) / len(residuals.raw) ** 0.5
-    return judge(scores, Picture("map", scores, axes=PLACE))
+    return judge(scores, Picture("map", scores, axes=PLACE, extent=extent(residuals)))
 
 
 def block_sums(field: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -73,18 +76,18 @@ def block_sums(field: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     return total.reshape(down, across), size.reshape(down, across)
 
 
-def extent(field: torch.Tensor) -> tuple[float, float, float, float]:
-    """Return left, right, bottom and top, in pixels, of a map of blocks of a ``(.., H, W)`` field."""
-    height, width = field.shape[-2:]
-    return -0.5, width - 0.5, height - 0.5, -0.5
+def extent(residuals: Residuals) -> tuple[float, float, float, float]:
+    """Return left, right, bottom and top, in pixels of the field, of a map of the residuals."""
+    (top, left), (height, width) = residuals.origin, residuals.raw.shape[-2:]
+    return left - 0.5, left + width - 0.5, top + height - 0.5, top - 0.5
 
 
-def _line_answer(total: torch.Tensor, pixels: int, axis: str) -> Answer:
+def _line_answer(total: torch.Tensor, pixels: int, axis: str, first: int) -> Answer:
     picture = Picture(
         "curve",
         total / pixels,
         unit="mean residual (σ)",
-        x=tuple(float(n) for n in range(len(total))),
+        x=tuple(float(n) for n in range(first, first + len(total))),
         axes=(axis,),
         errors=torch.full((len(total),), pixels**-0.5),
     )

@@ -28,7 +28,7 @@ BRIGHTEST = (0.985, 0.995, 0.999)
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals of a fit.
+    """Residuals of a fit at the pixels that count: ``(N, H, W)`` is the field without the border.
 
     Attributes:
         fitter: holds captures, split and model.
@@ -51,12 +51,30 @@ class Residuals:
         random = torch.Generator().manual_seed(seed)
         intervals = fitter.intervals(prediction.bits)
         raw = quantile_residuals(intervals, prediction.mean, prediction.deviation, random, prediction.clipped)
-        return Residuals(fitter, fit, raw, prediction, seed)
+        rows, columns = fitter.split.window
+        counted = replace(
+            prediction,
+            mean=prediction.mean[:, rows, columns].contiguous(),
+            deviation=prediction.deviation[:, rows, columns].contiguous(),
+            clipped=None,
+        )
+        return Residuals(fitter, fit, raw[:, rows, columns].contiguous(), counted, seed)
+
+    @cached_property
+    def observation(self) -> Observation:
+        """The captures, without the border."""
+        return self.fitter.model.observation.window(*self.fitter.split.window)
 
     @property
-    def observation(self) -> Observation:
-        """The captures."""
-        return self.fitter.model.observation
+    def origin(self) -> tuple[int, int]:
+        """(row, column) of the first pixel within the field."""
+        rows, columns = self.fitter.split.window
+        return rows.start, columns.start
+
+    @property
+    def field(self) -> tuple[int, int]:
+        """(H, W) of the field with its border."""
+        return self.fitter.model.observation.size
 
     @cached_property
     def level(self) -> torch.Tensor:
@@ -110,14 +128,20 @@ class Residuals:
         """``(P, H, W)`` images of the patterns on the pixels, as the model predicts them."""
         path = self.fitter.model.path(self.fit.hypothesis)
         with torch.no_grad():
-            return _pooled(path.images(self.observation.patterns), path.cells)
+            return self._counted(_pooled(path.images(self.observation.patterns), path.cells))
 
     @cached_property
     def masks(self) -> torch.Tensor:
         """``(U, T, H, W)`` transmittance for every frame of the scene, by sequence, as the model predicts it."""
         path = self.fitter.model.path(self.fit.hypothesis)
         with torch.no_grad():
-            return _pooled(path.transmittance(self.observation.patterns, self.observation.sequences), path.cells)
+            shown = path.transmittance(self.observation.patterns, self.observation.sequences)
+            return self._counted(_pooled(shown, path.cells))
+
+    def _counted(self, field: torch.Tensor) -> torch.Tensor:
+        """Return a field ``(.., H, W)`` without the border."""
+        rows, columns = self.fitter.split.window
+        return field[..., rows, columns]
 
 
 def _pooled(field: torch.Tensor, cells: int) -> torch.Tensor:

@@ -8,7 +8,7 @@ from itertools import combinations
 
 import torch
 
-from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter, compared_alike
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.model.camera_model import Hypothesis
 from sci_lightning.diagnosis.model.observation import Observation
@@ -72,8 +72,11 @@ def alternatives(fitter: Fitter, fit: Fit, without: Fit, name: str) -> Alternati
         without: the best fit without it.
         name: of the effect.
     """
-    least = fit.log_likelihood - fitter.settings.indistinct_nats
-    equal = {other: rival for other, rival in rivals(fitter, fit, without, name) if rival.log_likelihood > least}
+    equal = {}
+    for other, rival in rivals(fitter, fit, without, name):
+        judge, (named, instead) = compared_alike(fitter, fit, rival)
+        if instead.log_likelihood > named.log_likelihood - judge.settings.indistinct_nats:
+            equal[other] = rival
     return Alternatives(tuple(equal), " ".join(tell_apart(fitter, fit, rival) for rival in equal.values()))
 
 

@@ -119,7 +119,7 @@ def named_effects(fitter: Fitter, fit: Fit, names: Sequence[str]) -> tuple[Named
             continue
         without = fitter.fit(fit.hypothesis.without(name))
         other, lost = alternatives(fitter, fit, without, name), fit.log_likelihood - without.log_likelihood
-        delta_bic = 2 * lost - len(parameters) * float(np.log(fitter.fitted.numel()))
+        delta_bic = 2 * lost - len(parameters) * float(np.log(fitter.pixels))
         effects.append(NamedEffect(effect, parameters, lost, delta_bic, other.names, other.tell_apart))
     return tuple(effects)
 

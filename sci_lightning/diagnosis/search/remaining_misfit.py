@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import torch
 from scipy.stats import chi2
 
-from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter, compared_alike
 from sci_lightning.diagnosis.fit.information_criterion import bic_gain, prune
 from sci_lightning.diagnosis.fit.local_gain import LocalGain
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
@@ -34,7 +34,7 @@ class Unnamed:
         where: what it may be, in words.
         p_value: probability of so large a gain by chance, corrected for the number of deviations that were tried.
         nats: gain in log-likelihood by the free-form deviation.
-        picture: ``(H, W)`` RMS change of the signal by it, DN.
+        picture: ``(H, W)`` RMS change of the signal by it, DN; NaN for pixels that do not count.
     """
 
     name: str
@@ -92,7 +92,7 @@ def explain_remaining_misfit(
     noise: Hypothesis,
     given: Sequence[FreeForm] = (),
     on_progress: Callable[[str], None] = lambda message: None,
-) -> tuple[Fit, list[Unnamed]]:
+) -> tuple[Fitter, Fit, list[Unnamed]]:
     """Explain what named effects leave by free-form deviations, and drop the names that this makes superfluous.
 
     Args:
@@ -102,6 +102,9 @@ def explain_remaining_misfit(
         noise: effects that stay in any case.
         given: free-form deviations that are in the model already.
         on_progress: called with a one-line message for every deviation that is added.
+
+    Returns:
+        the fitter whose border suffices for the model, the model fitted with it, and what it contains without a name.
     """
     settings = fitter.settings
     p_values = {name: map_p_value(one) for name, one in fit.maps.items()}
@@ -114,7 +117,7 @@ def explain_remaining_misfit(
     deviations, gained = [*given], 0.0
     for _ in range(settings.max_unnamed - len(deviations)):
         least = unnamed_threshold(fitter, fit, ideal, noise=fit) + settings.surrogate_fraction * gained
-        best, larger = best_free_form(fitter, fit, least, as_free_form)
+        fitter, fit, best, larger = best_free_form(fitter, fit, least, as_free_form)
         if best is None:
             break
         on_progress(f"unnamed: {best.where}")
@@ -124,7 +127,7 @@ def explain_remaining_misfit(
         deviations = [one for one in (*deviations, best) if one.name in fit.hypothesis.effects]
     # in the order of the light: a fault of the mirrors also shows as a gain of the pixels behind them
     deviations.sort(key=lambda deviation: deviation.effect.rank)
-    return fit, [_unnamed(fitter, fit, deviation, contradicted) for deviation in deviations]
+    return fitter, fit, [_unnamed(fitter, fit, deviation, contradicted) for deviation in deviations]
 
 
 def unnamed_threshold(fitter: Fitter, fit: Fit, ideal: Fit, noise: Fit) -> float:
@@ -142,26 +145,35 @@ def unnamed_threshold(fitter: Fitter, fit: Fit, ideal: Fit, noise: Fit) -> float
 
 def best_free_form(
     fitter: Fitter, fit: Fit, least: float, maps: Mapping[str, type[Effect]] | None = None
-) -> tuple[FreeForm | None, Fit]:
-    """Return the free-form deviation of the largest gain in a joint fit, and that fit.
+) -> tuple[Fitter, Fit, FreeForm | None, Fit]:
+    """Find the free-form deviation of the largest gain in a joint fit.
 
     Args:
         fitter: fits hypotheses to the captures.
         fit: the model without it.
         least: nats beyond its penalty that it must gain; else None is returned with the model as it was.
         maps: effects of the vocabulary whose maps may serve as free forms too.
+
+    Returns:
+        the fitter whose border suffices for the deviation, the model without it fitted with that, the deviation, and
+        the model with it.
     """
-    pixels = float(fitter.fitted.numel())
+    pixels = float(fitter.pixels)
     promising = [one for one in screen_free_forms(fitter, fit, maps or {}) if one.bic_gain(pixels) > least]
-    best, best_fit, largest = None, fit, least
+    best: tuple[Fitter, Fit, FreeForm | None, Fit] = (fitter, fit, None, fit)
+    largest = least
     for deviation in promising[: fitter.settings.probes_fitted]:
-        trial = fitter.fit(deviation.added(fitter, fit.hypothesis), iterations=15)
-        value = bic_gain(fitter, fit, trial) - deviation.choice_penalty
+        start = deviation.added(fitter, fit.hypothesis)
+        judge = fitter.covering(start)
+        judge, (smaller, trial) = compared_alike(
+            judge, fit if judge is fitter else judge.again(fit), judge.fit(start, iterations=15)
+        )
+        value = bic_gain(judge, smaller, trial) - deviation.choice_penalty
         if deviation.name in (maps or {}):  # a map with structure can imitate much
             value *= 1 - fitter.settings.surrogate_fraction
         if value > largest:
-            best, best_fit, largest = deviation, trial, value
-    return best, best_fit
+            best, largest = (judge, smaller, deviation, trial), value
+    return best
 
 
 def screen_free_forms(fitter: Fitter, base: Fit, maps: Mapping[str, type[Effect]]) -> list[FreeForm]:
@@ -239,6 +251,9 @@ def _unnamed(fitter: Fitter, fit: Fit, deviation: FreeForm, contradicted: Mappin
     """Quantify a free-form deviation by a fit without it."""
     without = fitter.fit(fit.hypothesis.without(deviation.name), iterations=8)
     nats = fit.log_likelihood - without.log_likelihood
-    change = (fit.prediction.mean - without.prediction.mean).square().mean(0).sqrt()
+    rows, columns = fitter.split.window
+    change = torch.full(fit.prediction.mean.shape[1:], torch.nan)
+    difference = fit.prediction.mean - without.prediction.mean
+    change[rows, columns] = difference[:, rows, columns].square().mean(0).sqrt()
     p_value = min(deviation.p_value, contradicted.get(deviation.name, 1.0))
     return Unnamed(deviation.name, deviation.effect.stage, deviation.where, p_value, nats, change)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter, judged_by
 from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, prune
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, datasheet_noise
 from sci_lightning.diagnosis.search.remaining_misfit import (
@@ -15,6 +15,7 @@ from sci_lightning.diagnosis.search.remaining_misfit import (
     explain_remaining_misfit,
     unnamed_threshold,
 )
+from sci_lightning.diagnosis.search.room import with_room_for_contenders, with_room_for_starts
 from sci_lightning.diagnosis.search.screening import rivals, screen
 
 OnProgress = Callable[[str], None]
@@ -41,12 +42,14 @@ class Explanation:
     """What the search found.
 
     Attributes:
+        fitter: leaves out what depends on the unknown surround in this model.
         fit: the likeliest model, with named effects and free-form deviations.
         names: the named effects, noise that differs from the datasheet's among them.
         rounds: of the forward selection that led there.
         unnamed: deviations that no effect of the vocabulary explains.
     """
 
+    fitter: Fitter
     fit: Fit
     names: tuple[str, ...]
     rounds: tuple[Round, ...]
@@ -67,32 +70,36 @@ def search(fitter: Fitter, ideal: Fit, noise: Hypothesis, on_progress: OnProgres
         noise: shot and read noise from which the search starts.
         on_progress: called with a one-line message after every step.
     """
-    selected, rounds = select_effects(fitter, noise, on_progress)
-    fit, unnamed = explain_remaining_misfit(fitter, selected, ideal, noise, (), on_progress)
+    fitter, selected, rounds = select_effects(fitter, noise, on_progress)
+    fitter, fit, unnamed = explain_remaining_misfit(fitter, selected, ideal, noise, (), on_progress)
     settled, differing = select_noise(fitter, fit)
     count = len(fit.hypothesis.effects) - len(noise.effects)
     if unnamed or differing or count >= fitter.settings.many_effects:
         start = fitter.fit(noise, iterations=30)
-        free_form, beside = best_free_form(fitter, start, unnamed_threshold(fitter, fit, start, noise=start))
-        if free_form is not None and bic(fitter, beside) > bic(fitter, start) + 0.5 * (
-            fit.log_likelihood - start.log_likelihood
+        least = unnamed_threshold(fitter, fit, start, noise=start)
+        second, start, free_form, beside = best_free_form(fitter, start, least)
+        first = judged_by(second, fit, fitter)
+        if free_form is not None and bic(second, beside) > bic(second, start) + 0.5 * (
+            first.log_likelihood - start.log_likelihood
         ):
             on_progress(f"beside it: {free_form.where}")
-            other, other_rounds = select_effects(fitter, beside.hypothesis, on_progress)
-            margin = fitter.settings.surrogate_fraction * (beside.log_likelihood - start.log_likelihood)
-            other = prune(fitter, other, beside.hypothesis, margin)
-            other, rest = explain_remaining_misfit(fitter, other, ideal, noise, (free_form,), on_progress)
-            if bic(fitter, other) > bic(fitter, fit):
-                fit, rounds, unnamed = other, other_rounds, rest
+            second, other, other_rounds = select_effects(second, beside.hypothesis, on_progress)
+            margin = second.settings.surrogate_fraction * (beside.log_likelihood - start.log_likelihood)
+            other = prune(second, other, beside.hypothesis, margin)
+            second, other, rest = explain_remaining_misfit(second, other, ideal, noise, (free_form,), on_progress)
+            common = second.with_border(second.split.border | fitter.split.border)
+            judged = [judged_by(common, made, by) for made, by in ((fit, fitter), (other, second))]
+            if bic(common, judged[1]) > bic(common, judged[0]):
+                fitter, fit, rounds, unnamed = second, other, other_rounds, rest
                 settled, differing = select_noise(fitter, fit)
     free_forms = {deviation.name for deviation in unnamed}
     names = [name for name in fit.hypothesis.effects if name not in noise.effects and name not in free_forms]
-    return Explanation(settled, tuple(names if unnamed else names + differing), tuple(rounds), tuple(unnamed))
+    return Explanation(fitter, settled, tuple(names if unnamed else names + differing), tuple(rounds), tuple(unnamed))
 
 
 def select_effects(
     fitter: Fitter, start: Hypothesis, on_progress: OnProgress = lambda message: None
-) -> tuple[Fit, list[Round]]:
+) -> tuple[Fitter, Fit, list[Round]]:
     """Select effects forward by the information criterion, confirmed by held-out pixels, and prune them backwards.
 
     Every round adds the effect whose joint fit gains most and refits everything. The noise is refitted every round too,
@@ -102,16 +109,25 @@ def select_effects(
         fitter: fits hypotheses to the captures.
         start: effects that stay in the model: the noise, and free-form deviations.
         on_progress: called with a one-line message for every effect that is added.
+
+    Returns:
+        the fitter whose border suffices for the model, the model fitted with it, and the rounds.
     """
+    fitter = fitter.covering(start)
     best = ideal = fitter.fit(start, iterations=30)
     rounds, settings = [], fitter.settings
     for _ in range(settings.max_effects):
+        fitter, best = with_room_for_starts(fitter, best)
         screened = screen(fitter, best)
-        fits = {
-            candidate.name: fitter.fit(candidate.added(fitter.model, best.hypothesis), iterations=20)
-            for candidate in screened[: settings.candidates_fitted]
-            if candidate.gain > settings.min_gain_nats
-        }
+        narrow, fits = (
+            fitter,
+            {
+                candidate.name: fitter.fit(candidate.added(fitter.model, best.hypothesis), iterations=20)
+                for candidate in screened[: settings.candidates_fitted]
+                if candidate.gain > settings.min_gain_nats
+            },
+        )
+        fitter, best, fits = with_room_for_contenders(fitter, best, fits)
         gains = {
             name: (
                 fit.log_likelihood - best.log_likelihood,
@@ -126,12 +142,15 @@ def select_effects(
         if added is None:
             break
         on_progress(f"{added}: {gains[added][0]:.0f} nats")
-        larger = fits[added]
+        needed = narrow.covering(fits[added].hypothesis)
+        larger = judged_by(needed, fits[added], fitter)
+        fitter = needed
         best = prune(fitter, larger, start, settings.formula_error * fitter.explained_nats(larger, ideal, larger))
-    return exchange(fitter, best, start), rounds
+    fitter, best = exchange(fitter, best, start)
+    return fitter, best, rounds
 
 
-def exchange(fitter: Fitter, fit: Fit, keep: Hypothesis) -> Fit:
+def exchange(fitter: Fitter, fit: Fit, keep: Hypothesis) -> tuple[Fitter, Fit]:
     """Replace effects that were selected before the others were known, where another effect now fits better.
 
     Args:
@@ -141,11 +160,13 @@ def exchange(fitter: Fitter, fit: Fit, keep: Hypothesis) -> Fit:
     """
     for name in [name for name in fit.hypothesis.effects if name not in keep.effects]:
         if name in fit.hypothesis.effects and len(fit.hypothesis.effects) - len(keep.effects) > 1:
-            without = fitter.fit(fit.hypothesis.without(name))
-            for _, rival in rivals(fitter, fit, without, name):
-                if bic(fitter, rival) > bic(fitter, fit) + fitter.settings.min_gain_nats:
-                    fit = rival
-    return fit
+            maker, without = fitter, fitter.fit(fit.hypothesis.without(name))
+            for _, rival in rivals(maker, fit, without, name):
+                judge = fitter.covering(rival.hypothesis)
+                former, instead = judged_by(judge, fit, fitter), judged_by(judge, rival, maker)
+                if bic(judge, instead) > bic(judge, former) + judge.settings.min_gain_nats:
+                    fitter, fit = judge, instead
+    return fitter, fit
 
 
 def select_noise(fitter: Fitter, fit: Fit) -> tuple[Fit, list[str]]:
@@ -155,7 +176,7 @@ def select_noise(fitter: Fitter, fit: Fit) -> tuple[Fit, list[str]]:
     parameter.
     """
     datasheet, stated = datasheet_noise(fitter.model.observation)
-    price = fitter.settings.min_gain_nats + 0.5 * math.log(fitter.fitted.numel())
+    price = fitter.settings.min_gain_nats + 0.5 * math.log(fitter.pixels)
     best, differing, best_value = fit, [name for name, _ in stated], -math.inf
     for combination in range(2 ** len(stated)):
         fixed = tuple(parameter for i, parameter in enumerate(stated) if not combination >> i & 1)

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import torch
 from torch import nn
 
+from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter, Value
 from sci_lightning.errors import BadInput
 
@@ -71,6 +72,14 @@ class Effect(nn.Module):
     def is_neutral(self) -> bool:
         """Whether every parameter is at its neutral value, where the effect does nothing."""
         return all(value == self.about[name].neutral for name, value in self.values.items())
+
+    def border(self, size: tuple[int, int]) -> Border:
+        """Return how far what lies beyond a field of ``size`` (H, W) reaches into it through this effect.
+
+        A diagnosis that does not know what lies there leaves these pixels out. An effect that moves or spreads light
+        overrides this.
+        """
+        return Border()
 
     def check(self) -> None:
         """Raise BadInput if a value is out of its range, which may happen when a state is loaded."""

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import torch
 
 from sci_lightning.configuration.bounds import Depth
+from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.parameter import Parameter, Value
 from sci_lightning.errors import BadInput
@@ -127,6 +128,9 @@ class NeighbourTaps(Empirical):
     @classmethod
     def numbers(cls, captures: int, frames: int) -> int:
         return 24
+
+    def border(self, size: tuple[int, int]) -> Border:
+        return Border.around(((self.count + 1) ** 0.5 - 1) / 2 if self.coefficients.any() else 0.0)
 
     def smear(self, images: torch.Tensor) -> torch.Tensor:
         """Return images ``(N, H, W)`` convolved with the kernel, dark beyond their edges."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import torch
 
+from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter, Value
 from sci_lightning.encoder.effects.stage import OpticsEffect
 from sci_lightning.encoder.empirical.empirical import Empirical
@@ -69,6 +70,10 @@ class Ghost(Empirical, OpticsEffect):
     @classmethod
     def scaled(cls, setting: dict[str, Value], factor: float) -> dict[str, Value]:
         return {**setting, "c0": min(PART * factor, LARGEST_PART)}
+
+    def border(self, size: tuple[int, int]) -> Border:
+        part, dx, dy = self.coefficients.tolist()
+        return Border.of_displacement(dx, dy) if part else Border()
 
     def form(self, signal: Signal) -> Signal:
         signal = signal.pooled()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import torch
 
+from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import RelayEffect
 from sci_lightning.encoder.empirical.empirical import Empirical, polynomials
@@ -27,6 +28,10 @@ class MaskField(Empirical, RelayEffect):
     @classmethod
     def numbers(cls, captures: int, frames: int) -> int:
         return (DEGREE + 1) * (DEGREE + 2)
+
+    def border(self, size: tuple[int, int]) -> Border:
+        down, across = self.coefficients.abs().view(2, -1).sum(1).tolist()  # Legendre polynomials are at most 1
+        return Border.around(down, across)
 
     def show(self, patterns: torch.Tensor) -> torch.Tensor:
         height, width = patterns.shape[-2:]

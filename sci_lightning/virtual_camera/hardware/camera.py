@@ -69,23 +69,33 @@ class Camera:
             (N, H, W) float64, 1 at full scale.
         """
         slots = acquisition.sequence.shape[1]
-        surround = self.session.surround
-        patterns = acquisition.patterns.astype(np.float64)
+        surround, world = self.session.surround, acquisition.world
+        border = 0 if world is None else world.border
+        patterns = (acquisition.patterns if world is None else world.patterns).astype(np.float64)
+        scenes = acquisition.scene if world is None else world.scene
+        height, width = acquisition.patterns.shape[1:]
         schedule = np.eye(slots)
+        maps = {name: _going_on(values, border) for name, values in self.fixed_maps.items()}
         for modulator in self._stage(ModulatorEffect):
-            patterns = modulator.display(patterns, self.fixed_maps)
+            patterns = modulator.display(patterns, maps)
             schedule = modulator.schedule(slots) @ schedule
         relay = reduce(lambda before, effect: effect.apply(before), self._stage(RelayEffect), Relay())
         timing = reduce(lambda before, effect: effect.apply(before), self._stage(ExposureEffect), Timing())
         images = reduce(lambda before, effect: effect.apply(before), self._stage(OpticsEffect), [Image()])
 
-        rows, columns = relay.cells(self.session.size, self.session.oversampling, sharp_optics=images == [Image()])
-        transmitted = relay.image(patterns, rows, columns, surround)
+        sharp = images == [Image()]
+        whole = (height + 2 * border, width + 2 * border)
+        rows, columns = relay.cells(whole, self.session.oversampling, sharp_optics=sharp)
+        if sharp:  # no light from beyond the field falls on its pixels
+            rows = rows[(rows >= border) & (rows <= border + height)]
+            columns = columns[(columns >= border) & (columns <= border + width)]
+        transmitted = relay.image(patterns, rows, columns, surround, border)
         pixel_of_cell = np.ix_(rows[:-1].astype(int), columns[:-1].astype(int))
-        slot_light = timing.slot_light(slots, self.session.size[0])
+        slot_light = np.pad(timing.slot_light(slots, height), ((0, 0), (border, border)), mode="edge")
+        field = (slice(border, border + height), slice(border, border + width))
         power = timing.power(len(acquisition.sequence)) * acquisition.aperture
-        light = np.empty((len(acquisition.sequence), *self.session.size))
-        for number, (sequence, scene) in enumerate(zip(acquisition.sequence, acquisition.scene, strict=True)):
+        light = np.empty((len(acquisition.sequence), height, width))
+        for number, (sequence, scene) in enumerate(zip(acquisition.sequence, scenes, strict=True)):
             scene_light = np.zeros(scene.shape)
             for slot, row_light in enumerate(slot_light):
                 scene_light[slot % slots] += row_light[:, None] * scene[min(slot, slots - 1)]
@@ -93,7 +103,8 @@ class Camera:
             modulated = np.zeros(transmitted.shape[1:])
             for pattern in np.unique(sequence):
                 modulated += transmitted[pattern] * pattern_light[sequence == pattern].sum(0)[pixel_of_cell]
-            light[number] = sum(image.integrate(modulated, rows, columns, surround) for image in images)
+            formed = sum(image.integrate(modulated, rows, columns, surround) for image in images)
+            light[number] = np.asarray(formed)[field]
         for effect in self._stage(OpticsEffect):
             light = effect.change_irradiance(light, acquisition.exposure)
         return light
@@ -135,3 +146,8 @@ class Camera:
     def _stage(self, kind: type[S]) -> list[S]:
         """Return the effects of one stage, in the order of the light's path."""
         return [effect for effect in self.effects if isinstance(effect, kind)]
+
+
+def _going_on(values: np.ndarray, border: int) -> np.ndarray:
+    """Return a map of the field as it goes on for ``border`` pixels beyond it: its edge repeated."""
+    return np.pad(values, [(border, border) if length > 1 else (0, 0) for length in values.shape], mode="edge")

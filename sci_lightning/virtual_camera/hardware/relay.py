@@ -63,7 +63,7 @@ class Relay:
         ``oversampling`` 1 gives whole pixels in any case.
 
         Args:
-            size: (H, W) of the field in pixels.
+            size: (H, W) in pixels, of the field and what lies beyond it.
             oversampling: cells per pixel and axis where the image is not uniform piece by piece.
             sharp_optics: whether the lens behind the relay forms one sharp, undisplaced image.
 
@@ -79,22 +79,25 @@ class Relay:
         down, across = self._mirror_edges(size)
         return _merge_edges(pixels[0], down), _merge_edges(pixels[1], across)
 
-    def image(self, patterns: np.ndarray, rows: np.ndarray, columns: np.ndarray, surround: str) -> np.ndarray:
+    def image(
+        self, patterns: np.ndarray, rows: np.ndarray, columns: np.ndarray, surround: str, border: int = 0
+    ) -> np.ndarray:
         """Return the image of square, touching mirrors, averaged over cells.
 
         The image is exact when it is upright. Otherwise the footprint of a cell on the mirrors is taken as an upright
         square that has the same size everywhere.
 
         Args:
-            patterns: (P, H, W) transmittance of the mirrors.
+            patterns: (P, H, W) transmittance of the mirrors, those beyond the field included.
             rows, columns: (n + 1,) and (m + 1,) edges of the cells; evenly spaced unless the image is upright.
             surround: what lies beyond the mirrors: ``dark``, or the ``edge`` mirrors repeated for ever.
+            border: mirrors on each side that lie beyond the field, from whose size distortions are measured.
 
         Returns:
             (P, n, m) irradiance for a scene of irradiance 1.
         """
         if not self.is_upright:
-            return self._resampled(patterns, rows, columns, surround)
+            return self._resampled(patterns, rows, columns, surround, border)
         axes = zip((rows, columns), self._mirror_edges(patterns.shape[1:]), self.sigmas, strict=True)
         down, across = (
             overlap(cells, with_surround(surround, mirrors), sigma) / np.diff(cells)[:, None]
@@ -109,9 +112,12 @@ class Relay:
             for length, shift in zip(size, (self.dy, self.dx), strict=True)
         ]
 
-    def _resampled(self, patterns: np.ndarray, rows: np.ndarray, columns: np.ndarray, surround: str) -> np.ndarray:
+    def _resampled(
+        self, patterns: np.ndarray, rows: np.ndarray, columns: np.ndarray, surround: str, border: int
+    ) -> np.ndarray:
         """Return the image by tracing every cell back to the mirrors, a strip of rows at a time to bound the memory."""
         count, height, width = patterns.shape
+        field_height, field_width = height - 2 * border, width - 2 * border
         mirrors = patterns.reshape(count, -1).T
         y = (rows[1:] + rows[:-1]) / 2 - height / 2 - self.dy
         x = (columns[1:] + columns[:-1]) / 2 - width / 2 - self.dx
@@ -122,8 +128,8 @@ class Relay:
         strips = []
         for strip in np.array_split(y, min(math.ceil(entries / MAX_ENTRIES), len(y))):
             u, v = (cos * x + sin * strip[:, None]).ravel(), (cos * strip[:, None] - sin * x).ravel()
-            stretch = 1 + self.barrel * 4 * (u**2 + v**2) / (width**2 + height**2)
-            stretch /= 1 + self.keystone * 2 * v / height
+            stretch = 1 + self.barrel * 4 * (u**2 + v**2) / (field_width**2 + field_height**2)
+            stretch /= 1 + self.keystone * 2 * v / field_height
             u, v = u * stretch + width / 2, v * stretch + height / 2
             column, share_x = _footprint(u, half, sigma_u, width, surround)
             row, share_y = _footprint(v, half, sigma_v, height, surround)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import torch
 
+from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import OpticsEffect
 from sci_lightning.encoder.signal import Signal
@@ -25,6 +26,9 @@ class OpticalBlur(OpticsEffect):
     about = {"sigma": Parameter("pixel", 0.0, 0, 8, step=0.03, starts=(0.3, 0.8))}
     sentence = "the whole image is blurred (sigma {sigma} pixel)"
     sigma: torch.Tensor
+
+    def border(self, size: tuple[int, int]) -> Border:
+        return Border.of_blur(float(self.sigma))
 
     def form(self, signal: Signal) -> Signal:
         if float(self.sigma.detach()) < 1e-6:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import torch
 
+from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import RelayEffect
 from sci_lightning.encoder.relay import Pose
@@ -23,6 +24,9 @@ class MaskBlur(RelayEffect):
     about = {"sigma": Parameter("pixel", 0.0, 0, 8, step=0.03, starts=(0.3, 0.8))}
     sentence = "the mask's image is blurred (sigma {sigma} pixel)"
     sigma: torch.Tensor
+
+    def border(self, size: tuple[int, int]) -> Border:
+        return Border.of_blur(float(self.sigma))
 
     def aim(self, pose: Pose) -> Pose:
         return replace(pose, sigma=self.sigma)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import torch
 
+from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import RelayEffect
 from sci_lightning.encoder.relay import Pose, radians
@@ -23,6 +25,10 @@ class MaskRotation(RelayEffect):
     about = {"angle": Parameter("degree", 0.0, -45, 45, step=0.05, starts=(-2.0, -1.0, -0.4, 0.4, 1.0, 2.0))}
     sentence = "the mask's image is turned by {angle} degree"
     angle: torch.Tensor
+
+    def border(self, size: tuple[int, int]) -> Border:
+        slope = abs(math.tan(math.radians(float(self.angle))))
+        return Border.around(slope * size[1] / 2, slope * size[0] / 2)
 
     def aim(self, pose: Pose) -> Pose:
         return replace(pose, angle=radians(self.angle))

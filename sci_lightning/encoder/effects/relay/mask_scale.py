@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import torch
 
+from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import RelayEffect
 from sci_lightning.encoder.relay import Pose
@@ -23,6 +24,10 @@ class MaskScale(RelayEffect):
     about = {"scale": Parameter("1", 1.0, 0.5, 2, step=0.001, starts=(0.97, 0.985, 0.994, 1.006, 1.015, 1.03))}
     sentence = "the mask's image is {scale} times as large as it should be"
     scale: torch.Tensor
+
+    def border(self, size: tuple[int, int]) -> Border:
+        smaller = max(1 - float(self.scale), 0.0)
+        return Border.around(smaller * size[0] / 2, smaller * size[1] / 2)
 
     def aim(self, pose: Pose) -> Pose:
         return replace(pose, scale=self.scale)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import torch
 
+from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import RelayEffect
 from sci_lightning.encoder.relay import Pose
@@ -26,6 +27,9 @@ class MaskShift(RelayEffect):
     sentence = "the mask's image is displaced by ({dx}, {dy}) pixel"
     dx: torch.Tensor
     dy: torch.Tensor
+
+    def border(self, size: tuple[int, int]) -> Border:
+        return Border.of_displacement(float(self.dx), float(self.dy))
 
     def aim(self, pose: Pose) -> Pose:
         return replace(pose, dx=self.dx, dy=self.dy)

@@ -1,0 +1,44 @@
+"""Room at the sides of the field: which pixels count while candidates are compared.
+
+What lies beyond the patterns may be unknown. A pixel whose value depends on it, by any of the hypotheses that are
+compared, counts for none of them.
+"""
+
+from __future__ import annotations
+
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter, judged_by
+
+
+def with_room_for_starts(fitter: Fitter, base: Fit) -> tuple[Fitter, Fit]:
+    """Return a fitter that leaves out what depends on the surround for any candidate at its starts, and its base fit.
+
+    Candidates are screened with that: an effect must not be judged by pixels that its formula cannot know.
+    """
+    model, seen = fitter.model, fitter.model.observation
+    wider = fitter.covering(
+        base.hypothesis,
+        *(
+            base.hypothesis.with_effect(name, start)
+            for name, effect in model.vocabulary.items()
+            if name not in base.hypothesis.effects and not effect.noise and not effect.map_kind
+            for start in effect.starts(seen.frames, seen.size, seen.bit_depth)
+        ),
+    )
+    return wider, judged_by(wider, base, fitter)
+
+
+def with_room_for_contenders(fitter: Fitter, base: Fit, fits: dict[str, Fit]) -> tuple[Fitter, Fit, dict[str, Fit]]:
+    """Return the fits of a round compared alike: none is judged by pixels that depend on the surround for another.
+
+    Contenders are the fits that gain at least ``SearchSettings.contender_share`` of what the best one gains; the others
+    may have run away, and the field would be left out for nothing.
+    """
+    while fits:
+        gains = {name: fit.log_likelihood - base.log_likelihood for name, fit in fits.items()}
+        least = fitter.settings.contender_share * max(gains.values())
+        contenders = [fit.hypothesis for name, fit in fits.items() if gains[name] >= least]
+        wider = fitter.covering(base.hypothesis, *contenders)
+        if wider is fitter:
+            break
+        fitter, base, fits = wider, wider.again(base), {name: wider.again(fit) for name, fit in fits.items()}
+    return fitter, base, fits

@@ -1,0 +1,12 @@
+"""Video in small patches with known statistics: the prior, the moments of a snapshot's blocks, and what follows.
+
+A patch of B x B pixels and T frames has a mean and a covariance C. A snapshot of it behind the mask matrix A then has
+mean A m and covariance A C A' + noise, from which follow the best linear estimate of the patch, the error that this
+estimate is expected to make, and the likelihood of the snapshot when the scene is unknown.
+"""
+
+from sci_lightning.imaging.patches.grid import BlockGrid
+from sci_lightning.imaging.patches.moments import BlockMoments, block_covariance
+from sci_lightning.imaging.patches.prior import PatchPrior
+
+__all__ = ["BlockGrid", "BlockMoments", "PatchPrior", "block_covariance"]

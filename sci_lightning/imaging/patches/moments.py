@@ -1,0 +1,128 @@
+"""Mean and covariance of a snapshot's blocks when the scene is random, and what follows from them in closed form."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+
+from sci_lightning.errors import BadInput
+
+MOST_PRODUCTS = 2**24
+"""So many products of two mask values are kept at a time, 64 MiB."""
+
+
+def block_covariance(mask: torch.Tensor, covariance: torch.Tensor) -> torch.Tensor:
+    r"""Return :math:`A C A^\top`, the covariance of a snapshot's blocks without noise.
+
+    .. math:: (A C A^\top)_{pq} = \sum_{t, s} M_t(p)\, C_{tp, sq}\, M_s(q)
+
+    Args:
+        mask: M, blocks of a mask, ``(blocks, T, n)`` for n pixels.
+        covariance: C, ``(K, T, n, T, n)`` for K different priors.
+
+    Returns:
+        ``(K, blocks, n, n)``; differentiable in both arguments.
+    """
+    slots, pixels = mask.shape[1:]
+    by_pixels = covariance.permute(2, 4, 1, 3, 0).reshape(pixels * pixels, slots * slots, len(covariance))
+    parts = []
+    for part in mask.split(max(1, MOST_PRODUCTS // (slots * pixels) ** 2)):
+        values = part.permute(2, 0, 1)
+        products = values[:, None, :, :, None] * values[None, :, :, None, :]
+        sums = products.reshape(pixels * pixels, len(part), slots * slots) @ by_pixels
+        parts.append(sums.permute(2, 1, 0).unflatten(2, (pixels, pixels)))
+    return torch.cat(parts, dim=1)
+
+
+@dataclass(frozen=True)
+class BlockMoments:
+    r"""The first two moments of blocks of a snapshot, for a prior with K components.
+
+    With a patch of video x of mean m and covariance C, and a snapshot :math:`y = A x + e`, the snapshot has the mean
+    :math:`A m` and the covariance :math:`S = A C A^\top + N`.
+
+    Attributes:
+        total: sum of the mask over time, ``(blocks, n)``: the mean over the level m of the scene.
+        inverse: :math:`S^{-1}`, ``(K, blocks, n, n)``.
+        log_determinant: of S, ``(K, blocks)``.
+
+    Source: for the estimate any textbook of estimation theory, as Kay, "Fundamentals of statistical signal
+    processing", 1993, Section 10.6; in video SCI Yang et al., "Video compressive sensing using Gaussian mixture
+    models", IEEE Trans. Image Processing 2014.
+    """
+
+    total: torch.Tensor
+    inverse: torch.Tensor
+    log_determinant: torch.Tensor
+
+    @classmethod
+    def of(cls, mask: torch.Tensor, covariance: torch.Tensor, noise_variance: torch.Tensor | float) -> BlockMoments:
+        """Compute the moments.
+
+        Args:
+            mask: blocks of a mask, ``(blocks, T, n)``.
+            covariance: of patches, ``(K, T, n, T, n)``.
+            noise_variance: N, of every pixel: a number, ``(blocks, 1)`` or ``(blocks, n)``; positive.
+
+        Raises:
+            BadInput: the covariance of a snapshot is not positive definite: the noise is too small for it.
+        """
+        signal = block_covariance(mask, covariance)
+        noise = torch.as_tensor(noise_variance, dtype=mask.dtype, device=mask.device)
+        noise = noise.expand(len(mask), mask.shape[2]) if noise.ndim < 2 else noise.expand(-1, mask.shape[2])
+        factor, failed = torch.linalg.cholesky_ex(signal + torch.diag_embed(noise))
+        if not failed.is_meta and failed.any():
+            raise BadInput(
+                "the covariance of a snapshot's blocks is not positive definite: the noise is too small for the "
+                "precision of a float; set a larger noise"
+            )
+        log_determinant = 2 * factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
+        return cls(mask.sum(1), torch.cholesky_inverse(factor), log_determinant)
+
+    def __getitem__(self, blocks: torch.Tensor | slice) -> BlockMoments:
+        """Return the moments of some of the blocks."""
+        return BlockMoments(self.total[blocks], self.inverse[:, blocks], self.log_determinant[:, blocks])
+
+    def whitened(self, measurement: torch.Tensor, level: float) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return S^-1 (y - A m) and the log-likelihood of y, for every component.
+
+        Args:
+            measurement: y, ``(N, blocks, n)``.
+            level: m, the mean of the video.
+
+        Returns:
+            ``(K, blocks, n, N)`` and, in nats, ``(K, blocks, N)``.
+        """
+        deviation = (measurement - level * self.total).permute(1, 2, 0)
+        whitened = self.inverse @ deviation
+        distance = (whitened * deviation).sum(2)
+        constant = math.log(2 * math.pi) * deviation.shape[1]
+        return whitened, -0.5 * (distance + self.log_determinant.unsqueeze(-1) + constant)
+
+
+def estimated_patches(
+    whitened: torch.Tensor, mask: torch.Tensor, covariance: torch.Tensor, component: torch.Tensor, level: float
+) -> torch.Tensor:
+    r"""Return the best linear estimate :math:`m + C A^\top S^{-1} (y - A m)` of patches of video.
+
+    Args:
+        whitened: S^-1 (y - A m), ``(blocks, n, N)``.
+        mask: ``(blocks, T, n)``.
+        covariance: C, ``(K, T, n, T, n)``.
+        component: which of the K priors each patch has, ``(blocks, N)``.
+        level: m.
+
+    Returns:
+        ``(blocks, N, T * n)``.
+    """
+    values = mask.shape[1] * mask.shape[2]
+    back = (mask.unsqueeze(1) * whitened.transpose(1, 2).unsqueeze(2)).flatten(2)
+    if len(covariance) == 1 or back.is_meta:  # without values nobody knows the components
+        return back @ covariance[0].reshape(values, values) + level
+    patches = torch.zeros_like(back)
+    for number, matrix in enumerate(covariance.reshape(-1, values, values)):
+        members = component == number
+        patches[members] = back[members] @ matrix
+    return patches + level

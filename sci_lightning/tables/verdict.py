@@ -1,0 +1,104 @@
+"""Verdicts on claims: a difference of trainings, its confidence interval, and what it decides.
+
+A claim compares rows of the tables: it says that a weighted sum of their scores lies above a threshold (that A less B
+is above 0, for instance). Scores vary for two reasons. Scenes differ, and so does what one row has ahead of another
+from scene to scene; the rows are tested on the same scenes, so the difference is taken scene by scene. Trainings
+differ as well: another seed gives other first weights, another random mask and other clips. With S scenes and K_i
+seeds of row i,
+
+    d_s = sum_i w_i mean_k score_i[k, s]                mean = mean_s d_s
+    variance of the mean = var_s(d_s) / S + v sum_i w_i^2 / K_i
+
+The first term is the paired t interval over the scenes; d_s has the interaction of seed and scene in it. v, the
+variance of a row's mean score from seed to seed, is pooled over every row of the same setting that was trained with
+more than one seed: two or three seeds of one row alone would say next to nothing about it. Its degrees of freedom and
+those of the scenes are combined after Welch and Satterthwaite, and the interval is that of Student's t.
+
+Why not a hierarchical bootstrap: with six scenes and three seeds, resampling covers much less than it promises (the
+percentile interval of six values is too narrow by a quarter), and a row of one seed has nothing to resample. The
+interval here errs on the wide side: the interaction counts in both terms, and seeds of two rows count as independent
+although rows of one seed share clips and first weights. tests/tables/test_verdict.py measures the coverage on
+simulated scores.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+CONFIDENCE = 0.95
+ENOUGH_LEARNED = 3.0
+"""How much better than the mean measurement, in dB, a training must be for its row to decide anything."""
+
+Scores = Sequence[Mapping[str, float]]
+"""A metric's score by scene, one mapping for each seed."""
+
+
+@dataclass(frozen=True)
+class SeedSpread:
+    """How much a row's mean score varies from seed to seed: a pooled variance and its degrees of freedom."""
+
+    variance: float
+    freedom: int
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A mean difference and its confidence interval; without bounds where the spread of the seeds is unknown."""
+
+    mean: float
+    low: float = -math.inf
+    high: float = math.inf
+
+    def verdict(self, threshold: float = 0.0) -> str:
+        """Return ``reproduced`` above the threshold, ``contradicted`` below it, ``undecided`` around it."""
+        if self.low > threshold:
+            return "reproduced"
+        return "contradicted" if self.high < threshold else "undecided"
+
+
+def seed_spread(rows: Iterable[Scores]) -> SeedSpread | None:
+    """Return the variance of the rows' mean scores over the scenes from seed to seed, pooled over the rows.
+
+    Args:
+        rows: scores of rows of one setting; those of a single seed say nothing and are left out.
+
+    Returns:
+        None if no row has more than one seed.
+    """
+    groups = [[float(np.mean(list(seed.values()))) for seed in row] for row in rows if len(row) > 1]
+    freedom = sum(len(group) - 1 for group in groups)
+    if not freedom:
+        return None
+    return SeedSpread(sum(float(np.var(group)) * len(group) for group in groups) / freedom, freedom)
+
+
+def interval(
+    rows: Sequence[tuple[float, Scores]], spread: SeedSpread | None, confidence: float = CONFIDENCE
+) -> Interval:
+    """Return the weighted sum of rows' scores, scene by scene, and its confidence interval.
+
+    Args:
+        rows: weights (1 for what is ahead, -1 for what is behind) and scores, of the same scenes.
+        spread: of the seeds, see :func:`seed_spread`.
+        confidence: of the interval.
+    """
+    scenes = sorted(set.intersection(*(set(seed) for _, row in rows for seed in row)))
+    differences = sum(
+        weight * np.mean([[seed[scene] for scene in scenes] for seed in row], axis=0) for weight, row in rows
+    )
+    mean = float(np.mean(differences))
+    if spread is None or len(scenes) < 2:
+        return Interval(mean)
+    of_scenes = float(np.var(differences, ddof=1)) / len(scenes)
+    of_seeds = spread.variance * sum(weight**2 / len(row) for weight, row in rows)
+    variance = of_scenes + of_seeds
+    if not variance:
+        return Interval(mean, mean, mean)
+    freedom = variance**2 / (of_scenes**2 / (len(scenes) - 1) + of_seeds**2 / spread.freedom)
+    half = float(stats.t.ppf((1 + confidence) / 2, freedom)) * math.sqrt(variance)
+    return Interval(mean, mean - half, mean + half)
