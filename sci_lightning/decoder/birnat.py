@@ -16,7 +16,6 @@ from sci_lightning.decoder.kernels.switch import are_plain
 from sci_lightning.decoder.layers.sequential import named_block
 from sci_lightning.errors import BadInput
 
-
 FEATURES_FIELD, FRAME_FIELD, STEP_FIELD = 46, 4, 22
 """Pixels over which inputs act on the features of the first frame before the attention, on that frame behind it, and on
 a step of the recurrence."""
@@ -103,11 +102,11 @@ class FirstFrame(nn.Sequential):
 
     def by_parts(self, x: torch.Tensor, locally: Callable[..., torch.Tensor]) -> torch.Tensor:
         """Return the result for ``(N, 1 + T, H, W)``; ``locally`` computes what is before and behind the attention."""
-        layers = list(self)
-        place = layers.index(self.att1)
+        layers = list(self.children())
+        place = list(self._modules).index("att1")
         before, behind = nn.Sequential(*layers[:place]), nn.Sequential(*layers[place + 1 :])
         features = locally(lambda part: before(channels_last(part)), FEATURES_FIELD, x)
-        return locally(behind, FRAME_FIELD, self.att1(features), reduced=2)
+        return locally(behind, FRAME_FIELD, layers[place](features), reduced=2)
 
 
 class Recurrence(nn.Module):

@@ -34,8 +34,8 @@ class Decoder(nn.Module):
     multiple: ClassVar[int] = 1
     """H and W must be multiples of this; other sizes are padded by replication, and the video is cropped back."""
     global_steps: ClassVar[bool] = False
-    """Whether the decoder works in steps on the whole field, and calls :meth:`locally` for what has to be done in tiles;
-    else a tile is decoded by itself."""
+    """Whether the decoder works in steps on the whole field, and calls :meth:`locally` for what has to be done in
+    tiles; else a tile is decoded by itself."""
     receptive_field: int | None = None
     """The distance in pixels, along rows and columns, beyond which measurement and mask do not act on a pixel of the
     estimate; None if that is not known, or if there is no such distance."""
@@ -93,8 +93,9 @@ class Decoder(nn.Module):
     def in_tiles(self, measurement: torch.Tensor, mask: torch.Tensor, tiling: Tiling) -> torch.Tensor:
         """Return the estimate ``(N, T, H, W)`` of the call to 0.01 dB, decoded tile by tile in little memory.
 
-        Decoders with :attr:`global_steps` have no seams. Of others, what two neighbouring tiles say of the pixels at the seam between them is compared: where they differ by more
-        than :data:`~sci_lightning.imaging.tiling.SEAM_TOLERANCE`, decoding begins again with a halo of twice the width.
+        Decoders with :attr:`global_steps` have no seams. Of others, what two neighbouring tiles say of the pixels at
+        the seam between them is compared: where they differ by more than
+        :data:`~sci_lightning.imaging.tiling.SEAM_TOLERANCE`, decoding begins again with a halo of twice the width.
 
         Args:
             measurement, mask: as for the call.

@@ -37,7 +37,6 @@ class GAPNet(Decoder):
         super().__init__()
         self.frames = frames
         self.squared = squared
-        self.receptive_field = 20 * stages + 3
         for stage in range(1, stages + 1):
             self.add_module(f"unet{stage}", UNet(frames, channels))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -71,8 +71,7 @@ def decoding_memory(decoder: Decoder, frames: int, lower_precision: bool = False
 
 def _peak(decoder: Decoder, frames: int, field: Size, tiling: Tiling | None = None) -> int:
     """Return the largest number of bytes that exist at once while one snapshot is decoded."""
-    call: Callable[..., torch.Tensor] = decoder if tiling is None else _InTiles(decoder, tiling)
-    module = decoder if tiling is None else call
+    module: torch.nn.Module = decoder if tiling is None else _InTiles(decoder, tiling)
     state = {name: value.to("meta") for name, value in (*module.named_parameters(), *module.named_buffers())}
     measurement = torch.empty(1, *field, device="meta")
     mask = torch.empty(frames, *field, device="meta")

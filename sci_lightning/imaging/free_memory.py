@@ -25,14 +25,14 @@ def free_memory(device: torch.device) -> int:
     if device.type == "cuda":
         free, _ = torch.cuda.mem_get_info(device)
         return free + torch.cuda.memory_reserved(device) - torch.cuda.memory_allocated(device)
-    free = []
+    bounds: list[int] = []
     with suppress(OSError, ValueError, StopIteration):
         lines = MEMORY_INFORMATION.read_text().splitlines()
-        free.append(1024 * int(next(line for line in lines if line.startswith("MemAvailable")).split()[1]))
+        bounds.append(1024 * int(next(line for line in lines if line.startswith("MemAvailable")).split()[1]))
     for limit, used in CGROUP:
         with suppress(OSError, ValueError):
-            free.append(max(0, int(Path(limit).read_text()) - int(Path(used).read_text())))
-    if not free:
+            bounds.append(max(0, int(Path(limit).read_text()) - int(Path(used).read_text())))
+    if not bounds:
         with suppress(OSError, ValueError, AttributeError):
-            free.append(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2)
-    return min(free, default=8 * 2**30)
+            bounds.append(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2)
+    return min(bounds, default=8 * 2**30)

@@ -108,8 +108,8 @@ class Pipeline(nn.Module):
         Args:
             linear: ``(N, H, W)``.
             mask: ``(T, H, W)``.
-            tile: ``auto``, ``none`` or (height, width) of the tiles in which a large field is decoded one after another,
-                see :class:`~sci_lightning.imaging.tile_choice.TileChoice`. Tiles are for decoding, not for training.
+            tile: ``auto``, ``none`` or (height, width) of the tiles in which a large field is decoded one after
+                another, see :class:`~sci_lightning.imaging.tile_choice.TileChoice`. Not for training.
 
         Raises:
             BadInput: a tile is smaller than the decoder's halo, or more memory is needed than there is.

@@ -22,7 +22,6 @@ Behind the seam the difference falls off, and few pixels lie at one: a decoder o
 """
 
 
-
 class SeamsDiffer(Exception):
     """Two neighbouring tiles differ too much at their seam; ``difference`` is the root mean square."""
 
@@ -135,11 +134,11 @@ class Tiling:
             alignment: tiles begin, with and without their halo, at multiples of so many pixels.
 
         Raises:
-            BadInput: there is more than one tile, and a tile is smaller than the halo.
+            BadInput: a tile is smaller than the halo, and not as large as the field either.
         """
         if self.size is not None:
             (height, width), (rows, columns) = self.size, field
-            if min(self.size) < halo and (height < rows or width < columns):
+            if height < min(halo, rows) or width < min(halo, columns):
                 raise BadInput(
                     f"tile=[{height},{width}] is smaller than the halo of {halo} pixels that this decoder needs around "
                     f"a tile; give at least tile=[{halo},{halo}], or tile=auto"
@@ -199,7 +198,11 @@ class Tiling:
             if number == 1:
                 result = part.new_empty(*part.shape[:-2], *(int(side * scale) for side in field))
             tile = place.scaled(scale)
-            if check_seams and not part.is_meta and (difference := _seam_difference(result, part, tile)) > SEAM_TOLERANCE:
+            if (
+                check_seams
+                and not part.is_meta
+                and (difference := _seam_difference(result, part, tile)) > SEAM_TOLERANCE
+            ):
                 raise SeamsDiffer(difference)
             result[..., tile.rows.kept, tile.columns.kept] = part[..., tile.rows.inside, tile.columns.inside]
             del part  # before the next one is made
@@ -227,4 +230,4 @@ def _seam_difference(result: torch.Tensor, part: torch.Tensor, tile: Tile) -> fl
             before = result.select(axis, span.start - 1).narrow(-1, other.start, other.stop - other.start)
             here = part.select(axis, span.start - 1 - span.read_start)[..., other.inside]
             squares.append((before - here).float().square().mean())
-    return float(torch.stack(squares).max().sqrt()) if squares else 0.0
+    return float(torch.stack(squares).max().sqrt()) if squares and not part.is_meta else 0.0

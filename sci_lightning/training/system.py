@@ -18,6 +18,7 @@ from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput, TrainingDiverged
 from sci_lightning.imaging.operator import SnapshotOperator
 from sci_lightning.imaging.pipeline import Pipeline
+from sci_lightning.imaging.tile_choice import TileChoice
 from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.scene_scores import SceneScores
 from sci_lightning.runs.device import device_name
@@ -58,6 +59,7 @@ class System(L.LightningModule):
             after its steps or after the trainer's ``max_time``, whichever comes first.
         mask_lr: learning rate of the mask at the start (same cosine); None for ``lr``.
         compile: compile the decoder with ``torch.compile``.
+        tile: in a test, how large fields are decoded, see :meth:`Pipeline.decode`.
         seed: seed of everything random in a step.
         run_config: the run's plain, resolved configuration; kept in every checkpoint so that the run can be rebuilt.
 
@@ -80,6 +82,7 @@ class System(L.LightningModule):
         final_lr: NonNegative = 1e-5,
         mask_lr: NonNegative | None = None,
         compile: bool = False,
+        tile: TileChoice | str = "none",
         seed: Seed = 0,
         run_config: dict[str, Any] | None = None,
     ) -> None:
@@ -99,6 +102,7 @@ class System(L.LightningModule):
         self.stage_weights = tuple(stage_weights)
         self.stages = torch.compile(decoder.stages) if compile else decoder.stages
         self.lr, self.final_lr, self.mask_lr = lr, final_lr, lr if mask_lr is None else mask_lr
+        self.tile = tile
         self.seed = seed
         self.run_config = run_config or {}
         self.metrics = dict(metrics or {})
@@ -311,7 +315,7 @@ class System(L.LightningModule):
         recorded, aperture = taken if taken else (pipeline.record(video), None)
         linear, mask = pipeline.linearise(recorded, aperture), pipeline.decoder_mask()
         start = self._now()
-        estimate = pipeline.decode(linear, mask)
+        estimate = pipeline.decode(linear, mask, self.tile)
         self.seconds.append((self._now() - start) / len(video))
         for scene, x, truth in zip(scenes, estimate, video, strict=True):
             self.scores.update(int(scene), x, truth)

@@ -113,7 +113,9 @@ class MotionFilter(nn.Module):
         for number, matches in enumerate(self._matches):
             near = range(max(0, number - self.frames), min(t, number + self.frames + 1))
             around = {
-                other: around[other] if other in around else F.pad(video[:, other : other + 1], margin, mode="replicate")
+                other: around[other]
+                if other in around
+                else F.pad(video[:, other : other + 1], margin, mode="replicate")
                 for other in near
             }
             frame = around[number][:, 0, self.reach :, self.reach :][:, : rows * block, : columns * block]
