@@ -46,6 +46,11 @@ COMMANDS = (
         "ckpt_path=RUN/checkpoints/last.ckpt canvas=[768,1024]",
     ),
     (
+        "export",
+        "a decoder as an ONNX graph for other runtimes, compared with torch and timed beside it",
+        "ckpt_path=RUN/checkpoints/last.ckpt out=model.onnx",
+    ),
+    (
         "convert",
         "make a checkpoint of weights that a network's authors published, or safetensors of a checkpoint",
         "checkpoint=PUBLISHED.pth decoder=res2former out=published.ckpt",

@@ -80,6 +80,10 @@ class TrainingDiverged(MachineFailure):
     """
 
 
+class TrainingFailed(MachineFailure):
+    """A training's validation stays below the mean measurement; reported like :class:`TrainingDiverged`."""
+
+
 class OtherSize(BadInput):
     """Scenes of another size than the mask's; ``size`` is theirs, height and width in pixels."""
 

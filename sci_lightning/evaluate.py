@@ -30,9 +30,11 @@ def evaluate(composition: Composition) -> float:
     from sci_lightning.data.captured import CapturedSnapshots
     from sci_lightning.data.loader import scene_loader
     from sci_lightning.decoder import kernels
+    from sci_lightning.decoder.complexity import count_parameters
     from sci_lightning.decoder.iterative import Iterative
     from sci_lightning.errors import BadInput, OtherSize
     from sci_lightning.imaging.tile_choice import TileChoice
+    from sci_lightning.runs.precision import describe_precision, device_of_accelerator, resolve_precision
     from sci_lightning.runs.results import print_results, run_metrics, with_effects, write_json
     from sci_lightning.training.callbacks import Progress, ScenePictures
     from sci_lightning.training.metrics import build_metrics
@@ -45,6 +47,11 @@ def evaluate(composition: Composition) -> float:
     trained = checkpoint.config
     cfg.crop = trained["crop"] if cfg.crop is None else cfg.crop
     decoder = checkpoint.decoder()
+    device = device_of_accelerator(cfg.trainer.get("accelerator", "auto"))
+    networks = count_parameters(decoder) > 0
+    cfg.trainer.precision = resolve_precision(cfg.trainer.get("precision"), device, networks)
+    if networks:
+        PlainConsole().say(describe_precision(cfg.trainer.precision, device))
     encoder, test_encoder = resolve_encoder(composition, checkpoint)
     camera = resolve_camera(composition, checkpoint) or encoder
     loader: DataLoader[Any]

@@ -30,6 +30,7 @@ def reconstruct(composition: Composition) -> None:
     from sci_lightning.cli.encoder_and_decoder import resolve_camera, resolve_checkpoint, resolve_encoder
     from sci_lightning.cli.next_command import browser, print_next
     from sci_lightning.decoder import kernels
+    from sci_lightning.decoder.complexity import count_parameters
     from sci_lightning.decoder.iterative import Iterative
     from sci_lightning.encoder.mask import Measured
     from sci_lightning.errors import BadInput
@@ -41,6 +42,7 @@ def reconstruct(composition: Composition) -> None:
     from sci_lightning.imaging.snapshot import read_snapshot
     from sci_lightning.imaging.tile_choice import TileChoice
     from sci_lightning.runs.device import resolve_device
+    from sci_lightning.runs.precision import describe_precision, mixed_precision, resolve_precision
 
     cfg = composition.cfg
     kernels.use(cfg.kernels)
@@ -52,6 +54,9 @@ def reconstruct(composition: Composition) -> None:
             "(MAT, NPY, H5), encoder=FOUND/encoder.yaml or ckpt_path=RUN/checkpoints/last.ckpt"
         )
     decoder = checkpoint.decoder()
+    device = resolve_device(cfg.device)
+    networks = count_parameters(decoder) > 0
+    precision = resolve_precision(cfg.precision, device, networks)
     encoder, _ = resolve_encoder(composition, checkpoint)
     encoder = resolve_camera(composition, checkpoint) or encoder
     bit_depth = getattr(encoder.sensor, "bit_depth", None)
@@ -84,11 +89,13 @@ def reconstruct(composition: Composition) -> None:
     for line in (snapshot.doubt(brightest), mask_warning(linear * aperture, mask)):
         if line:
             warn(line if line.startswith(str(snapshot.path)) else f"{snapshot.path}: {line}")
-    device = resolve_device(cfg.device)
     pipeline.to(device)
     mask = mask.to(device)
     n, (t, h, w) = len(linear), mask.shape
-    with torch.no_grad(), Progress(console=console, transient=True) as progress:
+    if networks:
+        console.say(describe_precision(precision, device))
+    mixed = mixed_precision(precision, device)
+    with torch.no_grad(), mixed, Progress(console=console, transient=True) as progress:
         bar = progress.add_task("Decoding", total=n)
 
         def show(state: object) -> None:

@@ -32,7 +32,9 @@ def train(composition: Composition) -> float:
         try:
             from sci_lightning.training.run import run_training
 
-            done = run_training(config, names, recorded(composition.overrides), stop=stop, on_resume=_say_resumed)
+            done = run_training(
+                config, names, recorded(composition.overrides), stop=stop, on_resume=_say_resumed, on_start=_say
+            )
         except (Stopped, KeyboardInterrupt, SystemExit) as end:
             asked = not isinstance(end, SystemExit) or isinstance(end.__context__, (Stopped, KeyboardInterrupt))
             if not asked:
@@ -48,6 +50,11 @@ def train(composition: Composition) -> float:
         if is_first_process():
             _say_stopped(Path(config["out"]) / "checkpoints" / "last.ckpt", composition)
         sys.exit(STATUS if is_first_process() else 0)
+
+
+def _say(line: str) -> None:
+    if is_first_process():
+        PlainConsole().say(line)
 
 
 def _say_resumed(path: str, changes: list[str]) -> None:

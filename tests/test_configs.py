@@ -60,7 +60,8 @@ def test_member_composes_and_instantiates(
         choice = [f"scale={group.rpartition('/')[2]}", f"encoder/mask={name}"]
     if group == "logger" and name in EXTRAS:
         pytest.importorskip(name, reason=f"pip install sci-lightning[{name}]")
-    cfg = configuration("train", *choice, "size=[64,64]", f"out={tmp_path}")
+    # Lightning does not know precision=auto, which the commands resolve
+    cfg = configuration("train", *choice, "precision=32-true", "size=[64,64]", f"out={tmp_path}")
     with open_dict(cfg):
         if OmegaConf.is_missing(cfg.encoder.mask, "file"):
             np.save(tmp_path / "mask.npy", np.ones((8, 64, 64)) / 8)

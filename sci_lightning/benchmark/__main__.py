@@ -29,20 +29,21 @@ def benchmark(composition: Composition) -> None:
     """
     import torch
 
-    from sci_lightning.benchmark.decoder_cost import PRECISIONS, decoder_cost
+    from sci_lightning.benchmark.decoder_cost import decoder_cost
     from sci_lightning.benchmark.table import as_markdown, as_table
     from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.decoder import kernels
     from sci_lightning.files.atomic_file import atomic_write
     from sci_lightning.runs.device import device_name, resolve_device
+    from sci_lightning.runs.precision import describe_precision, resolve_precision
     from sci_lightning.runs.results import write_json
 
     cfg = composition.cfg
     kernels.use(cfg.kernels)
     out, console, names = Path(cfg.out), PlainConsole(), _names(composition)
     device = resolve_device(cfg.device)
-    if cfg.precision not in PRECISIONS:
-        raise BadInput(f"precision={cfg.precision}: choose one of {', '.join(PRECISIONS)}")
+    cfg.precision = resolve_precision(cfg.precision, device)
+    console.say(describe_precision(cfg.precision, device))
     if cfg.repeats < 1:
         raise BadInput(f"repeats={cfg.repeats}: at least one call must be timed")
     settings: dict[str, Any] = {key: cfg[key] for key in SETTINGS}

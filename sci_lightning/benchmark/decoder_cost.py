@@ -20,9 +20,7 @@ from sci_lightning.decoder.complexity import count_macs, count_parameters
 from sci_lightning.decoder.paper_count import count_as_paper
 from sci_lightning.errors import BadInput
 from sci_lightning.imaging.operator import SnapshotOperator
-
-PRECISIONS = {"32-true": None, "bf16-mixed": torch.bfloat16, "16-mixed": torch.float16}
-"""Names as Lightning's Trainer has them; the mixed ones are torch's autocast."""
+from sci_lightning.runs.precision import mixed_precision
 
 
 def decoder_cost(config: Mapping[str, Any], **settings: Any) -> dict[str, Any]:
@@ -62,7 +60,7 @@ def measure(
         frames, size: T and (H, W) of the measurement.
         rules: see :func:`~sci_lightning.decoder.paper_count.count_as_paper`.
         device: cpu, cuda, ..
-        precision: of ``PRECISIONS``.
+        precision: of networks, by Lightning's name.
         compile: whether torch.compile is applied; its own time is part of the warm-up.
         warm_up, repeats: number of calls that are not timed, and that are.
         budget: seconds after which no further call is timed.
@@ -84,7 +82,7 @@ def measure(
     mask = (torch.rand(frames, *size, device=place) < 0.5).float()
     measurement = SnapshotOperator(mask)(torch.rand(1, frames, *size, device=place))
     decode = torch.compile(decoder) if compile else decoder
-    with torch.inference_mode(), torch.autocast(place.type, PRECISIONS[precision], enabled=precision != "32-true"):
+    with torch.inference_mode(), mixed_precision(precision, place):
         seconds = _timed(lambda: decode(measurement, mask), place, warm_up, repeats, budget)
         peak = torch.cuda.max_memory_allocated(place) if on_gpu else _memory("VmHWM")
         one, other = torch.rand(2, product, product, device=place)

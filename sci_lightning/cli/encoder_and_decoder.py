@@ -1,4 +1,4 @@
-"""What evaluate and reconstruct work with: a decoder, the encoder in front of it, and the camera that the decoder assumes."""
+"""What evaluate and reconstruct work with: a decoder, the encoder in front of it, and the camera it assumes."""
 
 from __future__ import annotations
 

@@ -39,6 +39,7 @@ SETTINGS: Mapping[str, Any] = {
     "device": Name,
     "workers": Workers,
     "kernels": Literal["auto", "plain"],
+    "precision": Literal["auto", 32, "bf16", 16, "32-true", "bf16-mixed", "16-mixed"],
     # train
     "batch_size": Repeats,
     "resume": bool,
@@ -68,7 +69,6 @@ SETTINGS: Mapping[str, Any] = {
     "gray_rate": Positive,
     # benchmark
     "only": Sequence[Name],
-    "precision": Name,
     "compile": bool,
     "warm_up": Count,
     "repeats": Repeats,
@@ -79,10 +79,13 @@ SETTINGS: Mapping[str, Any] = {
     "search": SearchSettings,
     "empirical": bool,
     "candidates": Annotated[Mapping[str, Name], DocInfo("effects of your own, +candidates.mine=my_module.Mine")],
-    # captures, virtual_camera.reveal
+    # captures, virtual_camera.reveal (the number of captures of a kind: see virtual_camera)
     "folder": Place,
     "truth": Place,
     "report": Place,
+    "long_dark": Count,
+    "long_exposure": Positive,
+    "target": Count,
     # virtual_camera
     "effects": Any,
     "number": Count,

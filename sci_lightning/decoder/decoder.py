@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import ClassVar
+from typing import ClassVar, Literal, NamedTuple, TypeAlias
 
 import torch
 from torch import nn
@@ -12,6 +13,7 @@ from torch.nn import functional as F
 from sci_lightning.decoder.kernels.switch import are_plain
 from sci_lightning.errors import BadInput
 from sci_lightning.imaging.operator import SnapshotOperator
+from sci_lightning.imaging.patches import LinearEstimator
 from sci_lightning.imaging.tiling import SeamsDiffer, Tiling
 
 HALO = 16
@@ -20,6 +22,22 @@ HALO = 16
 WIDEST_HALO = 256
 """Pixels around a tile beyond which nothing is tried."""
 
+FirstEstimate: TypeAlias = Literal["published", "linear"]
+"""Which video a network gets as its input, see :meth:`Decoder.first_video`."""
+
+
+class FirstVideo(NamedTuple):
+    """The video that a network gets as its input or begins with."""
+
+    video: torch.Tensor
+    """``(N, T, H, W)``."""
+    improved: bool
+    """Whether the network's result is a change of this video; else the result stands for itself."""
+
+    def plus(self, result: torch.Tensor) -> torch.Tensor:
+        """Return the network's estimate, made of its result."""
+        return self.video + result if self.improved else result
+
 
 class Decoder(nn.Module):
     """A decoder: ``decoder(measurement, mask) -> video``.
@@ -27,6 +45,14 @@ class Decoder(nn.Module):
     The measurement ``(N, H, W)`` is the sum over t of M_t x_t, the mask M is ``(T, H, W)`` in [0, 1], and the video x
     is ``(N, T, H, W)``. A subclass implements :meth:`decode`, or :meth:`decode_stages` if it makes several estimates
     one after another. The shapes are checked before either is called.
+
+    Args:
+        first_estimate: for networks: ``published`` gives them the input that their authors describe, ``linear`` the
+            linear estimate of the video: networks that make one estimate add their result to it, and those of several
+            stages begin with it.
+
+    Raises:
+        BadInput: another name.
     """
 
     frames: int | None = None
@@ -36,6 +62,8 @@ class Decoder(nn.Module):
     global_steps: ClassVar[bool] = False
     """Whether the decoder works in steps on the whole field, and calls :meth:`locally` for what has to be done in
     tiles; else a tile is decoded by itself."""
+    period: ClassVar[int | None] = None
+    """Shifted by multiples of so many pixels, measurement and mask give the same estimate, shifted; None: ``multiple``."""
     receptive_field: int | None = None
     """The distance in pixels, along rows and columns, beyond which measurement and mask do not act on a pixel of the
     estimate; None if that is not known, or if there is no such distance."""
@@ -48,6 +76,28 @@ class Decoder(nn.Module):
     """Regular expressions of published state-dict keys that are not used on purpose."""
 
     _tiling: Tiling | None = None
+
+    def __init__(self, first_estimate: FirstEstimate = "published") -> None:
+        super().__init__()
+        if first_estimate not in ("published", "linear"):
+            raise BadInput(f"decoder.first_estimate={first_estimate}: choose published or linear")
+        self.linear_estimator = LinearEstimator(mixture=False) if first_estimate == "linear" else None
+
+    @torch.no_grad()
+    def begin_at_first_video(self, *networks: nn.Module) -> None:
+        """Let a training begin at the linear estimate, if there is one: the last layers of networks start from 0."""
+        for network in networks if self.linear_estimator is not None else ():
+            *_, last = (
+                module for module in network.modules() if next(module.parameters(recurse=False), None) is not None
+            )
+            for parameter in last.parameters(recurse=False):
+                parameter.zero_()
+
+    def first_video(self, published: torch.Tensor, measurement: torch.Tensor, mask: torch.Tensor) -> FirstVideo:
+        """Return the video that the network gets or begins with: ``published``, or the linear estimate."""
+        if self.linear_estimator is None:
+            return FirstVideo(published, False)
+        return FirstVideo(self.linear_estimator(measurement, mask), True)
 
     def forward(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """Return the estimated video ``(N, T, H, W)``, nominally in [0, 1], not clipped: the last of :meth:`stages`.
@@ -75,12 +125,14 @@ class Decoder(nn.Module):
         if any(margin):  # measurement and mask alike, so that they keep fitting each other
             measurement, mask = (F.pad(x, margin, mode="replicate") for x in (measurement, mask))
         estimates = self.decode_stages(measurement, mask)
-        return [estimate[..., :height, :width].contiguous() for estimate in estimates]
+        # Under autocast a network may end in a lower precision; losses and metrics want that of the measurement.
+        return [estimate[..., :height, :width].to(measurement.dtype).contiguous() for estimate in estimates]
 
     @property
     def alignment(self) -> int:
         """Tiles begin at multiples of so many pixels, with and without their halo."""
-        return self.multiple
+        period = self.multiple if self.period is None else self.period
+        return period if self.linear_estimator is None else math.lcm(period, self.linear_estimator.stride)
 
     @property
     def halo(self) -> int:
@@ -110,17 +162,19 @@ class Decoder(nn.Module):
                 return self(measurement, mask)
             finally:
                 self._tiling = None
-        halo, enough = self.halo, WIDEST_HALO if self.receptive_field is None else self.receptive_field
+        field, halo = math.inf if self.receptive_field is None else self.receptive_field, self.halo
+        if self.linear_estimator is not None:
+            field += self.linear_estimator.block
         while True:
             try:
-                return tiling.apply(self, halo, self.alignment, measurement, mask, check_seams=halo < enough)
+                return tiling.apply(self, halo, self.alignment, measurement, mask, check_seams=halo < field)
             except SeamsDiffer as seam:
                 if halo >= WIDEST_HALO:
                     raise BadInput(
                         f"{type(self).__name__} cannot be decoded in tiles here: neighbouring ones differ by "
                         f"{seam.difference:.2g} even with a halo of {halo} pixels; give tile=none"
                     ) from seam
-                halo = min(2 * halo, enough)
+                halo = int(min(2 * halo, field, WIDEST_HALO))
 
     def abridged(self) -> Decoder:
         """Return a decoder that needs as much memory in less time, by which :mod:`..imaging.decoding_memory` judges."""

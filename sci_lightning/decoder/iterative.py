@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from copy import copy
 from itertools import chain, count, repeat
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
 from sci_lightning.decoder.denoiser.motion_filter import MotionFilter
 from sci_lightning.errors import BadInput
+from sci_lightning.imaging.full_precision import full_precision
 
 
 class Iteration(NamedTuple):
@@ -138,8 +140,13 @@ class Iterative(Decoder):
     def denoised(self, video: torch.Tensor, strength: float) -> torch.Tensor:
         """Return the video ``(N, T, H, W)`` after the denoiser and the motion filter."""
         denoisers = self._one_for_every_tile()
-        video = self.locally(lambda part: next(denoisers)(part, strength), self.halo, video)
-        return video if self.motion is None else self.motion(video)
+        learned = next(self.denoiser.parameters(), None) is not None
+        with nullcontext() if learned else full_precision():
+            video = self.locally(lambda part: next(denoisers)(part, strength), self.halo, video)
+        if self.motion is None:
+            return video
+        with full_precision():
+            return self.motion(video)
 
     def _one_for_every_tile(self) -> Iterator[Denoiser]:
         """Yield denoisers of the same weights for one tile after another, which keep what they know of their tile."""

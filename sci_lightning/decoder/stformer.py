@@ -9,12 +9,12 @@ from torch import nn
 from torch.nn import functional as F
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
-from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import as_one_channel
 from sci_lightning.decoder.layers.convolution import Conv3d, TransposedConv3d
 from sci_lightning.decoder.layers.sequential import Chain, named_block
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
-from sci_lightning.decoder.layers.window_attention import WindowAttention
+from sci_lightning.decoder.layers.window_attention import WindowAttention, whole_windows
 
 WINDOW = 7
 
@@ -56,7 +56,8 @@ class STFormerBlock(nn.Module):
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         height, width = x.shape[2:4]
-        z = F.pad(self.norm1(x), (0, 0, 0, -width % min(WINDOW, width), 0, -height % min(WINDOW, height)))
+        below, right = (whole_windows(side, WINDOW) - side for side in (height, width))
+        z = F.pad(self.norm1(x), (0, 0, 0, right, 0, below))
         mixed = self.attn(z) + self.time_attn(z.permute(0, 4, 1, 2, 3)).permute(0, 2, 3, 4, 1)
         x = x + mixed[:, :, :height, :width]
         return x + self.ff(self.norm2(x).permute(0, 4, 1, 2, 3)).permute(0, 2, 3, 4, 1)
@@ -65,14 +66,15 @@ class STFormerBlock(nn.Module):
 class STFormer(Decoder):
     """Pairs of attention blocks at half resolution; the second block of every pair has shifted windows.
 
-    The input is A^T y after one data step with the sum of M as weight. T is fixed at construction; H and W are free
-    (padded to multiples of 2 inside).
+    The input as published is A^T y after one data step with the sum of M as weight. T is fixed at construction; H and W
+    are free (padded to multiples of 2 inside).
 
     Args:
         frames: T.
         dim: C, width at full resolution after the first layer; 4C, of 4 heads, in the blocks (64; small: 16).
         units: pairs of blocks (4; large: 8).
         checkpoint: whether to train on less memory; see :class:`~sci_lightning.decoder.layers.sequential.Chain`.
+        first_estimate: see :class:`Decoder`.
 
     Parameters: 19,490,177 with the defaults at T = 8.
     Source: Wang, Cao, Zhong and Yuan, "Spatial-temporal transformer for video snapshot compressive imaging", TPAMI
@@ -80,13 +82,21 @@ class STFormer(Decoder):
     """
 
     multiple = 2
+    period = 2 * WINDOW
     published_unused: ClassVar[tuple[str, ...]] = (
         r".*\.relative_position_index",  # computed here
         r"layers\.\d+\.blocks\.\d+\.conv_cat\.(weight|bias)",  # in the cacti toolbox, where nothing uses it
     )
 
-    def __init__(self, frames: Frames, dim: Width = 64, units: Depth = 4, checkpoint: bool = False) -> None:
-        super().__init__()
+    def __init__(
+        self,
+        frames: Frames,
+        dim: Width = 64,
+        units: Depth = 4,
+        checkpoint: bool = False,
+        first_estimate: FirstEstimate = "published",
+    ) -> None:
+        super().__init__(first_estimate)
         self.frames = frames
         self.receptive_field = 4 * WINDOW * units + 19  # windows and shifted windows, of pixels at half resolution
         self.token_gen = nn.Sequential(
@@ -117,14 +127,11 @@ class STFormer(Decoder):
             ),
             checkpoint,
         )
-
-    @property
-    def alignment(self) -> int:
-        """Tiles begin where windows do."""
-        return 2 * WINDOW
+        self.begin_at_first_video(self.conv2)
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         operator = self.operator(mask)
-        estimate = operator.data_step(operator.adjoint(measurement), measurement, operator.total_or_one())
-        tokens = self.layers(self.token_gen(as_one_channel(estimate)).permute(0, 2, 3, 4, 1))
-        return self.conv2(tokens.permute(0, 4, 1, 2, 3))[:, 0]
+        published = operator.data_step(operator.adjoint(measurement), measurement, operator.total_or_one())
+        first = self.first_video(published, measurement, mask)
+        tokens = self.layers(self.token_gen(as_one_channel(first.video)).permute(0, 2, 3, 4, 1))
+        return first.plus(self.conv2(tokens.permute(0, 4, 1, 2, 3))[:, 0])

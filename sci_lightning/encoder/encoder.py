@@ -15,6 +15,7 @@ from sci_lightning.encoder.mask import Mask
 from sci_lightning.encoder.physics import deepinv_physics
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput
+from sci_lightning.imaging.full_precision import full_precision
 from sci_lightning.imaging.operator import SnapshotOperator
 
 LEAST_VARIANCE = 1e-11
@@ -42,6 +43,8 @@ class Encoder(nn.Module):
     Raises:
         BadInput: an aperture that is neither ``auto`` nor a positive number; an effect given twice; noise stated both
             by the sensor and as an effect; an effect of fewer bits with a sensor that does not round.
+
+    It is computed in full precision even under ``torch.autocast``.
 
     Source: "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Eq. 1 to 3.
     """
@@ -89,6 +92,7 @@ class Encoder(nn.Module):
         """One DN as a fraction of full scale; a sensor that does not round counts as one of 8 bits."""
         return 1 / (2 ** (self._bits or 8) - 1)
 
+    @full_precision()
     def transmittance(self) -> torch.Tensor:
         """Return what the frames are multiplied with: the mask after the effects of modulator, relay and exposure.
 
@@ -116,6 +120,7 @@ class Encoder(nn.Module):
         """Record ``video`` (N, T, H, W) with the whole mask; see :meth:`record`."""
         return self.record(video, self.transmittance())
 
+    @full_precision()
     def record(self, video: torch.Tensor, mask: torch.Tensor, origin: tuple[int, int] = (0, 0)) -> torch.Tensor:
         """Record one snapshot of every video.
 
@@ -144,6 +149,7 @@ class Encoder(nn.Module):
         light = self.path.respond(self.path.form(light))
         return self._convert(_draw(light) if self.path.of(SensorEffect) else light.mean)
 
+    @full_precision()
     def linearise(self, measurement: torch.Tensor, origin: tuple[int, int] = (0, 0)) -> torch.Tensor:
         """Undo the effects of sensor and optics where possible, as a calibrated camera's software does before decoding.
 

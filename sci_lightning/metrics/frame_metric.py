@@ -8,6 +8,7 @@ import torch
 from torchmetrics import Metric
 
 from sci_lightning.errors import BadInput
+from sci_lightning.imaging.full_precision import full_precision
 
 
 class FrameMetric(Metric):
@@ -40,7 +41,8 @@ class FrameMetric(Metric):
         """
         if estimate.shape != truth.shape:
             raise BadInput(f"estimate is {tuple(estimate.shape)} and truth {tuple(truth.shape)}: must be of one shape")
-        scores = self.score(estimate, truth)
+        with full_precision():
+            scores = self.score(estimate, truth)
         self.total += scores.sum()
         self.frames += scores.numel()
 

@@ -25,6 +25,7 @@ FREE = {
     "callbacks",
     "logger",
     "kernels",
+    "precision",  # compared as trainer.precision, which it sets
 }
 """Entries of a configuration that do not change what a run computes."""
 
@@ -157,7 +158,7 @@ def _differences(earlier: Mapping[str, Any], config: Mapping[str, Any]) -> Itera
     """Keys whose values differ, with both values as text."""
     one, other = _comparable(earlier), _comparable(config)
     for key in sorted(one.keys() | other.keys()):
-        if one.get(key) != other.get(key):
+        if one.get(key) != other.get(key) and not (key == "trainer.precision" and other.get(key) == "auto"):
             yield key, str(one.get(key, "absent")), str(other.get(key, "absent"))
 
 

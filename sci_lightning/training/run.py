@@ -19,7 +19,8 @@ from sci_lightning.decoder import kernels
 from sci_lightning.decoder.complexity import count_parameters
 from sci_lightning.encoder.trial import check_recording
 from sci_lightning.errors import BadInput
-from sci_lightning.runs.checkpoint import read_checkpoint
+from sci_lightning.runs.checkpoint import Checkpoint, read_checkpoint
+from sci_lightning.runs.precision import describe_precision, device_of_accelerator, resolve_precision
 from sci_lightning.runs.results import RunMetrics, hparams, run_metrics, write_json
 from sci_lightning.runs.resume import check_same_run, find_resumable_checkpoint, load_finished_metrics
 from sci_lightning.training.callbacks import LastCheckpoint
@@ -56,6 +57,7 @@ def run_training(
     *,
     stop: StopSignal | None = None,
     on_resume: Callable[[str, list[str]], None] = lambda path, changes: None,
+    on_start: Callable[[str], None] = lambda line: None,
 ) -> Run:
     """Train, test, write checkpoints and ``metrics.json``.
 
@@ -65,6 +67,7 @@ def run_training(
         overrides: of the command line, kept in checkpoints so that the run can be gone on with.
         stop: asks the training to stop; without it nothing does.
         on_resume: called with the path of the checkpoint that the training goes on from, and what differs from it.
+        on_start: called with a line that says in which precision networks are computed.
 
     Raises:
         BadInput: settings that do not go together, or a checkpoint of another training.
@@ -81,9 +84,14 @@ def run_training(
         if (done := load_finished_metrics(out, config)) is not None:
             return Run(out, RunMetrics.from_json(done), out / "checkpoints" / "last.ckpt", finished_before=True)
         start_from = start_from or find_resumable_checkpoint(out, config)
+    checkpoint = read_checkpoint(start_from) if start_from else None
     run_config = {**config, "names": dict(names), "overrides": list(overrides)}
+    run_config, line = _with_precision(run_config, checkpoint)
+    on_start(line)
     system = _build_system(run_config)
-    resumed = _load(system, start_from, run_config, on_resume) if start_from else None
+    if checkpoint is not None:
+        _load(system, checkpoint, run_config, on_resume)
+    resumed = start_from if checkpoint is not None and checkpoint.resumable else None
 
     source = build(config["data"], "data")
     held_out = source.scenes()
@@ -115,16 +123,28 @@ def _build_system(config: Mapping[str, Any]) -> System:
     return system
 
 
+def _with_precision(config: Mapping[str, Any], checkpoint: Checkpoint | None) -> tuple[dict[str, Any], str]:
+    """Return a configuration with the precision that ``auto`` stands for, and a line about it.
+
+    A training that goes on keeps the precision that it began with, unless the configuration asks for one.
+    """
+    trainer = config["trainer"]
+    asked = trainer.get("precision")
+    if asked == "auto" and checkpoint is not None and checkpoint.resumable:
+        asked = checkpoint.config["trainer"].get("precision", asked)
+    device = device_of_accelerator(trainer.get("accelerator", "auto"))
+    precision = resolve_precision(asked, device)
+    return {**config, "trainer": {**trainer, "precision": precision}}, describe_precision(precision, device)
+
+
 def _load(
-    system: System, path: str, config: Mapping[str, Any], on_resume: Callable[[str, list[str]], None]
-) -> str | None:
-    """Fill the encoder and the decoder from a checkpoint; return its path if the training itself goes on from it."""
-    checkpoint = read_checkpoint(path)
+    system: System, checkpoint: Checkpoint, config: Mapping[str, Any], on_resume: Callable[[str, list[str]], None]
+) -> None:
+    """Fill the encoder and the decoder from a checkpoint, which the training itself goes on from if it is resumable."""
     if checkpoint.resumable:
-        on_resume(path, check_same_run(path, checkpoint.config, config))
+        on_resume(str(checkpoint.path), check_same_run(checkpoint.path, checkpoint.config, config))
     checkpoint.fill("decoder", system.decoder, config["names"]["decoder"])
     checkpoint.fill("encoder", system.encoder, config["names"]["encoder"])
-    return path if checkpoint.resumable else None
 
 
 def _build_trainer(

@@ -12,7 +12,7 @@ import lightning as L
 import torch
 from lightning.pytorch.callbacks import Timer
 
-from sci_lightning.configuration.bounds import NonNegative, Positive, Seed
+from sci_lightning.configuration.bounds import NonNegative, Positive, Seed, Share
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput, TrainingDiverged
@@ -22,6 +22,7 @@ from sci_lightning.imaging.tile_choice import TileChoice
 from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.scene_scores import SceneScores
 from sci_lightning.runs.device import device_name
+from sci_lightning.training.muon import Muon, is_large
 from sci_lightning.training.training_position import TrainingPosition
 
 Batch = tuple[torch.Tensor, ...]
@@ -36,6 +37,9 @@ def rmse(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     """Return the root of the mean squared error (what the released training code minimises)."""
     return mse(estimate, truth).sqrt()
 
+
+MEAN_MEASUREMENT = "val_mean_measurement"
+"""Under this name validation logs what the mean measurement in every frame would reach, as a decoder must beat it."""
 
 LOSSES: dict[str, Callable[[torch.Tensor, torch.Tensor], torch.Tensor]] = {"mse": mse, "rmse": rmse}
 
@@ -58,6 +62,9 @@ class System(L.LightningModule):
         lr: learning rate of Adam at the start. It falls to ``final_lr`` along a cosine over the whole run, which ends
             after its steps or after the trainer's ``max_time``, whichever comes first.
         mask_lr: learning rate of the mask at the start (same cosine); None for ``lr``.
+        muon_lr: learning rate at the start (same cosine) of :class:`~sci_lightning.training.muon.Muon`, which then
+            trains the decoder's large weights in Adam's place; None for Adam alone.
+        warmup: part of the run, 0 to below 1, in which all learning rates rise from 0.
         compile: compile the decoder with ``torch.compile``.
         tile: in a test, how large fields are decoded, see :meth:`Pipeline.decode`.
         seed: seed of everything random in a step.
@@ -81,6 +88,8 @@ class System(L.LightningModule):
         lr: Positive = 1e-4,
         final_lr: NonNegative = 1e-5,
         mask_lr: NonNegative | None = None,
+        muon_lr: Positive | None = None,
+        warmup: Share = 0.0,
         compile: bool = False,
         tile: TileChoice | str = "none",
         seed: Seed = 0,
@@ -95,6 +104,8 @@ class System(L.LightningModule):
             )
         if not stage_weights or min(stage_weights) <= 0:
             raise BadInput(f"system.stage_weights={list(stage_weights)}: give one or more positive numbers, as [0.5,1]")
+        if not 0 <= warmup < 1:
+            raise BadInput(f"system.warmup={warmup}: a part of the run, from 0 to below 1, as in 0.02")
         self.encoder = encoder
         self.decoder = decoder
         self._camera = camera
@@ -102,6 +113,7 @@ class System(L.LightningModule):
         self.stage_weights = tuple(stage_weights)
         self.stages = torch.compile(decoder.stages) if compile else decoder.stages
         self.lr, self.final_lr, self.mask_lr = lr, final_lr, lr if mask_lr is None else mask_lr
+        self.muon_lr, self.warmup = muon_lr, warmup
         self.tile = tile
         self.seed = seed
         self.run_config = run_config or {}
@@ -143,22 +155,35 @@ class System(L.LightningModule):
 
     def configure_optimizers(self) -> Any:
         mask = [p for p in self.encoder.parameters() if p.requires_grad]
-        groups = [{"params": list(self.decoder.parameters()), "lr": self.lr, "name": "decoder"}]
+        weights = list(self.decoder.parameters())
+        large = [weight for weight in weights if self.muon_lr is not None and is_large(weight)]
+        small = [weight for weight in weights if self.muon_lr is None or not is_large(weight)]
+        groups: list[dict[str, Any]] = [{"params": small, "lr": self.lr, "name": "decoder"}]
         if mask:
             groups.append({"params": mask, "lr": self.mask_lr, "name": "mask"})
+        if large:
+            groups.append({"params": large, "lr": self.muon_lr, "name": "large weights", "muon": True})
         # the fused one is twice as fast and differs in the last bits; scaled gradients of float16 it would not clip
-        optimizer = torch.optim.Adam(groups, fused=self.trainer.precision == "bf16-mixed")
+        kind = Muon if large else torch.optim.Adam
+        optimizer = kind(groups, fused=self.trainer.precision == "bf16-mixed")
         floor = self.final_lr / self.lr
 
-        def cosine(step: int) -> float:
+        def schedule(step: int) -> float:
             if step == 0:  # asking for the number of steps now would set up the loader before its place is restored
-                return 1.0
-            # 0 of the steps are done in a run without end
-            done = min(1.0, max(self._time_spent(), step / self.trainer.estimated_stepping_batches))
+                return 0.01 if self.warmup else 1.0
+            done = self.part_done(step)
+            if done < self.warmup:
+                return max(0.01, done / self.warmup)
+            done = (done - self.warmup) / (1 - self.warmup)
             return floor + (1 - floor) * (1 + math.cos(math.pi * done)) / 2
 
-        scheduler = torch.optim.lr_scheduler.LambdaLR(optimizer, cosine)
+        scheduler = torch.optim.lr_scheduler.LambdaLR(optimizer, schedule)
         return {"optimizer": optimizer, "lr_scheduler": {"scheduler": scheduler, "interval": "step"}}
+
+    def part_done(self, step: int | None = None) -> float:
+        """Return the part of the run, 0 to 1, that is over after a step (None: now); 0 in a run without end."""
+        steps = self.global_step if step is None else step
+        return min(1.0, max(self._time_spent(), steps / self.trainer.estimated_stepping_batches))
 
     def _time_spent(self) -> float:
         """Return the part of the trainer's ``max_time`` that has passed, 0 to 1; 0 in a run without a limit."""
@@ -266,19 +291,21 @@ class System(L.LightningModule):
 
     def on_validation_epoch_start(self) -> None:
         self.scores = self._scores(self.trainer.val_dataloaders, self.val_every_n_frames)
+        psnr = {key: metric for key, metric in self.metrics.items() if key == "psnr"}
+        self.baseline = SceneScores(self.scores.names, psnr).to(self.device)
 
     def on_test_epoch_start(self) -> None:
         self.scores, self.baseline = (self._scores(self.trainer.test_dataloaders) for _ in range(2))
         self.seconds = []
 
     def validation_step(self, batch: Batch, batch_idx: int) -> None:
-        self._score(batch, batch_idx)
+        _, linear, mask, _ = self._score(batch, batch_idx)
+        self._score_baseline(batch, linear, mask)
 
     def test_step(self, batch: Batch, batch_idx: int) -> dict[str, torch.Tensor]:
         """Add a batch to the scores; return its ``measurement`` (N, H, W) as recorded and ``estimate`` (N, T, H, W)."""
         recorded, linear, mask, estimate = self._score(batch, batch_idx)
-        for scene, mean, truth in zip(batch[0], SnapshotOperator(mask).mean_video(linear), batch[1], strict=True):
-            self.baseline.update(int(scene), mean, truth)
+        self._score_baseline(batch, linear, mask)
         return {"measurement": recorded, "estimate": estimate}
 
     def on_test_epoch_end(self) -> None:
@@ -299,6 +326,8 @@ class System(L.LightningModule):
             self.log(f"val/{key}", value, prog_bar=key == "psnr", sync_dist=True)
         per_scene = {f"val_{key}/{name}": value for name, scene in scenes.items() for key, value in scene.items()}
         self.log_dict(per_scene, sync_dist=True)
+        for key, value in self.baseline.compute()[1].items():
+            self.log(f"{MEAN_MEASUREMENT}/{key}", value, sync_dist=True)
 
     def _scores(self, loader: Any, every_n_frames: Mapping[str, int] | None = None) -> SceneScores:
         return SceneScores(loader.dataset.names, self.metrics, every_n_frames).to(self.device)
@@ -320,6 +349,11 @@ class System(L.LightningModule):
         for scene, x, truth in zip(scenes, estimate, video, strict=True):
             self.scores.update(int(scene), x, truth)
         return recorded, linear, mask, estimate
+
+    def _score_baseline(self, batch: Batch, linear: torch.Tensor, mask: torch.Tensor) -> None:
+        """Add the estimate in which every frame is the mean measurement to the baseline's scores."""
+        for scene, mean, truth in zip(batch[0], SnapshotOperator(mask).mean_video(linear), batch[1], strict=True):
+            self.baseline.update(int(scene), mean, truth)
 
     def _now(self) -> float:
         if self.device.type == "cuda":

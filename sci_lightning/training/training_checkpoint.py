@@ -30,6 +30,8 @@ exist, in the test after a training as well, which would then test an earlier st
 
 ADAM_TENSORS = {"step", "exp_avg", "exp_avg_sq"}
 
+MUON_TENSORS = {"step", "momentum_buffer"}
+
 
 class TrainingCheckpointIO(SafeCheckpointIO):
     """Lightning's file access in a training: the only way from a checkpoint into the trainer.
@@ -110,10 +112,15 @@ class TrainingCheckpointIO(SafeCheckpointIO):
             (saved,) = content["optimizer_states"]
             tensors, rates = saved["state"], [group["lr"] for group in saved["param_groups"]]
             parameters = [p for group in optimizer.param_groups for p in group["params"]]
+            entries_of = [
+                MUON_TENSORS if group.get("muon") else ADAM_TENSORS
+                for group in optimizer.param_groups
+                for _ in group["params"]
+            ]
             right = len(rates) == len(optimizer.param_groups) and all(_is_number(rate) and rate >= 0 for rate in rates)
             for index, entries in tensors.items():
                 shapes = ((), parameters[index].shape)
-                right &= type(index) is int and index >= 0 and entries.keys() == ADAM_TENSORS
+                right &= type(index) is int and index >= 0 and entries.keys() == entries_of[index]
                 right &= all(any(_like(value, shape) for shape in shapes) for value in entries.values())
         except (TypeError, ValueError, KeyError, IndexError, AttributeError) as error:
             raise _damaged(path, "its optimizer's state") from error

@@ -31,6 +31,7 @@ ONLY_COMPOSED = (
     "-m encoder=",  # likewise
     "-m effect=",  # likewise
     "experiment=short_cpu",  # the same settings as other commands, only half an hour longer
+    "experiment=speedrun",  # likewise
     "experiment=denoiser_cpu",  # tests/end_to_end/test_iterative_decoders.py trains denoisers
     "decoder=all",  # tests/end_to_end/test_benchmark.py measures them
     "empirical=true",  # tests/end_to_end/test_diagnose.py

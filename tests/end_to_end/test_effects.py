@@ -51,7 +51,7 @@ def test_train_evaluate_reconstruct(command: Command, tmp_path: Path) -> None:
 
     snapshot = torch.randint(0, 1024, (2, 32, 32)).numpy().astype(np.uint16)
     np.save(tmp_path / "snapshot.npy", snapshot)
-    done = command("reconstruct", scenes[0], "measurement=snapshot.npy", "out=video")
+    done = command("reconstruct", scenes[0], "measurement=snapshot.npy", "precision=32", "out=video")
     assert done.returncode == 0, done.stderr
     with torch.no_grad():
         linear = encoder.rescale(encoder.linearise(torch.from_numpy(snapshot / np.float32(1023))))

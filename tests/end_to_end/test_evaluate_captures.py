@@ -63,7 +63,7 @@ def test_scores(corrected: bool, captures: Captures, trained: Any, ran: Run, tmp
     truth = torch.from_numpy(captures.scene[-2:])
     expected = psnr(trained(taken / 0.5, mask), truth).mean(1)  # the captures' aperture, not the encoder's
 
-    assert "trained on ideal" in ran("evaluate", *TEST, *encoder, "out=run")
+    assert "trained on ideal" in ran("evaluate", *TEST, *encoder, "precision=32", "out=run")
     found = json.loads((tmp_path / "run" / "metrics.json").read_text())
     assert (found["encoder"], found["test_encoder"]) == ("ideal", "virtual camera")
     names = [f"capture_{len(captures) - 2}", f"capture_{len(captures) - 1}"]

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 import torch
 
 from sci_lightning.runs.checkpoint import load_file
@@ -30,18 +31,21 @@ RUN = [
 ]
 
 
+@pytest.mark.parametrize("precision", ["32-true", "bf16-mixed"])
 def test_killed_in_the_middle_of_an_epoch(
-    command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
+    precision: str, command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
 ) -> None:
-    whole = command("train", *RUN, "out=whole")
+    run = [*RUN, f"precision={precision}"]
+    whole = command("train", *run, "out=whole")
     assert whole.returncode == 0, whole.stderr
+    assert whole.stdout.startswith("precision: "), whole.stdout
 
     last = tmp_path / "killed" / "checkpoints" / "last.ckpt"
-    killed = command("train", *RUN, "out=killed", KILLED % "E2ECNN: 23")
+    killed = command("train", *run, "out=killed", KILLED % "E2ECNN: 23")
     assert killed.returncode == -signal.SIGKILL
     assert torch.load(last, weights_only=True)["global_step"] == 23  # of 2 epochs of 20 steps: in the second
 
-    resumed = command("train", *RUN, f"ckpt_path={last}", "out=resumed")
+    resumed = command("train", *run, f"ckpt_path={last}", "out=resumed")
     assert resumed.returncode == 0, resumed.stderr
     one, other = (
         torch.load(tmp_path / name / "checkpoints" / "last.ckpt", weights_only=True) for name in ("whole", "resumed")

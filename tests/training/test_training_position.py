@@ -90,14 +90,24 @@ def quiet() -> None:
 
 
 def system_and_trainer(
-    folder: Path, callbacks: Sequence[L.Callback] = (), every: int = 2, workers: int = 0, **options: Any
+    folder: Path,
+    callbacks: Sequence[L.Callback] = (),
+    every: int = 2,
+    workers: int = 0,
+    decoder: Decoder | None = None,
+    lr: float = 1e-2,
+    muon_lr: float | None = None,
+    warmup: float = 0.0,
+    **options: Any,
 ) -> tuple[System, L.Trainer, ClipLoader]:
     torch.manual_seed(0)
     system = System(
         Encoder(LearnedStructural(2, 2, (4, 4)), ClipQuantise(8, read_noise=1.0)),
-        Small(),
+        decoder or Small(),
         metrics={"psnr": PSNR()},
-        lr=1e-2,
+        lr=lr,
+        muon_lr=muon_lr,
+        warmup=warmup,
     )
     clips = ClipLoader(Noise(), 1, workers=workers)
     last = LastCheckpoint(folder, every_minutes=None, every_n_steps=every)

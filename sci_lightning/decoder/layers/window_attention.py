@@ -44,7 +44,7 @@ class WindowAttention(nn.Module):
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         height, width = x.shape[2:4]
-        sides = min(self.window, height), min(self.window, width)
+        sides = window_side(height, self.window), window_side(width, self.window)
         shifts = [self.shift if side > self.window else 0 for side in (height, width)]
         bias = self.bias(height, width, sides, shifts)
 
@@ -65,7 +65,11 @@ class WindowAttention(nn.Module):
         """
         tokens = windows(frames, sides)
         q, k, v = self.qkv(tokens).unflatten(-1, (3, self.heads, -1)).movedim(-3, 0).transpose(-3, -2)
-        mixed = self.proj(F.scaled_dot_product_attention(q, k, v, attn_mask=bias).transpose(-3, -2).flatten(-2))
+        if are_plain():
+            heads = F.softmax(q @ k.mT * q.shape[-1] ** -0.5 + bias, dim=-1) @ v
+        else:
+            heads = F.scaled_dot_product_attention(q, k, v, attn_mask=bias)
+        mixed = self.proj(heads.transpose(-3, -2).flatten(-2))
         grid = frames.shape[-3] // sides[0], frames.shape[-2] // sides[1]
         return mixed.view(*frames.shape[:-3], *grid, *sides, -1).transpose(-4, -3).reshape(frames.shape)
 
@@ -84,6 +88,21 @@ class WindowAttention(nn.Module):
         """Return the part of a rolled side that a pixel is in: 0 before the last window, 1 in it, 2 if wrapped."""
         places = torch.arange(side, device=self.distances.device)
         return (places >= side - self.window).long() + (places >= side - shift) if shift else torch.zeros_like(places)
+
+
+def window_side(side: int, window: int) -> int:
+    """Return the side of the windows of a frame: ``window``, or all of a frame that is smaller.
+
+    It is written as a comparison because ``torch.export`` decides that once for all sizes of a graph, but carries a
+    minimum through every later size.
+    """
+    return window if side >= window else side
+
+
+def whole_windows(side: int, window: int) -> int:
+    """Return the side of a frame that is padded to whole windows of :func:`window_side`."""
+    window = window_side(side, window)
+    return (side + window - 1) // window * window
 
 
 def windows(frames: torch.Tensor, sides: tuple[int, int]) -> torch.Tensor:

@@ -1,6 +1,7 @@
 """Lightning callbacks of a training: checkpoints, progress, pictures and throughput."""
 
 from sci_lightning.training.callbacks.best_checkpoint import BestCheckpoint
+from sci_lightning.training.callbacks.failed_training import FailedTraining
 from sci_lightning.training.callbacks.last_checkpoint import LastCheckpoint
 from sci_lightning.training.callbacks.pictures import Pictures
 from sci_lightning.training.callbacks.progress import Progress
@@ -10,6 +11,7 @@ from sci_lightning.training.callbacks.throughput import Throughput
 
 __all__ = [
     "BestCheckpoint",
+    "FailedTraining",
     "LastCheckpoint",
     "Pictures",
     "Progress",

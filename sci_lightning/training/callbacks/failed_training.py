@@ -1,0 +1,63 @@
+"""A training that has failed says so: its validation stays below the mean measurement."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import lightning as L
+
+from sci_lightning.cli.console import warn
+from sci_lightning.configuration.bounds import Share
+from sci_lightning.errors import TrainingFailed
+from sci_lightning.training.system import MEAN_MEASUREMENT, System
+
+RISE = 0.1
+"""A validation that is better by less than this, in dB, is no better."""
+
+
+class FailedTraining(L.Callback):
+    """Warns of a training whose validation is below the mean measurement, and ends it if it stays there.
+
+    The mean measurement, repeated in every frame, is what one gets without a decoder. The first validation below it,
+    once a part of the run is over, warns; a later one that is still below it and no better ends the training.
+
+    Args:
+        after: the part of the run, 0 to 1, before which nothing is said.
+        stop: whether such a training is ended; else there is only the warning.
+
+    Raises:
+        TrainingFailed: the training is ended. Its checkpoints stay.
+    """
+
+    def __init__(self, after: Share = 0.1, stop: bool = True) -> None:
+        self.after = after
+        self.stop = stop
+        self._warned_at: float | None = None
+
+    def on_validation_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        if trainer.sanity_checking or trainer.state.fn != "fit" or not isinstance(pl_module, System):
+            return
+        reached, mean = (trainer.callback_metrics.get(key) for key in ("val/psnr", f"{MEAN_MEASUREMENT}/psnr"))
+        if reached is None or mean is None:
+            return
+        psnr, done = float(reached), pl_module.part_done()
+        if psnr >= float(mean) or done < self.after:
+            return
+        line = f"validation reaches {psnr:.1f} dB, less than the mean measurement ({float(mean):.1f} dB)"
+        if self._warned_at is None:
+            self._warned_at = psnr if math.isfinite(psnr) else -1e9
+            if trainer.is_global_zero:
+                warn(f"{line} after {done:.0%} of the training; it ends if that stays so")
+        elif self.stop and done < 1 and not psnr > self._warned_at + RISE:
+            raise TrainingFailed(
+                f"{line}, and does not rise: stopped at step {trainer.global_step}, after {done:.0%} of the training; "
+                f"start anew with a smaller system.lr (it is {pl_module.lr:g}), a longer system.warmup (it is "
+                f"{pl_module.warmup:g}) or another seed; callbacks.failed_training.stop=false goes on all the same"
+            )
+
+    def state_dict(self) -> dict[str, Any]:
+        return {} if self._warned_at is None else {"warned_at": self._warned_at}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        self._warned_at = float(state_dict["warned_at"])

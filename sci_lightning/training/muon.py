@@ -1,0 +1,85 @@
+"""The optimizer Muon for the large weights of a network, with Adam for everything else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import torch
+
+SMALLEST = 16
+"""Weights with fewer inputs or outputs (first and last layers, depthwise filters, biases) are left to Adam."""
+
+COEFFICIENTS = (3.4445, -4.7750, 2.0315)
+"""Of the polynomial that moves every singular value of a matrix to about 1 within five applications."""
+
+
+def is_large(weight: torch.Tensor) -> bool:
+    """Return whether a weight ``(outputs, inputs, ..)`` is a matrix worth orthogonalising."""
+    return weight.ndim > 1 and min(weight.shape[:2]) >= SMALLEST
+
+
+def orthogonalised(matrix: torch.Tensor, iterations: int = 5) -> torch.Tensor:
+    """Return about U V' of a matrix U S V' ``(m, n)``, by Newton-Schulz iterations in bfloat16."""
+    a, b, c = COEFFICIENTS
+    x = matrix.bfloat16()
+    x = x.T if len(matrix) > matrix.shape[1] else x
+    x = x / (x.norm() + 1e-7)
+    for _ in range(iterations):
+        square = x @ x.T
+        x = a * x + (b * square + c * square @ square) @ x
+    return (x.T if len(matrix) > matrix.shape[1] else x).to(matrix.dtype)
+
+
+class Muon(torch.optim.Adam):
+    r"""Muon: steps along the orthogonalised momentum of a weight's gradient; groups without ``muon`` get Adam's steps.
+
+    With the gradient G of a weight as a matrix of outputs by everything else,
+
+    .. math:: B \leftarrow \mu B + (1 - \mu) G, \quad
+              W \leftarrow W - \eta \sqrt{\max(1, m / n)} \; \mathrm{orth}\big((1 - \mu) G + \mu B\big),
+
+    so that every direction of the weight learns equally fast, however unequal the gradients are. On the networks here
+    a training needs less than half of Adam's steps for the same loss.
+
+    Args:
+        groups: parameter groups; one with ``"muon": True`` holds large weights only, see :func:`is_large`.
+        momentum: mu.
+        others: Adam's arguments.
+
+    Source: Jordan et al., "Muon: an optimizer for hidden layers in neural networks" (2024).
+    """
+
+    def __init__(self, groups: Iterable[dict[str, Any]], momentum: float = 0.95, **others: Any) -> None:
+        super().__init__([{"muon": False, **group} for group in groups], **others)
+        self.momentum = momentum
+
+    @torch.no_grad()
+    def step(self, closure: Callable[[], Any] | None = None) -> Any:
+        """Make one step with every group; return what the closure returns."""
+        loss = None
+        if closure is not None:
+            with torch.enable_grad():
+                loss = closure()
+        groups = self.param_groups
+        try:
+            self.param_groups = [group for group in groups if not group["muon"]]
+            super().step()
+        finally:
+            self.param_groups = groups
+        for group in groups:
+            for weight in group["params"] if group["muon"] else ():
+                if weight.grad is not None:
+                    self._step(weight, float(group["lr"]))
+        return loss
+
+    def _step(self, weight: torch.Tensor, lr: float) -> None:
+        assert weight.grad is not None
+        state = self.state[weight]
+        if not state:
+            state["step"], state["momentum_buffer"] = torch.zeros(()), torch.zeros_like(weight)
+        state["step"] += 1
+        average = state["momentum_buffer"].lerp_(weight.grad, 1 - self.momentum)
+        update = weight.grad.lerp(average, self.momentum).flatten(1)
+        stretch = max(1.0, update.shape[0] / update.shape[1]) ** 0.5
+        weight.add_(orthogonalised(update).view_as(weight), alpha=-lr * stretch)
