@@ -63,7 +63,8 @@ class Decoder(nn.Module):
     """Whether the decoder works in steps on the whole field, and calls :meth:`locally` for what has to be done in
     tiles; else a tile is decoded by itself."""
     period: ClassVar[int | None] = None
-    """Shifted by multiples of so many pixels, measurement and mask give the same estimate, shifted; None: ``multiple``."""
+    """Measurement and mask that are shifted by a multiple of so many pixels give the estimate, shifted; None:
+    ``multiple``."""
     receptive_field: int | None = None
     """The distance in pixels, along rows and columns, beyond which measurement and mask do not act on a pixel of the
     estimate; None if that is not known, or if there is no such distance."""

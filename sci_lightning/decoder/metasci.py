@@ -87,4 +87,5 @@ class MetaSCI(Decoder):
         published = self.operator(mask).mean_frame(measurement).unsqueeze(1) * (1 + mask)
         first = self.first_video(published, measurement, mask)
         features = self.conv1(channels_last(first.video))
-        return first.plus(self.conv2(self.layers(features)))
+        result = self.conv2(self.layers(features))[..., : mask.shape[1], : mask.shape[2]]
+        return first.plus(result)

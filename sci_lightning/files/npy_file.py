@@ -45,7 +45,7 @@ def npy_array(path: Path) -> StoredArray:
     return StoredArray(shape, str(dtype), dtype.kind in "buif", read)
 
 
-def write_npy(path: Path, shape: tuple[int, ...], parts: Iterable[np.ndarray]) -> None:
+def write_npy(path: str | Path, shape: tuple[int, ...], parts: Iterable[np.ndarray]) -> None:
     """Write a float32 array to an .npy file part by part, so that memory never holds all of it.
 
     Args:
@@ -53,7 +53,7 @@ def write_npy(path: Path, shape: tuple[int, ...], parts: Iterable[np.ndarray]) -
         shape: of the array.
         parts: its parts along the first dimension, in their order.
     """
-    with path.open("wb") as stream:
+    with Path(path).open("wb") as stream:
         npy.write_array_header_1_0(stream, {"descr": "<f4", "fortran_order": False, "shape": shape})
         for part in parts:
             np.ascontiguousarray(part, "<f4").tofile(stream)

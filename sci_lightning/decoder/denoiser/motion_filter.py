@@ -107,7 +107,9 @@ class MotionFilter(nn.Module):
         def on_pixels(of_blocks: torch.Tensor) -> torch.Tensor:  # (N, rows of blocks, 1, W): whole rows are fastest
             return of_blocks.repeat_interleave(block, -1).unsqueeze(2)
 
-        pixel = torch.empty(n, *place.shape, dtype=place.dtype, device=video.device)
+        memory = None  # for the numbers of the matching pixels; gradients keep them all
+        if not torch.is_grad_enabled():
+            memory = torch.empty(n, *place.shape, dtype=place.dtype, device=video.device)
         filtered = torch.empty_like(video, memory_format=torch.contiguous_format)
         around: dict[int, torch.Tensor] = {}  # frames with a margin, in which no displacement leads out
         for number, matches in enumerate(self._matches):
@@ -123,7 +125,7 @@ class MotionFilter(nn.Module):
             weights = torch.ones_like(matches[0].weight) if matches else video.new_ones(n, rows, columns)
             for match in matches:
                 down, right = match.displacement // side, match.displacement % side
-                torch.add(place, on_pixels(down * across + right), out=pixel)
+                pixel = torch.add(place, on_pixels(down * across + right), out=memory)
                 matching = around[match.frame].flatten(1).gather(1, pixel.flatten(1)).view_as(total)
                 total.addcmul_(matching, on_pixels(match.weight))
                 weights = weights + match.weight
