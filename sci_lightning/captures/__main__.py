@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.captures``: make a captures file of a folder, or see what is in one."""
+"""``python -m sci_lightning.captures``: plan a calibration session, pack what was recorded, see what is in a file."""
 
 from __future__ import annotations
 
@@ -8,14 +8,39 @@ from pathlib import Path
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.console import PlainConsole, styled, warn
-from sci_lightning.cli.next_command import invocation, print_next
+from sci_lightning.cli.next_command import invocation, nearest, print_next
 from sci_lightning.cli.plain_words import with_keys
 from sci_lightning.files.plain_text import one_printable_line
 
-USAGE = """python -m sci_lightning.captures pack FOLDER out=FILE   make one captures file of a folder of pictures
+USAGE = """python -m sci_lightning.captures plan FOLDER            write a session's shot list and what to display
+python -m sci_lightning.captures pack FOLDER out=FILE   make one captures file of a folder of pictures
 python -m sci_lightning.captures info FILE              check a captures file, sum it up and draw its contact sheet
 
 Each takes --help, which lists its settings."""
+
+
+def plan(composition: Composition) -> None:
+    """Write the plan of a calibration session into a new folder.
+
+    Args:
+        composition: of ``conf/captures_plan.yaml``.
+    """
+    from sci_lightning.captures.plan import plan_session, random_binary, read_coding_patterns, write_plan
+
+    cfg, console = composition.cfg, PlainConsole()
+    counts = ("dark", "long_dark", "flat", "all_on", "all_off", "target")
+    session = plan_session(
+        random_binary(cfg.seed, cfg.frames, cfg.size) if cfg.mask is None else read_coding_patterns(cfg.mask),
+        seed=cfg.seed,
+        bit_depth=cfg.bit_depth,
+        datasheet={name: cfg[name] for name in ("read_noise_dn", "full_well_e") if cfg[name] is not None},
+        long_exposure=cfg.long_exposure,
+        **{name: cfg[name] for name in counts},
+    )
+    write_plan(session, cfg.folder)
+    console.print(f"{session.captures} captures to record, {len(session.shots)} settings")
+    console.say(styled(Path(cfg.folder)), ": plan.md, captures.yaml, patterns/, targets/, shots/")
+    print_next(console, invocation("captures", "pack", nearest(cfg.folder), "out=lab.h5"))
 
 
 def pack(composition: Composition) -> None:
@@ -58,18 +83,18 @@ def info(composition: Composition) -> None:
     print_next(console, invocation("diagnose", paths={"captures": cfg.captures}))
 
 
-COMMANDS = {"pack": (pack, "folder"), "info": (info, "captures")}
+COMMANDS = {"plan": (plan, "folder"), "pack": (pack, "folder"), "info": (info, "captures")}
 """Function of every command, and the setting that its plain word stands for."""
 
 
 def main() -> None:
-    """Run ``pack`` or ``info`` with the words that follow it."""
+    """Run ``plan``, ``pack`` or ``info`` with the words that follow it."""
     program, name, *words = sys.argv if len(sys.argv) > 1 else (*sys.argv, "nothing")
     if name in ("--help", "-h"):
         print(USAGE)
         return
     if name not in COMMANDS:
-        print(f"error: {one_printable_line(name)}: no such command; choose pack or info", file=sys.stderr)
+        print(f"error: {one_printable_line(name)}: no such command; choose plan, pack or info", file=sys.stderr)
         sys.exit(2)
     task, key = COMMANDS[name]
     sys.argv = [program, *with_keys(words, [key])]

@@ -1,4 +1,4 @@
-"""What evaluate and reconstruct work with: a decoder, the encoder in front of it, and the camera that the decoder assumes."""
+"""What evaluate and reconstruct work with: a decoder, the encoder in front of it, and the camera it assumes."""
 
 from __future__ import annotations
 
@@ -138,6 +138,7 @@ def resized(checkpoint: Checkpoint, size: Sequence[int]) -> str:
     tile = mask["tile"] or config["size"]
     words += [f"encoder={name}", f"encoder.mask.tile=[{tile[0]},{tile[1]}]"]
     words += [f"encoder.mask.bits={mask['bits']}"] if "bits" in mask else []
+    words += [f"encoder.mask.repeat={mask['repeat']}"] if mask.get("repeat", 1) != 1 else []
     return f"to test with the trained mask, repeated, add {' '.join(words)}"
 
 

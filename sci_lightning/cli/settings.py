@@ -43,6 +43,7 @@ SETTINGS: Mapping[str, Any] = {
     # train
     "batch_size": Repeats,
     "resume": bool,
+    "core_minutes": Positive,
     "scale": Name,
     "test_encoders": Mapping[str, Any],
     # evaluate
@@ -60,6 +61,11 @@ SETTINGS: Mapping[str, Any] = {
     "runs": Place | Sequence[Place],
     "documentation": Place,
     "mosaic": Count,
+    # tables.rows
+    "overrides": Annotated[str, DocInfo("overrides of every training, as one text")],
+    "row_scale": Name,
+    "label": Name,
+    "results": Place,
     "sensor": Mapping[str, Positive | None],
     # export_mask
     "repeat": Repeats,
@@ -82,10 +88,13 @@ SETTINGS: Mapping[str, Any] = {
     "search": SearchSettings,
     "empirical": bool,
     "candidates": Annotated[Mapping[str, Name], DocInfo("effects of your own, +candidates.mine=my_module.Mine")],
-    # captures, virtual_camera.reveal
+    # captures, virtual_camera.reveal (the number of captures of a kind: see virtual_camera)
     "folder": Place,
     "truth": Place,
     "report": Place,
+    "long_dark": Count,
+    "long_exposure": Positive,
+    "target": Count,
     # virtual_camera
     "effects": Any,
     "number": Count,

@@ -8,14 +8,14 @@ import torch
 from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
-from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.layers.unet import UNet
 
 
 class ADMMNet(Decoder):
     """ADMM unfolded into stages, each of a data step and a U-net of its own.
 
-    From theta = A^T y and b = 0, stage k computes x = data step of theta + b, theta = U-net(x - b) and
+    From theta = A^T y (as published) and b = 0, stage k computes x = data step of theta + b, theta = U-net(x - b) and
     b = b - (x - theta). A learned gamma_k, which starts from 0, is added to the weight of its data step. T is fixed at
     construction; H and W are free (padded to multiples of 4 inside). The loss sees theta of every stage.
 
@@ -25,6 +25,7 @@ class ADMMNet(Decoder):
         channels: widths of the U-nets at full, half and quarter resolution (32, 64, 128 as published).
         squared: whether the data step divides by the sum of M squared plus gamma_k, the exact minimiser; else by the
             sum of M plus gamma_k, as published, which is the same for binary masks only.
+        first_estimate: see :class:`Decoder`.
 
     Parameters: 4,213,809 with the defaults at T = 8.
     Source: Ma, Liu, Shou and Yuan, "Deep tensor ADMM-Net for snapshot compressive imaging", ICCV 2019, in the form of
@@ -34,19 +35,25 @@ class ADMMNet(Decoder):
     multiple = 4
 
     def __init__(
-        self, frames: Frames, stages: Depth = 9, channels: Sequence[Width] = (32, 64, 128), squared: bool = True
+        self,
+        frames: Frames,
+        stages: Depth = 9,
+        channels: Sequence[Width] = (32, 64, 128),
+        squared: bool = True,
+        first_estimate: FirstEstimate = "published",
     ) -> None:
-        super().__init__()
+        super().__init__(first_estimate)
         self.frames = frames
         self.squared = squared
         for stage in range(1, stages + 1):
             self.add_module(f"unet{stage}", UNet(frames, channels))
             self.register_parameter(f"gamma{stage}", nn.Parameter(torch.zeros(1)))
+        self.begin_at_first_video(*(unet.conv_last for unet in self.children() if isinstance(unet, UNet)))
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
         operator = self.operator(mask)
         weight = operator.sum_of_squares() if self.squared else operator.total_or_one()
-        theta = operator.adjoint(measurement)
+        theta = self.first_video(operator.adjoint(measurement), measurement, mask).video
         b = torch.zeros_like(theta)
         estimates = []
         for unet, gamma in zip(self.children(), self.parameters(recurse=False), strict=True):

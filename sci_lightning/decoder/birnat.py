@@ -8,7 +8,7 @@ import torch
 from torch import nn
 
 from sci_lightning.configuration.bounds import Frames, Width
-from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.attention import weighted_sum_of_positions
 from sci_lightning.decoder.kernels.layout import channels_last
 from sci_lightning.decoder.kernels.switch import are_plain
@@ -157,6 +157,7 @@ class Recurrence(nn.Module):
         measurement: torch.Tensor,
         mean: torch.Tensor,
         mask: torch.Tensor,
+        known: torch.Tensor | None = None,
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the video ``(N, T, H, W)`` in the mask's order of slots, and the last state.
 
@@ -165,6 +166,8 @@ class Recurrence(nn.Module):
             state: ``(N, hidden, H, W)``.
             measurement, mean: y and y / sum of M, ``(N, H, W)``.
             mask: ``(T, H, W)``.
+            known: the video ``(N, T, H, W)`` to whose frames the recurrence adds; None if its frames stand for
+                themselves.
         """
         frames = [frame]
         unexplained = measurement
@@ -178,6 +181,8 @@ class Recurrence(nn.Module):
             features = self.res_part2(self.res_part1(channels_last(features)))
             state = self.h_h(features)
             frame = self.up_feature1(features)
+            if known is not None:
+                frame = frame + known[:, slot : slot + 1]
             frames.append(frame)
         return torch.cat(frames, dim=1), state
 
@@ -194,6 +199,7 @@ class BIRNAT(Decoder):
         frames: T.
         channels: width of the first-frame network at half resolution, a multiple of 8 (128 as published).
         hidden: width of the recurrent state, even (20 as published).
+        first_estimate: see :class:`Decoder`.
 
     Raises:
         BadInput: channels is no multiple of 8, or hidden is odd.
@@ -205,8 +211,10 @@ class BIRNAT(Decoder):
 
     multiple = 2
 
-    def __init__(self, frames: Frames, channels: Width = 128, hidden: Width = 20) -> None:
-        super().__init__()
+    def __init__(
+        self, frames: Frames, channels: Width = 128, hidden: Width = 20, first_estimate: FirstEstimate = "published"
+    ) -> None:
+        super().__init__(first_estimate)
         if channels % 8 or hidden % 2:
             raise BadInput(f"BIRNAT: channels={channels} must be a multiple of 8 and hidden={hidden} of 2")
         self.frames = frames
@@ -214,13 +222,19 @@ class BIRNAT(Decoder):
         self.first_frame_net = FirstFrame(1 + frames, channels)
         self.forward_rnn = Recurrence(hidden)
         self.backrnn = Recurrence(hidden)
+        self.begin_at_first_video(self.first_frame_net, self.forward_rnn.up_feature1, self.backrnn.up_feature1)
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
         operator = self.operator(mask)
         mean = operator.mean_frame(measurement)
         modulated = operator.adjoint(mean)
-        first = self.first_frame_net(channels_last(torch.cat([mean.unsqueeze(1), modulated], dim=1)))
+        given = self.first_video(modulated, measurement, mask)
+        known = given.video if given.improved else None
+        first = self.first_frame_net(channels_last(torch.cat([mean.unsqueeze(1), given.video], dim=1)))
+        first = first if known is None else first + known[:, :1]
         state = modulated.new_zeros(len(modulated), self.hidden, *mask.shape[1:])
-        there, state = self.forward_rnn(first, state, measurement, mean, mask)
-        back, _ = self.backrnn(there[:, -1:], state, measurement, mean, mask.flip(0))
+        there, state = self.forward_rnn(first, state, measurement, mean, mask, known)
+        back, _ = self.backrnn(
+            there[:, -1:], state, measurement, mean, mask.flip(0), None if known is None else known.flip(1)
+        )
         return [there, back.flip(1)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, Literal, NamedTuple, TypeAlias
 
 import torch
 from torch import nn
@@ -11,6 +11,23 @@ from torch.nn import functional as F
 from sci_lightning.decoder.kernels.switch import are_plain
 from sci_lightning.errors import BadInput
 from sci_lightning.imaging.operator import SnapshotOperator
+from sci_lightning.imaging.patches import LinearEstimator
+
+FirstEstimate: TypeAlias = Literal["published", "linear"]
+"""Which video a network gets as its input, see :meth:`Decoder.first_video`."""
+
+
+class FirstVideo(NamedTuple):
+    """The video that a network gets as its input or begins with."""
+
+    video: torch.Tensor
+    """``(N, T, H, W)``."""
+    improved: bool
+    """Whether the network's result is a change of this video; else the result stands for itself."""
+
+    def plus(self, result: torch.Tensor) -> torch.Tensor:
+        """Return the network's estimate, made of its result."""
+        return self.video + result if self.improved else result
 
 
 class Decoder(nn.Module):
@@ -19,6 +36,14 @@ class Decoder(nn.Module):
     The measurement ``(N, H, W)`` is the sum over t of M_t x_t, the mask M is ``(T, H, W)`` in [0, 1], and the video x
     is ``(N, T, H, W)``. A subclass implements :meth:`decode`, or :meth:`decode_stages` if it makes several estimates
     one after another. The shapes are checked before either is called.
+
+    Args:
+        first_estimate: for networks: ``published`` gives them the input that their authors describe, ``linear`` the
+            linear estimate of the video: networks that make one estimate add their result to it, and those of several
+            stages begin with it.
+
+    Raises:
+        BadInput: another name.
     """
 
     frames: int | None = None
@@ -32,6 +57,28 @@ class Decoder(nn.Module):
     """
     published_unused: ClassVar[tuple[str, ...]] = ()
     """Regular expressions of published state-dict keys that are not used on purpose."""
+
+    def __init__(self, first_estimate: FirstEstimate = "published") -> None:
+        super().__init__()
+        if first_estimate not in ("published", "linear"):
+            raise BadInput(f"decoder.first_estimate={first_estimate}: choose published or linear")
+        self.linear_estimator = LinearEstimator(mixture=False) if first_estimate == "linear" else None
+
+    @torch.no_grad()
+    def begin_at_first_video(self, *networks: nn.Module) -> None:
+        """Let a training begin at the linear estimate, if there is one: the last layers of networks start from 0."""
+        for network in networks if self.linear_estimator is not None else ():
+            *_, last = (
+                module for module in network.modules() if next(module.parameters(recurse=False), None) is not None
+            )
+            for parameter in last.parameters(recurse=False):
+                parameter.zero_()
+
+    def first_video(self, published: torch.Tensor, measurement: torch.Tensor, mask: torch.Tensor) -> FirstVideo:
+        """Return the video that the network gets or begins with: ``published``, or the linear estimate."""
+        if self.linear_estimator is None:
+            return FirstVideo(published, False)
+        return FirstVideo(self.linear_estimator(measurement, mask), True)
 
     def forward(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """Return the estimated video ``(N, T, H, W)``, nominally in [0, 1], not clipped: the last of :meth:`stages`.

@@ -8,7 +8,7 @@ import torch
 from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
-from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import channels_last
 
 
@@ -30,13 +30,15 @@ class ResidualBlock(nn.Module):
 class E2ECNN(Decoder):
     """A network at full resolution that takes the T frames as channels, with skips from its first to its last blocks.
 
-    The input is M * (y / sum of M), and the output passes a tanh. T is fixed at construction; H and W are free.
+    The input as published is M * (y / sum of M), and the output passes a tanh. T is fixed at construction; H and W are
+    free.
 
     Args:
         frames: T.
         channels: width C of every hidden layer (64 as published).
         blocks: residual blocks on each side (5 as published).
         input_residual: whether the input is added to the output, as in the cacti toolbox.
+        first_estimate: see :class:`Decoder`.
 
     Parameters: 817,608 with the defaults at T = 8.
     Source: Qiao et al., "Deep learning for video compressive sensing", APL Photonics 2020.
@@ -51,8 +53,15 @@ class E2ECNN(Decoder):
         (r"last\.(.*)", r"last_act.0.\1"),
     )
 
-    def __init__(self, frames: Frames, channels: Width = 64, blocks: Depth = 5, input_residual: bool = False) -> None:
-        super().__init__()
+    def __init__(
+        self,
+        frames: Frames,
+        channels: Width = 64,
+        blocks: Depth = 5,
+        input_residual: bool = False,
+        first_estimate: FirstEstimate = "published",
+    ) -> None:
+        super().__init__(first_estimate)
         self.frames = frames
         self.input_residual = input_residual
         self.first = nn.Conv2d(frames, channels, 3, padding=1)
@@ -65,11 +74,12 @@ class E2ECNN(Decoder):
         )
         self.decode_blocks = nn.ModuleList(ResidualBlock(channels) for _ in range(blocks))
         self.last = nn.Conv2d(channels, frames, 1)
+        self.begin_at_first_video(self.last)
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         operator = self.operator(mask)
-        estimate = operator.adjoint(operator.mean_frame(measurement))
-        features = self.first(channels_last(estimate))
+        first = self.first_video(operator.adjoint(operator.mean_frame(measurement)), measurement, mask)
+        features = self.first(channels_last(first.video))
         skips = []
         for block in self.encode:
             features = block(features)
@@ -78,4 +88,4 @@ class E2ECNN(Decoder):
         for block, skip in zip(self.decode_blocks, reversed(skips), strict=True):
             features = block(features + skip)
         video = torch.tanh(self.last(features))
-        return video + estimate if self.input_residual else video
+        return video + first.video if self.input_residual else first.plus(video)

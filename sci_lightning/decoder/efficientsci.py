@@ -6,7 +6,7 @@ import torch
 from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Width
-from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import as_one_channel
 from sci_lightning.decoder.layers.convolution import Conv3d, pixel_shuffle
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
@@ -62,13 +62,14 @@ class ResDNet(nn.Module):
 class EfficientSCI(Decoder):
     """A sequence of ResDNet blocks at half resolution, for any T, H and W (padded to multiples of 2 inside).
 
-    The input is m + M * m, where m = y / sum of M.
+    The input as published is m + M * m, where m = y / sum of M.
 
     Args:
         channels: C, width at full resolution; the blocks have 4C channels (64, the base model as published).
         blocks: ResDNet blocks (8).
         groups: CFormers of a block, on 4C / ``groups`` channels each (4).
         heads: attention heads of a CFormer, on half of its channels (4).
+        first_estimate: see :class:`Decoder`.
 
     Raises:
         BadInput: the width does not divide into groups and heads.
@@ -80,8 +81,15 @@ class EfficientSCI(Decoder):
 
     multiple = 2
 
-    def __init__(self, channels: Width = 64, blocks: Depth = 8, groups: Depth = 4, heads: Depth = 4) -> None:
-        super().__init__()
+    def __init__(
+        self,
+        channels: Width = 64,
+        blocks: Depth = 8,
+        groups: Depth = 4,
+        heads: Depth = 4,
+        first_estimate: FirstEstimate = "published",
+    ) -> None:
+        super().__init__(first_estimate)
         width = 4 * channels
         if width % (groups * 2 * heads):
             raise BadInput(
@@ -105,8 +113,10 @@ class EfficientSCI(Decoder):
             Conv3d(channels, 1, 3),
         )
         self.resdnet_list = nn.Sequential(*(ResDNet(width, groups, heads) for _ in range(blocks)))
+        self.begin_at_first_video(self.vrm)
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        estimate = self.operator(mask).mean_frame(measurement).unsqueeze(1) * (1 + mask)
-        features = self.resdnet_list(self.fem(as_one_channel(estimate)))
-        return self.vrm(pixel_shuffle(self.up_conv(features)))[:, 0]
+        published = self.operator(mask).mean_frame(measurement).unsqueeze(1) * (1 + mask)
+        first = self.first_video(published, measurement, mask)
+        features = self.resdnet_list(self.fem(as_one_channel(first.video)))
+        return first.plus(self.vrm(pixel_shuffle(self.up_conv(features)))[:, 0])

@@ -6,7 +6,7 @@ import torch
 from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
-from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.layers.sequential import named_block
 from sci_lightning.errors import BadInput
 
@@ -97,12 +97,13 @@ class Iteration(nn.Module):
 class ELPUnfolding(Decoder):
     """Eight iterations with one prior, then five with ensembles of priors: 13 networks.
 
-    With the multipliers l1 (of the measurement) and l2 (of the prior), both from 0, and v from ones, every iteration
-    computes v = U-net(x - l2 / gamma2), l1 = l1 - gamma1 (y - A x), l2 = l2 - gamma2 (x - v), and then x = data step
-    of (sum of (l2 + gamma2 v) - A^T l1) / G with weight R + G / gamma1. Here G = sum of gamma2, and both sums run over
-    the priors of the ensemble. An ensemble of n priors consists of the newest and of the first n - 1, which keep their
-    v, l2 and gamma2; the newest starts from the l2 of the one before it, and gamma1 stays that of the eighth iteration.
-    The loss sees x of every iteration. T is fixed at construction; H and W are free (padded to multiples of 4 inside).
+    With the multipliers l1 (of the measurement) and l2 (of the prior), both from 0, and v from ones (as published),
+    every iteration computes v = U-net(x - l2 / gamma2), l1 = l1 - gamma1 (y - A x), l2 = l2 - gamma2 (x - v), and then
+    x = data step of (sum of (l2 + gamma2 v) - A^T l1) / G with weight R + G / gamma1. Here G = sum of gamma2, and both
+    sums run over the priors of the ensemble. An ensemble of n priors consists of the newest and of the first n - 1,
+    which keep their v, l2 and gamma2; the newest starts from the l2 of the one before it, and gamma1 stays that of the
+    eighth iteration. The loss sees x of every iteration. T is fixed at construction; H and W are free (padded to
+    multiples of 4 inside).
 
     Args:
         frames: T.
@@ -111,6 +112,7 @@ class ELPUnfolding(Decoder):
         priors: one more than the number of ensembles (6 as published).
         squared: whether R is the sum of M squared, the exact minimiser, as the authors have it; else the sum of M, as
             in the cacti toolbox, which is the same for binary masks only.
+        first_estimate: see :class:`Decoder`.
 
     Raises:
         BadInput: the width is no multiple of 4.
@@ -123,9 +125,15 @@ class ELPUnfolding(Decoder):
     multiple = 4
 
     def __init__(
-        self, frames: Frames, channels: Width = 512, iterations: Depth = 8, priors: Depth = 6, squared: bool = True
+        self,
+        frames: Frames,
+        channels: Width = 512,
+        iterations: Depth = 8,
+        priors: Depth = 6,
+        squared: bool = True,
+        first_estimate: FirstEstimate = "published",
     ) -> None:
-        super().__init__()
+        super().__init__(first_estimate)
         if channels % 4:
             raise BadInput(f"ELP-Unfolding: channels={channels} must be a multiple of 4")
         self.frames = frames
@@ -138,6 +146,8 @@ class ELPUnfolding(Decoder):
             nn.ModuleDict({"AL": nn.ModuleList(newest)})
             for newest in (alone, *([iteration] for iteration in ensembles))
         )
+        networks = (part.outc for part in self.all.modules() if isinstance(part, UNet))
+        self.begin_at_first_video(*networks)
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
         operator = self.operator(mask)
@@ -145,7 +155,8 @@ class ELPUnfolding(Decoder):
         mean = operator.mean_frame(measurement).unsqueeze(1)
         priors = [[part for part in prior.modules() if isinstance(part, Iteration)] for prior in self.all]
         ones = torch.ones_like(mask).expand(len(measurement), -1, -1, -1)
-        x = operator.data_step(ones, measurement, weight + priors[0][0].gamma2 / priors[0][0].gamma1)
+        first = self.first_video(ones, measurement, mask).video
+        x = operator.data_step(first, measurement, weight + priors[0][0].gamma2 / priors[0][0].gamma1)
         l1, l2 = torch.zeros_like(measurement), torch.zeros_like(x)
         features: Features = []
         kept: list[tuple[torch.Tensor, torch.Tensor]] = []  # (gamma2, l2 + gamma2 v) of every finished prior

@@ -3,40 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
 
 import torch
 
 from sci_lightning.configuration.bounds import Pixels, Positive
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.errors import BadInput
-from sci_lightning.imaging.patches import BlockGrid, BlockMoments, PatchPrior
-from sci_lightning.imaging.patches.moments import estimated_patches
-from sci_lightning.imaging.patches.prior import read_prior
-
-MEMORY = 2**30
-"""Bytes of matrices that are kept for the next measurement; a mask that needs more has them computed strip by strip."""
-
-STRIP = 2**27
-"""Bytes of patches that are estimated at a time."""
-
-FEW_KINDS = 256
-"""Up to so many distinct blocks, all blocks of a kind are multiplied at once; else every block by itself."""
-
-
-class Prepared(NamedTuple):
-    """What is computed once for a mask: the moments of its distinct blocks."""
-
-    mask: torch.Tensor
-    """The mask itself, padded to whole blocks."""
-    moments: BlockMoments | None
-    """Moments of the distinct blocks; None if they are too large to be kept."""
-    kind: torch.Tensor
-    """For every block of the grid, row by row, which of the distinct blocks it is."""
-
-    def size(self) -> int:
-        """Return the bytes that this takes."""
-        return 4 * (self.mask.numel() + (0 if self.moments is None else self.moments.inverse.numel()))
+from sci_lightning.imaging.patches import LinearEstimator
 
 
 class Linear(Decoder):
@@ -46,20 +18,9 @@ class Linear(Decoder):
 
     .. math:: \hat x = m + C A^\top (A C A^\top + \sigma^2)^{-1} (y - A m) .
 
-    With a mixture of several Gaussians, the component under which the block of the measurement is most likely makes the
-    estimate. Blocks overlap, and their estimates are averaged with a smooth window. The matrices depend on the mask
-    alone: they are computed at the first measurement, once for every distinct block (a mask that repeats a tile has
-    few), and kept for the next ones. Large images are decoded in strips, so that memory stays bounded.
-
-    Args:
-        noise: standard deviation of the noise, in units of the measurement: sensor noise, and what the prior misses.
-        block: side of the blocks in pixels.
-        stride: distance of neighbouring blocks in pixels, at most ``block``.
-        mixture: whether to use all components of the prior; else the one Gaussian of the same covariance.
-        prior: patch statistics that ``fit_prior`` wrote; None for those that come with the package.
-
-    Raises:
-        BadInput: a setting out of range, or statistics that cannot be read.
+    Overlapping blocks are averaged. Of a mixture of Gaussians, every block takes the most likely one. The matrices of
+    a mask are computed at the first measurement and kept, see
+    :class:`~sci_lightning.imaging.patches.LinearEstimator`, which also has the arguments and what they raise.
 
     Source: Yang et al., "Video compressive sensing using Gaussian mixture models", IEEE Trans. Image Processing 2014.
     """
@@ -73,135 +34,7 @@ class Linear(Decoder):
         prior: str | Path | None = None,
     ) -> None:
         super().__init__()
-        if not noise > 0:
-            raise BadInput(f"decoder.noise={noise}: must be positive")
-        if not 1 <= stride <= block:
-            raise BadInput(f"decoder.stride={stride}: must be from 1 to the block's side, {block}")
-        self.noise, self.block, self.stride = noise, block, stride
-        statistics = read_prior(prior)
-        self.prior: PatchPrior = statistics if mixture else statistics.merged()
-        if block > self.prior.reach + 1:
-            raise BadInput(f"decoder.block={block}: the patch statistics reach over {self.prior.reach + 1} pixels")
-        self._covariances: dict[tuple[int, torch.device], torch.Tensor] = {}
-        self._kept: list[Prepared] = []
+        self.estimator = LinearEstimator(noise, block, stride, mixture, prior)
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        if measurement.is_meta:  # only operations are being counted, which needs no precision
-            return self._decode(measurement, mask)
-        with torch.autocast(measurement.device.type, enabled=False):
-            video = self._decode(measurement.float(), mask.float())
-        return video.to(measurement.dtype)
-
-    def _decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        height, width = mask.shape[1:]
-        grid = BlockGrid(height, width, self.block, self.stride)
-        measurement, mask = grid.pad(measurement), grid.pad(mask)
-        covariance = self.covariance(len(mask), mask.device)
-        prepared = self._prepare(grid, mask, covariance)
-        window = grid.window(mask.device)
-        video = measurement.new_zeros(len(measurement), *mask.shape)
-        weight = measurement.new_zeros(mask.shape[1:])
-        rows_at_once = max(1, STRIP // (4 * video.shape[0] * video.shape[1] * len(window) * grid.columns))
-        for first in range(0, grid.rows, rows_at_once):
-            last = min(first + rows_at_once, grid.rows)
-            lines = slice(first * grid.stride, (last - 1) * grid.stride + grid.block)
-            patches = self._estimate(grid, first, last, measurement, prepared, covariance)
-            video[:, :, lines] += grid.add(patches * window[:, None], last - first)
-            weight[lines] += grid.add(window[:, None].expand(1, 1, -1, patches.shape[-1]), last - first)[0, 0]
-        return (video / weight)[..., :height, :width]
-
-    def _estimate(
-        self,
-        grid: BlockGrid,
-        first: int,
-        last: int,
-        measurement: torch.Tensor,
-        prepared: Prepared,
-        covariance: torch.Tensor,
-    ) -> torch.Tensor:
-        """Return the estimates of the blocks in the rows from ``first`` up to ``last``, ``(N, T, n, blocks)``."""
-        mask = grid.cut(prepared.mask, first, last).transpose(0, 1)
-        blocks = grid.cut(measurement, first, last)
-        kind = prepared.kind[first * grid.columns : last * grid.columns]
-        if prepared.moments is None:
-            moments = BlockMoments.of(mask, covariance, self.noise**2)
-            whitened, likelihood = moments.whitened(blocks, self.prior.level)
-        elif len(prepared.moments.total) <= FEW_KINDS and not mask.is_meta:
-            whitened, likelihood = self._whitened_by_kind(prepared.moments, kind, blocks)
-        else:
-            whitened, likelihood = prepared.moments[kind].whitened(blocks, self.prior.level)
-        weights = self.prior.weights.to(mask.device).log()
-        best = (likelihood + weights[:, None, None]).argmax(0)  # (blocks, N)
-        whitened = whitened.gather(0, best[None, :, None].expand(1, -1, whitened.shape[2], -1))[0]
-        patches = estimated_patches(whitened, mask, covariance, best, self.prior.level)
-        return patches.permute(1, 2, 0).unflatten(1, (len(prepared.mask), -1))
-
-    def _whitened_by_kind(
-        self, moments: BlockMoments, kind: torch.Tensor, blocks: torch.Tensor
-    ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return :meth:`BlockMoments.whitened` of blocks ``(N, blocks, n)`` of few kinds: one matrix product each."""
-        whitened = blocks.new_empty(len(self.prior.weights), blocks.shape[1], blocks.shape[2], len(blocks))
-        likelihood = blocks.new_empty(whitened.shape[0], whitened.shape[1], whitened.shape[3])
-        for number in kind.unique():
-            members = (kind == number).nonzero()[:, 0]
-            alike = blocks[:, members].flatten(0, 1)[:, None]  # (N * members, 1, n): many measurements of one block
-            one, likely = moments[number : number + 1].whitened(alike, self.prior.level)
-            whitened[:, members] = one[:, 0].unflatten(-1, (len(blocks), -1)).permute(0, 3, 1, 2)
-            likelihood[:, members] = likely[:, 0].unflatten(-1, (len(blocks), -1)).mT
-        return whitened, likelihood
-
-    def covariance(self, frames: int, device: torch.device) -> torch.Tensor:
-        """Return the covariance of patches, ``(K, T, n, T, n)``, which is computed once for every T and device."""
-        key = frames, device
-        if key not in self._covariances:
-            with torch.inference_mode(False), torch.no_grad():  # what is kept may meet a training later
-                covariance = self.prior.covariance(frames, self.block)
-            self._covariances[key] = covariance.to(device)
-        return self._covariances[key]
-
-    def _prepare(self, grid: BlockGrid, mask: torch.Tensor, covariance: torch.Tensor) -> Prepared:
-        """Return the moments of the distinct blocks of a padded mask: those kept from an earlier call, or new ones."""
-        if mask.is_meta:  # only operations are being counted, and preparing the mask does not count
-            blocks, pixels = grid.rows * grid.columns, self.block**2
-            inverse = mask.new_empty(len(covariance), blocks, pixels, pixels)
-            moments = BlockMoments(mask.new_empty(blocks, pixels), inverse, inverse[:, :, 0, 0])
-            return Prepared(mask, moments, mask.new_empty(blocks, dtype=torch.long))
-        if torch.is_grad_enabled() and mask.requires_grad:
-            return self._computed(grid, mask, covariance, least_memory=False)
-        for number, prepared in enumerate(self._kept):
-            same_place = prepared.mask.shape == mask.shape and prepared.mask.device == mask.device
-            if same_place and torch.equal(prepared.mask, mask):
-                self._kept.insert(0, self._kept.pop(number))
-                return prepared
-        with torch.inference_mode(False), torch.no_grad():  # what is kept may meet a training later
-            prepared = self._computed(grid, mask.detach().clone(), covariance)
-        self._kept.insert(0, prepared)
-        while len(self._kept) > 1 and sum(kept.size() for kept in self._kept) > MEMORY:
-            self._kept.pop()
-        return prepared
-
-    def _computed(
-        self, grid: BlockGrid, mask: torch.Tensor, covariance: torch.Tensor, least_memory: bool = True
-    ) -> Prepared:
-        blocks = grid.cut(mask, 0, grid.rows).transpose(0, 1)
-        examples, kind = distinct_blocks(blocks)
-        if least_memory and 4 * len(covariance) * len(examples) * self.block**4 > MEMORY:
-            return Prepared(mask, None, kind)
-        return Prepared(mask, BlockMoments.of(blocks[examples], covariance, self.noise**2), kind)
-
-
-def distinct_blocks(blocks: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return which of the blocks ``(blocks, T, n)`` are one example of every kind, and the kind of every block.
-
-    If all blocks differ, both are 0, 1, 2, .. in order.
-    """
-    bits = blocks.detach().contiguous().flatten(1).view(torch.int32).long()
-    generator = torch.Generator().manual_seed(0)
-    factors = torch.randint(-(2**62), 2**62, (bits.shape[1],), generator=generator).to(bits.device)
-    digest = (bits * factors).sum(1)  # wraps around: equal blocks have equal digests, others practically never
-    values, kind = digest.unique(return_inverse=True)
-    everything = torch.arange(len(blocks), device=blocks.device)
-    if len(values) == len(blocks):
-        return everything, everything
-    examples = everything.new_full((len(values),), len(blocks)).scatter_reduce(0, kind, everything, "amin")
-    return examples, kind
+        return self.estimator(measurement, mask)

@@ -6,7 +6,7 @@ import torch
 from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
-from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import channels_last
 
 
@@ -38,21 +38,24 @@ class ResidualBlock(nn.Module):
 class MetaSCI(Decoder):
     """A network of residual blocks at half resolution that takes the T frames as channels.
 
-    The input is m + M * m, where m = y / sum of M. T is fixed at construction; H and W are free: up-sampling makes odd
-    sides one pixel too long, which is cut off.
+    The input as published is m + M * m, where m = y / sum of M. T is fixed at construction; H and W are free:
+    up-sampling makes odd sides one pixel too long, which is cut off.
 
     Args:
         frames: T.
         channels: width C at half resolution, a multiple of 8 (128 as published).
         blocks: residual blocks (3 as published).
+        first_estimate: see :class:`Decoder`.
 
     Parameters: 2,066,968 with the defaults at T = 8.
     Source: Wang, Zhang, Liu, Chen and Yuan, "MetaSCI: scalable and adaptive reconstruction for video compressive
     sensing", CVPR 2021, in the form of the cacti toolbox: without the modulation that adapts it to a new mask.
     """
 
-    def __init__(self, frames: Frames, channels: Width = 128, blocks: Depth = 3) -> None:
-        super().__init__()
+    def __init__(
+        self, frames: Frames, channels: Width = 128, blocks: Depth = 3, first_estimate: FirstEstimate = "published"
+    ) -> None:
+        super().__init__(first_estimate)
         self.frames = frames
         half, quarter, eighth = channels // 2, channels // 4, channels // 8
         self.conv1 = nn.Sequential(
@@ -75,8 +78,10 @@ class MetaSCI(Decoder):
             nn.LeakyReLU(inplace=True),
             nn.Conv2d(eighth, frames, 3, padding=1),
         )
+        self.begin_at_first_video(self.conv2)
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        estimate = self.operator(mask).mean_frame(measurement).unsqueeze(1) * (1 + mask)
-        features = self.conv1(channels_last(estimate))
-        return self.conv2(self.layers(features))
+        published = self.operator(mask).mean_frame(measurement).unsqueeze(1) * (1 + mask)
+        first = self.first_video(published, measurement, mask)
+        features = self.conv1(channels_last(first.video))
+        return first.plus(self.conv2(self.layers(features)))

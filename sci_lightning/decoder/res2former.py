@@ -9,7 +9,7 @@ import torch
 from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Width
-from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import as_one_channel
 from sci_lightning.decoder.layers.convolution import Conv3d, pixel_shuffle
 from sci_lightning.decoder.layers.sequential import Chain
@@ -61,7 +61,7 @@ class ResTSA(nn.Module):
 class Res2former(Decoder):
     """A U-shaped network of two levels of ResTSA modules, for any T, H and W (padded to multiples of 4 inside).
 
-    The input is y + M * y.
+    The input as published is y + M * y.
 
     Args:
         dim: C, width at full resolution; 2C at half, 4C at a quarter (96; Res2former-L: 128).
@@ -69,6 +69,7 @@ class Res2former(Decoder):
         groups: branches of a ResTSA module at the outer level and at the bottleneck (2, 4; L: 4, 8).
         heads: attention heads in each branch (4).
         checkpoint: whether to train on less memory; see :class:`~sci_lightning.decoder.layers.sequential.Chain`.
+        first_estimate: see :class:`Decoder`.
 
     Raises:
         BadInput: a width does not divide into groups and heads.
@@ -100,8 +101,9 @@ class Res2former(Decoder):
         groups: Sequence[Depth] = (2, 4),
         heads: Depth = 4,
         checkpoint: bool = False,
+        first_estimate: FirstEstimate = "published",
     ) -> None:
-        super().__init__()
+        super().__init__(first_estimate)
         for width, parts in ((2 * dim, groups[0]), (4 * dim, groups[1])):
             if width % (parts * heads):
                 raise BadInput(
@@ -123,12 +125,13 @@ class Res2former(Decoder):
         self.decode_blocks = Chain((ResTSA(half, groups[0], heads) for _ in range(depths[0])), checkpoint)
         self.expand = Conv3d(half, 2 * half, 1)
         self.last = Conv3d(dim, 1, 3)
+        self.begin_at_first_video(self.last)
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        estimate = measurement.unsqueeze(1) * (1 + mask)
-        low = self.extract(as_one_channel(estimate))
+        first = self.first_video(measurement.unsqueeze(1) * (1 + mask), measurement, mask)
+        low = self.extract(as_one_channel(first.video))
         outer = self.encode(low)
         deep = self.bottleneck(self.down(outer))
         features = self.fuse(torch.cat([pixel_shuffle(self.up(deep)), outer], dim=1))
         features = pixel_shuffle(self.expand(self.decode_blocks(features) + low))
-        return self.last(features)[:, 0]
+        return first.plus(self.last(features)[:, 0])

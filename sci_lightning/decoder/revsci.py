@@ -8,7 +8,7 @@ import torch
 from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Width
-from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import as_one_channel
 from sci_lightning.decoder.layers.convolution import Conv3d, TransposedConv3d
 
@@ -86,13 +86,14 @@ def _undo(
 class RevSCI(Decoder):
     """A sequence of reversible blocks at half resolution, for any T, H and W (padded to multiples of 2 inside).
 
-    The input is m + M * m, where m = y / sum of M.
+    The input as published is m + M * m, where m = y / sum of M.
 
     Args:
         blocks: reversible blocks (50 as published).
         channels: width C of the blocks, a multiple of 4 (64 as published).
         reversible: whether to train without storing the activations of the blocks. They are computed again in the
             backward pass, which takes about a third more time; the gradients are the same to rounding.
+        first_estimate: see :class:`Decoder`.
 
     Parameters: 5,655,393 with the defaults.
     Source: Cheng, Chen, Liu, Zhang, Liu, Huang, Chen and Yuan, "Memory-efficient network for large-scale video
@@ -101,8 +102,14 @@ class RevSCI(Decoder):
 
     multiple = 2
 
-    def __init__(self, blocks: Depth = 50, channels: Width = 64, reversible: bool = False) -> None:
-        super().__init__()
+    def __init__(
+        self,
+        blocks: Depth = 50,
+        channels: Width = 64,
+        reversible: bool = False,
+        first_estimate: FirstEstimate = "published",
+    ) -> None:
+        super().__init__(first_estimate)
         self.reversible = reversible
         half, quarter = channels // 2, channels // 4
         self.conv1 = nn.Sequential(
@@ -125,10 +132,12 @@ class RevSCI(Decoder):
             Conv3d(quarter, 1, 3),
         )
         self.layers = nn.ModuleList(ReversibleBlock(half) for _ in range(blocks))
+        self.begin_at_first_video(self.conv2)
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        estimate = self.operator(mask).mean_frame(measurement).unsqueeze(1) * (1 + mask)
-        features = self.conv1(as_one_channel(estimate))
+        published = self.operator(mask).mean_frame(measurement).unsqueeze(1) * (1 + mask)
+        first = self.first_video(published, measurement, mask)
+        features = self.conv1(as_one_channel(first.video))
         # In double precision the recomputed inputs of f and g, and so the gradients, equal the stored ones exactly.
         precise = torch.is_grad_enabled() and features.device.type != "mps"  # MPS has no double precision
         x1, x2 = features.to(torch.float64 if precise else features.dtype).chunk(2, dim=1)
@@ -137,4 +146,4 @@ class RevSCI(Decoder):
         else:
             for block in self.layers:
                 x1, x2 = block(x1, x2)
-        return self.conv2(torch.cat([x1, x2], dim=1).to(features.dtype))[:, 0]
+        return first.plus(self.conv2(torch.cat([x1, x2], dim=1).to(features.dtype))[:, 0])

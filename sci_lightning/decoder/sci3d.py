@@ -9,7 +9,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from sci_lightning.configuration.bounds import Depth, Width
-from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.attention import neighbourhood_product
 from sci_lightning.decoder.kernels.layout import channels_last
 from sci_lightning.decoder.kernels.switch import are_plain
@@ -140,15 +140,16 @@ def gated(features: torch.Tensor, kernels: torch.Tensor) -> torch.Tensor:
 class SCI3D(Decoder):
     """Phases of a data step and a U-net that also gets the features of the U-net before, for any T, H and W.
 
-    From v = A^T y and r = 0, every phase computes r = r + y - A v, v = data step of v for the measurement r with weight
-    Q + eta, and v = v + U-net(v, y / Q), where Q is the sum of M squared. The U-net hands its feature maps to the next
-    one, which gates them with kernels made from y / Q. The loss sees v of every phase. H and W are padded to multiples
-    of 4 inside.
+    From v = A^T y (as published) and r = 0, every phase computes r = r + y - A v, v = data step of v for the
+    measurement r with weight Q + eta, and v = v + U-net(v, y / Q), where Q is the sum of M squared. The U-net hands its
+    feature maps to the next one, which gates them with kernels made from y / Q. The loss sees v of every phase. H and W
+    are padded to multiples of 4 inside.
 
     Args:
         phases: number of phases (10 as published).
         channels: widths at full, half and quarter resolution (32, 64, 128 as published).
         inner: channels of each of the two inputs after the first convolution (30 as published).
+        first_estimate: see :class:`Decoder`.
 
     Parameters: 61,951,477 with the defaults, of which 36,577 are unused as published.
     Source: Wu, Zhang and Mou, "Dense deep unfolding network with 3D-CNN prior for snapshot compressive imaging",
@@ -157,16 +158,23 @@ class SCI3D(Decoder):
 
     multiple = 4
 
-    def __init__(self, phases: Depth = 10, channels: Sequence[Width] = (32, 64, 128), inner: Depth = 30) -> None:
-        super().__init__()
+    def __init__(
+        self,
+        phases: Depth = 10,
+        channels: Sequence[Width] = (32, 64, 128),
+        inner: Depth = 30,
+        first_estimate: FirstEstimate = "published",
+    ) -> None:
+        super().__init__(first_estimate)
         self.Phi_scale = nn.Parameter(torch.full((1,), 0.01), requires_grad=False)  # unused, as published
         self.fcs = nn.ModuleList(Phase(channels, inner, first=number == 0) for number in range(phases))
+        self.begin_at_first_video(*(phase.outc for phase in self.fcs if isinstance(phase, Phase)))
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
         operator = self.operator(mask)
         weight = operator.sum_of_squares()
         guide = (measurement / weight).unsqueeze(1)
-        video = operator.adjoint(measurement)
+        video = self.first_video(operator.adjoint(measurement), measurement, mask).video
         residual = torch.zeros_like(measurement)
         maps: Maps | None = None
         estimates = []

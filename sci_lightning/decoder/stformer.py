@@ -9,7 +9,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
-from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import as_one_channel
 from sci_lightning.decoder.layers.convolution import Conv3d, TransposedConv3d
 from sci_lightning.decoder.layers.sequential import Chain, named_block
@@ -66,14 +66,15 @@ class STFormerBlock(nn.Module):
 class STFormer(Decoder):
     """Pairs of attention blocks at half resolution; the second block of every pair has shifted windows.
 
-    The input is A^T y after one data step with the sum of M as weight. T is fixed at construction; H and W are free
-    (padded to multiples of 2 inside).
+    The input as published is A^T y after one data step with the sum of M as weight. T is fixed at construction; H and W
+    are free (padded to multiples of 2 inside).
 
     Args:
         frames: T.
         dim: C, width at full resolution after the first layer; 4C, of 4 heads, in the blocks (64; small: 16).
         units: pairs of blocks (4; large: 8).
         checkpoint: whether to train on less memory; see :class:`~sci_lightning.decoder.layers.sequential.Chain`.
+        first_estimate: see :class:`Decoder`.
 
     Parameters: 19,490,177 with the defaults at T = 8.
     Source: Wang, Cao, Zhong and Yuan, "Spatial-temporal transformer for video snapshot compressive imaging", TPAMI
@@ -86,8 +87,15 @@ class STFormer(Decoder):
         r"layers\.\d+\.blocks\.\d+\.conv_cat\.(weight|bias)",  # in the cacti toolbox, where nothing uses it
     )
 
-    def __init__(self, frames: Frames, dim: Width = 64, units: Depth = 4, checkpoint: bool = False) -> None:
-        super().__init__()
+    def __init__(
+        self,
+        frames: Frames,
+        dim: Width = 64,
+        units: Depth = 4,
+        checkpoint: bool = False,
+        first_estimate: FirstEstimate = "published",
+    ) -> None:
+        super().__init__(first_estimate)
         self.frames = frames
         self.token_gen = nn.Sequential(
             Conv3d(1, dim, 5),
@@ -117,9 +125,11 @@ class STFormer(Decoder):
             ),
             checkpoint,
         )
+        self.begin_at_first_video(self.conv2)
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         operator = self.operator(mask)
-        estimate = operator.data_step(operator.adjoint(measurement), measurement, operator.total_or_one())
-        tokens = self.layers(self.token_gen(as_one_channel(estimate)).permute(0, 2, 3, 4, 1))
-        return self.conv2(tokens.permute(0, 4, 1, 2, 3))[:, 0]
+        published = operator.data_step(operator.adjoint(measurement), measurement, operator.total_or_one())
+        first = self.first_video(published, measurement, mask)
+        tokens = self.layers(self.token_gen(as_one_channel(first.video)).permute(0, 2, 3, 4, 1))
+        return first.plus(self.conv2(tokens.permute(0, 4, 1, 2, 3))[:, 0])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -75,7 +75,7 @@ class Outcome:
         captures: name of the set of captures.
         hidden: the hidden effects, in the order of the light.
         named: the effects that the diagnosis named, in the order of the light.
-        unnamed: ``unnamed:<stage>`` of the deviations that no name explains.
+        unnamed: ``unnamed:<stage>`` of the deviations that no name explains, the strongest first.
         verdict: of the diagnosis.
         chi2_before: held-out reduced chi2 of the ideal camera.
         chi2_after: held-out reduced chi2 with everything that was named.
@@ -124,23 +124,34 @@ class Outcome:
         return min((effect.gain for effect in self.hidden), default=math.inf)
 
     @property
+    def wrong_names(self) -> tuple[str, ...]:
+        """Names in the diagnosis that are not hidden, whatever its verdict and whatever it reports beside them."""
+        return tuple(effect.name for effect in self.named if effect.name not in self.hidden_names)
+
+    @property
     def confidently_wrong(self) -> bool:
-        """Whether the verdict is ``explained`` by a name that is not hidden and has no hidden one as an alternative."""
+        """Whether anything is named that is not hidden; neither alternatives nor something unnamed excuse a name."""
+        return bool(self.wrong_names)
+
+    @property
+    def hedged(self) -> bool:
+        """Whether every wrong name has a hidden one among its alternatives: the report says that it may be that one."""
         hidden = set(self.hidden_names)
-        wrong = any(not {effect.name, *effect.alternatives} & hidden for effect in self.named)
-        return self.verdict == "explained" and not self.unnamed and wrong
+        return all(set(effect.alternatives) & hidden for effect in self.named if effect.name in self.wrong_names)
 
     @property
     def stage_right(self) -> bool:
-        """Whether something unnamed is reported in the stage of a hidden effect."""
-        return any(f"unnamed:{effect.stage}" in self.unnamed for effect in self.hidden)
+        """Whether the strongest of the unnamed deviations is reported in the stage of a hidden effect."""
+        return bool(self.unnamed) and self.unnamed[0] in {f"unnamed:{effect.stage}" for effect in self.hidden}
 
     @property
     def right(self) -> bool:
         """Whether the diagnosis is as good as the suite's captures allow."""
         if self.suite == "outside":
             return self.stage_right and not self.confidently_wrong
-        return not self.confidently_wrong if self.suite == "fewer" else self.exact and not self.unnamed
+        if self.suite == "fewer":
+            return not self.confidently_wrong
+        return self.exact and not self.unnamed and self.verdict == ("explained" if self.hidden else "consistent")
 
     @property
     def closed(self) -> float:
@@ -169,6 +180,8 @@ class Outcome:
         """The outcome in a line: hidden effects, the diagnosis where it differs, and chi2 before and after."""
         hidden, reported = (" + ".join(names) or "nothing" for names in (self.hidden_names, self.answers))
         names = hidden if self.exact and not self.unnamed else f"{hidden} -> {reported}"
+        if self.exact and not self.right and self.suite not in ("outside", "fewer"):
+            names += f", {self.verdict}"
         where = f"{self.mask}, {self.bit_depth} bits"
         if self.captures != "full":
             where += f", {self.captures}"
@@ -208,7 +221,7 @@ def parse_record(record: Mapping[str, Any]) -> Outcome | Failure:
             )
             for effect in record["found"]
         ),
-        unnamed=tuple(dict.fromkeys(f"unnamed:{deviation['stage']}" for deviation in record["unnamed"])),
+        unnamed=_stages(record["unnamed"]),
         verdict=record["verdict"],
         chi2_before=float(before["chi2"]),
         chi2_after=float(after["chi2"]),
@@ -217,3 +230,9 @@ def parse_record(record: Mapping[str, Any]) -> Outcome | Failure:
         cpu_seconds=float(record["cpu_seconds"]),
         memory_mib=float(record["memory_mib"]),
     )
+
+
+def _stages(unnamed: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """Return ``unnamed:<stage>`` of every stage, in the order of the log-likelihood that its deviations gain."""
+    ordered = sorted(unnamed, key=lambda deviation: -float(deviation.get("nats", 0)))
+    return tuple(dict.fromkeys(f"unnamed:{deviation['stage']}" for deviation in ordered))

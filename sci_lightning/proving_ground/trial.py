@@ -43,7 +43,10 @@ def run_trial(case: Case) -> dict[str, Any]:
         "log_likelihood_gain": truth["log_likelihood_gain"],
         "verdict": report["verdict"],
         "found": report["effects"],
-        "unnamed": report["unnamed"],
+        "unnamed": [
+            {**entry, "nats": deviation.nats}
+            for entry, deviation in zip(report["unnamed"], diagnosis.unnamed, strict=True)
+        ],
         "gap": report["gap"],
         "seconds": time.perf_counter() - start,
         "cpu_seconds": time.process_time() - cpu_start,

@@ -22,6 +22,7 @@ from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.scene_scores import SceneScores
 from sci_lightning.runs.device import device_name
 from sci_lightning.training.muon import Muon, is_large
+from sci_lightning.training.processor_time import ProcessorTime
 from sci_lightning.training.training_position import TrainingPosition
 
 Batch = tuple[torch.Tensor, ...]
@@ -37,10 +38,19 @@ def rmse(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     return mse(estimate, truth).sqrt()
 
 
+def frame_rmse(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    """Return the mean over frames of the root of each one's mean squared error: as PSNR does, it weighs easy frames."""
+    return (estimate - truth).square().mean((-2, -1)).sqrt().mean()
+
+
 MEAN_MEASUREMENT = "val_mean_measurement"
 """Under this name validation logs what the mean measurement in every frame would reach, as a decoder must beat it."""
 
-LOSSES: dict[str, Callable[[torch.Tensor, torch.Tensor], torch.Tensor]] = {"mse": mse, "rmse": rmse}
+LOSSES: dict[str, Callable[[torch.Tensor, torch.Tensor], torch.Tensor]] = {
+    "mse": mse,
+    "rmse": rmse,
+    "frame_rmse": frame_rmse,
+}
 
 
 class System(L.LightningModule):
@@ -55,11 +65,11 @@ class System(L.LightningModule):
         camera: in a test, the encoder that the decoder believes in; None for ``encoder`` itself.
         metrics: metrics of validation and test, by name.
         val_every_n_frames: by metric: in validation the metric looks at one in so many frames; in a test at all.
-        loss: ``mse`` or ``rmse``.
+        loss: ``mse``, ``rmse`` or ``frame_rmse``.
         stage_weights: weights of the losses of the decoder's last stages, in their order; the loss is the weighted sum.
             ``(1,)`` takes the final estimate alone. Unfolding networks have many stages, most decoders one.
         lr: learning rate of Adam at the start. It falls to ``final_lr`` along a cosine over the whole run, which ends
-            after its steps or after the trainer's ``max_time``, whichever comes first.
+            after its steps, after the trainer's ``max_time`` or its :class:`ProcessorTime`, whichever comes first.
         mask_lr: learning rate of the mask at the start (same cosine); None for ``lr``.
         muon_lr: learning rate at the start (same cosine) of :class:`~sci_lightning.training.muon.Muon`, which then
             trains the decoder's large weights in Adam's place; None for Adam alone.
@@ -182,8 +192,10 @@ class System(L.LightningModule):
         return min(1.0, max(self._time_spent(), steps / self.trainer.estimated_stepping_batches))
 
     def _time_spent(self) -> float:
-        """Return the part of the trainer's ``max_time`` that has passed, 0 to 1; 0 in a run without a limit."""
+        """Return the part of ``max_time`` or of the processor time that has passed, 0 to 1; 0 in a run without one."""
         for timer in self.trainer.callbacks:  # type: ignore[attr-defined]  # set by Lightning, not declared
+            if isinstance(timer, ProcessorTime):
+                return float(self.trainer.strategy.broadcast(timer.part_spent))
             if isinstance(timer, Timer) and (left := timer.time_remaining()) is not None:
                 spent = timer.time_elapsed() / max(timer.time_elapsed() + left, 1e-6)
                 return float(self.trainer.strategy.broadcast(spent))  # clocks differ, learning rates may not

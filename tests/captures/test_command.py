@@ -78,8 +78,8 @@ def test_pack(here, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ([], "no such command; choose pack or info"),
-        (["show"], "show: no such command; choose pack or info"),
+        ([], "no such command; choose plan, pack or info"),
+        (["show"], "show: no such command; choose plan, pack or info"),
         (["info"], "give captures=.."),
         (["info", "a.h5", "b.h5"], "b.h5: expected key=value"),
         (["info", "captures=a.h5", "out="], "out=: expected the path of a file or a folder"),

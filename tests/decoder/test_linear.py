@@ -6,11 +6,11 @@ import pytest
 import torch
 from torch.nn.functional import interpolate
 
-from sci_lightning.decoder import Linear, linear
-from sci_lightning.decoder.linear import distinct_blocks
+from sci_lightning.decoder import Linear
 from sci_lightning.errors import BadInput
 from sci_lightning.imaging.operator import SnapshotOperator
-from sci_lightning.imaging.patches import BlockMoments
+from sci_lightning.imaging.patches import BlockMoments, estimator
+from sci_lightning.imaging.patches.estimator import distinct_blocks
 
 
 def smooth_scene(frames: int = 4, number: int = 2) -> torch.Tensor:
@@ -42,7 +42,7 @@ def test_strips_and_kinds_change_nothing(monkeypatch: pytest.MonkeyPatch, mixtur
     measurement = SnapshotOperator(mask)(video)
     expected = Linear(mixture=mixture)(measurement, mask)
     for name, value in (("FEW_KINDS", 0), ("STRIP", 1), ("MEMORY", 0)):
-        monkeypatch.setattr(linear, name, value)
+        monkeypatch.setattr(estimator, name, value)
         torch.testing.assert_close(Linear(mixture=mixture)(measurement, mask), expected, atol=1e-4, rtol=0)
 
 
@@ -63,11 +63,11 @@ def test_the_memory_for_prepared_masks_is_bounded(monkeypatch: pytest.MonkeyPatc
     decoder = Linear(mixture=False)
     for number in range(5):
         decoder(torch.rand(1, 32, 32), random_mask() * (1 - 0.1 * number))
-    one = decoder._kept[0].size()
-    assert len(decoder._kept) == 5
-    monkeypatch.setattr(linear, "MEMORY", 2 * one)
+    one = decoder.estimator._kept[0].size()
+    assert len(decoder.estimator._kept) == 5
+    monkeypatch.setattr(estimator, "MEMORY", 2 * one)
     decoder(torch.rand(1, 32, 32), random_mask() / 2)
-    assert len(decoder._kept) == 2
+    assert len(decoder.estimator._kept) == 2
 
 
 def test_gradients_reach_mask_and_measurement() -> None:
@@ -106,9 +106,9 @@ def test_distinct_blocks() -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"noise": 0}, "decoder.noise=0: must be positive"),
-        ({"stride": 9}, "decoder.stride=9: must be from 1"),
-        ({"block": 64}, "decoder.block=64: the patch statistics reach over"),
+        ({"noise": 0}, "noise=0: must be positive"),
+        ({"stride": 9}, "stride=9: must be from 1"),
+        ({"block": 64}, "block=64: the patch statistics reach over"),
         ({"prior": "none.npz"}, "no such file"),
     ],
 )

@@ -229,3 +229,19 @@ def test_commands_are_listed(command: Command) -> None:
     done = command("")
     for name in ("train", "evaluate", "reconstruct"):
         assert f"python -m sci_lightning.{name} " in done.stdout
+
+
+def test_a_network_that_begins_with_the_linear_estimate(
+    command: Command, ran: Callable[..., str], tmp_path: Path
+) -> None:
+    """It starts far above the mean measurement, and its checkpoint brings the linear estimate back."""
+    slow = ["system.lr=1e-6", "trainer.max_epochs=1", "metrics.qscore=null", "logger=none", "encoder.mask.tile=[8,8]"]
+    start = [*TINY, *slow, "decoder.first_estimate=linear", "trainer.precision=bf16-mixed", "out=run"]
+    done = command("train", *start)
+    assert done.returncode == 0, done.stderr
+    metrics = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert metrics["config"]["decoder"]["first_estimate"] == "linear"
+    assert metrics["mean"]["psnr"] > metrics["baseline"]["psnr"]
+    ran("evaluate", "ckpt_path=run/checkpoints/last.ckpt", "data=synthetic", "metrics.qscore=null", "out=again")
+    again = json.loads((tmp_path / "again" / "metrics.json").read_text())
+    assert again["mean"]["psnr"] == pytest.approx(metrics["mean"]["psnr"], abs=0.5)

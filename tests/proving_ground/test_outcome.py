@@ -30,21 +30,38 @@ def test_exact_sets_of_names(record: Record) -> None:
     assert leftover.exact and not leftover.right
 
 
-def test_confident_wrong_names(record: Record) -> None:
+def test_wrong_names(record: Record) -> None:
+    """Neither something unnamed beside it, nor the verdict, nor its alternatives excuse a name that is not hidden."""
     assert outcome(record("outside", GHOST, FOUND)).confidently_wrong
     assert not outcome(record("outside", GHOST, {})).confidently_wrong
-    assert not outcome(record("outside", GHOST, FOUND, unnamed=("optics",))).confidently_wrong
-    assert not outcome(record("outside", GHOST, FOUND, verdict="partly_explained")).confidently_wrong
+    assert outcome(record("outside", GHOST, FOUND, unnamed=("optics",))).confidently_wrong
+    assert outcome(record("outside", GHOST, FOUND, verdict="partly_explained")).confidently_wrong
     assert not outcome(record("single", GAIN, FOUND)).confidently_wrong
     shift = {"mask_shift": {"dx": (0.1, 0.1), "dy": (0.1, 0.1)}}
     assert outcome(record("fewer", GAIN, shift)).confidently_wrong
-    assert not outcome(record("fewer", GAIN, shift, alternatives=("gain",))).confidently_wrong
+    other = outcome(record("fewer", GAIN, shift, alternatives=("gain",)))
+    assert other.confidently_wrong and other.hedged
+    assert not outcome(record("fewer", GAIN, shift)).hedged
 
 
-def test_stage(record: Record) -> None:
-    assert outcome(record("outside", GHOST, {}, unnamed=("sensor", "optics"))).stage_right
+def test_right_needs_the_verdict(record: Record) -> None:
+    assert outcome(record("single", GAIN, FOUND)).right
+    partly = outcome(record("single", GAIN, FOUND, verdict="partly_explained"))
+    assert partly.exact and not partly.right
+    assert str(partly).startswith("gain, partly_explained (")
+    assert outcome(record("nothing", {}, {})).right
+    assert not outcome(record("nothing", {}, {}, verdict="unexplained")).right
+
+
+def test_the_strongest_stage_counts(record: Record) -> None:
+    assert outcome(record("outside", GHOST, {}, unnamed=("optics", "sensor"))).stage_right
+    assert not outcome(record("outside", GHOST, {}, unnamed=("sensor", "optics"))).stage_right
     assert not outcome(record("outside", GHOST, {}, unnamed=("sensor",))).stage_right
     assert not outcome(record("outside", GHOST, FOUND)).stage_right
+    weighed = record("outside", GHOST, {}, unnamed=("sensor", "optics"))
+    for deviation, nats in zip(weighed["unnamed"], (30.0, 500.0), strict=True):
+        deviation["nats"] = nats
+    assert outcome(weighed).stage_right
 
 
 def test_errors_in_standard_deviations(record: Record) -> None:

@@ -72,8 +72,9 @@ def test_rows(records: list[Outcome | Failure]) -> None:
         "nothing hidden, structural": (1, 2, False),
         "nothing hidden, binary": (0, 1, True),
         "right names, yet": (0, 8, True),
-        "outside the vocabulary: confident": (1, 2, False),
-        "outside the vocabulary: right stage": (1, 2, False),
+        "any wrong name": (0, 10, True),
+        "outside the vocabulary: any wrong name": (1, 2, False),
+        "outside the vocabulary: strongest unnamed": (1, 2, False),
         "fewer captures": (0, 0, None),
         "95 % intervals": (8, 9, False),
         "explained": (8, 8, True),
@@ -96,10 +97,10 @@ def test_files(records: list[Outcome | Failure], tmp_path: Path) -> None:
     rows = summarise(records)
     write_report(tmp_path, rows)
     text = (tmp_path / "summary.md").read_text()
-    assert "| pairs: exact set of names | 0.0% (0 of 1; 0% to 79%) | at least 95% | **no** |" in text
-    assert "- pairs: exact set of names: 0.0% (0 of 1; 0% to 79%); the target is at least 95%." in text
+    assert "| pairs: exact set of names, explained | 0.0% (0 of 1; 0% to 79%) | at least 95% | **no** |" in text
+    assert "- pairs: exact set of names, explained: 0.0% (0 of 1; 0% to 79%); the target is at least 95%." in text
     assert "- gain + black_level -> gain (structural, 8 bits; chi2 10 to 2, 5 s)" in text
-    assert "Not tried: triples: exact set of names; fewer captures: confident wrong name." in text
+    assert "Not tried: triples: exact set of names, explained; fewer captures: any wrong name." in text
     content = json.loads((tmp_path / "summary.json").read_text())
     check("proving_ground_summary", content)
     single = content["rows"][0]

@@ -34,6 +34,14 @@ def test_loss_is_of_the_last_stages(encoder: Encoder) -> None:
         torch.testing.assert_close(system.training_step(video, 0), expected)
 
 
+def test_the_loss_of_frames_weighs_each_by_its_own_root(encoder: Encoder) -> None:
+    decoder, video = GAPNet(4, 1, (2, 2, 2)), torch.rand(2, 4, 16, 16)
+    error = decoder(encoder(video), encoder.mask()) - video
+    frames = [frame.square().mean().sqrt() for clip in error for frame in clip]
+    found = System(encoder, decoder, loss="frame_rmse").training_step(video, 0)
+    torch.testing.assert_close(found, torch.stack(frames).mean())
+
+
 def test_every_weighted_stage_is_trained(encoder: Encoder) -> None:
     video = torch.rand(1, 4, 16, 16)
     for weights in ((1.0,), (0.5, 1.0)):

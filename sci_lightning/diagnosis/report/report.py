@@ -29,6 +29,12 @@ UNCERTAINTY = (
 )
 """What ``std`` and ``systematic`` of the report mean, for people."""
 
+VERIFIED_BY_NONE: dict[str, Any] = {
+    "captures": [],
+    "note": "no capture was kept for verification; the verdict rests on held-out pixels",
+}
+"""What ``verification`` says in ``report.json`` if there is none."""
+
 
 def write_report(
     diagnosis: Diagnosis,
@@ -80,6 +86,9 @@ def describe(diagnosis: Diagnosis) -> dict[str, Any]:
         "where": {when: [test.describe() for test in model.tests] for when, model in assessments.items()},
         "noise": {**noise, "stated_by_the_file": list(diagnosis.stated_noise)},
         "next_captures": list(diagnosis.next_captures),
+        "mode": "calibrated",
+        "laboratory": [],
+        "verification": VERIFIED_BY_NONE if diagnosis.verification is None else diagnosis.verification.describe(),
         "split": diagnosis.split.describe(),
         "seed": diagnosis.seed,
         "sci_lightning": __version__,

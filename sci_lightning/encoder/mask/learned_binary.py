@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import nn
 
-from sci_lightning.configuration.bounds import Bits, Frames, Seed, Size
+from sci_lightning.configuration.bounds import Bits, Frames, Pixels, Seed, Size
 from sci_lightning.encoder.mask.mask import Mask, uniform
 from sci_lightning.encoder.mask.structure import check_binary
 from sci_lightning.encoder.rounding import round_half_up, straight_through
@@ -17,7 +17,7 @@ class LearnedBinary(Mask):
     The sum over time is not constrained: how much light a pixel collects is learned as well.
 
     Args:
-        frames, size, tile: see :class:`~sci_lightning.encoder.mask.Mask`.
+        frames, size, tile, repeat: see :class:`~sci_lightning.encoder.mask.Mask`.
         seed: seed of the initial real-valued mask, uniform in [0, 1): half of the slots start open.
         bits: mask bit depth, always 1: it is there so that a sweep over bits can name every mask.
 
@@ -29,8 +29,10 @@ class LearnedBinary(Mask):
 
     learned = True
 
-    def __init__(self, frames: Frames, size: Size, tile: Size | None = None, seed: Seed = 0, bits: Bits = 1) -> None:
-        super().__init__(frames, size, tile)
+    def __init__(
+        self, frames: Frames, size: Size, tile: Size | None = None, seed: Seed = 0, bits: Bits = 1, repeat: Pixels = 1
+    ) -> None:
+        super().__init__(frames, size, tile, repeat)
         self.bits = check_binary(bits)
         self.weight = nn.Parameter(uniform(self.pattern_shape, seed))
 

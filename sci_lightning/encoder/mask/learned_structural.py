@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import nn
 
-from sci_lightning.configuration.bounds import Bits, Frames, Positive, Seed, Size
+from sci_lightning.configuration.bounds import Bits, Frames, Pixels, Positive, Seed, Size
 from sci_lightning.encoder.mask.mask import Mask, uniform
 from sci_lightning.encoder.mask.structure import check_bits, structure
 from sci_lightning.errors import BadInput
@@ -19,7 +19,7 @@ class LearnedStructural(Mask):
 
     Args:
         bits: mask bit depth, 1 to 8 (1: one open slot per pixel).
-        frames, size, tile: see :class:`~sci_lightning.encoder.mask.Mask`.
+        frames, size, tile, repeat: see :class:`~sci_lightning.encoder.mask.Mask`.
         seed: seed of the initial real-valued mask.
         sharpness: the power, > 0. 1 is the published start. With a larger power the light of a pixel falls into fewer
             slots at the start; a decoder learns to undo such a mask in fewer steps, and training can soften it again.
@@ -37,8 +37,9 @@ class LearnedStructural(Mask):
         tile: Size | None = None,
         seed: Seed = 0,
         sharpness: Positive = 1.0,
+        repeat: Pixels = 1,
     ) -> None:
-        super().__init__(frames, size, tile)
+        super().__init__(frames, size, tile, repeat)
         if not sharpness > 0:
             raise BadInput(f"mask sharpness must be positive, got {sharpness!r}")
         self.bits = check_bits(bits)
@@ -55,4 +56,7 @@ class LearnedStructural(Mask):
     def window(self, top: int, left: int, height: int, width: int) -> torch.Tensor:
         if self.tile != self.size:  # a tile is structured faster than what it covers
             return super().window(top, left, height, width)
-        return structure(self.weight[:, top : top + height, left : left + width], self.bits)
+        r = self.repeat
+        rows, columns = (slice(at // r, -(-(at + side) // r)) for at, side in ((top, height), (left, width)))
+        part = structure(self.weight[:, rows, columns], self.bits)
+        return self.in_pixels(part, top % r, left % r, height, width)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import torch
 from torch import nn
 
-from sci_lightning.configuration.bounds import Frames, Size
+from sci_lightning.configuration.bounds import Frames, Pixels, Size
 from sci_lightning.errors import BadInput
 
 
@@ -19,21 +19,28 @@ class Mask(nn.Module):
         size: (H, W) in pixels.
         tile: (h, w) of a smaller pattern that repeats over the mask, or None for a free value in every pixel.
             A tile has fewer values to learn, and every training crop teaches all of them.
+        repeat: side of the square of pixels, a superpixel, that has one value: 2 for 2 x 2 pixels, as the paper's
+            prototype shows its mask. A size that is no multiple of it cuts the last ones off.
 
     Raises:
-        BadInput: T < 2, or a size or tile that is not two positive whole numbers.
+        BadInput: T < 2, a size or tile that is not two positive whole numbers, or a tile of parts of superpixels.
     """
 
     learned = False
     """Whether training changes the mask."""
 
-    def __init__(self, frames: Frames, size: Size, tile: Size | None = None) -> None:
+    def __init__(self, frames: Frames, size: Size, tile: Size | None = None, repeat: Pixels = 1) -> None:
         super().__init__()
         if frames < 2:
             raise BadInput(f"frames must be at least 2 (one snapshot codes several frames), got {frames}")
         self.frames = frames
         self.size = _pair("size", size)
         self.tile = self.size if tile is None else _pair("tile", tile)
+        self.repeat = repeat
+        if isinstance(repeat, bool) or not isinstance(repeat, int) or repeat < 1:
+            raise BadInput(f"mask repeat must be a whole number of pixels, 1 or more, got {repeat!r}")
+        if self.tile != self.size and any(side % repeat for side in self.tile):
+            raise BadInput(f"mask tile={list(self.tile)}: must be multiples of repeat={repeat}, or superpixels are cut")
 
     @property
     def automatic_aperture(self) -> float:
@@ -42,15 +49,24 @@ class Mask(nn.Module):
 
     @property
     def pattern_shape(self) -> tuple[int, int, int]:
-        """The shape (T, h, w) of the stored values: those of the tile, or of the whole mask."""
-        return (self.frames, *self.tile)
+        """The shape (T, h, w) of the stored values: those of the tile, or of the whole mask, one per superpixel."""
+        return (self.frames, -(-self.tile[0] // self.repeat), -(-self.tile[1] // self.repeat))
 
     def cover(self, pattern: torch.Tensor) -> torch.Tensor:
-        """Repeat a ``(T, h, w)`` pattern until it covers the mask: ``(T, H, W)``."""
+        """Repeat a ``(T, h, w)`` pattern of stored values until it covers the mask: ``(T, H, W)``."""
+        pattern = self.in_pixels(pattern, 0, 0, *self.tile)
         if self.tile == self.size:
             return pattern
         (height, width), (h, w) = self.size, self.tile
         return pattern.repeat(1, -(-height // h), -(-width // w))[:, :height, :width]
+
+    def in_pixels(self, pattern: torch.Tensor, top: int, left: int, height: int, width: int) -> torch.Tensor:
+        """Return ``(T, height, width)`` pixels of a pattern of superpixels, from pixel (top, left) of it on."""
+        if self.repeat > 1:
+            pattern = pattern.repeat_interleave(self.repeat, -2).repeat_interleave(self.repeat, -1)
+        if pattern.shape[-2:] == (height, width):
+            return pattern
+        return pattern[:, top : top + height, left : left + width]
 
     def window(self, top: int, left: int, height: int, width: int) -> torch.Tensor:
         """Return the part ``(T, height, width)`` of the mask whose first pixel is (top, left)."""
@@ -64,7 +80,8 @@ class Mask(nn.Module):
         raise NotImplementedError
 
     def extra_repr(self) -> str:
-        return f"frames={self.frames}, size={self.size}, tile={self.tile}"
+        superpixels = f", repeat={self.repeat}" if self.repeat > 1 else ""
+        return f"frames={self.frames}, size={self.size}, tile={self.tile}{superpixels}"
 
 
 def uniform(shape: Sequence[int], seed: int) -> torch.Tensor:

@@ -5,8 +5,9 @@ mean A m and covariance A C A' + noise, from which follow the best linear estima
 estimate is expected to make, and the likelihood of the snapshot when the scene is unknown.
 """
 
+from sci_lightning.imaging.patches.estimator import LinearEstimator
 from sci_lightning.imaging.patches.grid import BlockGrid
 from sci_lightning.imaging.patches.moments import BlockMoments, block_covariance
 from sci_lightning.imaging.patches.prior import PatchPrior
 
-__all__ = ["BlockGrid", "BlockMoments", "PatchPrior", "block_covariance"]
+__all__ = ["BlockGrid", "BlockMoments", "LinearEstimator", "PatchPrior", "block_covariance"]
