@@ -135,8 +135,8 @@ def measure(
             calls["published"]()
         except KeyError as error:
             raise BadInput(
-                f"published=true: the published {type(decoder).__name__} has {error}, this one does not; leave decoder.* "
-                "and reduced= out, or published="
+                f"published=true: the published {type(decoder).__name__} has {error}, this one does not; leave "
+                "decoder.* and reduced= out, or published="
             ) from error
     # everything has been called once above
     seconds = seconds_in_turns(calls, place, max(0, warm_up - 1), repeats, budget)
