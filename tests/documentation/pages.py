@@ -86,6 +86,8 @@ def reduced(arguments: list[str]) -> list[str]:
         case "proving_ground" if "run=false" not in line:
             small = ["suites=[nothing]", "cases=1", "seeds=1", "size=[32,32]", "frames=4", "workers=1"]
             return [module, *overrides, *(small if "out=" in line else ["--cfg", "job"])]
+        case "design_mask":
+            return [module, *overrides, "steps=2", "tile=[4,4]"]
         case "benchmark":
             return [module, *overrides, "size=16", "repeats=1", "product=64"]
         case "evaluate" | "reconstruct":
