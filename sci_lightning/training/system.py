@@ -18,6 +18,7 @@ from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput, TrainingDiverged
 from sci_lightning.imaging.operator import SnapshotOperator
 from sci_lightning.imaging.pipeline import Pipeline
+from sci_lightning.imaging.tile_choice import TileChoice
 from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.scene_scores import SceneScores
 from sci_lightning.runs.device import device_name
@@ -75,6 +76,7 @@ class System(L.LightningModule):
             trains the decoder's large weights in Adam's place; None for Adam alone.
         warmup: part of the run, 0 to below 1, in which all learning rates rise from 0.
         compile: compile the decoder with ``torch.compile``.
+        tile: in a test, how large fields are decoded, see :meth:`Pipeline.decode`.
         seed: seed of everything random in a step.
         run_config: the run's plain, resolved configuration; kept in every checkpoint so that the run can be rebuilt.
 
@@ -99,6 +101,7 @@ class System(L.LightningModule):
         muon_lr: Positive | None = None,
         warmup: Share = 0.0,
         compile: bool = False,
+        tile: TileChoice | str = "none",
         seed: Seed = 0,
         run_config: dict[str, Any] | None = None,
     ) -> None:
@@ -121,6 +124,7 @@ class System(L.LightningModule):
         self.stages = torch.compile(decoder.stages) if compile else decoder.stages
         self.lr, self.final_lr, self.mask_lr = lr, final_lr, lr if mask_lr is None else mask_lr
         self.muon_lr, self.warmup = muon_lr, warmup
+        self.tile = tile
         self.seed = seed
         self.run_config = run_config or {}
         self.metrics = dict(metrics or {})
@@ -352,7 +356,7 @@ class System(L.LightningModule):
         recorded, aperture = taken if taken else (pipeline.record(video), None)
         linear, mask = pipeline.linearise(recorded, aperture), pipeline.decoder_mask()
         start = self._now()
-        estimate = pipeline.decode(linear, mask)
+        estimate = pipeline.decode(linear, mask, self.tile)
         self.seconds.append((self._now() - start) / len(video))
         for scene, x, truth in zip(scenes, estimate, video, strict=True):
             self.scores.update(int(scene), x, truth)
