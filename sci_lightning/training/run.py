@@ -100,7 +100,8 @@ def run_training(
     checkpoint_io = TrainingCheckpointIO(system)
     trainer = _build_trainer(run_config, checkpoint_io, stop)
     share: dict[str, Any] = {"rank": trainer.global_rank, "world_size": trainer.world_size}
-    clips = checkpoint_io.clips = ClipLoader(source.clips(), config["batch_size"], workers=config["workers"], **share)
+    pinned = {"workers": config["workers"], "pin_memory": trainer.strategy.root_device.type == "cuda"}
+    clips = checkpoint_io.clips = ClipLoader(source.clips(), config["batch_size"], **pinned, **share)
     trainer.fit(system, clips, scene_loader(held_out, **share), ckpt_path=resumed)
     trainer.save_checkpoint(out / "checkpoints" / "last.ckpt")
     if trainer.is_global_zero:
