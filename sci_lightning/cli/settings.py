@@ -43,6 +43,8 @@ SETTINGS: Mapping[str, Any] = {
     # train
     "batch_size": Repeats,
     "resume": bool,
+    "dry_run": bool,
+    "core_minutes": Positive,
     "scale": Name,
     "test_encoders": Mapping[str, Any],
     # evaluate
@@ -60,6 +62,11 @@ SETTINGS: Mapping[str, Any] = {
     "runs": Place | Sequence[Place],
     "documentation": Place,
     "mosaic": Count,
+    # tables.rows
+    "overrides": Annotated[str, DocInfo("overrides of every training, as one text")],
+    "row_scale": Name,
+    "label": Name,
+    "results": Place,
     "sensor": Mapping[str, Positive | None],
     # export_mask
     "repeat": Repeats,
@@ -69,6 +76,9 @@ SETTINGS: Mapping[str, Any] = {
     "gray_rate": Positive,
     # benchmark
     "only": Sequence[Name],
+    "published": bool,
+    "reduced": Literal["small", "quickstart", "smoke"],
+    "training": Annotated[int, Interval(ge=0, le=65536)],
     "compile": bool,
     "warm_up": Count,
     "repeats": Repeats,

@@ -63,6 +63,7 @@ class E2ECNN(Decoder):
     ) -> None:
         super().__init__(first_estimate)
         self.frames = frames
+        self.receptive_field = 4 * blocks + 3
         self.input_residual = input_residual
         self.first = nn.Conv2d(frames, channels, 3, padding=1)
         self.encode = nn.ModuleList(ResidualBlock(channels) for _ in range(blocks))

@@ -96,6 +96,7 @@ class EfficientSCI(Decoder):
                 f"EfficientSCI: half of width {width} does not divide into {groups} groups of {heads} heads; "
                 f"choose channels, groups and heads so that it does"
             )
+        self.receptive_field = 6 * blocks * groups + 8  # three convolutions in every CFormer, at half resolution
         self.fem = nn.Sequential(
             Conv3d(1, channels, (3, 7, 7)),
             nn.LeakyReLU(inplace=True),

@@ -111,6 +111,8 @@ class Res2former(Decoder):
                     f"choose dim, groups and heads so that it does"
                 )
         half, quarter = 2 * dim, 4 * dim
+        # Two convolutions in every branch, one branch behind the other: at half resolution, and at a quarter.
+        self.receptive_field = 2 * (4 * depths[0] * groups[0]) + 4 * (2 * depths[1] * groups[1]) + 8
         self.extract = nn.Sequential(
             Conv3d(1, dim, 3),
             nn.LeakyReLU(inplace=True),
@@ -133,5 +135,8 @@ class Res2former(Decoder):
         outer = self.encode(low)
         deep = self.bottleneck(self.down(outer))
         features = self.fuse(torch.cat([pixel_shuffle(self.up(deep)), outer], dim=1))
-        features = pixel_shuffle(self.expand(self.decode_blocks(features) + low))
+        del deep, outer  # full resolution, which follows, needs the most memory
+        features = self.decode_blocks(features) + low
+        del low
+        features = pixel_shuffle(self.expand(features))
         return first.plus(self.last(features)[:, 0])

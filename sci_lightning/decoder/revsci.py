@@ -112,6 +112,7 @@ class RevSCI(Decoder):
         super().__init__(first_estimate)
         self.reversible = reversible
         half, quarter = channels // 2, channels // 4
+        self.receptive_field = 8 * blocks + 7  # four convolutions in every block, at half resolution
         self.conv1 = nn.Sequential(
             Conv3d(1, quarter, 5),
             nn.LeakyReLU(inplace=True),

@@ -82,6 +82,7 @@ class STFormer(Decoder):
     """
 
     multiple = 2
+    period = 2 * WINDOW
     published_unused: ClassVar[tuple[str, ...]] = (
         r".*\.relative_position_index",  # computed here
         r"layers\.\d+\.blocks\.\d+\.conv_cat\.(weight|bias)",  # in the cacti toolbox, where nothing uses it
@@ -97,6 +98,7 @@ class STFormer(Decoder):
     ) -> None:
         super().__init__(first_estimate)
         self.frames = frames
+        self.receptive_field = 4 * WINDOW * units + 19  # windows and shifted windows, of pixels at half resolution
         self.token_gen = nn.Sequential(
             Conv3d(1, dim, 5),
             nn.LeakyReLU(inplace=True),

@@ -27,7 +27,8 @@ def attention_along_time(
     n, c, t, h, w = x.shape
     # Slots first, as the features lie in memory: every product below reads them where they are.
     tokens = x.permute(2, 0, 3, 4, 1).reshape(t, n * h * w, c)
-    pixels = max(1, block_sizes.ATTENTION_TOKENS // t) if x.device.type == "cpu" else n * h * w
+    # On meta as well, where the memory is counted that a processor would need.
+    pixels = max(1, block_sizes.ATTENTION_TOKENS // t) if x.device.type in ("cpu", "meta") else n * h * w
 
     def attend(tokens: torch.Tensor) -> torch.Tensor:
         """Return the attention among some of the pixels, ``(T, pixels, C)``."""
