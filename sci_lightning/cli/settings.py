@@ -43,6 +43,7 @@ SETTINGS: Mapping[str, Any] = {
     # train
     "batch_size": Repeats,
     "resume": bool,
+    "dry_run": bool,
     "core_minutes": Positive,
     "scale": Name,
     "test_encoders": Mapping[str, Any],
