@@ -79,6 +79,7 @@ def describe(diagnosis: Diagnosis) -> dict[str, Any]:
                 "stage": unnamed.stage,
                 "where": unnamed.where,
                 "p_value": unnamed.p_value,
+                "nats": unnamed.nats,
                 "picture": f"unnamed_{number}.png",
             }
             for number, unnamed in enumerate(diagnosis.unnamed, start=1)
