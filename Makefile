@@ -1,5 +1,6 @@
 # make train: set up and run the quickstart; make diagnose: hide an effect, find it; make test: set up and run the tests;
-# make tables: train every row of the paper's tables, reduced for two cores (hours); make smoke-tables: minutes, no figures;
+# make tables: train every row of the paper's tables, 45 minutes of one core each (MINUTES=10: less; WORKERS=1: one at a time);
+# interrupted in whatever way, the same line goes on; make smoke-tables: every row for seconds, no figures;
 # make gpu-tables: the rows that matter most, full networks, half an hour each on one GPU;
 # make speedrun CLIPS=.. VALIDATION=.. SCENES=..: the best recipe of half an hour on two cores; interrupted, the same line goes on
 # make documentation: write the measured tables of README.md and docs/ from docs/results/
@@ -23,14 +24,18 @@ diagnose: $(READY)
 	$(BIN)/python -m sci_lightning.diagnose captures=$(FOUND)/captures.h5 out=$(FOUND)
 	$(BIN)/python -m sci_lightning.virtual_camera.reveal $(FOUND)/captures.truth.json $(FOUND)/report.json
 
-# a row that fails stops neither the others nor the tables; WITH='data=folder data.root=CLIPS' adds overrides
-tables: SCALE := small
+# a row that fails stops neither the others nor the tables; WITH='data=folder data.root=CLIPS' adds overrides, ONLY='[table5]' leaves
+# rows out, LABEL=name keeps results of their own
+tables: $(READY)
+	$(BIN)/python -m sci_lightning.tables.rows overrides='"$(WITH)"' $(if $(MINUTES),core_minutes=$(MINUTES)) \
+	  $(if $(WORKERS),workers=$(WORKERS)) $(if $(ONLY),'only=$(ONLY)') $(if $(LABEL),label=$(LABEL))
+
 smoke-tables: SCALE := smoke
 gpu-tables: SCALE := gpu30
-tables smoke-tables: ROWS := table2 table3 table4 table5
+smoke-tables: ROWS := table2 table3 table4 table5
 gpu-tables: ROWS := 'table2 decoder=e2e_cnn' 'table3 decoder=e2e_cnn' 'table4 decoder=e2e_cnn,res2former' \
   'table5 encoder=rsw_sr encoder.mask.bits=4'
-tables smoke-tables gpu-tables: $(READY)
+smoke-tables gpu-tables: $(READY)
 	failed=0; for rows in $(ROWS); do \
 	  $(BIN)/python -m sci_lightning.train -m experiment=$$rows scale=$(SCALE) $(WITH) || failed=1; done; \
 	$(BIN)/python -m sci_lightning.tables runs=outputs/sweep/$(SCALE) out=outputs/tables/$(SCALE) && exit $$failed

@@ -21,6 +21,7 @@ def evaluate(composition: Composition) -> float:
     Args:
         composition: of ``conf/evaluate.yaml``.
     """
+    import torch
     from torch.utils.data import DataLoader
 
     from sci_lightning.captures import read_captures
@@ -30,7 +31,9 @@ def evaluate(composition: Composition) -> float:
     from sci_lightning.data.loader import scene_loader
     from sci_lightning.decoder import kernels
     from sci_lightning.decoder.complexity import count_parameters
+    from sci_lightning.decoder.iterative import Iterative
     from sci_lightning.errors import BadInput, OtherSize
+    from sci_lightning.imaging.tile_choice import TileChoice
     from sci_lightning.runs.precision import describe_precision, device_of_accelerator, resolve_precision
     from sci_lightning.runs.results import print_results, run_metrics, with_effects, write_json
     from sci_lightning.training.callbacks import Progress, ScenePictures
@@ -64,14 +67,19 @@ def evaluate(composition: Composition) -> float:
     names = {**trained["names"], "test_encoder": test_encoder}
 
     metrics = build_metrics(plain(cfg.metrics) if cfg.get("metrics") else {}, cfg.size)
-    system = System(encoder, decoder, camera=camera, metrics=metrics, seed=cfg.seed)
+    console, progress = PlainConsole(), Progress()
+    watch = None if isinstance(decoder, Iterative) else progress.show_tile
+    choice = TileChoice(cfg.tile, say=console.print, watch=watch)
+    system = System(encoder, decoder, camera=camera, metrics=metrics, tile=choice, seed=cfg.seed)
     tested_on = test_encoder if cfg.captures else with_effects(test_encoder, encoder.path.names)
     pictures = ScenePictures(out / "pictures", f"{names['decoder']}, tested on {tested_on}", cfg.pictures)
-    trainer = built(cfg, "trainer", logger=False, enable_checkpointing=False, callbacks=[Progress(), pictures])
+    trainer = built(cfg, "trainer", logger=False, enable_checkpointing=False, callbacks=[progress, pictures])
+    place = torch.empty(1, device=trainer.strategy.root_device)
+    with trainer.strategy.precision_plugin.test_step_context():  # what cannot be decoded is refused before it starts
+        choice.tiling(decoder, place.expand(loader.batch_size or 1, *cfg.size), place.expand(cfg.frames, *cfg.size))
     trainer.test(system, loader, verbose=False)
     scores = run_metrics(system, names, {**trained, "evaluate": plain(cfg)})
     write_json(scores.to_json(), out / "metrics.json")
-    console = PlainConsole()
     print_results(scores, console)
     console.say(styled(out), ": metrics.json" + (", pictures/" if pictures.written else ""))
     decodes = {"ckpt_path": cfg.ckpt_path} if cfg.ckpt_path else {}

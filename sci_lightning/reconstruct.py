@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.progress import Progress
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, group_members
 from sci_lightning.cli.console import PlainConsole, styled, warn
+
+if TYPE_CHECKING:
+    import numpy as np
 
 
 def reconstruct(composition: Composition) -> None:
@@ -30,10 +35,12 @@ def reconstruct(composition: Composition) -> None:
     from sci_lightning.encoder.mask import Measured
     from sci_lightning.errors import BadInput
     from sci_lightning.files.atomic_file import atomic_write
+    from sci_lightning.files.npy_file import write_npy
     from sci_lightning.imaging.animation import write_frames, write_gif
     from sci_lightning.imaging.mask_check import mask_warning
     from sci_lightning.imaging.pipeline import Pipeline
     from sci_lightning.imaging.snapshot import read_snapshot
+    from sci_lightning.imaging.tile_choice import TileChoice
     from sci_lightning.runs.device import resolve_device
     from sci_lightning.runs.precision import describe_precision, mixed_precision, resolve_precision
 
@@ -84,24 +91,32 @@ def reconstruct(composition: Composition) -> None:
             warn(line if line.startswith(str(snapshot.path)) else f"{snapshot.path}: {line}")
     pipeline.to(device)
     mask = mask.to(device)
+    n, (t, h, w) = len(linear), mask.shape
     if networks:
         console.say(describe_precision(precision, device))
     mixed = mixed_precision(precision, device)
     with torch.no_grad(), mixed, Progress(console=console, transient=True) as progress:
-        bar = progress.add_task("Decoding", total=len(linear))
-        if isinstance(decoder, Iterative):
-            decoder.watch = lambda iteration: progress.update(bar, description=f"Decoding: {iteration}")
-        videos = []
-        for one in linear:
-            videos.append(pipeline.decode(one[None].to(device), mask).cpu())
-            progress.advance(bar)
-    video = torch.cat(videos)
+        bar = progress.add_task("Decoding", total=n)
 
+        def show(state: object) -> None:
+            progress.update(bar, description=f"Decoding: {state}")
+
+        watch = None if isinstance(decoder, Iterative) else lambda tile, of: show(f"tile {tile} of {of}")
+        if isinstance(decoder, Iterative):
+            decoder.watch = show
+        choice = TileChoice(cfg.tile, say=console.print, watch=watch)
+        choice.tiling(decoder, linear[:1].to(device), mask)  # what cannot be decoded is refused before anything is made
+
+        def decoded() -> Iterator[np.ndarray]:
+            for one in linear:
+                yield pipeline.decode(one[None].to(device), mask, choice)[0].float().cpu().numpy()
+                progress.advance(bar)
+
+        with atomic_write(out / "reconstruction.npy") as temporary:
+            write_npy(temporary, (n, t, h, w), decoded())
+    video = np.load(out / "reconstruction.npy", mmap_mode="r")
     write_frames(video, out / "frames")
     write_gif(video, out / "video.gif", cfg.fps)
-    with atomic_write(out / "reconstruction.npy") as temporary:
-        np.save(temporary, video.numpy())
-    n, t, h, w = video.shape
     level = f"mean level {float(measurement.mean()):.3f} of full scale, aperture {aperture:.3g}"
     console.print(f"{n} snapshot(s) of {h} x {w} ({level}) decoded into {t} frames each")
     console.say(styled(out), ": frames/, video.gif, reconstruction.npy")

@@ -41,8 +41,8 @@ def test_all_groups_are_known() -> None:
         "logger",
         "metric",
         "scale",
-        *(f"scale/decoder/{scale}" for scale in ("quickstart", "slim", "small", "smoke")),
-        *(f"scale/mask/{scale}" for scale in ("quickstart", "small")),
+        *(f"scale/decoder/{scale}" for scale in ("cpu", "quickstart", "slim", "smoke")),
+        *(f"scale/mask/{scale}" for scale in ("cpu", "crop", "quickstart")),
         "system",
         "trainer",
     }
@@ -57,7 +57,8 @@ def test_member_composes_and_instantiates(
         scale = group.rpartition("/")[2]
         choice = ["experiment=denoiser_cpu" if scale == "slim" else f"scale={scale}", f"decoder={name}"]
     if group.startswith("scale/mask/"):
-        choice = [f"scale={group.rpartition('/')[2]}", f"encoder/mask={name}"]
+        scale = group.rpartition("/")[2]
+        choice = ["experiment=short_cpu" if scale == "crop" else f"scale={scale}", f"encoder/mask={name}"]
     if group == "logger" and name in EXTRAS:
         pytest.importorskip(name, reason=f"pip install sci-lightning[{name}]")
     # Lightning does not know precision=auto, which the commands resolve

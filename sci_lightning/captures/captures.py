@@ -34,6 +34,8 @@ class Captures:
         name: of the camera or the session, for people.
         surround: what lies beyond the patterns, a member of :data:`SURROUNDS`: ``dark`` for no light, ``unknown`` where
             nobody has said it.
+        verification: numbers of the captures that no fit and no choice of a model may see; None where nobody has chosen
+            them, so that a diagnosis does.
         path: the file that was read; None for captures that were never in a file.
     """
 
@@ -50,6 +52,7 @@ class Captures:
     name: str = ""
     path: Path | None = None
     surround: str = "unknown"
+    verification: tuple[int, ...] | None = None
 
     def __len__(self) -> int:
         """The number of captures, N."""
@@ -92,8 +95,12 @@ class Captures:
         """
         chosen = np.asarray(indices)
         chosen = np.arange(len(self))[chosen if chosen.size or chosen.dtype == bool else chosen.astype(int)]
+        kept = None
+        if self.verification is not None:
+            kept = tuple(place for place, index in enumerate(chosen.tolist()) if index in self.verification)
         return replace(
             self,
+            verification=kept,
             sequence=self.sequence[chosen],
             measurement=self.measurement[chosen],
             scene=self.scene[chosen],

@@ -177,6 +177,33 @@ class Contents:
             raise self.refusal(f"attribute '{name}' is {type(value).__name__}, expected a string or one number")
         return value
 
+    def indices(self, name: str, count: int) -> tuple[int, ...] | None:
+        """Return an attribute that lists different whole numbers below ``count``; None if there is none.
+
+        Raises:
+            BadInput: something else, more than ``count`` numbers, a number twice or out of range.
+        """
+        if name not in self.file.attrs:
+            return None
+        expected = f"a list of different whole numbers from 0 to {count - 1}"
+        try:
+            stored = self.file.attrs.get_id(name)
+            shape = stored.shape
+            fits = shape is not None and len(shape) <= 1 and math.prod(shape) <= count and stored.dtype.kind in "ui"
+            values = np.atleast_1d(self.file.attrs[name]).tolist() if fits else None
+        except (OSError, RuntimeError, TypeError) as error:
+            raise self.refusal(f"attribute '{name}' cannot be read, expected {expected}") from error
+        if values is None:
+            empty = shape is None or 0 in shape
+            if empty:
+                return ()
+            raise self.refusal(f"attribute '{name}' is {stored.dtype} of shape {shape}, expected {expected}")
+        wrong = [value for value in values if not 0 <= value < count]
+        if wrong or len(set(values)) < len(values):
+            holds = f"holds {wrong[0]}" if wrong else "holds a number twice"
+            raise self.refusal(f"attribute '{name}' {holds}, expected {expected}")
+        return tuple(int(value) for value in values)
+
 
 def _letters(shape: Shape) -> str:
     """Return the axes as messages name them, such as ``(N, T)``."""

@@ -82,10 +82,17 @@ def pack_captures(
         bit_depth=bit_depth,
         read_noise_dn=recipe.top.number("read_noise_dn", low=0),
         full_well_e=recipe.top.number("full_well_e", low=0, above=True),
+        verification=_verification(packed),
         surround=recipe.top.text("surround", SURROUNDS) or SURROUNDS[0],
         name=recipe.top.text("name") or Path(folder).resolve().name,
     )
     return write_captures(out, captures)
+
+
+def _verification(packed: list[Entry]) -> tuple[int, ...] | None:
+    """Return the numbers of the captures that are set aside to verify a diagnosis; None if none are."""
+    aside = [entry.node.flag("verification") for entry in packed for _ in entry.measurement]
+    return tuple(number for number, is_aside in enumerate(aside) if is_aside) if any(aside) else None
 
 
 def _pack(

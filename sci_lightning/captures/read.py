@@ -17,7 +17,7 @@ from sci_lightning.files.memory_bound import check_memory
 
 FORMAT, FORMAT_VERSION = "sci-captures", 2
 READABLE = (1, 2)
-"""Versions of the format that are read; version 1 has no attribute ``surround``."""
+"""Versions of the format that are read; version 1 knows none of ``surround`` and ``verification``."""
 MOST_CAPTURES = 100_000
 """Largest number of captures in one file; one per second makes 86,400 a day."""
 
@@ -51,6 +51,8 @@ def read_captures(path: str | Path, *, called: str | Path | None = None) -> Capt
 
 def _captures(contents: Contents, path: Path) -> Captures:
     version = _check_format(contents)
+    if version > 1:
+        _refuse_another_grid(contents)
     _check_sizes(contents)
     bits = _number(contents, "bit_depth", "a whole number from 1 to 16", lambda v: 1 <= v <= 16 and v == int(v))
     if bits is None:
@@ -85,6 +87,7 @@ def _captures(contents: Contents, path: Path) -> Captures:
         name=title or path.stem,
         path=path,
         surround=_surround(contents) if version > 1 else SURROUNDS[0],
+        verification=contents.indices("verification", count) if version > 1 else None,
     )
 
 
@@ -98,6 +101,15 @@ def _check_format(contents: Contents) -> int:
         if content not in readable:
             raise contents.refusal(f"attribute '{name}' is {content!r}, expected {expected}")
     return int(content or 0)
+
+
+def _refuse_another_grid(contents: Contents) -> None:
+    """Refuse patterns on a grid of their own: a diagnosis would take them for patterns of the field."""
+    if "sensor_to_modulator" in contents.file.attrs:
+        raise contents.refusal(
+            "attribute 'sensor_to_modulator' is not supported yet, expected patterns that are resampled to the field's "
+            "pixels, and no such attribute"
+        )
 
 
 def _surround(contents: Contents) -> str:

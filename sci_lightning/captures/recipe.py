@@ -17,6 +17,7 @@
       - measurement: grey.png
         scene: 0.5                 # an even scene
         aperture: 0.25             # light scale, else 1
+        verification: true         # a diagnosis fits nothing to them and is judged by them; else it chooses some
       - measurement: still.tif
         scene: target.png          # (H, W) at rest, or (T, H, W)
         scene_levels: 4095         # as pattern_levels; without a scene: it is unknown
@@ -53,7 +54,7 @@ TOP = (
     "pattern_levels",
     "captures",
 )
-ENTRY = ("measurement", "kind", "aperture", "exposure", "sequence", "scene", "scene_levels")
+ENTRY = ("measurement", "kind", "aperture", "exposure", "sequence", "scene", "scene_levels", "verification")
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,13 @@ class Node:
             )
         if value is not None and (not value.isprintable() or len(value) > LONGEST_TEXT):
             raise self.refusal(key, f"expected at most {LONGEST_TEXT} printable characters, got {excerpt(value, 60)}")
+        return value
+
+    def flag(self, key: str) -> bool:
+        """Return true or false, false where the key is absent."""
+        value = self.values.get(key, False)
+        if not isinstance(value, bool):
+            raise self.refusal(key, f"expected true or false, got {value!r}")
         return value
 
     def files(self, key: str) -> list[str]:

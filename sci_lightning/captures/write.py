@@ -34,10 +34,12 @@ def write_captures(path: str | Path, captures: Captures) -> Captures:
     path = Path(path)
     if path.suffix not in ENDINGS or path.is_dir():
         raise BadInput(f"out={path}: a captures file ends in .h5 or .hdf5")
-    attributes: dict[str, str | int | float] = {"format": FORMAT, "format_version": FORMAT_VERSION}
+    attributes: dict[str, str | int | float | np.ndarray] = {"format": FORMAT, "format_version": FORMAT_VERSION}
     for name in ("bit_depth", "read_noise_dn", "full_well_e", "name", "surround"):
         if (value := getattr(captures, name)) not in (None, ""):
             attributes[name] = value
+    if captures.verification is not None:
+        attributes["verification"] = np.array(captures.verification, np.int64)
     datasets = {name: getattr(captures, name) for name in ("patterns", "sequence", "measurement")}
     if not np.isnan(captures.scene).all():
         datasets["scene"] = captures.scene

@@ -43,6 +43,7 @@ SETTINGS: Mapping[str, Any] = {
     # train
     "batch_size": Repeats,
     "resume": bool,
+    "core_minutes": Positive,
     "scale": Name,
     "test_encoders": Mapping[str, Any],
     # evaluate
@@ -60,6 +61,11 @@ SETTINGS: Mapping[str, Any] = {
     "runs": Place | Sequence[Place],
     "documentation": Place,
     "mosaic": Count,
+    # tables.rows
+    "overrides": Annotated[str, DocInfo("overrides of every training, as one text")],
+    "row_scale": Name,
+    "label": Name,
+    "results": Place,
     "sensor": Mapping[str, Positive | None],
     # export_mask
     "repeat": Repeats,

@@ -10,7 +10,7 @@ from sci_lightning.configuration.bounds import Iterations
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
 from sci_lightning.decoder.denoiser.motion_filter import MotionFilter
-from sci_lightning.decoder.iterative import Iterative
+from sci_lightning.decoder.iterative import Iterative, reused
 from sci_lightning.errors import BadInput
 
 
@@ -54,9 +54,10 @@ class ADMM(Iterative):
         theta = self.first_estimate(measurement, mask)
         b = torch.zeros_like(theta)
         for iteration, strength in self.schedule():
-            x = operator.data_step(theta + b, measurement, weight)
+            x = theta + b
+            x = operator.data_step(x, measurement, weight, out=reused(x))
             theta = self.denoised(x - b, strength)
             if self.reached(measurement - operator(theta), iteration):
                 break
-            b = b - (x - theta)
+            b = torch.sub(b, torch.sub(x, theta, out=reused(x)), out=reused(b))
         return theta

@@ -33,6 +33,7 @@ class ADMMNet(Decoder):
     """
 
     multiple = 4
+    global_steps = True
 
     def __init__(
         self,
@@ -50,15 +51,20 @@ class ADMMNet(Decoder):
             self.register_parameter(f"gamma{stage}", nn.Parameter(torch.zeros(1)))
         self.begin_at_first_video(*(unet.conv_last for unet in self.children() if isinstance(unet, UNet)))
 
+    @property
+    def halo(self) -> int:
+        """Pixels around a tile that the network of a stage needs: there are no seams in between."""
+        return UNet.receptive_field
+
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
         operator = self.operator(mask)
         weight = operator.sum_of_squares() if self.squared else operator.total_or_one()
         theta = self.first_video(operator.adjoint(measurement), measurement, mask).video
         b = torch.zeros_like(theta)
-        estimates = []
+        estimates: list[torch.Tensor] = []
         for unet, gamma in zip(self.children(), self.parameters(recurse=False), strict=True):
             x = operator.data_step(theta + b, measurement, weight + gamma)
-            theta = unet(x - b)
+            theta = self.locally(unet, UNet.receptive_field, x - b)
             b = b - (x - theta)
-            estimates.append(theta)
+            estimates = self.with_estimate(estimates, theta)
         return estimates

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Callable
 
 import torch
 from torch import nn
@@ -12,8 +13,13 @@ from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.attention import weighted_sum_of_positions
 from sci_lightning.decoder.kernels.layout import channels_last
 from sci_lightning.decoder.kernels.switch import are_plain
+from sci_lightning.decoder.layers.last_convolution import LastConv2d
 from sci_lightning.decoder.layers.sequential import named_block
 from sci_lightning.errors import BadInput
+
+FEATURES_FIELD, FRAME_FIELD, STEP_FIELD = 46, 4, 22
+"""Pixels over which inputs act on the features of the first frame before the attention, on that frame behind it, and on
+a step of the recurrence."""
 
 
 class ResidualPart(nn.Module):
@@ -91,9 +97,17 @@ class FirstFrame(nn.Sequential):
             relu51=nn.LeakyReLU(inplace=True),
             conv52=nn.Conv2d(quarter, eighth, 1),
             relu52=nn.LeakyReLU(inplace=True),
-            conv6=nn.Conv2d(eighth, 1, 3, padding=1),
+            conv6=LastConv2d(eighth, 1, 3, padding=1),
         )
         super().__init__(layers)
+
+    def by_parts(self, x: torch.Tensor, locally: Callable[..., torch.Tensor]) -> torch.Tensor:
+        """Return the result for ``(N, 1 + T, H, W)``; ``locally`` computes what is before and behind the attention."""
+        layers = list(self.children())
+        place = list(self._modules).index("att1")
+        before, behind = nn.Sequential(*layers[:place]), nn.Sequential(*layers[place + 1 :])
+        features = locally(lambda part: before(channels_last(part)), FEATURES_FIELD, x)
+        return locally(behind, FRAME_FIELD, layers[place](features), reduced=2)
 
 
 class Recurrence(nn.Module):
@@ -128,7 +142,7 @@ class Recurrence(nn.Module):
             nn.Conv2d(hidden, hidden, 1),
             nn.LeakyReLU(inplace=True),
             nn.Conv2d(hidden, hidden, 3, padding=1),
-            nn.Conv2d(hidden, 1, 1),
+            LastConv2d(hidden, 1, 1),
         )
         self.conv_x = nn.Sequential(
             nn.Conv2d(2, hidden, 5, padding=2),
@@ -150,6 +164,18 @@ class Recurrence(nn.Module):
         self.res_part1 = ResidualPart(width)
         self.res_part2 = ResidualPart(width)
 
+    def step(self, frame: torch.Tensor, state: torch.Tensor, measured: torch.Tensor) -> torch.Tensor:
+        """Return the next frame and the next state, one behind the other, ``(N, 1 + hidden, H, W)``.
+
+        Args:
+            frame: estimate of the slot before, ``(N, 1, H, W)``.
+            state: ``(N, hidden, H, W)``.
+            measured: the mean frame and the part of the measurement that belongs to the slot, ``(N, 2, H, W)``.
+        """
+        features = torch.cat([state, self.conv_x(channels_last(measured)), self.extract_feature1(frame)], dim=1)
+        features = self.res_part2(self.res_part1(channels_last(features)))
+        return torch.cat([self.up_feature1(features), self.h_h(features)], dim=1)
+
     def forward(
         self,
         frame: torch.Tensor,
@@ -157,6 +183,7 @@ class Recurrence(nn.Module):
         measurement: torch.Tensor,
         mean: torch.Tensor,
         mask: torch.Tensor,
+        locally: Callable[..., torch.Tensor],
         known: torch.Tensor | None = None,
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the video ``(N, T, H, W)`` in the mask's order of slots, and the last state.
@@ -166,6 +193,7 @@ class Recurrence(nn.Module):
             state: ``(N, hidden, H, W)``.
             measurement, mean: y and y / sum of M, ``(N, H, W)``.
             mask: ``(T, H, W)``.
+            locally: how a step is computed, see :meth:`~sci_lightning.decoder.decoder.Decoder.locally`.
             known: the video ``(N, T, H, W)`` to whose frames the recurrence adds; None if its frames stand for
                 themselves.
         """
@@ -176,11 +204,8 @@ class Recurrence(nn.Module):
             # the frames to come the mean frame is subtracted.
             unexplained = unexplained - mask[slot - 1] * frame[:, 0]
             share = unexplained - mask[slot + 1 :].sum(0) * mean
-            measured = self.conv_x(channels_last(torch.stack([mean, share], dim=1)))
-            features = torch.cat([state, measured, self.extract_feature1(frame)], dim=1)
-            features = self.res_part2(self.res_part1(channels_last(features)))
-            state = self.h_h(features)
-            frame = self.up_feature1(features)
+            following = locally(self.step, STEP_FIELD, frame, state, torch.stack([mean, share], dim=1))
+            frame, state = following[:, :1], following[:, 1:]
             if known is not None:
                 frame = frame + known[:, slot : slot + 1]
             frames.append(frame)
@@ -210,6 +235,7 @@ class BIRNAT(Decoder):
     """
 
     multiple = 2
+    global_steps = True
 
     def __init__(
         self, frames: Frames, channels: Width = 128, hidden: Width = 20, first_estimate: FirstEstimate = "published"
@@ -224,17 +250,21 @@ class BIRNAT(Decoder):
         self.backrnn = Recurrence(hidden)
         self.begin_at_first_video(self.first_frame_net, self.forward_rnn.up_feature1, self.backrnn.up_feature1)
 
+    @property
+    def halo(self) -> int:
+        """Pixels around a tile that any of the steps needs."""
+        return max(FEATURES_FIELD, FRAME_FIELD, STEP_FIELD)
+
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
         operator = self.operator(mask)
         mean = operator.mean_frame(measurement)
         modulated = operator.adjoint(mean)
         given = self.first_video(modulated, measurement, mask)
         known = given.video if given.improved else None
-        first = self.first_frame_net(channels_last(torch.cat([mean.unsqueeze(1), given.video], dim=1)))
+        first = self.first_frame_net.by_parts(torch.cat([mean.unsqueeze(1), given.video], dim=1), self.locally)
         first = first if known is None else first + known[:, :1]
         state = modulated.new_zeros(len(modulated), self.hidden, *mask.shape[1:])
-        there, state = self.forward_rnn(first, state, measurement, mean, mask, known)
-        back, _ = self.backrnn(
-            there[:, -1:], state, measurement, mean, mask.flip(0), None if known is None else known.flip(1)
-        )
-        return [there, back.flip(1)]
+        there, state = self.forward_rnn(first, state, measurement, mean, mask, self.locally, known)
+        known = None if known is None else known.flip(1)
+        back, _ = self.backrnn(there[:, -1:], state, measurement, mean, mask.flip(0), self.locally, known)
+        return self.with_estimate([there], back.flip(1))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import ClassVar, Literal, NamedTuple, TypeAlias
 
 import torch
@@ -12,6 +14,13 @@ from sci_lightning.decoder.kernels.switch import are_plain
 from sci_lightning.errors import BadInput
 from sci_lightning.imaging.operator import SnapshotOperator
 from sci_lightning.imaging.patches import LinearEstimator
+from sci_lightning.imaging.tiling import SeamsDiffer, Tiling
+
+HALO = 16
+"""Pixels around a tile that are decoded with it to begin with, where the receptive field is larger."""
+
+WIDEST_HALO = 256
+"""Pixels around a tile beyond which nothing is tried."""
 
 FirstEstimate: TypeAlias = Literal["published", "linear"]
 """Which video a network gets as its input, see :meth:`Decoder.first_video`."""
@@ -50,6 +59,15 @@ class Decoder(nn.Module):
     """T, if the architecture is built for one number of frames; None if it takes any."""
     multiple: ClassVar[int] = 1
     """H and W must be multiples of this; other sizes are padded by replication, and the video is cropped back."""
+    global_steps: ClassVar[bool] = False
+    """Whether the decoder works in steps on the whole field, and calls :meth:`locally` for what has to be done in
+    tiles; else a tile is decoded by itself."""
+    period: ClassVar[int | None] = None
+    """Measurement and mask that are shifted by a multiple of so many pixels give the estimate, shifted; None:
+    ``multiple``."""
+    receptive_field: int | None = None
+    """The distance in pixels, along rows and columns, beyond which measurement and mask do not act on a pixel of the
+    estimate; None if that is not known, or if there is no such distance."""
     published_names: ClassVar[tuple[tuple[str, str], ...]] = ()
     """What the authors call our state-dict keys: (regular expression of our key, replacement to make it theirs).
 
@@ -57,6 +75,8 @@ class Decoder(nn.Module):
     """
     published_unused: ClassVar[tuple[str, ...]] = ()
     """Regular expressions of published state-dict keys that are not used on purpose."""
+
+    _tiling: Tiling | None = None
 
     def __init__(self, first_estimate: FirstEstimate = "published") -> None:
         super().__init__()
@@ -108,6 +128,77 @@ class Decoder(nn.Module):
         estimates = self.decode_stages(measurement, mask)
         # Under autocast a network may end in a lower precision; losses and metrics want that of the measurement.
         return [estimate[..., :height, :width].to(measurement.dtype).contiguous() for estimate in estimates]
+
+    @property
+    def alignment(self) -> int:
+        """Tiles begin at multiples of so many pixels, with and without their halo."""
+        period = self.multiple if self.period is None else self.period
+        return period if self.linear_estimator is None else math.lcm(period, self.linear_estimator.stride)
+
+    @property
+    def halo(self) -> int:
+        """Pixels around a tile that are decoded with it: the receptive field, but no more than :data:`HALO`.
+
+        Far fewer pixels than the receptive field has act noticeably: :meth:`in_tiles` measures that.
+        """
+        return HALO if self.receptive_field is None else min(self.receptive_field, HALO)
+
+    def in_tiles(self, measurement: torch.Tensor, mask: torch.Tensor, tiling: Tiling) -> torch.Tensor:
+        """Return the estimate ``(N, T, H, W)`` of the call to 0.01 dB, decoded tile by tile in little memory.
+
+        Decoders with :attr:`global_steps` have no seams. Of others, what two neighbouring tiles say of the pixels at
+        the seam between them is compared: where they differ by more than
+        :data:`~sci_lightning.imaging.tiling.SEAM_TOLERANCE`, decoding begins again with a halo of twice the width.
+
+        Args:
+            measurement, mask: as for the call.
+            tiling: how the field is cut.
+
+        Raises:
+            BadInput: as for the call, a tile is smaller than the halo, or even :data:`WIDEST_HALO` is not enough.
+        """
+        if self.global_steps:
+            self._tiling = tiling
+            try:
+                return self(measurement, mask)
+            finally:
+                self._tiling = None
+        field, halo = math.inf if self.receptive_field is None else self.receptive_field, self.halo
+        if self.linear_estimator is not None:
+            field += self.linear_estimator.block
+        while True:
+            try:
+                return tiling.apply(self, halo, self.alignment, measurement, mask, check_seams=halo < field)
+            except SeamsDiffer as seam:
+                if halo >= WIDEST_HALO:
+                    raise BadInput(
+                        f"{type(self).__name__} cannot be decoded in tiles here: neighbouring ones differ by "
+                        f"{seam.difference:.2g} even with a halo of {halo} pixels; give tile=none"
+                    ) from seam
+                halo = int(min(2 * halo, field, WIDEST_HALO))
+
+    def abridged(self) -> Decoder:
+        """Return a decoder that needs as much memory in less time, by which :mod:`..imaging.decoding_memory` judges."""
+        return self
+
+    def locally(
+        self, function: Callable[..., torch.Tensor], halo: int, *images: torch.Tensor, reduced: int = 1
+    ) -> torch.Tensor:
+        """Return ``function(*images)``, computed in the tiles of :meth:`in_tiles`, if it has been called.
+
+        Args:
+            function: see :meth:`~sci_lightning.imaging.tiling.Tiling.apply`.
+            halo: pixels, along rows and columns, over which images act on the result.
+            images: images or videos ``(.., H, W)`` of the same H and W.
+            reduced: resolution of the video over that of the images.
+        """
+        if self._tiling is None:
+            return function(*images)
+        return self._tiling.apply(function, halo, self.alignment, *images, reduced=reduced)
+
+    def with_estimate(self, estimates: list[torch.Tensor], estimate: torch.Tensor) -> list[torch.Tensor]:
+        """Return the list with one more estimate; in tiles only this one, as memory has no room for all stages."""
+        return [*estimates, estimate] if self._tiling is None else [estimate]
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
         """Return the estimates of :meth:`stages`; the shapes have been checked and padded."""

@@ -9,6 +9,7 @@ from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import as_one_channel
 from sci_lightning.decoder.layers.convolution import Conv3d, pixel_shuffle
+from sci_lightning.decoder.layers.last_convolution import LastConv3d
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.errors import BadInput
 
@@ -96,6 +97,7 @@ class EfficientSCI(Decoder):
                 f"EfficientSCI: half of width {width} does not divide into {groups} groups of {heads} heads; "
                 f"choose channels, groups and heads so that it does"
             )
+        self.receptive_field = 6 * blocks * groups + 8  # three convolutions in every CFormer, at half resolution
         self.fem = nn.Sequential(
             Conv3d(1, channels, (3, 7, 7)),
             nn.LeakyReLU(inplace=True),
@@ -110,7 +112,7 @@ class EfficientSCI(Decoder):
             nn.LeakyReLU(inplace=True),
             Conv3d(2 * channels, channels, 1),
             nn.LeakyReLU(inplace=True),
-            Conv3d(channels, 1, 3),
+            LastConv3d(channels, 1, 3),
         )
         self.resdnet_list = nn.Sequential(*(ResDNet(width, groups, heads) for _ in range(blocks)))
         self.begin_at_first_video(self.vrm)

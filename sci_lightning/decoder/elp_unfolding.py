@@ -138,6 +138,7 @@ class ELPUnfolding(Decoder):
             raise BadInput(f"ELP-Unfolding: channels={channels} must be a multiple of 4")
         self.frames = frames
         self.squared = squared
+        self.receptive_field = 40 * (iterations + priors - 1)
         alone = [Iteration(frames, channels, first=number == 0) for number in range(iterations)]
         ensembles = [Iteration(frames, channels, first=False) for _ in range(1, priors)]
         for iteration in ensembles:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.decoder.iterative import Iterative
+from sci_lightning.decoder.iterative import Iterative, reused
 
 
 class GAP(Iterative):
@@ -25,7 +25,8 @@ class GAP(Iterative):
         weight = operator.sum_of_squares()
         video, accumulated = self.first_estimate(measurement, mask), measurement
         for iteration, strength in self.schedule():
-            video = self.denoised(operator.data_step(video, accumulated, weight), strength)
+            video = operator.data_step(video, accumulated, weight, out=reused(video))
+            video = self.denoised(video, strength)
             residual = measurement - operator(video)
             if self.reached(residual, iteration):
                 break

@@ -30,6 +30,7 @@ class GAPNet(Decoder):
     """
 
     multiple = 4
+    global_steps = True
 
     def __init__(
         self,
@@ -46,12 +47,17 @@ class GAPNet(Decoder):
             self.add_module(f"unet{stage}", UNet(frames, channels))
         self.begin_at_first_video(*(unet.conv_last for unet in self.children() if isinstance(unet, UNet)))
 
+    @property
+    def halo(self) -> int:
+        """Pixels around a tile that the network of a stage needs: there are no seams in between."""
+        return UNet.receptive_field
+
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
         operator = self.operator(mask)
         weight = operator.sum_of_squares() if self.squared else operator.total_or_one()
         video = self.first_video(operator.adjoint(measurement), measurement, mask).video
-        estimates = []
+        estimates: list[torch.Tensor] = []
         for unet in self.children():
-            video = unet(operator.data_step(video, measurement, weight))
-            estimates.append(video)
+            video = self.locally(unet, UNet.receptive_field, operator.data_step(video, measurement, weight))
+            estimates = self.with_estimate(estimates, video)
         return estimates

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
-from itertools import chain, repeat
+from copy import copy
+from itertools import chain, count, repeat
 from typing import NamedTuple
 
 import torch
@@ -52,6 +53,7 @@ class Iterative(Decoder):
             no longer finite.
     """
 
+    global_steps = True
     watch: Callable[[Iteration], object] | None = None
     """Called after every iteration with its :class:`Iteration`, to show the progress."""
 
@@ -88,14 +90,44 @@ class Iterative(Decoder):
         self.tolerance = tolerance
         self.start = start
         self.motion = motion
+        self._denoisers: list[Denoiser] = []
+
+    @property
+    def halo(self) -> int:
+        """Pixels around a tile that the denoiser needs: only the denoiser works tile by tile."""
+        return self.denoiser.receptive_field
+
+    @property
+    def alignment(self) -> int:
+        """Tiles begin at multiples of so many pixels."""
+        return self.denoiser.alignment
+
+    def abridged(self) -> Decoder:
+        """Return the decoder with one iteration, which has all that an iteration can have."""
+        decoder = copy(self)
+        decoder.plan = ((self.plan[0][0], 1),)
+        decoder.watch = None
+        decoder._modules = dict(self._modules)
+        if self.motion is not None:
+            decoder.motion = copy(self.motion)
+            decoder.motion.after, decoder.motion.reach = 0, min(1, self.motion.reach)
+        if self.start is not None:
+            decoder.start = self.start.abridged()
+        return decoder
 
     def first_estimate(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """Return the video ``(N, T, H, W)`` from which the iteration starts."""
-        return self.operator(mask).mean_video(measurement) if self.start is None else self.start(measurement, mask)
+        if self.start is None:
+            video = self.operator(mask).mean_video(measurement)
+            return video if torch.is_grad_enabled() else video.contiguous()
+        if self._tiling is None:
+            return self.start(measurement, mask)
+        return self.start.in_tiles(measurement, mask, self._tiling)
 
     def schedule(self) -> Iterator[tuple[int, float]]:
         """Yield number (from 0) and strength of every iteration, after a reset of denoiser and motion filter."""
         self.denoiser.reset()
+        self._denoisers = []
         if self.motion is not None:
             self.motion.reset()
         return enumerate(chain.from_iterable(repeat(strength, number) for strength, number in self.plan))
@@ -107,13 +139,23 @@ class Iterative(Decoder):
 
     def denoised(self, video: torch.Tensor, strength: float) -> torch.Tensor:
         """Return the video ``(N, T, H, W)`` after the denoiser and the motion filter."""
+        denoisers = self._one_for_every_tile()
         learned = next(self.denoiser.parameters(), None) is not None
         with nullcontext() if learned else full_precision():
-            video = self.denoiser(video, strength)
+            video = self.locally(lambda part: next(denoisers)(part, strength), self.halo, video)
         if self.motion is None:
             return video
         with full_precision():
             return self.motion(video)
+
+    def _one_for_every_tile(self) -> Iterator[Denoiser]:
+        """Yield denoisers of the same weights for one tile after another, which keep what they know of their tile."""
+        if self._tiling is None:
+            yield self.denoiser
+        for number in count():
+            if number == len(self._denoisers):
+                self._denoisers.append(copy(self.denoiser))
+            yield self._denoisers[number]
 
     def reached(self, residual: torch.Tensor, iteration: int) -> bool:
         """Return whether to stop after ``iteration`` (from 0), whose y - A x is ``residual``, ``(N, H, W)``.
@@ -132,3 +174,8 @@ class Iterative(Decoder):
         if self.watch:
             self.watch(Iteration(iteration + 1, self.iterations, rms))
         return self.tolerance is not None and rms < self.tolerance
+
+
+def reused(x: torch.Tensor) -> torch.Tensor | None:
+    """Return the memory of an estimate that is not needed any more, for the next one; None where gradients need it."""
+    return None if torch.is_grad_enabled() else x

@@ -25,6 +25,8 @@ class Linear(Decoder):
     Source: Yang et al., "Video compressive sensing using Gaussian mixture models", IEEE Trans. Image Processing 2014.
     """
 
+    global_steps = True  # in strips of its own
+
     def __init__(
         self,
         noise: Positive = 0.02,

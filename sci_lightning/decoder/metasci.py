@@ -8,6 +8,7 @@ from torch import nn
 from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import channels_last
+from sci_lightning.decoder.layers.last_convolution import LastConv2d
 
 
 class ResidualBlock(nn.Module):
@@ -52,11 +53,14 @@ class MetaSCI(Decoder):
     sensing", CVPR 2021, in the form of the cacti toolbox: without the modulation that adapts it to a new mask.
     """
 
+    period = 2
+
     def __init__(
         self, frames: Frames, channels: Width = 128, blocks: Depth = 3, first_estimate: FirstEstimate = "published"
     ) -> None:
         super().__init__(first_estimate)
         self.frames = frames
+        self.receptive_field = 8 * blocks + 7
         half, quarter, eighth = channels // 2, channels // 4, channels // 8
         self.conv1 = nn.Sequential(
             nn.Conv2d(frames, quarter, 5, padding=2),
@@ -76,7 +80,7 @@ class MetaSCI(Decoder):
             nn.LeakyReLU(inplace=True),
             nn.Conv2d(quarter, eighth, 1),
             nn.LeakyReLU(inplace=True),
-            nn.Conv2d(eighth, frames, 3, padding=1),
+            LastConv2d(eighth, frames, 3, padding=1),
         )
         self.begin_at_first_video(self.conv2)
 
@@ -84,4 +88,5 @@ class MetaSCI(Decoder):
         published = self.operator(mask).mean_frame(measurement).unsqueeze(1) * (1 + mask)
         first = self.first_video(published, measurement, mask)
         features = self.conv1(channels_last(first.video))
-        return first.plus(self.conv2(self.layers(features)))
+        result = self.conv2(self.layers(features))[..., : mask.shape[1], : mask.shape[2]]
+        return first.plus(result)

@@ -12,6 +12,7 @@ from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import as_one_channel
 from sci_lightning.decoder.layers.convolution import Conv3d, pixel_shuffle
+from sci_lightning.decoder.layers.last_convolution import LastConv3d
 from sci_lightning.decoder.layers.sequential import Chain
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.errors import BadInput
@@ -111,6 +112,8 @@ class Res2former(Decoder):
                     f"choose dim, groups and heads so that it does"
                 )
         half, quarter = 2 * dim, 4 * dim
+        # Two convolutions in every branch, one branch behind the other: at half resolution, and at a quarter.
+        self.receptive_field = 2 * (4 * depths[0] * groups[0]) + 4 * (2 * depths[1] * groups[1]) + 8
         self.extract = nn.Sequential(
             Conv3d(1, dim, 3),
             nn.LeakyReLU(inplace=True),
@@ -124,7 +127,7 @@ class Res2former(Decoder):
         self.fuse = Conv3d(2 * half, half, 1)
         self.decode_blocks = Chain((ResTSA(half, groups[0], heads) for _ in range(depths[0])), checkpoint)
         self.expand = Conv3d(half, 2 * half, 1)
-        self.last = Conv3d(dim, 1, 3)
+        self.last = LastConv3d(dim, 1, 3)
         self.begin_at_first_video(self.last)
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
@@ -133,5 +136,8 @@ class Res2former(Decoder):
         outer = self.encode(low)
         deep = self.bottleneck(self.down(outer))
         features = self.fuse(torch.cat([pixel_shuffle(self.up(deep)), outer], dim=1))
-        features = pixel_shuffle(self.expand(self.decode_blocks(features) + low))
+        del deep, outer  # full resolution, which follows, needs the most memory
+        features = self.decode_blocks(features) + low
+        del low
+        features = pixel_shuffle(self.expand(features))
         return first.plus(self.last(features)[:, 0])

@@ -11,6 +11,7 @@ from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import as_one_channel
 from sci_lightning.decoder.layers.convolution import Conv3d, TransposedConv3d
+from sci_lightning.decoder.layers.last_convolution import LastConv3d
 
 
 class ReversibleBlock(nn.Module):
@@ -112,6 +113,7 @@ class RevSCI(Decoder):
         super().__init__(first_estimate)
         self.reversible = reversible
         half, quarter = channels // 2, channels // 4
+        self.receptive_field = 8 * blocks + 7  # four convolutions in every block, at half resolution
         self.conv1 = nn.Sequential(
             Conv3d(1, quarter, 5),
             nn.LeakyReLU(inplace=True),
@@ -129,7 +131,7 @@ class RevSCI(Decoder):
             nn.LeakyReLU(inplace=True),
             Conv3d(half, quarter, 1),
             nn.LeakyReLU(inplace=True),
-            Conv3d(quarter, 1, 3),
+            LastConv3d(quarter, 1, 3),
         )
         self.layers = nn.ModuleList(ReversibleBlock(half) for _ in range(blocks))
         self.begin_at_first_video(self.conv2)

@@ -166,6 +166,7 @@ class SCI3D(Decoder):
         first_estimate: FirstEstimate = "published",
     ) -> None:
         super().__init__(first_estimate)
+        self.receptive_field = 40 * phases
         self.Phi_scale = nn.Parameter(torch.full((1,), 0.01), requires_grad=False)  # unused, as published
         self.fcs = nn.ModuleList(Phase(channels, inner, first=number == 0) for number in range(phases))
         self.begin_at_first_video(*(phase.outc for phase in self.fcs if isinstance(phase, Phase)))

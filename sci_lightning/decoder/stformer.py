@@ -12,6 +12,7 @@ from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import as_one_channel
 from sci_lightning.decoder.layers.convolution import Conv3d, TransposedConv3d
+from sci_lightning.decoder.layers.last_convolution import LastConv3d
 from sci_lightning.decoder.layers.sequential import Chain, named_block
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.decoder.layers.window_attention import WindowAttention, whole_windows
@@ -82,6 +83,7 @@ class STFormer(Decoder):
     """
 
     multiple = 2
+    period = 2 * WINDOW
     published_unused: ClassVar[tuple[str, ...]] = (
         r".*\.relative_position_index",  # computed here
         r"layers\.\d+\.blocks\.\d+\.conv_cat\.(weight|bias)",  # in the cacti toolbox, where nothing uses it
@@ -97,6 +99,7 @@ class STFormer(Decoder):
     ) -> None:
         super().__init__(first_estimate)
         self.frames = frames
+        self.receptive_field = 4 * WINDOW * units + 19  # windows and shifted windows, of pixels at half resolution
         self.token_gen = nn.Sequential(
             Conv3d(1, dim, 5),
             nn.LeakyReLU(inplace=True),
@@ -116,7 +119,7 @@ class STFormer(Decoder):
             nn.LeakyReLU(inplace=True),
             Conv3d(2 * dim, dim, 1),
             nn.LeakyReLU(inplace=True),
-            Conv3d(dim, 1, 3),
+            LastConv3d(dim, 1, 3),
         )
         self.layers = Chain(
             (

@@ -20,6 +20,7 @@ from sci_lightning.diagnosis import vocabulary as effects_vocabulary
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.gap import Gap, held_out_gap
 from sci_lightning.diagnosis.fit.split import Split, split
+from sci_lightning.diagnosis.fit.verification import Verification, set_aside, verify
 from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.model.observation import Observation, observe
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
@@ -57,7 +58,8 @@ class Diagnosis:
     """The result of a diagnosis, computed once; reports only read it.
 
     Attributes:
-        observation: the captures with known scenes, in the order of all ``(N, ..)`` tensors.
+        observation: the captures with known scenes that fits and choices have seen, in the order of all ``(N, ..)``
+            tensors.
         model: the forward model; it predicts any hypothesis about its effects.
         split: which pixels were fitted and which were held out.
         settings: thresholds and budgets that were used.
@@ -72,6 +74,7 @@ class Diagnosis:
         correlation: of the errors of the corrected camera's parameters.
         remaining: residual tests that find more than noise in what the corrected camera leaves, see
             :func:`remaining_tests`; verdict and headline follow from them.
+        verification: the gap on captures that nothing has seen, on which the verdict rests; None where none are kept.
     """
 
     observation: Observation
@@ -87,12 +90,20 @@ class Diagnosis:
     stated_noise: tuple[str, ...]
     correlation: ErrorCorrelation
     remaining: tuple[ResidualTest, ...]
+    verification: Verification | None = None
+
+    @property
+    def judging(self) -> tuple[Gap, Gap]:
+        """Gaps before and after on which the verdict rests: of verification captures, else of held-out pixels."""
+        if self.verification is None:
+            return self.before.gap, self.after.gap
+        return self.verification.before, self.verification.after
 
     @property
     def verdict(self) -> str:
         """consistent, explained, partly_explained or unexplained: :func:`~sci_lightning.diagnosis.verdict.verdict`."""
         counts = len(self.effects), len(self.unnamed), len(self.remaining)
-        return verdict(self.before.gap, self.after.gap, *counts)
+        return verdict(*self.judging, *counts)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -139,7 +150,7 @@ def diagnose(
         BadInput: no capture with a known scene, all saturated, or all black.
     """
     settings = settings or SearchSettings()
-    observation = observe(captures)
+    observation, unseen = set_aside(observe(captures), settings.verification_one_in)
     model = CameraModel(observation, effects_vocabulary.vocabulary() if vocabulary is None else vocabulary)
     fitter = Fitter(model, split(observation, settings), settings)
     noise, stated_by_file = datasheet_noise(observation)
@@ -171,6 +182,7 @@ def diagnose(
         stated_noise=tuple(effect for effect, _ in stated_by_file),
         correlation=error_correlation(corrected),
         remaining=remaining_tests(fitter, before, after, names),
+        verification=None if unseen is None else verify(fitter, before.fit, after.fit, unseen, seed),
     )
 
 

@@ -24,6 +24,8 @@ class SearchSettings:
             around a block say little about its middle.
         held_out_one_in: with n = 4, every 4th capture of each kind is held out as a whole, and one in n squared = 16
             blocks of the remaining captures; a quarter leaves the fits most of the data.
+        verification_one_in: one capture of so many of each kind is kept for verification where the file does not choose
+            them; 0 keeps none.
         border_share: largest part of the field that may be left out on one side, because what lies beyond the patterns
             is unknown and a hypothesis would need it; with both sides at 3/8 a quarter of the field is left.
         contender_share: part of the best candidate's gain from which a candidate takes part in the decision how many
@@ -75,6 +77,7 @@ class SearchSettings:
     max_effects: Annotated[int, Interval(ge=0, le=10**9)] = 6
     held_out_block: Repeats = 16
     held_out_one_in: Repeats = 4
+    verification_one_in: Annotated[int, Interval(ge=0, le=10**9)] = 5
     border_share: Annotated[float, Interval(ge=0, le=0.45)] = 0.375
     contender_share: Share = 0.5
     min_progress_nats: Positive = 0.05

@@ -18,8 +18,8 @@ def verdict(before: Gap, after: Gap, named: int, unnamed: int, remaining: int) -
     chi2, because chi2 rises towards 1 where the noise had been overestimated.
 
     Args:
-        before: gap of the ideal camera.
-        after: gap of the corrected model.
+        before: gap of the ideal camera, on verification captures where some are kept.
+        after: gap of the corrected model, on the same pixels.
         named: how many effects were named.
         unnamed: how many deviations without a name were found.
         remaining: how many residual tests find more than noise in what the corrected model leaves.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import IO
 
@@ -42,3 +43,17 @@ def npy_array(path: Path) -> StoredArray:
             return npy.read_array(stream, allow_pickle=False)
 
     return StoredArray(shape, str(dtype), dtype.kind in "buif", read)
+
+
+def write_npy(path: str | Path, shape: tuple[int, ...], parts: Iterable[np.ndarray]) -> None:
+    """Write a float32 array to an .npy file part by part, so that memory never holds all of it.
+
+    Args:
+        path: the file.
+        shape: of the array.
+        parts: its parts along the first dimension, in their order.
+    """
+    with Path(path).open("wb") as stream:
+        npy.write_array_header_1_0(stream, {"descr": "<f4", "fortran_order": False, "shape": shape})
+        for part in parts:
+            np.ascontiguousarray(part, "<f4").tofile(stream)

@@ -84,7 +84,13 @@ class SnapshotOperator:
         """Return the video nearest to ``video`` that explains the measurement: :meth:`data_step` with R as weight."""
         return self.data_step(video, measurement, self.sum_of_squares())
 
-    def data_step(self, video: torch.Tensor, measurement: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
+    def data_step(
+        self,
+        video: torch.Tensor,
+        measurement: torch.Tensor,
+        weight: torch.Tensor,
+        out: torch.Tensor | None = None,
+    ) -> torch.Tensor:
         r"""Return :math:`x + A^\top \big((y - A x) / w\big)`, the data-consistency step of iterative decoders.
 
         With w = R (:meth:`sum_of_squares`) it is the projection of generalised alternating projection (GAP). With
@@ -96,11 +102,12 @@ class SnapshotOperator:
             video: x, ``(N, T, H, W)``.
             measurement: y, ``(N, H, W)``.
             weight: w, ``(H, W)``, positive.
+            out: where the result goes, which may be ``video`` itself; None: new memory. Without gradients only.
 
         Source: Liao, Li and Carin, "Generalized alternating projection for weighted-l2,1 minimization with
         applications to model-based compressive sensing", SIAM J. Imaging Sciences 2014.
         """
-        return torch.addcmul(video, self.mask, ((measurement - self(video)) / weight).unsqueeze(1))
+        return torch.addcmul(video, self.mask, ((measurement - self(video)) / weight).unsqueeze(1), out=out)
 
     def mean_frame(self, measurement: torch.Tensor) -> torch.Tensor:
         """Return the frame ``(N, H, W)`` that a scene at rest would have: the measurement over the sum of the masks."""

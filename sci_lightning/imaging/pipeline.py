@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 from torch import nn
 
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.encoder.encoder import Encoder
+from sci_lightning.imaging.tile_choice import TileChoice
 
 
 class Pipeline(nn.Module):
@@ -97,6 +100,20 @@ class Pipeline(nn.Module):
         """
         return self.camera.decoder_mask(self.camera.transmittance() if mask is None else mask)
 
-    def decode(self, linear: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
-        """Return the estimate ``(N, T, H, W)`` from what :meth:`linearise` and :meth:`decoder_mask` return."""
-        return self.decoder(linear, mask)
+    def decode(
+        self, linear: torch.Tensor, mask: torch.Tensor, tile: TileChoice | str | Sequence[int] = "none"
+    ) -> torch.Tensor:
+        """Return the estimate ``(N, T, H, W)`` from what :meth:`linearise` and :meth:`decoder_mask` return.
+
+        Args:
+            linear: ``(N, H, W)``.
+            mask: ``(T, H, W)``.
+            tile: ``auto``, ``none`` or (height, width) of the tiles in which a large field is decoded one after
+                another, see :class:`~sci_lightning.imaging.tile_choice.TileChoice`. Not for training.
+
+        Raises:
+            BadInput: a tile is smaller than the decoder's halo, or more memory is needed than there is.
+        """
+        choice = tile if isinstance(tile, TileChoice) else TileChoice(tile)
+        tiling = choice.tiling(self.decoder, linear, mask)
+        return self.decoder(linear, mask) if tiling is None else self.decoder.in_tiles(linear, mask, tiling)

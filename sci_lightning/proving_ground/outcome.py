@@ -79,7 +79,9 @@ class Outcome:
         verdict: of the diagnosis.
         chi2_before: held-out reduced chi2 of the ideal camera.
         chi2_after: held-out reduced chi2 with everything that was named.
-        chi2_limit: what ``chi2_after`` may be by chance; more than 1.05 only where few pixels were held out.
+        verified_chi2: reduced chi2 with everything that was named, on captures that nothing has seen; that of held-out
+            pixels where no capture was kept for it.
+        chi2_limit: what ``verified_chi2`` may be by chance; more than 1.05 only where there are few pixels.
         seconds: time of the diagnosis.
         cpu_seconds: the same in seconds of a processor.
         memory_mib: peak of the resident memory.
@@ -98,6 +100,7 @@ class Outcome:
     verdict: str
     chi2_before: float
     chi2_after: float
+    verified_chi2: float
     chi2_limit: float
     seconds: float
     cpu_seconds: float
@@ -200,6 +203,8 @@ def parse_record(record: Mapping[str, Any]) -> Outcome | Failure:
     if "failed" in record:
         return Failure(record["case"], record["suite"], record["failed"])
     before, after = record["gap"]["before"], record["gap"]["after"]
+    verified = record.get("verification", {})
+    judged = verified if "chi2" in verified else after
     height, width = record["size"]
     return Outcome(
         case=record["case"],
@@ -225,7 +230,8 @@ def parse_record(record: Mapping[str, Any]) -> Outcome | Failure:
         verdict=record["verdict"],
         chi2_before=float(before["chi2"]),
         chi2_after=float(after["chi2"]),
-        chi2_limit=float(after.get("chi2_limit", NEGLIGIBLE)),
+        verified_chi2=float(judged["chi2"]),
+        chi2_limit=float(judged.get("chi2_limit", NEGLIGIBLE)),
         seconds=float(record["seconds"]),
         cpu_seconds=float(record["cpu_seconds"]),
         memory_mib=float(record["memory_mib"]),

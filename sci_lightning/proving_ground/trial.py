@@ -43,11 +43,9 @@ def run_trial(case: Case) -> dict[str, Any]:
         "log_likelihood_gain": truth["log_likelihood_gain"],
         "verdict": report["verdict"],
         "found": report["effects"],
-        "unnamed": [
-            {**entry, "nats": deviation.nats}
-            for entry, deviation in zip(report["unnamed"], diagnosis.unnamed, strict=True)
-        ],
+        "unnamed": report["unnamed"],
         "gap": report["gap"],
+        "verification": report["verification"],
         "seconds": time.perf_counter() - start,
         "cpu_seconds": time.process_time() - cpu_start,
         "memory_mib": peak_memory(),

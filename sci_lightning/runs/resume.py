@@ -30,7 +30,7 @@ FREE = {
 """Entries of a configuration that do not change what a run computes."""
 
 EXTENDABLE = re.compile(
-    r"trainer\.(max_epochs|max_steps|max_time)(\..*)?|trainer\.(log_every_n_steps|accelerator)|data.store"
+    r"trainer\.(max_epochs|max_steps|max_time)(\..*)?|trainer\.(log_every_n_steps|accelerator)|data.store|core_minutes"
 )
 """Settings that may change while a training goes on from ``ckpt_path=``: the learning rate follows the longer plan."""
 
@@ -169,8 +169,9 @@ def _comparable(config: Mapping[str, Any]) -> dict[str, Any]:
         (key, present_name(value) if key.endswith("_target_") else value)
         for key, value in _flat({key: value for key, value in parts.items() if key not in FREE})
     ]
-    # binary masks have one bit; runs of earlier versions do not say so
-    return {key: value for key, value in flat if not (key.endswith("mask.bits") and value == 1)}
+    # binary masks have one bit, and most trainings no processor time; runs of earlier versions do not say so
+    unsaid = {"mask.bits": 1, "core_minutes": None}
+    return {key: value for key, value in flat if not any(key.endswith(k) and value == unsaid[k] for k in unsaid)}
 
 
 def _without(content: Any, out: Any) -> Any:

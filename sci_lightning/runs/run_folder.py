@@ -115,6 +115,21 @@ def lock(folder: Path) -> None:
         _locks[folder] = file
 
 
+def is_locked(folder: Path) -> bool:
+    """Return whether another process writes a folder; nothing is created."""
+    path = folder / ".lock"
+    if not path.is_file() or path.is_symlink():
+        return False
+    with path.open("r+") as file:
+        try:
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # given free again when the file is closed
+        except (BlockingIOError, PermissionError):
+            return True
+        except OSError:  # a file system without locks
+            return False
+    return False
+
+
 def _lock_file(path: Path) -> IO[str]:
     """Open the lock file; never what a link of that name leads to, which would be emptied."""
     try:

@@ -47,7 +47,7 @@ def outline(path: str | Path) -> dict[str, Any]:
     """
     with h5py.File(path) as file:
         attributes = {
-            name: value.item() if hasattr(value, "item") else value for name, value in sorted(file.attrs.items())
+            name: value.tolist() if hasattr(value, "tolist") else value for name, value in sorted(file.attrs.items())
         }
         datasets = {
             name: {

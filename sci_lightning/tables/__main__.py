@@ -74,7 +74,7 @@ def tables(composition: Composition) -> None:
         names.append(name)
     console.say(styled(out), f": {', '.join(grid.name for grid in grids)} as .md, .tex and .png; {len(runs)} runs")
     console.print(f"figures: {', '.join(names)} as .png")
-    print_next(console, browser(out / "cost.png"), invocation("train", "-m", "experiment=table5", "scale=small"))
+    print_next(console, browser(out / "cost.png"), invocation("train", "-m", "experiment=table5", "scale=cpu"))
 
 
 def _write_documentation(root: Path) -> None:

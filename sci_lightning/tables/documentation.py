@@ -93,7 +93,7 @@ def table_sources(root: Path) -> Iterator[tuple[Path, str, Path]]:
 def _filled(match: re.Match[str], page: Path, root: Path) -> str:
     kind, path = match["kind"], root / match["path"]
     name, _, part = kind.partition(".")
-    if not path.exists():
+    if not path.exists() and path.suffix:  # folders of results are there as soon as there is a result
         raise BadInput(f"{page}: table {kind}: {match['path']} does not exist")
     table: DocumentedTable = _module(name, page).build(path, part)
     # a blank line on either side: GitHub takes what follows a comment directly for a part of it

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import datetime
+import os
 import platform
+import re
 import subprocess
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from sci_lightning.configuration.conf_folder import PACKAGE
@@ -35,12 +39,18 @@ class Provenance:
 
     def sentence(self) -> str:
         """Return the line of Markdown that stands below the table."""
+        if self == NOT_YET:
+            return "Not yet run."
         parts = [self.machine, self.date, f"commit {self.commit}", f"scale: {self.scale}", f"seeds: {self.seeds}"]
         return "; ".join(parts) + "." + (f" Made by `{self.command}`." if self.command else "")
 
     def as_json(self) -> dict[str, str]:
         """Return the entry ``provenance`` of a JSON file."""
         return {key: value for key, value in asdict(self).items() if value}
+
+
+NOT_YET = Provenance("none", "", "", "", "")
+"""The provenance of a table without figures."""
 
 
 def read_provenance(content: Fields) -> Provenance:
@@ -54,7 +64,7 @@ def provenance_now(device: str, scale: str, seeds: Sequence[int], command: str =
     """Return the provenance of what has just been measured by this program on this machine.
 
     Args:
-        device: as :func:`~sci_lightning.runs.device.device_name` calls it.
+        device: what computed, see :func:`machine_name` and :func:`~sci_lightning.runs.device.device_name`.
         scale, seeds, command: see :class:`Provenance`.
         remark: what else is to be known of the machine, such as ``other work on both cores``.
     """
@@ -64,6 +74,17 @@ def provenance_now(device: str, scale: str, seeds: Sequence[int], command: str =
     listed = ", ".join(map(str, seeds)) or "none"
     today = datetime.datetime.now(datetime.timezone.utc).date().isoformat()
     return Provenance(f"{machine}, {remark}" if remark else machine, today, commit(), scale, listed, command)
+
+
+def machine_name(cores: int | None = None) -> str:
+    """Return what computes here: ``one core of 2, AMD EPYC``; all cores where ``cores`` is None."""
+    every = os.cpu_count() or 1
+    used = every if cores is None else cores
+    model = platform.processor() or platform.machine()
+    with suppress(OSError):
+        names = re.findall(r"^model name\s*: (.*)$", Path("/proc/cpuinfo").read_text(), re.MULTILINE)
+        model = names[0] if names else model
+    return f"{'one core' if used == 1 else f'{used} cores'} of {every}, {model}"
 
 
 def commit() -> str:
@@ -79,7 +100,7 @@ def commit() -> str:
         if top != str(root.resolve()):
             return f"version {__version__}"
         return _git(root, "rev-parse", "--short=8", "HEAD") + (
-            "+" if _git(root, "status", "--porcelain", "-uno") else ""
+            "+" if _git(root, "status", "--porcelain", "-uno", "--", "sci_lightning", "conf") else ""
         )
     except (OSError, subprocess.SubprocessError):
         return f"version {__version__}"

@@ -26,6 +26,7 @@ from sci_lightning.runs.resume import check_same_run, find_resumable_checkpoint,
 from sci_lightning.training.callbacks import LastCheckpoint
 from sci_lightning.training.loggers import build_loggers, run_name
 from sci_lightning.training.metrics import build_metrics
+from sci_lightning.training.processor_time import ProcessorTime
 from sci_lightning.training.stop_signal import StopSignal
 from sci_lightning.training.system import System
 from sci_lightning.training.training_checkpoint import TrainingCheckpointIO, remove_slurm_checkpoints
@@ -99,7 +100,8 @@ def run_training(
     checkpoint_io = TrainingCheckpointIO(system)
     trainer = _build_trainer(run_config, checkpoint_io, stop)
     share: dict[str, Any] = {"rank": trainer.global_rank, "world_size": trainer.world_size}
-    clips = checkpoint_io.clips = ClipLoader(source.clips(), config["batch_size"], workers=config["workers"], **share)
+    pinned = {"workers": config["workers"], "pin_memory": trainer.strategy.root_device.type == "cuda"}
+    clips = checkpoint_io.clips = ClipLoader(source.clips(), config["batch_size"], **pinned, **share)
     trainer.fit(system, clips, scene_loader(held_out, **share), ckpt_path=resumed)
     trainer.save_checkpoint(out / "checkpoints" / "last.ckpt")
     if trainer.is_global_zero:
@@ -154,6 +156,8 @@ def _build_trainer(
     loggers = build_loggers(config.get("logger"), run_name(config))
     settings = config["callbacks"].items()
     callbacks = [build(callback, f"callbacks.{name}") for name, callback in settings if callback]
+    if config["core_minutes"] is not None:
+        callbacks.append(ProcessorTime(config["core_minutes"]))
     for callback in callbacks:
         if isinstance(callback, LastCheckpoint):
             callback.stop = stop

@@ -18,10 +18,12 @@ from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput, TrainingDiverged
 from sci_lightning.imaging.operator import SnapshotOperator
 from sci_lightning.imaging.pipeline import Pipeline
+from sci_lightning.imaging.tile_choice import TileChoice
 from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.scene_scores import SceneScores
 from sci_lightning.runs.device import device_name
 from sci_lightning.training.muon import Muon, is_large
+from sci_lightning.training.processor_time import ProcessorTime
 from sci_lightning.training.training_position import TrainingPosition
 
 Batch = tuple[torch.Tensor, ...]
@@ -68,12 +70,13 @@ class System(L.LightningModule):
         stage_weights: weights of the losses of the decoder's last stages, in their order; the loss is the weighted sum.
             ``(1,)`` takes the final estimate alone. Unfolding networks have many stages, most decoders one.
         lr: learning rate of Adam at the start. It falls to ``final_lr`` along a cosine over the whole run, which ends
-            after its steps or after the trainer's ``max_time``, whichever comes first.
+            after its steps, after the trainer's ``max_time`` or its :class:`ProcessorTime`, whichever comes first.
         mask_lr: learning rate of the mask at the start (same cosine); None for ``lr``.
         muon_lr: learning rate at the start (same cosine) of :class:`~sci_lightning.training.muon.Muon`, which then
             trains the decoder's large weights in Adam's place; None for Adam alone.
         warmup: part of the run, 0 to below 1, in which all learning rates rise from 0.
         compile: compile the decoder with ``torch.compile``.
+        tile: in a test, how large fields are decoded, see :meth:`Pipeline.decode`.
         seed: seed of everything random in a step.
         run_config: the run's plain, resolved configuration; kept in every checkpoint so that the run can be rebuilt.
 
@@ -98,6 +101,7 @@ class System(L.LightningModule):
         muon_lr: Positive | None = None,
         warmup: Share = 0.0,
         compile: bool = False,
+        tile: TileChoice | str = "none",
         seed: Seed = 0,
         run_config: dict[str, Any] | None = None,
     ) -> None:
@@ -120,6 +124,7 @@ class System(L.LightningModule):
         self.stages = torch.compile(decoder.stages) if compile else decoder.stages
         self.lr, self.final_lr, self.mask_lr = lr, final_lr, lr if mask_lr is None else mask_lr
         self.muon_lr, self.warmup = muon_lr, warmup
+        self.tile = tile
         self.seed = seed
         self.run_config = run_config or {}
         self.metrics = dict(metrics or {})
@@ -191,8 +196,10 @@ class System(L.LightningModule):
         return min(1.0, max(self._time_spent(), steps / self.trainer.estimated_stepping_batches))
 
     def _time_spent(self) -> float:
-        """Return the part of the trainer's ``max_time`` that has passed, 0 to 1; 0 in a run without a limit."""
+        """Return the part of ``max_time`` or of the processor time that has passed, 0 to 1; 0 in a run without one."""
         for timer in self.trainer.callbacks:  # type: ignore[attr-defined]  # set by Lightning, not declared
+            if isinstance(timer, ProcessorTime):
+                return float(self.trainer.strategy.broadcast(timer.part_spent))
             if isinstance(timer, Timer) and (left := timer.time_remaining()) is not None:
                 spent = timer.time_elapsed() / max(timer.time_elapsed() + left, 1e-6)
                 return float(self.trainer.strategy.broadcast(spent))  # clocks differ, learning rates may not
@@ -349,7 +356,7 @@ class System(L.LightningModule):
         recorded, aperture = taken if taken else (pipeline.record(video), None)
         linear, mask = pipeline.linearise(recorded, aperture), pipeline.decoder_mask()
         start = self._now()
-        estimate = pipeline.decode(linear, mask)
+        estimate = pipeline.decode(linear, mask, self.tile)
         self.seconds.append((self._now() - start) / len(video))
         for scene, x, truth in zip(scenes, estimate, video, strict=True):
             self.scores.update(int(scene), x, truth)

@@ -7,6 +7,7 @@ import struct
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -343,3 +344,40 @@ def test_strings_that_are_compressed(file):
         stored.create_dataset("kind", data=["dark"] * 3, dtype=h5py.string_dtype(), chunks=(3,), compression="gzip")
     with pytest.raises(BadInput, match="'kind' is compressed or compact, expected strings that are stored as they are"):
         read_captures(path)
+
+
+@pytest.mark.parametrize(
+    ("attributes", "message"),
+    [
+        ({"surround": "black"}, "attribute 'surround' is 'black', expected 'unknown' or 'dark'"),
+        ({"surround": 1}, "attribute 'surround' is 1, expected"),
+        ({"verification": [0, 99]}, "attribute 'verification' holds 99, expected a list of different whole numbers"),
+        ({"verification": [-1]}, "attribute 'verification' holds -1, expected"),
+        ({"verification": [1, 1]}, "attribute 'verification' holds a number twice, expected"),
+        ({"verification": [0.5]}, r"attribute 'verification' is float64 of shape \(1,\), expected"),
+        ({"verification": np.zeros((2, 2), int)}, r"attribute 'verification' is int64 of shape \(2, 2\), expected"),
+        ({"verification": "all"}, "attribute 'verification' is .*, expected a list"),
+        ({"sensor_to_modulator": np.eye(3)}, "attribute 'sensor_to_modulator' is not supported yet"),
+    ],
+)
+def test_attributes_of_version_2(attributes: dict[str, Any], message: str, tmp_path: Path) -> None:
+    """They are refused in one line if they cannot be used, and mean nothing in a file of version 1."""
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.attrs.update({"format": "sci-captures", "format_version": 2, "bit_depth": 8, **attributes})
+        file["patterns"], file["measurement"] = np.zeros((2, 4, 4), np.float32), np.zeros((3, 4, 4), np.uint8)
+    with pytest.raises(BadInput, match=message):
+        read_captures(tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        file.attrs["format_version"] = 1
+    earlier = read_captures(tmp_path / "a.h5")
+    assert earlier.surround == "unknown" and earlier.verification is None
+
+
+@pytest.mark.parametrize("stated", [[], [2, 0], np.array([1], np.uint8)])
+def test_verification(stated: Any, tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.attrs.update({"format": "sci-captures", "format_version": 2, "bit_depth": 8, "surround": "dark"})
+        file.attrs["verification"] = np.asarray(stated, None if len(stated) else np.int64)
+        file["patterns"], file["measurement"] = np.zeros((2, 4, 4), np.float32), np.zeros((3, 4, 4), np.uint8)
+    captures = read_captures(tmp_path / "a.h5")
+    assert captures.verification == tuple(stated) and captures.surround == "dark"

@@ -15,6 +15,9 @@ from sci_lightning.tables.documentation import MARKED, pages, table_sources, upd
 from tests.conftest import ROOT
 from tests.documentation.pages import name
 from tests.schemas.validation import check
+from tests.tables.conftest import Made, made
+
+__all__ = ["made"]  # the fixture
 
 MARKER = "<!-- table: measurements, from docs/results/a.json -->\n<!-- end -->\n"
 ABOUT = {"machine": "an abacus", "date": "2026-11-22", "commit": "0123abcd", "scale": "smoke", "seeds": "0, 1"}
@@ -109,6 +112,28 @@ def test_files_of_no_use(clone: Path) -> None:
             updated(clone / "README.md", clone)
     shutil.rmtree(clone / "docs")
     assert MARKED.search((clone / "README.md").read_text())
+
+
+def test_tables_of_the_paper_show_the_rows_that_are_kept(clone: Path, made: Made) -> None:
+    """Empty cells as long as there are no rows; then their scores, with the days and commits of all of them."""
+    page = clone / "README.md"
+    page.write_text(MARKER.replace("measurements", "paper.table5").replace("a.json", "tables/cpu"))
+    assert "*Not yet run.*" in updated(page, clone) and "34.95, 0.965, 52.85" in updated(page, clone)
+    for seed, day in ((0, "2026-11-22"), (1, "2026-11-24")):
+        path = made("row", "rsw_sr", "res2former", 30 + seed, bits=4, seed=seed, scale="cpu")
+        content = {**json.loads(path.read_text()), "provenance": {**ABOUT, "date": day, "seeds": str(seed)}}
+        kept = clone / "docs" / "results" / "tables" / "cpu" / "row" / f"seed{seed}.json"
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        kept.write_text(json.dumps(content))
+    text = updated(page, clone)
+    assert "30.50 ± 0.71, 0.762 ± 0.018, 45.50 ± 0.71" in text and "2026-11-22 to 2026-11-24" in text
+    assert "seeds: 0, 1." in text
+    kept.write_text("{}")
+    with pytest.raises(BadInput, match=r"seed1\.json: not the metrics of a run"):
+        updated(page, clone)
+    page.write_text(MARKER.replace("measurements", "paper.table9"))
+    with pytest.raises(BadInput, match=r"paper\.table9: no such table; choose one of table2"):
+        updated(page, clone)
 
 
 def test_no_clone(tmp_path: Path, refused: Callable[..., str]) -> None:

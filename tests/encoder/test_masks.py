@@ -163,9 +163,8 @@ def test_a_binary_mask_has_one_bit(name: str, build: Callable[..., Mask]) -> Non
         kind(**settings, bits=9)
 
 
-@pytest.mark.parametrize("choice", ["scale=small", "experiment=short_cpu", "experiment=quickstart"])
+@pytest.mark.parametrize("choice", ["scale=cpu", "experiment=short_cpu", "experiment=quickstart"])
 @pytest.mark.parametrize("name", members("encoder/mask"))
 def test_a_scale_sets_what_the_mask_knows(choice: str, name: str, build: Callable[..., Mask]) -> None:
-    crop = "crop=[4,4]" if choice != "experiment=quickstart" else "batch_size=1"
-    mask = build(name, choice, crop)
-    assert mask.tile == ((4, 4) if crop == "crop=[4,4]" and name != "measured" else (H, W))
+    tile = {"scale=cpu": (8, 8), "experiment=short_cpu": (4, 4)}.get(choice, (H, W))
+    assert build(name, choice, "crop=[4,4]").tile == (tile if name != "measured" else (H, W))

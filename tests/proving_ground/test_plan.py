@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -43,15 +44,20 @@ def test_cases_are_told_apart_and_come_again() -> None:
     assert {case.digest for case in plan(size=(65, 64))}.isdisjoint(case.digest for case in cases)
 
 
+def in_a_dark_world(case: Case) -> Case:
+    """The case with a camera for which nothing goes on beyond the field, as all were then."""
+    return replace(case, session=replace(case.session, surround="dark"))
+
+
 def test_cases_are_those_of_earlier_records() -> None:
     """A record is taken for that of a case by the digest of its settings, and captures follow from the seed."""
-    cases = plan(["pair", "nothing"], seeds=2, cases=2)
+    cases = [in_a_dark_world(case) for case in plan(["pair", "nothing"], seeds=2, cases=2)]
     assert [(case.digest, case.seed) for case in cases[2:5]] == [
         ("55865b125be9e9fa", 3943646687),
         ("8836ae9847cfee3c", 3523630466),
         ("30505dd565df194f", 1427802300),
     ]
-    digests = "".join(case.digest for case in plan(seeds=2))
+    digests = "".join(in_a_dark_world(case).digest for case in plan(seeds=2))
     assert hashlib.sha256(digests.encode()).hexdigest().startswith("fcb6dea88faae7b7")
 
 

@@ -47,7 +47,8 @@ def records(record: Callable[..., Any]) -> list[Outcome | Failure]:
     lost = {"format": "sci-proving-ground-case", "format_version": 1, "case": "single-bad", "suite": "single"}
     ghost = {"ghost": {"fraction": 0.1, "dx": 5.0, "dy": 5.0}}
     contents = [
-        *(record("single", GAIN, found(error)) for error in (-2.5, -1, 0, 0.5, 1, 1.5)),
+        *(record("single", GAIN, found(error)) for error in (-2.5, -1, 0, 0.5, 1)),
+        record("single", GAIN, found(1.5), verification={"captures": [3], "chi2": 1.2, "chi2_limit": 1.1}),
         record("single", GAIN, {}, nats=10),  # nobody could have seen it
         {**lost, "failed": "ValueError: no"},
         record("weak", GAIN, found(0), before=1.01, nats=50),
@@ -77,7 +78,7 @@ def test_rows(records: list[Outcome | Failure]) -> None:
         "outside the vocabulary: strongest unnamed": (1, 2, False),
         "fewer captures": (0, 0, None),
         "95 % intervals": (8, 9, False),
-        "explained": (8, 8, True),
+        "right names: chi2 on verification": (7, 8, False),
         "95% of chi2's excess": (7, 8, False),
     }
     for start, (count, total, met) in shares.items():

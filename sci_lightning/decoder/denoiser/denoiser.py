@@ -17,6 +17,14 @@ class Denoiser(nn.Module):
     published_names: ClassVar[tuple[tuple[str, str], ...]] = ()
     """As for :class:`~sci_lightning.decoder.decoder.Decoder`, of the denoiser's own state-dict keys."""
 
+    receptive_field: int = 64
+    """Pixels around a part of the video, along rows and columns, that its result depends on.
+
+    A denoiser that does not state its own is taken for one of at most 64.
+    """
+    alignment: int = 1
+    """Parts of a video are denoised as the whole is only if they begin at multiples of so many pixels."""
+
     def reset(self) -> None:
         """Forget what was kept from earlier calls, because other videos follow."""
 

@@ -30,6 +30,8 @@ class FastDVDnet(Denoiser):
     2020, in grayscale and with the circular window that PnP-SCI uses.
     """
 
+    alignment = 4
+    receptive_field = 80  # 40 in each of the two passes
     published_names = (
         (r"(temp\d\.\w+)\.(\d)\.(\d\..*)", r"\1.convblock.\2.convblock.\3"),
         (r"(temp\d\.\w+)\.(\d\.[a-z].*)", r"\1.convblock.\2"),

@@ -25,6 +25,7 @@ class FFDNet(Denoiser):
     Trans. Image Processing 2018, in the form of the public code cszn/FFDNet's port that PnP-SCI uses (grayscale).
     """
 
+    alignment = 2
     published_names = ((r"net\.(.*)", r"intermediate_dncnn.itermediate_dncnn.\1"),)
 
     def __init__(self, channels: Width = 64, layers: Depth = 15) -> None:
@@ -34,6 +35,7 @@ class FFDNet(Denoiser):
             net += [nn.Conv2d(channels, channels, 3, padding=1, bias=False), FixedNorm(channels), nn.ReLU()]
         last = nn.Conv2d(channels, 4, 3, padding=1, bias=False)
         self.net = nn.Sequential(*net, last)
+        self.receptive_field = 2 * layers + 1  # a pixel for every convolution, at half resolution
         keep_scale(self, last)
 
     def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:

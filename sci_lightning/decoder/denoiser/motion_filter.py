@@ -10,6 +10,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from sci_lightning.configuration.bounds import Pixels, Reach, Repeats
+from sci_lightning.decoder.kernels import block_sizes
 from sci_lightning.errors import BadInput
 
 SMOOTH = 3
@@ -19,17 +20,16 @@ SAMPLED = 2
 """Blocks are then compared at one in so many rows and columns."""
 
 
-class Path(NamedTuple):
-    """The motion from frames to their neighbours at one distance in time."""
+class Match(NamedTuple):
+    """The blocks of another frame that match those of one frame."""
 
-    here: slice
-    """Frames from which the path leads."""
-    there: slice
-    """Neighbours to which it leads."""
-    pixel: torch.Tensor
-    """Number of the matching pixel in the neighbour, ``(N, frames, H * W)``."""
+    frame: int
+    """Number of the other frame."""
+    displacement: torch.Tensor
+    """Displacement of every block, ``(N, rows of blocks, columns of blocks)``: its number in a square of side
+    2 reach + 1, row by row."""
     weight: torch.Tensor
-    """Weight of the matching pixel, ``(N, frames, H, W)``: 1 for equal blocks, towards 0 for different ones."""
+    """Weight of the matching block, of the same shape: 1 for equal blocks, towards 0 for different ones."""
 
 
 class MotionFilter(nn.Module):
@@ -83,48 +83,84 @@ class MotionFilter(nn.Module):
 
     def reset(self) -> None:
         """Forget the motion, because other videos follow."""
-        self._paths: list[Path] = []
+        self._matches: list[list[Match]] = []
         self._calls = 0
 
     def forward(self, video: torch.Tensor) -> torch.Tensor:
-        """Return the filtered video ``(N, T, H, W)``, or the video itself while no motion is known."""
+        """Return the filtered video ``(N, T, H, W)``, or the video itself while no motion is known.
+
+        Apart from its result it needs memory for a few frames, however many there are.
+        """
         if self._calls >= self.after and (self._calls - self.after) % self.every == 0:
-            self._paths = self._search(video)
+            self._matches = self._search(video)
         self._calls += 1
-        if not self._paths:
+        if not self._matches:
             return video
-        total, weights = video.clone(), torch.ones_like(video)
-        for here, there, pixel, weight in self._paths:
-            matches = video[:, there].flatten(2).gather(2, pixel).view_as(weight)
-            total[:, here].addcmul_(matches, weight)
-            weights[:, here].add_(weight)
-        return total.div_(weights)
+        n, t, height, width = video.shape
+        side, block = 2 * self.reach + 1, self.block
+        rows, columns = (-(-length // block) for length in (height, width))  # of blocks
+        margin = (self.reach, self.reach + columns * block - width, self.reach, self.reach + rows * block - height)
+        across = columns * block + 2 * self.reach
+        place = torch.arange(rows * block, device=video.device)[:, None] * across
+        place = (place + torch.arange(columns * block, device=video.device)).view(rows, block, -1)
+
+        def on_pixels(of_blocks: torch.Tensor) -> torch.Tensor:  # (N, rows of blocks, 1, W): whole rows are fastest
+            return of_blocks.repeat_interleave(block, -1).unsqueeze(2)
+
+        memory = None  # for the numbers of the matching pixels; gradients keep them all
+        if not torch.is_grad_enabled():
+            memory = torch.empty(n, *place.shape, dtype=place.dtype, device=video.device)
+        filtered = torch.empty_like(video, memory_format=torch.contiguous_format)
+        around: dict[int, torch.Tensor] = {}  # frames with a margin, in which no displacement leads out
+        for number, matches in enumerate(self._matches):
+            near = range(max(0, number - self.frames), min(t, number + self.frames + 1))
+            around = {
+                other: around[other]
+                if other in around
+                else F.pad(video[:, other : other + 1], margin, mode="replicate")
+                for other in near
+            }
+            frame = around[number][:, 0, self.reach :, self.reach :][:, : rows * block, : columns * block]
+            total = frame.reshape(n, rows, block, columns * block).clone()
+            weights = torch.ones_like(matches[0].weight) if matches else video.new_ones(n, rows, columns)
+            for match in matches:
+                down, right = match.displacement // side, match.displacement % side
+                pixel = torch.add(place, on_pixels(down * across + right), out=memory)
+                matching = around[match.frame].flatten(1).gather(1, pixel.flatten(1)).view_as(total)
+                total.addcmul_(matching, on_pixels(match.weight))
+                weights = weights + match.weight
+            total = total.div_(on_pixels(weights)).view(n, rows * block, columns * block)
+            filtered[:, number] = total[:, :height, :width]
+        return filtered
 
     @torch.no_grad()
-    def _search(self, video: torch.Tensor) -> list[Path]:
-        """Return the paths from all frames to their neighbours, one for every distance in time."""
-        t, height, width = video.shape[1:]
-        whole = F.pad(video, (0, -width % self.block, 0, -height % self.block), mode="replicate")
-        smooth = F.avg_pool2d(whole, SMOOTH, 1, SMOOTH // 2, count_include_pad=False)
-        around = F.pad(smooth, (self.reach,) * 4, mode="replicate")
-        near = min(self.frames, t - 1)
-        offsets = [offset for offset in range(-near, near + 1) if offset]
-        slices = [
-            (slice(max(0, -offset), t - max(0, offset)), slice(max(0, offset), t + min(0, offset)))
-            for offset in offsets
-        ]
-        paths = []
-        for here, there in slices:
-            pixel, weight = self._follow(smooth[:, here], around[:, there], height, width)
-            paths.append(Path(here, there, pixel, weight))
-        return paths
+    def _search(self, video: torch.Tensor) -> list[list[Match]]:
+        """Return for every frame the matches of its blocks in its neighbours."""
+        n, t, height, width = video.shape
+        margin = (0, -width % self.block, 0, -height % self.block)
+        smooth: dict[int, torch.Tensor] = {}
+        matches: list[list[Match]] = [[] for _ in range(t)]
+        together = max(1, block_sizes.MOTION_PIXELS // (n * height * width))
+        for first in range(0, t, together):
+            last = min(t, first + together)
+            for number in range(max(0, first - self.frames), min(t, last + self.frames)):
+                if number not in smooth:
+                    whole = F.pad(video[:, number : number + 1], margin, mode="replicate")
+                    smooth[number] = F.avg_pool2d(whole, SMOOTH, 1, SMOOTH // 2, count_include_pad=False)
+            for offset in range(-self.frames, self.frames + 1):
+                here = [number for number in range(first, last) if offset and 0 <= number + offset < t]
+                if here:
+                    frames, others = (torch.cat([smooth[k + shift] for k in here], 1) for shift in (0, offset))
+                    followed = self._follow(frames, F.pad(others, (self.reach,) * 4, mode="replicate"))
+                    for number, displacement, weight in zip(here, *(part.unbind(1) for part in followed), strict=True):
+                        matches[number].append(Match(number + offset, displacement, weight))
+            smooth = {number: frame for number, frame in smooth.items() if number >= last - self.frames}
+        return matches
 
-    def _follow(
-        self, frames: torch.Tensor, others: torch.Tensor, height: int, width: int
-    ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return pixel and weight of a :class:`Path` from ``frames``, padded to whole blocks, to ``others``.
+    def _follow(self, frames: torch.Tensor, others: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return displacement and weight of a :class:`Match`, ``(N, frames, rows, columns)`` of blocks.
 
-        ``others`` has a margin of ``reach`` pixels on every side.
+        ``frames`` is padded to whole blocks, ``others`` has a margin of ``reach`` pixels on every side as well.
         """
         side, cell = 2 * self.reach + 1, self.block // SAMPLED
         sampled = frames[..., ::SAMPLED, ::SAMPLED].contiguous()
@@ -136,11 +172,5 @@ class MotionFilter(nn.Module):
             square = (phases[y][x][..., dy : dy + rows, dx : dx + columns] - sampled).square_()
             differences.append(F.avg_pool2d(square, cell, padding=cell // 2, count_include_pad=False))
         overlapping = F.avg_pool2d(torch.stack(differences).flatten(0, 1), 2, stride=1).unflatten(0, (side**2, -1))
-        least, best = (
-            result.repeat_interleave(self.block, -2).repeat_interleave(self.block, -1)[..., :height, :width]
-            for result in overlapping.min(0)
-        )
-        here, across = (torch.arange(length, device=frames.device) for length in (height, width))
-        row = (here[:, None] + best // side - self.reach).clamp_(0, height - 1)
-        column = (across + best % side - self.reach).clamp_(0, width - 1)
-        return (row * width + column).flatten(2), torch.exp(least / (-2 * self.deviation**2))
+        least, best = overlapping.min(0)
+        return best, torch.exp(least / (-2 * self.deviation**2))

@@ -37,6 +37,7 @@ class TotalVariation(Denoiser):
         if steps < 1:
             raise BadInput(f"decoder.denoiser.steps={steps}: must be at least 1")
         self.steps = steps
+        self.receptive_field = steps + 1
 
     @torch.no_grad()
     def forward(self, video: torch.Tensor, strength: float) -> torch.Tensor:

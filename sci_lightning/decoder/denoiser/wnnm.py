@@ -69,6 +69,9 @@ class WNNM(Denoiser):
             raise BadInput(f"decoder.denoiser.weight={weight}: must be positive")
         self.patch, self.step, self.reach, self.neighbours = patch, step, reach, neighbours
         self.every, self.weight = every, weight
+        # A patch that covers the pixel, the group's own, and how far both are from those that they are compared with.
+        self.receptive_field = 2 * (patch + reach)
+        self.alignment = step
         self.reset()
 
     def reset(self) -> None:

@@ -30,7 +30,8 @@ def attention_along_time(
     tokens = x.permute(2, 0, 3, 4, 1).reshape(t, n * h * w, c)
     reduced = is_reduced(x)
     values = block_sizes.ATTENTION_VALUES // c if reduced else block_sizes.ATTENTION_TOKENS
-    pixels = max(1, values // t) if x.device.type == "cpu" else n * h * w
+    # On meta as well, where the memory is counted that a processor would need.
+    pixels = max(1, values // t) if x.device.type in ("cpu", "meta") else n * h * w
 
     def attend(tokens: torch.Tensor) -> torch.Tensor:
         """Return the attention among some of the pixels, ``(T, pixels, C)``."""
@@ -58,7 +59,7 @@ def attention_along_time(
 
 
 def attention_in_windows(q: torch.Tensor, k: torch.Tensor, v: torch.Tensor, bias: torch.Tensor) -> torch.Tensor:
-    """Return ``softmax(scale q k^T + bias) v`` of every window and head, ``(.., heads, pixels, D)``, scale ``D ** -0.5``.
+    """Return ``softmax(D ** -0.5 q k^T + bias) v`` of every window and head, in the shape of v.
 
     Args:
         q, k, v: ``(.., windows, heads, pixels, D)``.

@@ -38,6 +38,9 @@ class UNet(nn.Module):
         channels: widths at full, half and quarter resolution.
     """
 
+    receptive_field = 23
+    """Pixels of x, along rows and columns, that act on a pixel of the result."""
+
     def __init__(self, frames: int, channels: Sequence[int] = (32, 64, 128)) -> None:
         super().__init__()
         full, half, quarter = channels

@@ -58,7 +58,7 @@ class Gap(Misfit):
         return asdict(self)
 
 
-def held_out_gap(fitter: Fitter, fit: Fit, seed: int) -> Gap:
+def held_out_gap(fitter: Fitter, fit: Fit, seed: int, estimated_from: float | None = None) -> Gap:
     """Compare a fit with the held-out pixels: reduced chi2, error in DN and negative log-likelihood.
 
     With nothing held out (one capture of few pixels) the fitted pixels are taken.
@@ -67,6 +67,7 @@ def held_out_gap(fitter: Fitter, fit: Fit, seed: int) -> Gap:
         fitter: holds captures, split and model.
         fit: the model to be judged.
         seed: of the residuals' randomisation.
+        estimated_from: how many pixels the model was fitted to; None for the fitted ones of ``fitter``.
     """
     observation = fitter.model.observation
     prediction = fitter.with_map_uncertainty(fit.prediction, fit.maps)
@@ -89,11 +90,13 @@ def held_out_gap(fitter: Fitter, fit: Fit, seed: int) -> Gap:
         pixels = judging & torch.tensor([other == kind for other in observation.kinds])[:, None, None]
         if pixels.any():
             by_kind[kind] = misfit(pixels)
-    limit = chi2_limit(fitter, fit, residual, judging)
+    limit = chi2_limit(fitter, fit, residual, judging, estimated_from)
     return Gap(**asdict(misfit(judging)), pixels=int(judging.sum()), chi2_limit=limit, by_kind=by_kind)
 
 
-def chi2_limit(fitter: Fitter, fit: Fit, residual: torch.Tensor, pixels: torch.Tensor) -> float:
+def chi2_limit(
+    fitter: Fitter, fit: Fit, residual: torch.Tensor, pixels: torch.Tensor, estimated_from: float | None = None
+) -> float:
     """Return the largest reduced chi2 that a right model reaches by chance on so many pixels.
 
     The statistic is the mean c of the squared quantile residuals of n pixels. With a right model it follows
@@ -115,9 +118,11 @@ def chi2_limit(fitter: Fitter, fit: Fit, residual: torch.Tensor, pixels: torch.T
         fit: the model that the residuals belong to.
         residual: ``(N, H, W)`` randomised quantile residuals.
         pixels: ``(N, H, W)`` bool, the pixels that chi2 is taken of.
+        estimated_from: m; None for the number of the fitted pixels of ``fitter``.
     """
     settings = fitter.settings
-    count, fitted = float(pixels.sum()), float(fitter.fitted.sum())
+    count = float(pixels.sum())
+    fitted = float(fitter.fitted.sum()) if estimated_from is None else estimated_from
     mean, variance = 1.0, variance_of_squares(residual[pixels]) / count
     if not (pixels & (fitter.fitted > 0)).any():
         mean += len(fit.free) / fitted

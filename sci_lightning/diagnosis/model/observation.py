@@ -39,6 +39,7 @@ class Observation:
         read_noise, full_well: the datasheet's values in DN and electrons; None where it is silent.
         position: ``(N,)`` place of each capture in the order in which they were taken, for what depends on time;
             None if they were not taken one after the other.
+        verification: ``(N,)`` bool, captures that the file sets aside for verification; None where it does not say.
         dark_surround: whether no light comes from beyond the patterns; False where nobody knows what lies there.
     """
 
@@ -56,6 +57,7 @@ class Observation:
     full_well: float | None
     position: torch.Tensor | None = None
     dark_surround: bool = False
+    verification: torch.Tensor | None = None
 
     @property
     def full_scale(self) -> int:
@@ -76,6 +78,24 @@ class Observation:
         """Return the captures of a part of the field; the patterns stay whole."""
         scene = [one[..., rows, columns] if one.shape[-1] > 1 else one for one in self.scene]
         return replace(self, scene=scene, dn=self.dn[:, rows, columns])
+
+    def take(self, which: torch.Tensor) -> Observation:
+        """Return some of the captures, ``which`` being ``(N,)`` bool."""
+        places = which.nonzero()[:, 0]
+        used, sequence = torch.unique(self.sequence[places], return_inverse=True)
+        return replace(
+            self,
+            sequences=self.sequences[used],
+            sequence=sequence,
+            scene=[self.scene[place] for place in places.tolist()],
+            aperture=self.aperture[places],
+            exposure=self.exposure[places],
+            dn=self.dn[places],
+            kinds=tuple(self.kinds[place] for place in places.tolist()),
+            number=self.number[places],
+            position=None if self.position is None else self.position[places],
+            verification=None,
+        )
 
     @cached_property
     def pile_ups(self) -> list[float]:
@@ -128,7 +148,15 @@ def observe(captures: Captures) -> Observation:
         full_well=captures.full_well_e,
         position=torch.tensor(order),
         dark_surround=captures.surround == "dark",
+        verification=_set_aside(captures, order),
     )
+
+
+def _set_aside(captures: Captures, order: list[int]) -> torch.Tensor | None:
+    """Return which of the captures in this order are set aside for verification; None if the file does not say."""
+    if captures.verification is None:
+        return None
+    return torch.tensor([number in captures.verification for number in order])
 
 
 def _check_values(captures: Captures, known: list[int]) -> None:

@@ -29,6 +29,12 @@ UNCERTAINTY = (
 )
 """What ``std`` and ``systematic`` of the report mean, for people."""
 
+VERIFIED_BY_NONE: dict[str, Any] = {
+    "captures": [],
+    "note": "no capture was kept for verification; the verdict rests on held-out pixels",
+}
+"""What ``verification`` says in ``report.json`` if there is none."""
+
 
 def write_report(
     diagnosis: Diagnosis,
@@ -73,6 +79,7 @@ def describe(diagnosis: Diagnosis) -> dict[str, Any]:
                 "stage": unnamed.stage,
                 "where": unnamed.where,
                 "p_value": unnamed.p_value,
+                "nats": unnamed.nats,
                 "picture": f"unnamed_{number}.png",
             }
             for number, unnamed in enumerate(diagnosis.unnamed, start=1)
@@ -80,6 +87,9 @@ def describe(diagnosis: Diagnosis) -> dict[str, Any]:
         "where": {when: [test.describe() for test in model.tests] for when, model in assessments.items()},
         "noise": {**noise, "stated_by_the_file": list(diagnosis.stated_noise)},
         "next_captures": list(diagnosis.next_captures),
+        "mode": "calibrated",
+        "laboratory": [],
+        "verification": VERIFIED_BY_NONE if diagnosis.verification is None else diagnosis.verification.describe(),
         "split": diagnosis.split.describe(),
         "seed": diagnosis.seed,
         "sci_lightning": __version__,

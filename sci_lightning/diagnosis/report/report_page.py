@@ -254,6 +254,25 @@ def _maps(diagnosis: Diagnosis) -> dict[str, Figure]:
     return drawn
 
 
+def _left_out(diagnosis: Diagnosis) -> dict[str, str]:
+    """Return what was kept for verification, and how much of the field counts nowhere, as rows of the footer."""
+    rows = {}
+    if (verification := diagnosis.verification) is not None:
+        captures = ", ".join(map(str, verification.captures))
+        reached = f"χ² {chi2(verification.before.chi2)} → {chi2(verification.after.chi2)}"
+        rows["verification"] = (
+            f"captures {captures}, which no fit and no choice has seen: {reached}; the verdict rests on it"
+        )
+    split = diagnosis.split.describe()
+    if any(split["border"].values()):
+        sides = ", ".join(f"{width} {side}" for side, width in split["border"].items())
+        rows["surround"] = (
+            f"what lies beyond the patterns is unknown: pixels along the sides count nowhere ({sides}), "
+            f"{100 * split['counted_fraction']:.0f} % are left"
+        )
+    return rows
+
+
 def _footer(diagnosis: Diagnosis, provenance: Provenance) -> dict[str, str]:
     split = diagnosis.split.describe()
     captures = ", ".join(map(str, split["held_out_captures"])) or "none"
@@ -267,7 +286,7 @@ def _footer(diagnosis: Diagnosis, provenance: Provenance) -> dict[str, str]:
             stated = name in diagnosis.stated_noise and name not in diagnosis.names
             listed = ", ".join(f"{key} {value:.4g}" for key, value in values.items())
             noise.append(f"{name.replace('_', ' ')}: {listed} ({'stated by the file' if stated else 'estimated'})")
-    rows = {"held out": held_out, "noise": "; ".join(noise), "command": provenance.command}
+    rows = {"held out": held_out, **_left_out(diagnosis), "noise": "; ".join(noise), "command": provenance.command}
     rows["run time"] = "" if provenance.runtime_s is None else f"{provenance.runtime_s:.1f} s"
     rows["version"] = f"sci_lightning {__version__}, seed {diagnosis.seed}"
     return {title: content for title, content in rows.items() if content}

@@ -88,8 +88,9 @@ def _what_is_left(diagnosis: Diagnosis) -> str:
     if remaining := diagnosis.remaining:
         names = ", ".join(test.name for test in remaining[:4]) + (", .." if len(remaining) > 4 else "")
         return f"the residuals are not noise yet ({names})"
-    gap = diagnosis.after.gap
-    return f"chi2 is {chi2(gap.chi2)}, {_chance(gap)}, and no test of the residuals says where it comes from"
+    gap = diagnosis.judging[1]
+    unseen = "" if diagnosis.verification is None else " on captures that nothing has seen"
+    return f"chi2{unseen} is {chi2(gap.chi2)}, {_chance(gap)}, and no test of the residuals says where it comes from"
 
 
 def _acceptable_by_chance(gap: Gap) -> bool:

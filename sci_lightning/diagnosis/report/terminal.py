@@ -62,5 +62,17 @@ def print_report(diagnosis: Diagnosis, console: PlainConsole) -> None:
         numbers = (*(f"{misfit.rmse_dn:.3g}" for misfit in pair), *(chi2(misfit.chi2) for misfit in pair))
         gap.add_row(kind, *numbers, style="bold" if kind == "all" else "")
     console.print(gap)
+    if (verification := diagnosis.verification) is not None:
+        reached = f"chi2 {chi2(verification.before.chi2)} before, {chi2(verification.after.chi2)} after"
+        count = len(verification.captures)
+        console.say(
+            f"on {count} capture{'s' * (count > 1)} that nothing has seen: {reached}; the verdict rests on this"
+        )
+    split = diagnosis.split.describe()
+    if any(split["border"].values()):
+        console.say(
+            f"what lies beyond the patterns is unknown: {100 * split['counted_fraction']:.0f} % of the pixels do not "
+            "depend on it and count"
+        )
     for advice in diagnosis.next_captures:
         console.say(styled("record next"), f": {advice}")

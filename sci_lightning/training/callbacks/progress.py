@@ -14,8 +14,9 @@ from sci_lightning.decoder.iterative import Iteration, Iterative
 class Progress(RichProgressBar):
     """Lightning's Rich progress bar with loss and PSNR, without the logger's version number.
 
-    In a test it shows the iteration and the residual of an iterative decoder. A file, such as the log of a job, cannot
-    show a bar: a training writes a line every ``line_seconds`` and after every validation instead.
+    In a test it shows the tile of a large snapshot, and the iteration and the residual of an iterative decoder. A file,
+    such as the log of a job, cannot show a bar: a training writes a line every ``line_seconds`` and after every
+    validation instead.
 
     Args:
         line_seconds: seconds between two lines in a file.
@@ -60,7 +61,11 @@ class Progress(RichProgressBar):
         values = ", ".join(f"{name} {value:.4g}" for name, value in self.get_metrics(trainer, pl_module).items())
         self.progress.console.print(f"epoch {trainer.current_epoch}, step {trainer.global_step}: {values}")
 
-    def _show(self, iteration: Iteration) -> None:
+    def show_tile(self, tile: int, of: int) -> None:
+        """Show which tile of a snapshot has been decoded."""
+        self._show(f"tile {tile} of {of}")
+
+    def _show(self, iteration: Iteration | str) -> None:
         if self.progress is not None and self.test_progress_bar_id is not None:
             self.progress.update(self.test_progress_bar_id, description=f"{self.test_description}: {iteration}")
             self.refresh()

@@ -1,0 +1,38 @@
+"""How much memory is free where tensors are computed with."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+import torch
+
+MEMORY_INFORMATION = Path("/proc/meminfo")
+
+CGROUP = (
+    ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
+    ("/sys/fs/cgroup/memory/memory.limit_in_bytes", "/sys/fs/cgroup/memory/memory.usage_in_bytes"),
+)
+"""Where the system says how much memory a container may use and how much it does."""
+
+
+def free_memory(device: torch.device) -> int:
+    """Return how many bytes a computation on a device can still take.
+
+    On a processor it is what the system calls available, or what the container's limit leaves, whichever is less.
+    """
+    if device.type == "cuda":
+        free, _ = torch.cuda.mem_get_info(device)
+        return free + torch.cuda.memory_reserved(device) - torch.cuda.memory_allocated(device)
+    bounds: list[int] = []
+    with suppress(OSError, ValueError, StopIteration):
+        lines = MEMORY_INFORMATION.read_text().splitlines()
+        bounds.append(1024 * int(next(line for line in lines if line.startswith("MemAvailable")).split()[1]))
+    for limit, used in CGROUP:
+        with suppress(OSError, ValueError):
+            bounds.append(max(0, int(Path(limit).read_text()) - int(Path(used).read_text())))
+    if not bounds:
+        with suppress(OSError, ValueError, AttributeError):
+            bounds.append(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 2)
+    return min(bounds, default=8 * 2**30)

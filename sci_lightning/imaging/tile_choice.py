@@ -1,0 +1,110 @@
+"""Whether a snapshot is decoded at once or in tiles, and in which: what ``tile=`` says, and what memory allows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import torch
+
+from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.errors import BadInput
+from sci_lightning.files.memory_bound import readable_bytes
+from sci_lightning.imaging.decoding_memory import DecodingMemory, decoding_memory
+from sci_lightning.imaging.free_memory import free_memory
+from sci_lightning.imaging.tiling import Size, Tiling
+
+SMALL = 256 * 256
+"""Pixels of a field that is decoded at once without asking how much memory that takes: the papers' size."""
+
+SHARE = 0.8
+"""Part of the free memory that decoding may take."""
+
+TILE_MEMORY = 7 * 2**28
+"""Most bytes that one tile may take on a processor, where larger ones are no faster."""
+
+
+class TileChoice:
+    """Chooses the tiles of a decoder for a field, once for every size.
+
+    Args:
+        tile: ``auto`` decodes at once what is small, and cuts the rest so that a tile needs a moderate amount of
+            memory; ``none`` always decodes at once; (height, width) of a tile in pixels, without its halo.
+        say: called with one line that says what ``auto`` has chosen; None: nothing is said.
+        watch: called after every tile with its number, from 1, and the number of tiles.
+
+    Raises:
+        BadInput: something else is given for ``tile``.
+    """
+
+    def __init__(
+        self,
+        tile: str | Sequence[int] | None = "auto",
+        say: Callable[[str], object] | None = None,
+        watch: Callable[[int, int], object] | None = None,
+    ) -> None:
+        self.tile = "none" if tile is None else tile if isinstance(tile, str) else tuple(tile)
+        whole = isinstance(self.tile, tuple) and len(self.tile) == 2 and all(type(side) is int for side in self.tile)
+        if self.tile not in ("auto", "none") and not whole:
+            raise BadInput(
+                f"tile={tile}: give auto, none, or height and width of a tile in pixels, as in tile=[256,256]"
+            )
+        self.say, self.watch = say, watch
+        self._made: dict[tuple[object, ...], Tiling | None] = {}
+        self._memory: dict[tuple[object, ...], DecodingMemory] = {}
+
+    def tiling(self, decoder: Decoder, measurement: torch.Tensor, mask: torch.Tensor) -> Tiling | None:
+        """Return how to cut the field of a measurement ``(N, H, W)`` with a mask ``(T, H, W)``; None: not at all.
+
+        Raises:
+            BadInput: what was asked for, or even the smallest tiles, need more memory than there is.
+        """
+        device = measurement.device
+        key = id(decoder), measurement.shape, len(mask), device, torch.is_autocast_enabled(device.type)
+        if key not in self._made:
+            if isinstance(self.tile, tuple):
+                tiling = Tiling((self.tile[0], self.tile[1]), watch=self.watch)
+                tiling.tiles((mask.shape[-2], mask.shape[-1]), decoder.halo, decoder.alignment)
+                self._made[key] = tiling
+            else:
+                self._made[key] = self._by_memory(decoder, measurement, mask)
+        return self._made[key]
+
+    def _by_memory(self, decoder: Decoder, measurement: torch.Tensor, mask: torch.Tensor) -> Tiling | None:
+        field, snapshots, device = (mask.shape[-2], mask.shape[-1]), len(measurement), measurement.device
+        if field[0] * field[1] <= SMALL:
+            return None
+        known = id(decoder), len(mask), torch.is_autocast_enabled(device.type)
+        if known not in self._memory:
+            self._memory[known] = decoding_memory(decoder, *known[1:])
+        memory = self._memory[known]
+        most = int(SHARE * free_memory(device))
+        whole = snapshots * memory.whole(field)
+        if self.tile == "none":
+            if whole > most:
+                raise BadInput(f"tile=none: {self._needs(decoder, field, whole, most)}; give tile=auto")
+            return None
+        kept = snapshots * memory.in_tiles(field, 0)
+        allowed = most - kept if device.type != "cpu" else min(most - kept, TILE_MEMORY)
+        if whole <= kept + allowed:
+            return None
+        tiling = Tiling(pixels=max(1, int(allowed / max(1.0, snapshots * memory.tile))), watch=self.watch)
+        tiles = tiling.tiles(field, decoder.halo, decoder.alignment)
+        largest = max(tiles, key=lambda tile: tile.pixels)
+        need = snapshots * memory.in_tiles(field, largest.pixels)
+        if need > most:
+            raise BadInput(
+                f"{self._needs(decoder, field, need, most)}; give fewer snapshots at once, or use a machine with more"
+            )
+        if self.say is not None and len(tiles) > 1:
+            self.say(
+                f"tile=auto: {len(tiles)} tiles of up to {len(largest.rows)} x {len(largest.columns)} pixels with "
+                f"halos of {decoder.halo}, about {readable_bytes(need)} (at once: {readable_bytes(whole)})"
+            )
+        return tiling
+
+    @staticmethod
+    def _needs(decoder: Decoder, field: Size, need: int, most: int) -> str:
+        return (
+            f"{type(decoder).__name__} needs about {readable_bytes(need)} for {field[0]} x {field[1]} pixels, and may "
+            f"take {readable_bytes(most)} of this machine's memory"
+        )

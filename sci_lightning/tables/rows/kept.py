@@ -1,0 +1,90 @@
+"""What is kept of a finished row: its metrics, with their provenance and without the places of one machine."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from sci_lightning.errors import BadInput
+from sci_lightning.files.json_fields import read_json
+from sci_lightning.runs.results import write_json
+from sci_lightning.tables.provenance import Provenance
+from sci_lightning.tables.rows.plan import TableRow
+
+RECIPE = ("batch_size", "core_minutes", "crop", "decoder", "encoder", "frames", "size", "system")
+"""Entries of a configuration that rows of one table must share with the present one, as far as both have them."""
+
+
+def kept_files(row: TableRow, results: Path) -> list[Path]:
+    """Return the files that are kept of a row: its test, and one for every further encoder that it is tested behind."""
+    names = ["", *(f"_{test}" for test in row.tests)]
+    return [results / row.name / f"seed{row.seed}{name}.json" for name in names]
+
+
+def is_kept(row: TableRow, results: Path) -> bool:
+    """Return whether everything is kept of a row."""
+    return all(path.is_file() for path in kept_files(row, results))
+
+
+def keep(row: TableRow, run: Path, results: Path, provenance: Provenance) -> list[Path]:
+    """Copy the metrics of a finished training to the results; the file of its own test comes last.
+
+    Args:
+        row: that was trained.
+        run: the training's folder.
+        results: the folder of all rows' results.
+        provenance: of the training.
+
+    Returns:
+        the files that were written.
+    """
+    files = kept_files(row, results)
+    sources = [run / "metrics.json", *(run / f"test_{test}" / "metrics.json" for test in row.tests)]
+    for source, path in reversed(list(zip(sources, files, strict=True))):
+        content = json.loads(source.read_text())
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_json({**_without_places(content), "provenance": provenance.as_json()}, path)
+    return files
+
+
+def check_recipe(row: TableRow, results: Path, config: Mapping[str, Any]) -> None:
+    """Check that a kept row was trained as it would be trained now; two recipes in one table would mislead.
+
+    Args:
+        row: that is kept.
+        results: the folder of all rows' results.
+        config: what the row would be trained with now, composed and plain.
+
+    Raises:
+        BadInput: it was trained otherwise.
+    """
+    path = kept_files(row, results)[0]
+    earlier, now = read_json(path).part("config").content, _without_places(config)
+    for key in RECIPE:
+        before, after = _flat(earlier.get(key), key), _flat(now.get(key), key)
+        for name in sorted(before.keys() & after.keys()):
+            if before[name] != after[name]:
+                raise BadInput(
+                    f"{path}: trained with {name}={before[name]}, now it is {after[name]}; remove {path.parent} to "
+                    "train the row again, or give label=NAME for results of their own"
+                )
+
+
+def _flat(value: Any, place: str) -> dict[str, Any]:
+    if not isinstance(value, Mapping):
+        return {place: value}
+    return {key: entry for name, part in value.items() for key, entry in _flat(part, f"{place}.{name}").items()}
+
+
+def _without_places(content: Any) -> Any:
+    """Plain values with the last part of paths in their place: folders of one machine say nothing to others."""
+    if isinstance(content, Mapping):
+        return {key: _without_places(value) for key, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [_without_places(value) for value in content]
+    if isinstance(content, str) and "/" in content and " " not in content:
+        return os.path.basename(content.rstrip("/"))
+    return content
