@@ -10,6 +10,7 @@ from torch import nn
 from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import as_one_channel
+from sci_lightning.decoder.kernels.reduced_precision import is_reduced
 from sci_lightning.decoder.layers.convolution import Conv3d, TransposedConv3d
 from sci_lightning.decoder.layers.last_convolution import LastConv3d
 
@@ -142,6 +143,7 @@ class RevSCI(Decoder):
         features = self.conv1(as_one_channel(first.video))
         # In double precision the recomputed inputs of f and g, and so the gradients, equal the stored ones exactly.
         precise = torch.is_grad_enabled() and features.device.type != "mps"  # MPS has no double precision
+        precise = precise and (self.reversible or not is_reduced(features))
         x1, x2 = features.to(torch.float64 if precise else features.dtype).chunk(2, dim=1)
         if self.reversible and torch.is_grad_enabled():
             x1, x2 = Reversed.apply(self.layers, x1, x2, *self.layers.parameters())
