@@ -41,6 +41,11 @@ COMMANDS = (
         "decoder=all",
     ),
     (
+        "design_mask",
+        "find the mask behind which a linear decoder is expected to err least, in seconds, without any training",
+        "bits=4 frames=8 full_well=10000",
+    ),
+    (
         "export_mask",
         "a trained mask as the bit planes and frames that a modulator displays",
         "ckpt_path=RUN/checkpoints/last.ckpt canvas=[768,1024]",

@@ -245,9 +245,10 @@ def _misfit(state: Mapping[str, torch.Tensor], wanted: Mapping[str, torch.Tensor
 
 
 def _without_files(config: Any) -> Any:
-    """A configuration that reads no file: what measured masks and maps held is in the state."""
+    """A configuration that reads no file and designs no mask: what these gave is in the state."""
     if isinstance(config, Mapping):
-        return {key: None if key == "file" else _without_files(value) for key, value in config.items()}
+        replaced: dict[str, Any] = {"file": None, "start": "published"}
+        return {key: replaced[key] if key in replaced else _without_files(value) for key, value in config.items()}
     if isinstance(config, (list, tuple)):
         return [_without_files(value) for value in config]
     return config

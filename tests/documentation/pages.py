@@ -86,10 +86,13 @@ def reduced(arguments: list[str]) -> list[str]:
         case "proving_ground" if "run=false" not in line:
             small = ["suites=[nothing]", "cases=1", "seeds=1", "size=[32,32]", "frames=4", "workers=1"]
             return [module, *overrides, *(small if "out=" in line else ["--cfg", "job"])]
+        case "design_mask":
+            return [module, *overrides, "steps=2", "tile=[4,4]", "size=[32,32]"]
         case "benchmark":
             return [module, *overrides, "size=16", "repeats=1", "product=64"]
         case "evaluate" | "reconstruct":
-            algorithm = ["size=[32,32]", "decoder.iterations=[2]"] if "decoder=" in line else []
+            algorithm = ["size=[32,32]"] if "decoder=" in line else []
+            algorithm += ["decoder.iterations=[2]"] if algorithm and "decoder=linear" not in line else []
             quick = ["metrics.qscore=null", "pictures=1"] if "evaluate" in module and "qscore" not in line else []
             return [module, *overrides, *algorithm, *quick]
         case "virtual_camera":

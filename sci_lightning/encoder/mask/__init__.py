@@ -1,5 +1,6 @@
 """Masks: transmittance ``(T, H, W)`` in [0, 1], one kind per file."""
 
+from sci_lightning.encoder.mask.design import MaskDesign, design_binary, design_structural
 from sci_lightning.encoder.mask.learned_binary import LearnedBinary
 from sci_lightning.encoder.mask.learned_structural import LearnedStructural
 from sci_lightning.encoder.mask.mask import Mask
@@ -12,9 +13,12 @@ __all__ = [
     "LearnedBinary",
     "LearnedStructural",
     "Mask",
+    "MaskDesign",
     "Measured",
     "RandomBinary",
     "RandomStructural",
+    "design_binary",
+    "design_structural",
     "published_mask",
     "read_mask",
 ]

@@ -6,7 +6,7 @@ import torch
 from torch import nn
 
 from sci_lightning.configuration.bounds import Bits, Frames, Pixels, Seed, Size
-from sci_lightning.encoder.mask.mask import Mask, uniform
+from sci_lightning.encoder.mask.mask import Mask, Start, check_start, uniform
 from sci_lightning.encoder.mask.structure import check_binary
 from sci_lightning.encoder.rounding import round_half_up, straight_through
 
@@ -20,6 +20,8 @@ class LearnedBinary(Mask):
         frames, size, tile, repeat: see :class:`~sci_lightning.encoder.mask.Mask`.
         seed: seed of the initial real-valued mask, uniform in [0, 1): half of the slots start open.
         bits: mask bit depth, always 1: it is there so that a sweep over bits can name every mask.
+        start: ``published`` for uniform values; ``designed`` for the mask that
+            :func:`~sci_lightning.encoder.mask.design.design_binary` finds in seconds.
 
     Raises:
         BadInput: ``bits`` other than 1.
@@ -30,11 +32,19 @@ class LearnedBinary(Mask):
     learned = True
 
     def __init__(
-        self, frames: Frames, size: Size, tile: Size | None = None, seed: Seed = 0, bits: Bits = 1, repeat: Pixels = 1
+        self,
+        frames: Frames,
+        size: Size,
+        tile: Size | None = None,
+        seed: Seed = 0,
+        bits: Bits = 1,
+        repeat: Pixels = 1,
+        start: Start = "published",
     ) -> None:
         super().__init__(frames, size, tile, repeat)
         self.bits = check_binary(bits)
-        self.weight = nn.Parameter(uniform(self.pattern_shape, seed))
+        first = self.designed(1, False, seed) if check_start(start) else uniform(self.pattern_shape, seed)
+        self.weight = nn.Parameter(first)
 
     @property
     def automatic_aperture(self) -> float:

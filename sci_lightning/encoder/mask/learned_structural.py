@@ -6,7 +6,7 @@ import torch
 from torch import nn
 
 from sci_lightning.configuration.bounds import Bits, Frames, Pixels, Positive, Seed, Size
-from sci_lightning.encoder.mask.mask import Mask, uniform
+from sci_lightning.encoder.mask.mask import Mask, Start, check_start, uniform
 from sci_lightning.encoder.mask.structure import check_bits, structure
 from sci_lightning.errors import BadInput
 
@@ -23,6 +23,8 @@ class LearnedStructural(Mask):
         seed: seed of the initial real-valued mask.
         sharpness: the power, > 0. 1 is the published start. With a larger power the light of a pixel falls into fewer
             slots at the start; a decoder learns to undo such a mask in fewer steps, and training can soften it again.
+        start: ``published`` for uniform values; ``designed`` for the mask that
+            :func:`~sci_lightning.encoder.mask.design.design_structural` finds in seconds, whatever the sharpness.
 
     Source: "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Algorithm 1.
     """
@@ -38,12 +40,16 @@ class LearnedStructural(Mask):
         seed: Seed = 0,
         sharpness: Positive = 1.0,
         repeat: Pixels = 1,
+        start: Start = "published",
     ) -> None:
         super().__init__(frames, size, tile, repeat)
         if not sharpness > 0:
             raise BadInput(f"mask sharpness must be positive, got {sharpness!r}")
         self.bits = check_bits(bits)
-        self.weight = nn.Parameter(uniform(self.pattern_shape, seed) ** sharpness)
+        first = (
+            self.designed(bits, True, seed) if check_start(start) else uniform(self.pattern_shape, seed) ** sharpness
+        )
+        self.weight = nn.Parameter(first)
 
     @torch.no_grad()
     def project_(self) -> None:

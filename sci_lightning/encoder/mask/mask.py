@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal, TypeAlias
 
 import torch
 from torch import nn
 
 from sci_lightning.configuration.bounds import Frames, Pixels, Size
 from sci_lightning.errors import BadInput
+
+Start: TypeAlias = Literal["published", "designed"]
+"""From which values a mask is learned."""
+
+LARGEST_DESIGN = 16
+"""Side of the largest tile that is designed as a whole; larger ones are the repetition of a smaller one."""
 
 
 class Mask(nn.Module):
@@ -72,6 +79,19 @@ class Mask(nn.Module):
         """Return the part ``(T, height, width)`` of the mask whose first pixel is (top, left)."""
         return self()[:, top : top + height, left : left + width]
 
+    def designed(self, bits: int, structural: bool, seed: int) -> torch.Tensor:
+        """Return a designed real-valued mask of the pattern's shape, see :mod:`~sci_lightning.encoder.mask.design`.
+
+        A mask whose every value is free starts from the repetition of a small designed tile.
+        """
+        from sci_lightning.encoder.mask.design import TILE, designed_start  # which imports this module
+
+        frames, height, width = self.pattern_shape
+        small = max(height, width) <= LARGEST_DESIGN
+        tile = (height, width) if small else (min(TILE[0], height), min(TILE[1], width))
+        pattern = designed_start(frames, bits, structural, tile, seed)
+        return pattern.repeat(1, -(-height // tile[0]), -(-width // tile[1]))[:, :height, :width].clone()
+
     @torch.no_grad()
     def project_(self) -> None:
         """Clamp the parameters to their range; masks that are not learned have none."""
@@ -87,6 +107,17 @@ class Mask(nn.Module):
 def uniform(shape: Sequence[int], seed: int) -> torch.Tensor:
     """Return seeded float32 values, uniform in [0, 1); the same on every device and in every process."""
     return torch.rand(*shape, generator=torch.Generator().manual_seed(seed))
+
+
+def check_start(start: str) -> bool:
+    """Return whether a learned mask starts from a designed one.
+
+    Raises:
+        BadInput: another name.
+    """
+    if start not in ("published", "designed"):
+        raise BadInput(f"encoder.mask.start={start}: choose published or designed")
+    return start == "designed"
 
 
 def _pair(name: str, value: Sequence[int]) -> tuple[int, int]:

@@ -9,5 +9,6 @@ from sci_lightning.imaging.patches.estimator import LinearEstimator
 from sci_lightning.imaging.patches.grid import BlockGrid
 from sci_lightning.imaging.patches.moments import BlockMoments, block_covariance
 from sci_lightning.imaging.patches.prior import PatchPrior
+from sci_lightning.imaging.patches.score import MaskScore, SensorNoise
 
-__all__ = ["BlockGrid", "BlockMoments", "LinearEstimator", "PatchPrior", "block_covariance"]
+__all__ = ["BlockGrid", "BlockMoments", "LinearEstimator", "MaskScore", "PatchPrior", "SensorNoise", "block_covariance"]
