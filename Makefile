@@ -50,7 +50,7 @@ benchmark: $(READY)
 	$(MEASURE) decoder=all 'only=[e2e_cnn,res2former,revsci,stformer]' size=64 out=outputs/benchmark/forward_64
 	$(MEASURE) decoder=e2e_cnn size=64 training=4 out=outputs/benchmark/training_e2e_cnn
 	$(MEASURE) decoder=res2former size=64 training=1 out=outputs/benchmark/training_res2former
-	$(MEASURE) decoder=all 'only=[birnat,e2e_cnn,res2former,revsci,stformer]' reduced=small size=32 training=2 out=outputs/benchmark/training_reduced
+	$(MEASURE) decoder=all 'only=[birnat,res2former,revsci,stformer]' reduced=cpu size=64 training=4 out=outputs/benchmark/training_reduced
 	test -f $(TRAINED) || $(BIN)/python -m sci_lightning.train experiment=quickstart trainer.max_epochs=1 out=outputs/benchmark/trained
 	$(MEASURE) ckpt_path=$(TRAINED) out=outputs/benchmark/trained_e2e_cnn
 	mkdir -p docs/results/benchmark

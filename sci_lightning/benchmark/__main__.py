@@ -14,7 +14,7 @@ from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, built, compose, group_members, plain
 from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.cli.failure_line import one_line
-from sci_lightning.configuration.conf_folder import PACKAGE
+from sci_lightning.configuration.conf_folder import CONF, PACKAGE
 from sci_lightning.errors import BadInput
 
 if TYPE_CHECKING:
@@ -46,6 +46,9 @@ def benchmark(composition: Composition) -> None:
 
     cfg = composition.cfg
     out, console, names = Path(cfg.out), PlainConsole(), _names(composition)
+    scales = sorted(folder.name for folder in (CONF / "scale" / "decoder").iterdir())
+    if cfg.reduced is not None and cfg.reduced not in scales:
+        raise BadInput(f"reduced={cfg.reduced}: no such scale of networks; choose one of {', '.join(scales)}")
     device = resolve_device(cfg.device)
     if cfg.precision == "auto":
         precisions = ["32-true", "bf16-mixed"] if multiplies_bfloat16(device) else ["32-true"]

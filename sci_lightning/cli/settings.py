@@ -77,7 +77,7 @@ SETTINGS: Mapping[str, Any] = {
     # benchmark
     "only": Sequence[Name],
     "published": bool,
-    "reduced": Literal["small", "quickstart", "smoke"],
+    "reduced": Name,
     "training": Annotated[int, Interval(ge=0, le=65536)],
     "compile": bool,
     "warm_up": Count,

@@ -175,7 +175,8 @@ class System(L.LightningModule):
             groups.append({"params": large, "lr": self.muon_lr, "name": "large weights", "muon": True})
         # the fused one is twice as fast and differs in the last bits; scaled gradients of float16 it would not clip
         kind = Muon if large else torch.optim.Adam
-        optimizer = kind(groups, fused=self.trainer.precision == "bf16-mixed")
+        fused = self._trainer is not None and self.trainer.precision == "bf16-mixed"
+        optimizer = kind(groups, fused=fused)
         floor = self.final_lr / self.lr
 
         def schedule(step: int) -> float:

@@ -127,7 +127,9 @@ def test_bad_input(refused: Run) -> None:
     assert "fp8" in refused("benchmark", "precision=fp8")
     slim = ["decoder=e2e_cnn", "decoder.blocks=1", "decoder.channels=4", "size=16", "product=0"]
     assert "the published E2ECNN has 'encode2.conv1.weight'" in refused("benchmark", *slim, "published=true")
-    assert "reduced=tiny" in refused("benchmark", "reduced=tiny")
+    assert "reduced=tiny: no such scale of networks; choose one of cpu, quickstart" in refused(
+        "benchmark", "reduced=tiny"
+    )
     assert "no such checkpoint" in refused("benchmark", "ckpt_path=none.ckpt")
     assert "choose auto, cpu" in refused("benchmark", "device=tpu")
     assert "a whole number from 1" in refused("benchmark", "repeats=0")
