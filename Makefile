@@ -3,6 +3,7 @@
 # interrupted in whatever way, the same line goes on; make smoke-tables: every row for seconds, no figures;
 # make gpu-tables: the rows that matter most, full networks, half an hour each on one GPU;
 # make speedrun CLIPS=.. VALIDATION=.. SCENES=..: the best recipe of half an hour on two cores; interrupted, the same line goes on
+# make benchmark: measure the figures of docs/results/decoder-cost.md anew, seven minutes of an otherwise idle machine
 # make documentation: write the measured tables of README.md and docs/ from docs/results/
 PYTHON ?= python3
 SEED   ?= 5
@@ -12,7 +13,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/ready
 
-.PHONY: train diagnose tables smoke-tables gpu-tables speedrun documentation test lint clean
+.PHONY: train diagnose tables smoke-tables gpu-tables speedrun benchmark documentation test lint clean
 
 train: $(READY)
 	$(BIN)/python -m sci_lightning.train experiment=quickstart
@@ -39,6 +40,22 @@ smoke-tables gpu-tables: $(READY)
 	failed=0; for rows in $(ROWS); do \
 	  $(BIN)/python -m sci_lightning.train -m experiment=$$rows scale=$(SCALE) $(WITH) || failed=1; done; \
 	$(BIN)/python -m sci_lightning.tables runs=outputs/sweep/$(SCALE) out=outputs/tables/$(SCALE) && exit $$failed
+
+# REPEATS=1 is quicker and less exact; TRAINED=RUN/checkpoints/last.ckpt in place of a minute of training
+benchmark: REPEATS ?= 3
+benchmark: TRAINED ?= outputs/benchmark/trained/checkpoints/last.ckpt
+benchmark: MEASURE = $(BIN)/python -m sci_lightning.benchmark repeats=$(REPEATS)
+benchmark: $(READY)
+	$(MEASURE) decoder=all 'only=[birnat,e2e_cnn,efficientsci,res2former,revsci,stformer]' size=128 published=true out=outputs/benchmark/forward_128
+	$(MEASURE) decoder=all 'only=[e2e_cnn,res2former,revsci,stformer]' size=64 out=outputs/benchmark/forward_64
+	$(MEASURE) decoder=e2e_cnn size=64 training=4 out=outputs/benchmark/training_e2e_cnn
+	$(MEASURE) decoder=res2former size=64 training=1 out=outputs/benchmark/training_res2former
+	$(MEASURE) decoder=all 'only=[birnat,res2former,revsci,stformer]' reduced=cpu size=64 training=4 out=outputs/benchmark/training_reduced
+	test -f $(TRAINED) || $(BIN)/python -m sci_lightning.train experiment=quickstart trainer.max_epochs=1 out=outputs/benchmark/trained
+	$(MEASURE) ckpt_path=$(TRAINED) out=outputs/benchmark/trained_e2e_cnn
+	mkdir -p docs/results/benchmark
+	for folder in forward_128 forward_64 training_e2e_cnn training_res2former training_reduced trained_e2e_cnn; do \
+	  cp outputs/benchmark/$$folder/benchmark.json docs/results/benchmark/$$folder.json || exit 1; done
 
 documentation: $(READY)
 	$(BIN)/python -m sci_lightning.tables documentation=.

@@ -6,11 +6,14 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from omegaconf import OmegaConf
+
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
 from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.cli.continued_run import recorded, repeated
-from sci_lightning.runs.run_folder import is_first_process
+from sci_lightning.errors import BadInput
+from sci_lightning.runs.run_folder import is_first_process, remove_if_refused
 from sci_lightning.training.lost_process import lost_process
 from sci_lightning.training.stop_signal import STATUS, Stopped, StopSignal
 
@@ -18,14 +21,18 @@ if TYPE_CHECKING:
     from sci_lightning.training.run import Run
 
 
-def train(composition: Composition) -> float:
+def train(composition: Composition) -> float | None:
     """Train, test, write ``metrics.json`` and say where everything is; returns the mean PSNR in dB.
 
-    Ctrl-C or SIGTERM end it with a line that says how to go on, and status 130.
+    With ``dry_run=true`` it only says what that would take, and returns None. Ctrl-C or SIGTERM end it with a line that
+    says how to go on, and status 130.
 
     Args:
         composition: of ``conf/train.yaml``.
     """
+    if composition.cfg.dry_run:
+        _print_plan(composition)
+        return None
     config = plain(composition.cfg)
     names = {group: composition.choice(group) for group in ("encoder", "decoder")}
     with StopSignal() as stop:
@@ -50,6 +57,21 @@ def train(composition: Composition) -> float:
         if is_first_process():
             _say_stopped(Path(config["out"]) / "checkpoints" / "last.ckpt", composition)
         sys.exit(STATUS if is_first_process() else 0)
+
+
+def _print_plan(composition: Composition) -> None:
+    """Print steps, examples and expected hours of a training; its folder, which Hydra has made, goes again."""
+    from sci_lightning.training.training_plan import training_plan
+
+    cfg = composition.cfg
+    config = OmegaConf.to_container(cfg, resolve=True)  # data.root may be missing
+    if not isinstance(config, dict):
+        raise TypeError("expected a mapping")
+    if OmegaConf.is_missing(cfg.data, "root") and not cfg.data.clips_per_epoch:
+        raise BadInput("data.root is missing: give it, or data.clips_per_epoch=.., which is all that a dry run needs")
+    for line in training_plan({str(key): value for key, value in config.items()}).lines():
+        PlainConsole().print(line, soft_wrap=True)
+    remove_if_refused(cfg.out, "train")
 
 
 def _say(line: str) -> None:

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 from hydra.core.config_store import ConfigStore
 from rich.progress import Progress
 
 from sci_lightning.cli.command import run
-from sci_lightning.cli.composition import Composition, compose, group_members, plain
+from sci_lightning.cli.composition import Composition, built, compose, group_members, plain
 from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.cli.failure_line import one_line
-from sci_lightning.configuration.conf_folder import PACKAGE
+from sci_lightning.configuration.conf_folder import CONF, PACKAGE
 from sci_lightning.errors import BadInput
 
-SETTINGS = ("frames", "precision", "compile", "warm_up", "repeats", "budget", "product")
+if TYPE_CHECKING:
+    from sci_lightning.runs.checkpoint import Checkpoint
+
+SETTINGS = ("frames", "compile", "warm_up", "repeats", "budget", "product", "training")
+"""What is handed to the measurement, and written down, as it is."""
 
 
 def benchmark(composition: Composition) -> None:
@@ -30,26 +35,53 @@ def benchmark(composition: Composition) -> None:
     import torch
 
     from sci_lightning.benchmark.decoder_cost import decoder_cost
-    from sci_lightning.benchmark.table import as_markdown, as_table
+    from sci_lightning.benchmark.snapshot import scene_snapshot
+    from sci_lightning.benchmark.table import as_markdown, as_tables
     from sci_lightning.cli.next_command import invocation, print_next
-    from sci_lightning.decoder import kernels
     from sci_lightning.files.atomic_file import atomic_write
     from sci_lightning.runs.device import device_name, resolve_device
-    from sci_lightning.runs.precision import describe_precision, resolve_precision
+    from sci_lightning.runs.precision import multiplies_bfloat16, resolve_precision
     from sci_lightning.runs.results import write_json
+    from sci_lightning.tables.provenance import provenance_now
 
     cfg = composition.cfg
-    kernels.use(cfg.kernels)
     out, console, names = Path(cfg.out), PlainConsole(), _names(composition)
+    scales = sorted(folder.name for folder in (CONF / "scale" / "decoder").iterdir())
+    if cfg.reduced is not None and cfg.reduced not in scales:
+        raise BadInput(f"reduced={cfg.reduced}: no such scale of networks; choose one of {', '.join(scales)}")
     device = resolve_device(cfg.device)
-    cfg.precision = resolve_precision(cfg.precision, device)
-    console.say(describe_precision(cfg.precision, device))
-    if cfg.repeats < 1:
-        raise BadInput(f"repeats={cfg.repeats}: at least one call must be timed")
-    settings: dict[str, Any] = {key: cfg[key] for key in SETTINGS}
-    settings["size"] = (cfg.size, cfg.size) if isinstance(cfg.size, int) else tuple(cfg.size)
-    about = {"format": "sci-benchmark", "format_version": 1, "torch": torch.__version__, "device": device_name(device)}
-    content: dict[str, Any] = {**about, **settings, "decoders": {}, "failed": {}}
+    if cfg.precision == "auto":
+        precisions = ["32-true", "bf16-mixed"] if multiplies_bfloat16(device) else ["32-true"]
+    else:
+        precisions = [resolve_precision(cfg.precision, device)]
+    checkpoint = _checkpoint(composition, names)
+    if checkpoint is not None:
+        cfg.size, cfg.frames = checkpoint.config["size"], checkpoint.config["frames"]
+    elif isinstance(cfg.size, int):
+        cfg.size = [cfg.size, cfg.size]
+    cfg.crop = cfg.crop or list(cfg.size)
+    scene, *snapshot = scene_snapshot(built(cfg, "data"), checkpoint, cfg.seed)
+    settings: dict[str, Any] = {key: cfg[key] for key in SETTINGS} | {"size": tuple(cfg.size), "precisions": precisions}
+    command = f"python -m sci_lightning.benchmark {' '.join(composition.overrides)}".strip()
+    reduced = f"networks of scale={cfg.reduced}" if cfg.reduced else "full networks"
+    described = f"{reduced}, one snapshot at {cfg.size[0]} x {cfg.size[1]}, T = {cfg.frames}"
+    load = f"load {os.getloadavg()[0]:.1f} when it began" if hasattr(os, "getloadavg") else ""
+    content: dict[str, Any] = {
+        "format": "sci-benchmark",
+        "format_version": 2,
+        "provenance": provenance_now(device_name(device), described, [cfg.seed], command, load).as_json(),
+        "torch": torch.__version__,
+        "device": device_name(device),
+        "threads": torch.get_num_threads(),
+        **settings,
+        "kernels": cfg.kernels,
+        "scene": f"{composition.choice('data')}: {scene}",
+        "weights": "random weights" if checkpoint is None else f"trained weights ({checkpoint.path.name})",
+        "decoders": {},
+        "failed": {},
+    }
+    settings |= {"threads": torch.get_num_threads(), "plain_kernels": cfg.kernels == "plain", "snapshot": snapshot}
+    settings["state"] = None if checkpoint is None else checkpoint.check_fit("decoder", checkpoint.decoder())
     paper = yaml.safe_load((PACKAGE / "tables" / "paper_figures.yaml").read_text())["decoders"]
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("", total=len(names))
@@ -58,7 +90,9 @@ def benchmark(composition: Composition) -> None:
             figures = {"paper": paper[name]} if name in paper else {}
             rules = paper[name]["macs_rules"] if name in paper else 2022
             try:
-                cost = decoder_cost(_decoder(composition, name), device=str(device), rules=rules, **settings)
+                config = _decoder(composition, name) if checkpoint is None else checkpoint.config["decoder"]
+                published = name if cfg.published else None
+                cost = decoder_cost(config, device=str(device), rules=rules, published=published, **settings)
                 content["decoders"][name] = {**cost, **figures}
             except Exception as error:
                 if len(names) == 1:
@@ -68,7 +102,8 @@ def benchmark(composition: Composition) -> None:
             with atomic_write(out / "benchmark.md") as temporary:
                 temporary.write_text(as_markdown(content))
             progress.advance(task)
-    console.print(as_table(content))
+    for table in as_tables(content):
+        console.print(table)
     console.say(styled(out), ": benchmark.json, benchmark.md")
     name = names[0] if len(names) == 1 else "e2e_cnn"
     if name in ("linear", "gap_tv", "admm_tv", "desci"):  # nothing to learn
@@ -80,11 +115,28 @@ def benchmark(composition: Composition) -> None:
         raise BadInput(f"{len(failed)} of {len(names)} decoders could not be measured: {reasons}")
 
 
+def _checkpoint(composition: Composition, names: list[str]) -> Checkpoint | None:
+    """Return the checkpoint whose decoder is measured; its name takes the place of ``decoder=`` in ``names``."""
+    from sci_lightning.runs.checkpoint import read_checkpoint
+
+    cfg = composition.cfg
+    if cfg.ckpt_path is None:
+        return None
+    checkpoint = read_checkpoint(cfg.ckpt_path, cfg.trusted)
+    names[:] = [checkpoint.config["names"]["decoder"]]
+    return checkpoint
+
+
 def _decoder(composition: Composition, name: str) -> dict[str, Any]:
     """Return the decoder's plain configuration: with its overrides if it was chosen by itself."""
+    cfg = composition.cfg
+    if cfg.reduced is not None:  # what the rows of a sweep train
+        overrides = [word for word in composition.overrides if word.startswith("decoder.")]
+        scaled = [f"decoder={name}", f"scale={cfg.reduced}", f"frames={cfg.frames}", *overrides]
+        return plain(compose("train", scaled).cfg.decoder)
     if name == composition.choice("decoder"):
-        return plain(composition.cfg.decoder)
-    return plain(compose("benchmark", [f"decoder={name}", f"frames={composition.cfg.frames}"]).cfg.decoder)
+        return plain(cfg.decoder)
+    return plain(compose("benchmark", [f"decoder={name}", f"frames={cfg.frames}"]).cfg.decoder)
 
 
 def _names(composition: Composition) -> list[str]:

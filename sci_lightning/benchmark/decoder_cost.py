@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-import math
 import re
 import statistics
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import torch
 
+from sci_lightning.benchmark.machine_speed import machine_speed
+from sci_lightning.benchmark.published import TRANSCRIPTIONS, as_published
+from sci_lightning.benchmark.timing import Call, seconds_in_turns, times_as_fast
+from sci_lightning.benchmark.training_step import training_step
 from sci_lightning.configuration.build import build
+from sci_lightning.decoder import Decoder, kernels
 from sci_lightning.decoder.complexity import count_macs, count_parameters
 from sci_lightning.decoder.paper_count import count_as_paper
 from sci_lightning.errors import BadInput
+from sci_lightning.imaging.full_precision import full_precision
 from sci_lightning.imaging.operator import SnapshotOperator
+from sci_lightning.metrics.psnr import psnr
 from sci_lightning.runs.precision import mixed_precision
 
 
@@ -46,79 +52,126 @@ def measure(
     size: tuple[int, int],
     rules: int,
     device: str,
-    precision: str,
+    precisions: Sequence[str],
     compile: bool,
     warm_up: int,
     repeats: int,
     budget: float,
     product: int,
+    threads: int | None = None,
+    plain_kernels: bool = False,
+    published: str | None = None,
+    training: int = 0,
+    state: Mapping[str, torch.Tensor] | None = None,
+    snapshot: tuple[torch.Tensor, torch.Tensor, torch.Tensor] | None = None,
 ) -> dict[str, Any]:
-    """Build a decoder, count, and decode one measurement again and again.
+    """Build a decoder, count, and decode one measurement again and again, in every precision in turns.
 
     Args:
         config: plain configuration of the decoder.
         frames, size: T and (H, W) of the measurement.
         rules: see :func:`~sci_lightning.decoder.paper_count.count_as_paper`.
         device: cpu, cuda, ..
-        precision: of networks, by Lightning's name.
+        precisions: of networks, by Lightning's names, the most exact first.
         compile: whether torch.compile is applied; its own time is part of the warm-up.
         warm_up, repeats: number of calls that are not timed, and that are.
         budget: seconds after which no further call is timed.
-        product: n of the n x n matrix product whose speed is given for comparison; 0: none.
+        product: n of the n x n matrix product whose speed is given for comparison; 0: none, nor a convolution.
+        threads: of torch; None: as many as it takes by itself.
+        plain_kernels: whether networks are computed with ``kernels=plain``.
+        published: the decoder's name, to time the transcription of its published code as well, in the last precision;
+            None, or a name without a transcription: not.
+        training: snapshots of a training step that is timed as well; 0: none.
+        state: weights, ``decoder.*`` of a checkpoint without that prefix; None: random ones.
+        snapshot: measurement ``(1, H, W)``, mask ``(T, H, W)`` and true video ``(1, T, H, W)``; None: random ones.
 
     Returns:
-        ``parameters``, ``macs``, ``macs_as_paper``; ``seconds`` (median) and ``fastest`` of ``calls``; ``memory`` in
-        bytes, the most that weights, activations and scratch took at a time (absent where the system does not tell);
-        ``gflops``, two operations per multiply-accumulate, and ``product_gflops`` of the matrix product.
+        ``parameters``, ``macs``, ``macs_as_paper``; ``precisions`` with ``seconds`` (median), ``fastest`` of ``calls``,
+        ``gflops``, two operations per multiply-accumulate, ``memory`` in bytes, the most that weights, activations and
+        scratch took at a time (absent where the system does not tell), and ``psnr`` of the video in dB; ``machine``,
+        see :func:`~sci_lightning.benchmark.machine_speed.machine_speed`; ``published`` with ``precision``, ``seconds``,
+        ``fastest`` and ``times_as_fast``; ``training``, see :mod:`~sci_lightning.benchmark.training_step`.
 
     Raises:
         BadInput: what the decoder finds wrong.
     """
     torch.manual_seed(0)
+    if threads:
+        torch.set_num_threads(threads)
+    kernels.use("plain" if plain_kernels else "auto")
     place = torch.device(device)
-    on_gpu = place.type == "cuda"
-    before = 0 if on_gpu else _memory("VmRSS")
-    decoder = build(config, "decoder").eval().to(place)
-    mask = (torch.rand(frames, *size, device=place) < 0.5).float()
-    measurement = SnapshotOperator(mask)(torch.rand(1, frames, *size, device=place))
+    before = 0 if place.type == "cuda" else _memory("VmRSS")
+    decoder: Decoder = build(config, "decoder").eval().to(place)
+    if state is not None:
+        decoder.load_state_dict(dict(state))
+    if snapshot is None:
+        mask = (torch.rand(frames, *size) < 0.5).float()
+        video = torch.rand(1, frames, *size)
+        snapshot = SnapshotOperator(mask)(video), mask, video
+    measurement, mask, truth = (value.to(place) for value in snapshot)
     decode = torch.compile(decoder) if compile else decoder
-    with torch.inference_mode(), mixed_precision(precision, place):
-        seconds = _timed(lambda: decode(measurement, mask), place, warm_up, repeats, budget)
-        peak = torch.cuda.max_memory_allocated(place) if on_gpu else _memory("VmHWM")
-        one, other = torch.rand(2, product, product, device=place)
-        product_seconds = min(_timed(lambda: one @ other, place, 1, 3))
+    videos: dict[str, torch.Tensor] = {}
+
+    def call_in(precision: str, name: str, function: Any) -> Call:
+        def call() -> None:
+            with torch.inference_mode(), mixed_precision(precision, place):
+                videos[name] = function()
+
+        return call
+
+    calls = {precision: call_in(precision, precision, lambda: decode(measurement, mask)) for precision in precisions}
+    memory: dict[str, int] = {}
+    for precision in reversed(precisions):  # what the allocator keeps of a call would count in the next, smaller one
+        _reset_peak(place)
+        calls[precision]()
+        peak = torch.cuda.max_memory_allocated(place) if place.type == "cuda" else _memory("VmHWM")
+        memory |= {precision: peak - before} if peak else {}
+    transcription = TRANSCRIPTIONS.get(published or "")
+    if transcription is not None:
+        theirs = as_published(decoder)
+        plain = transcription
+        calls["published"] = call_in(precisions[-1], "published", lambda: plain(theirs, measurement, mask)[-1])
+        try:
+            calls["published"]()
+        except KeyError as error:
+            raise BadInput(
+                f"published=true: the published {type(decoder).__name__} has {error}, this one does not; leave "
+                "decoder.* and reduced= out, or published="
+            ) from error
+    # everything has been called once above
+    seconds = seconds_in_turns(calls, place, max(0, warm_up - 1), repeats, budget)
+    speeds = machine_speed(precisions, place, product, training > 0)
     macs = count_macs(decoder, frames, *size)  # after the memory was read: counting loads a good part of torch
-    return {
+    result: dict[str, Any] = {
         "parameters": count_parameters(decoder),
         "macs": macs,
         "macs_as_paper": count_as_paper(decoder, frames, size[0], size[1], rules),
-        "seconds": statistics.median(seconds),
-        "fastest": min(seconds),
-        "calls": len(seconds),
-        **({"memory": peak - before} if peak else {}),
-        "gflops": 2e-9 * macs / statistics.median(seconds),
-        **({"product_gflops": 2e-9 * product**3 / product_seconds} if product else {}),
+        "precisions": {},
     }
-
-
-def _timed(
-    work: Callable[[], Any], place: torch.device, warm_up: int, repeats: int, budget: float = math.inf
-) -> list[float]:
-    """Seconds of each timed call."""
-    for _ in range(warm_up):
-        work()
-    seconds: list[float] = []
-    while len(seconds) < repeats and sum(seconds) < budget:
-        start = _now(place)
-        work()
-        seconds.append(_now(place) - start)
-    return seconds
-
-
-def _now(place: torch.device) -> float:
-    if place.type == "cuda":
-        torch.cuda.synchronize(place)
-    return time.perf_counter()
+    for precision in precisions:
+        times = seconds[precision]
+        with full_precision():
+            quality = float(psnr(videos[precision].float(), truth).mean())
+        result["precisions"][precision] = {
+            "seconds": statistics.median(times),
+            "fastest": min(times),
+            "calls": len(times),
+            **({"memory": memory[precision]} if precision in memory else {}),
+            "gflops": 2e-9 * macs / statistics.median(times),
+            "psnr": quality,
+        }
+    if speeds:
+        result["machine"] = speeds
+    if transcription is not None:
+        result["published"] = {
+            "precision": precisions[-1],
+            "seconds": statistics.median(seconds["published"]),
+            "fastest": min(seconds["published"]),
+            "times_as_fast": times_as_fast(seconds[precisions[-1]], seconds["published"]),
+        }
+    if training and count_parameters(decoder):
+        result["training"] = training_step(decoder, frames, size, training, precisions, place, warm_up, repeats, budget)
+    return result
 
 
 def _memory(field: str) -> int:
@@ -126,3 +179,11 @@ def _memory(field: str) -> int:
     status = Path("/proc/self/status")
     match = re.search(rf"{field}:\s+(\d+) kB", status.read_text()) if status.is_file() else None
     return 1024 * int(match[1]) if match else 0
+
+
+def _reset_peak(place: torch.device) -> None:
+    """Forget the most memory that has been taken so far; where the system cannot, the peak is that of all calls."""
+    if place.type == "cuda":
+        torch.cuda.reset_peak_memory_stats(place)
+    with suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")

@@ -1,80 +1,167 @@
-"""The table of a benchmark: on the terminal, and as Markdown."""
+"""The tables of a benchmark: on the terminal, as Markdown, and in the documentation."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from statistics import median
 from typing import Any
 
 from rich import box
 from rich.table import Table
 
 Cost = Mapping[str, Any]
+Column = Callable[[Cost], str]
+Rows = list[list[str]]
 
-COLUMNS: dict[str, Callable[[Cost], str]] = {
-    "params (M)": lambda cost: f"{cost['parameters'] / 1e6:.2f}",
-    "MACs (G)": lambda cost: f"{cost['macs'] / 1e9:.2f}",
-    "as the paper counts": lambda cost: f"{cost['macs_as_paper'] / 1e9:.2f}",
-    "time (s)": lambda cost: f"{cost['seconds']:.3g}",
-    "memory (MiB)": lambda cost: f"{cost['memory'] / 2**20:.0f}",
-    "GFLOP/s": lambda cost: f"{cost['gflops']:.0f}",
-    "of matmul": lambda cost: f"{cost['gflops'] / cost['product_gflops']:.0%}",
+SHORT = {"32-true": "float32", "bf16-mixed": "bfloat16", "16-mixed": "float16"}
+"""What a precision is called in a table."""
+
+COUNTS: dict[str, Column] = {
+    "params (M)": lambda cost: f"{cost['parameters'] / 1e6:.2f}" if cost["parameters"] else "",
+    "MACs (G)": lambda cost: f"{cost['macs'] / 1e9:.2f}" if cost["macs"] else "",
+    "as the paper counts": lambda cost: f"{cost['macs_as_paper'] / 1e9:.2f}" if cost["macs_as_paper"] else "",
 }
-PAPER: dict[str, Callable[[Cost], str]] = {
+PAPER: dict[str, Column] = {
     "params (M)": lambda cost: f"{cost['paper']['parameters_M']:.2f}",
     "as the paper counts": lambda cost: f"{cost['paper']['macs_G']:.2f}",
-    "time (s)": lambda cost: f"{cost['paper']['seconds']:.2f}",
+}
+SPEEDS = {
+    "product_gflops": "matrix product of side {product}",
+    "convolution_gflops": "3 x 3 convolution, 64 to 64 channels",
+    "convolution_training_gflops": "the same with its gradients",
 }
 
 
 def title(content: Mapping[str, Any]) -> str:
-    """What was measured, and on what."""
+    """Return what was measured, and on what."""
     sides, compiled = " x ".join(map(str, content["size"])), ", compiled" if content["compile"] else ""
-    brackets = "; in brackets the paper's Table 4, whose time is of a GPU" if _comparable(content) else ""
-    return f"{sides}, T = {content['frames']}, on {content['device']}, {content['precision']}{compiled}{brackets}"
+    return (
+        f"{sides}, T = {content['frames']}, on {content['device']}{compiled}; "
+        f"decoded: {content['scene']}, {content['weights']}"
+    )
 
 
-def rows(content: Mapping[str, Any]) -> list[list[str]]:
-    """The heading, and one row for each decoder; empty cells where there is no figure.
+def tables(content: Mapping[str, Any]) -> dict[str, Rows]:
+    """Return heading and rows of every table by name; columns and tables without any figure are left out.
 
-    The paper's figures are for 256 x 256 and T = 8, and stand beside ours at that size only.
+    ``counts``: parameters and operations, in brackets the paper's where it was the same measurement. ``forward``:
+    decoding by precision, beside the transcription of the published code. ``training``: training steps by precision.
+    ``machine``: the machine's own speed.
 
     Args:
-        found: the content of ``benchmark.json``.
+        content: of ``benchmark.json``.
     """
-    body = []
-    for name, cost in content["decoders"].items():
-        cells = [_cell(column, cost) for column in COLUMNS.values()]
-        if _comparable(content) and "paper" in cost:
-            published = [_cell(PAPER[heading], cost) if heading in PAPER else "" for heading in COLUMNS]
-            cells = [f"{cell} ({paper})" if paper else cell for cell, paper in zip(cells, published, strict=True)]
-        body.append([name, *cells])
-    return [["decoder", *COLUMNS], *body]
+    built = {
+        "counts": _counts(content),
+        "forward": _by_precision(content, _forward_columns(content)),
+        "training": _by_precision(content, _training_columns(content)),
+        "machine": _machine(content),
+    }
+    return {name: filled for name, rows in built.items() if len((filled := _filled(rows))[0]) > 1 and len(filled) > 1}
 
 
-def as_table(content: Mapping[str, Any]) -> Table:
-    """For the terminal."""
-    heading, *body = rows(content)
-    table = Table(title=title(content), title_justify="left", box=box.SIMPLE_HEAD)
-    for number, column in enumerate(heading):
-        table.add_column(column, justify="right" if number else "left", no_wrap=not number)
-    for row in body:
-        table.add_row(*row)
-    return table
+def as_tables(content: Mapping[str, Any]) -> list[Table]:
+    """Return the tables for the terminal."""
+    shown = []
+    for number, (heading, *body) in enumerate(tables(content).values()):
+        about = {} if number else {"title": title(content), "title_justify": "left"}
+        table = Table(**about, box=box.SIMPLE_HEAD)  # type: ignore[arg-type]
+        for place, column in enumerate(heading):
+            table.add_column(column, justify="right" if place else "left", no_wrap=not place)
+        for row in body:
+            table.add_row(*row)
+        shown.append(table)
+    return shown
 
 
 def as_markdown(content: Mapping[str, Any]) -> str:
-    """For a README."""
-    heading, *body = rows(content)
-    ruled = [heading, ["---", *["---:"] * (len(heading) - 1)], *body]
-    return "\n".join([title(content), "", *(f"| {' | '.join(row)} |" for row in ruled), ""])
+    """Return the tables as Markdown."""
+    lines = [title(content), ""]
+    for heading, *body in tables(content).values():
+        ruled = [heading, ["---", *["---:"] * (len(heading) - 1)], *body]
+        lines += [*(f"| {' | '.join(row)} |" for row in ruled), ""]
+    return "\n".join(lines)
 
 
-def _comparable(content: Mapping[str, Any]) -> bool:
-    return (content["frames"], *content["size"]) == (8, 256, 256)
+def _counts(content: Mapping[str, Any]) -> Rows:
+    comparable = (content["frames"], *content["size"]) == (8, 256, 256)
+    body = []
+    for name, cost in content["decoders"].items():
+        cells = []
+        for heading, column in COUNTS.items():
+            paper = PAPER[heading](cost) if comparable and "paper" in cost and heading in PAPER else ""
+            cells.append(f"{column(cost)} ({paper})" if paper else column(cost))
+        body.append([name, *cells])
+    return [["decoder", *COUNTS], *body]
 
 
-def _cell(column: Callable[[Cost], str], cost: Cost) -> str:
-    try:
-        return column(cost)
-    except KeyError:  # this system does not tell its memory, or no matrix product was asked for
-        return ""
+def _forward_columns(content: Mapping[str, Any]) -> Callable[[Cost, str], dict[str, str]]:
+    exact = content["precisions"][0]
+
+    def cells(cost: Cost, precision: str) -> dict[str, str]:
+        own, speed = cost["precisions"][precision], cost.get("machine", {}).get(precision)
+        shares = speed if speed and cost["macs"] else {}
+        published = cost.get("published", {})
+        published = published if published.get("precision") == precision else {}
+        return {
+            "time (s)": f"{own['seconds']:.3g}",
+            "memory (MiB)": f"{own['memory'] / 2**20:.0f}" if "memory" in own else "",
+            "GFLOP/s": f"{own['gflops']:.0f}" if cost["macs"] else "",
+            "of matmul": f"{own['gflops'] / shares['product_gflops']:.0%}" if shares else "",
+            "of conv": f"{own['gflops'] / shares['convolution_gflops']:.0%}" if shares else "",
+            "dB lost": "" if precision == exact else f"{cost['precisions'][exact]['psnr'] - own['psnr']:.3f}",
+            "published code (s)": f"{published['seconds']:.3g}" if published else "",
+            "times as fast": f"{published['times_as_fast']:.2f}" if published else "",
+        }
+
+    return cells
+
+
+def _training_columns(content: Mapping[str, Any]) -> Callable[[Cost, str], dict[str, str]]:
+    exact = content["precisions"][0]
+
+    def cells(cost: Cost, precision: str) -> dict[str, str]:
+        if "training" not in cost:
+            return {}
+        training = cost["training"]
+        own = training["precisions"][precision]
+        speed = cost.get("machine", {}).get(precision, {}).get("convolution_training_gflops")
+        return {
+            "snapshots": str(training["snapshots"]),
+            "training step (s)": f"{own['seconds']:.3g}",
+            "GFLOP/s": f"{own['gflops']:.0f}",
+            "of conv": f"{own['gflops'] / speed:.0%}" if speed else "",
+            "times as fast": "" if precision == exact else f"{training['times_as_fast']:.2f}",
+        }
+
+    return cells
+
+
+def _by_precision(content: Mapping[str, Any], columns: Callable[[Cost, str], dict[str, str]]) -> Rows:
+    """Return one row for every decoder and precision that has cells."""
+    rows, heading = [], ["decoder", "precision"]
+    for name, cost in content["decoders"].items():
+        for precision in content["precisions"]:
+            if cells := columns(cost, precision):
+                heading = ["decoder", "precision", *cells]
+                rows.append([name, SHORT[precision], *cells.values()])
+    return [heading, *rows]
+
+
+def _machine(content: Mapping[str, Any]) -> Rows:
+    """Return the machine's own speed, the median over the decoders that it was measured beside."""
+    costs = [cost["machine"] for cost in content["decoders"].values() if "machine" in cost]
+    rows = [["the machine's own speed, GFLOP/s", *(SHORT[precision] for precision in content["precisions"])]]
+    for key, name in SPEEDS.items():
+        speeds = [
+            [cost[precision][key] for cost in costs if key in cost[precision]] for precision in content["precisions"]
+        ]
+        if all(speeds):
+            rows.append([name.format(**content), *(f"{median(values):.0f}" for values in speeds)])
+    return rows
+
+
+def _filled(rows: Rows) -> Rows:
+    """Return rows without the columns that are empty below their heading."""
+    filled = [place for place in range(len(rows[0])) if not place or any(row[place] for row in rows[1:])]
+    return [[row[place] for place in filled] for row in rows]

@@ -43,6 +43,7 @@ SETTINGS: Mapping[str, Any] = {
     # train
     "batch_size": Repeats,
     "resume": bool,
+    "dry_run": bool,
     "core_minutes": Positive,
     "scale": Name,
     "test_encoders": Mapping[str, Any],
@@ -75,6 +76,9 @@ SETTINGS: Mapping[str, Any] = {
     "gray_rate": Positive,
     # benchmark
     "only": Sequence[Name],
+    "published": bool,
+    "reduced": Name,
+    "training": Annotated[int, Interval(ge=0, le=65536)],
     "compile": bool,
     "warm_up": Count,
     "repeats": Repeats,
@@ -84,6 +88,7 @@ SETTINGS: Mapping[str, Any] = {
     "most": Count,
     "search": SearchSettings,
     "empirical": bool,
+    "leave_out": Sequence[Name],
     "candidates": Annotated[Mapping[str, Name], DocInfo("effects of your own, +candidates.mine=my_module.Mine")],
     # captures, virtual_camera.reveal (the number of captures of a kind: see virtual_camera)
     "folder": Place,

@@ -11,6 +11,22 @@ from sci_lightning.data.source import Clips, Scene
 from sci_lightning.errors import BadInput
 
 
+def share_of_batch(batch_size: int, processes: int) -> int:
+    """Return how many of the clips of a step each process takes; of a batch of one, every process takes one.
+
+    Raises:
+        BadInput: the batch cannot be shared out evenly.
+    """
+    if batch_size == 1:
+        return 1
+    if batch_size % processes:
+        raise BadInput(
+            f"batch_size={batch_size} cannot be shared out to {processes} processes: give a multiple of {processes}, "
+            "or another trainer.devices"
+        )
+    return batch_size // processes
+
+
 class EpochSampler(Sampler[list[int]]):
     """The batches of one epoch of an endless stream of clips.
 

@@ -42,7 +42,9 @@ class TileChoice:
         say: Callable[[str], object] | None = None,
         watch: Callable[[int, int], object] | None = None,
     ) -> None:
-        self.tile = "none" if tile is None else tile if isinstance(tile, str) else tuple(tile)
+        self.tile: object = "none" if tile is None else tile
+        if isinstance(tile, Sequence) and not isinstance(tile, str):
+            self.tile = tuple(tile)
         whole = isinstance(self.tile, tuple) and len(self.tile) == 2 and all(type(side) is int for side in self.tile)
         if self.tile not in ("auto", "none") and not whole:
             raise BadInput(

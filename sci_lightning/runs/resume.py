@@ -16,6 +16,7 @@ from sci_lightning.files.plain_data import check_plain_data
 FREE = {
     "out",
     "debug",
+    "dry_run",
     "resume",
     "ckpt_path",
     "names",

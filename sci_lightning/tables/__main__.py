@@ -34,7 +34,7 @@ def tables(composition: Composition) -> None:
         return
     from sci_lightning.cli.next_command import browser, invocation, print_next
     from sci_lightning.imaging.figures import write_figure
-    from sci_lightning.tables.claim_table import claim_table
+    from sci_lightning.tables.claim_table import claim_table, verdict_table
     from sci_lightning.tables.cost import costs
     from sci_lightning.tables.cost_figure import cost_figure
     from sci_lightning.tables.dynamic_range import dynamic_range_figure, dynamic_range_table, wedges
@@ -57,7 +57,7 @@ def tables(composition: Composition) -> None:
     encoders = _members("encoder", "frames=8", "size=[32,32]")
     grids = [encoder_table(paper["encoders"], encoders)]
     grids += [score_table(name, table, runs, cost) for name, table in paper["tables"].items()]
-    grids.append(claim_table(paper["claims"], paper["tables"], runs, cost))
+    grids += [table(paper["claims"], paper["tables"], runs, cost) for table in (claim_table, verdict_table)]
     recorded = wedges({name: encoders[name] for name in paper["encoders"]}, cfg.sensor)
     grids.append(dynamic_range_table(recorded, cfg.sensor))
     grids.append(run_table(runs))

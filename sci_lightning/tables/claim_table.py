@@ -22,6 +22,8 @@ NOTE = (
     "interval lies on the claim's side; contradicted: on the other one. A row that learned less than "
     f"{ENOUGH_LEARNED:g} dB beyond the mean measurement decides nothing."
 )
+VERDICTS = ("reproduced", "contradicted", "undecided")
+
 Cell = tuple[str, str, str]
 """Table, row and column of a figure of the paper."""
 Judged = tuple[list[str], dict[str, str]]
@@ -43,19 +45,48 @@ def claim_table(
         runs: ours.
         costs: of decoders, for claims about what they cost.
     """
-    evidence = Evidence(tables, runs)
     rows: list[list[str]] = []
     verdicts: list[str] = []
-    for claim in claims:
-        judged = [_cost_row(claim["cost"], costs or {})] if "cost" in claim else evidence.rows(claim)
+    for claim, judged in _judged_claims(claims, tables, runs, costs):
         for cells, of_metrics in judged:
             rows.append([claim["claim"], claim["place"], *cells])
             verdicts += of_metrics.values()
-    counts = ", ".join(
-        f"{verdicts.count(verdict)} {verdict}" for verdict in ("reproduced", "contradicted", "undecided")
-    )
-    note = f"Of {len(verdicts)} comparisons, each metric by itself: {counts}."
+    counts = ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in VERDICTS)
+    decided = len(verdicts) - verdicts.count("undecided")
+    share = f" ({decided / len(verdicts):.0%} decided)" if verdicts else ""
+    note = f"Of {len(verdicts)} comparisons, each metric by itself: {counts}{share}."
     return Grid("claims", "What the paper claims of its tables", HEADING, rows, [NOTE, note])
+
+
+def verdict_table(
+    claims: Sequence[Mapping[str, Any]],
+    tables: Mapping[str, Any],
+    runs: Sequence[Run],
+    costs: Mapping[str, Cost] | None = None,
+) -> Grid:
+    """Return one row for each claim: how many of its comparisons are reproduced, contradicted, undecided or not run.
+
+    Args:
+        claims, tables, runs, costs: see :func:`claim_table`.
+    """
+    rows = []
+    for claim, judged in _judged_claims(claims, tables, runs, costs):
+        verdicts = [verdict for _, of_metrics in judged for verdict in of_metrics.values() or ["not yet run"]]
+        counts = [str(verdicts.count(verdict) or "") for verdict in (*VERDICTS, "not yet run")]
+        rows.append([claim["claim"], claim["place"], *counts])
+    heading = ["claim", "place in the paper", *VERDICTS, "not yet run"]
+    return Grid("verdicts", "Verdicts on the paper's claims, by row and metric", heading, rows, [NOTE])
+
+
+def _judged_claims(
+    claims: Sequence[Mapping[str, Any]],
+    tables: Mapping[str, Any],
+    runs: Sequence[Run],
+    costs: Mapping[str, Cost] | None,
+) -> Iterator[tuple[Mapping[str, Any], list[Judged]]]:
+    evidence = Evidence(tables, runs)
+    for claim in claims:
+        yield claim, [_cost_row(claim["cost"], costs or {})] if "cost" in claim else list(evidence.rows(claim))
 
 
 @dataclass(frozen=True)

@@ -41,8 +41,9 @@ class DenoiserSystem(System):
         super().__init__(encoder.requires_grad_(False), decoder, **others)
         self.denoise, self.noise = decoder.denoiser.forward, tuple(noise)
 
-    def training_step(self, video: torch.Tensor, batch_idx: int) -> torch.Tensor:
+    def batch_loss(self, video: torch.Tensor) -> torch.Tensor:
+        """Return the loss of denoising clips ``(N, T, h, w)`` to which noise of one strength was added."""
         low, high = self.noise
         strength = low + (high - low) * float(torch.rand(()))
         noisy = video + strength * torch.randn_like(video)
-        return self.logged(self.loss(self.denoise(noisy, strength), video))
+        return self.loss(self.denoise(noisy, strength), video)

@@ -14,7 +14,7 @@ from lightning.fabric.plugins.environments.slurm import SLURMEnvironment
 from lightning.pytorch.loggers import TensorBoardLogger
 
 from sci_lightning.configuration.build import build
-from sci_lightning.data.loader import ClipLoader, scene_loader
+from sci_lightning.data.loader import ClipLoader, scene_loader, share_of_batch
 from sci_lightning.decoder import kernels
 from sci_lightning.decoder.complexity import count_parameters
 from sci_lightning.encoder.trial import check_recording
@@ -100,8 +100,9 @@ def run_training(
     checkpoint_io = TrainingCheckpointIO(system)
     trainer = _build_trainer(run_config, checkpoint_io, stop)
     share: dict[str, Any] = {"rank": trainer.global_rank, "world_size": trainer.world_size}
+    batch_size = share_of_batch(config["batch_size"], trainer.world_size)
     pinned = {"workers": config["workers"], "pin_memory": trainer.strategy.root_device.type == "cuda"}
-    clips = checkpoint_io.clips = ClipLoader(source.clips(), config["batch_size"], **pinned, **share)
+    clips = checkpoint_io.clips = ClipLoader(source.clips(), batch_size, **pinned, **share)
     trainer.fit(system, clips, scene_loader(held_out, **share), ckpt_path=resumed)
     trainer.save_checkpoint(out / "checkpoints" / "last.ckpt")
     if trainer.is_global_zero:

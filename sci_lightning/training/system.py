@@ -175,7 +175,8 @@ class System(L.LightningModule):
             groups.append({"params": large, "lr": self.muon_lr, "name": "large weights", "muon": True})
         # the fused one is twice as fast and differs in the last bits; scaled gradients of float16 it would not clip
         kind = Muon if large else torch.optim.Adam
-        optimizer = kind(groups, fused=self.trainer.precision == "bf16-mixed")
+        fused = self._trainer is not None and self.trainer.precision == "bf16-mixed"
+        optimizer = kind(groups, fused=fused)
         floor = self.final_lr / self.lr
 
         def schedule(step: int) -> float:
@@ -210,11 +211,15 @@ class System(L.LightningModule):
         self._seed_step(self.trainer.fit_loop.total_batch_idx)
 
     def training_step(self, video: torch.Tensor, batch_idx: int) -> torch.Tensor:
+        return self.logged(self.batch_loss(video))
+
+    def batch_loss(self, video: torch.Tensor) -> torch.Tensor:
+        """Record a batch of clips ``(N, T, h, w)`` behind a random window of the mask, decode it, return the loss."""
         mask, origin = self._window(*video.shape[-2:])
         pipeline = self.pipeline
         linear = pipeline.linearise(pipeline.record(video, mask, origin), origin=origin)
         stages = self.stages(linear, pipeline.decoder_mask(mask))
-        return self.logged(self.stage_loss(stages, video))
+        return self.stage_loss(stages, video)
 
     def logged(self, loss: torch.Tensor) -> torch.Tensor:
         """Return the loss of a batch, after it was logged if this step is one of those that are."""

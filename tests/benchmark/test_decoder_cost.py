@@ -1,4 +1,4 @@
-"""Time and memory of one measurement, in a process of its own."""
+"""Time and memory of one measurement, in a process of its own; both precisions, published code and training steps."""
 
 from __future__ import annotations
 
@@ -8,16 +8,19 @@ from typing import Any
 import pytest
 import torch
 
-from sci_lightning.benchmark.decoder_cost import decoder_cost
+from sci_lightning.benchmark.decoder_cost import decoder_cost, measure
+from sci_lightning.benchmark.published import TRANSCRIPTIONS
+from sci_lightning.benchmark.timing import seconds_in_turns, times_as_fast
 from sci_lightning.decoder import Decoder
 from sci_lightning.errors import BadInput
+from tests.conftest import members
 
 SETTINGS: dict[str, Any] = {
     "frames": 4,
     "size": (16, 24),
     "rules": 2022,
     "device": "cpu",
-    "precision": "32-true",
+    "precisions": ["32-true"],
     "compile": False,
     "warm_up": 1,
     "repeats": 3,
@@ -57,21 +60,61 @@ class TooLarge(Decoder):
 def test_memory_is_the_decoders_own() -> None:
     ballast = torch.ones(200 * MIB // 4)  # of this process, which must not count
     found = decoder_cost({"_target_": f"{__name__}.Hungry"}, **SETTINGS)
-    assert 72 * MIB <= found["memory"] < 72 * MIB + 40 * MIB
+    assert 72 * MIB <= found["precisions"]["32-true"]["memory"] < 72 * MIB + 40 * MIB
     assert len(ballast) and found["parameters"] == 2 * MIB and found["macs"] == found["macs_as_paper"] == 0
 
 
 def test_figures_fit_together() -> None:
-    config = {"_target_": "sci_lightning.decoder.E2ECNN", "frames": 4, "channels": 8, "blocks": 1}
-    found = decoder_cost(config, **SETTINGS)
-    macs = 16 * 24 * 8 * (9 * 4 + 6 * 9 * 8 + 4)
+    config = {"_target_": "sci_lightning.decoder.E2ECNN", "frames": 4, "channels": 8, "blocks": 5}
+    settings = {**SETTINGS, "precisions": ["32-true", "bf16-mixed"], "published": "e2e_cnn", "training": 2}
+    found = measure(config, **settings)
+    macs = 16 * 24 * 8 * (9 * 4 + 22 * 9 * 8 + 4)
     assert found["macs"] == found["macs_as_paper"] == macs
-    assert 0 < found["fastest"] <= found["seconds"] < 10 and found["calls"] == 3
-    assert found["gflops"] == pytest.approx(2e-9 * macs / found["seconds"]) and found["product_gflops"] > 0
-    rules = {**SETTINGS, "rules": 2020, "product": 0, "precision": "bf16-mixed", "budget": 1e-9}
-    found = decoder_cost(config, **rules)
-    assert found["macs_as_paper"] == macs + 16 * 24 * (8 * 7 + 4 + 8 * 4) and "product_gflops" not in found
-    assert found["calls"] == 1
+    for precision in settings["precisions"]:
+        cost, speed = found["precisions"][precision], found["machine"][precision]
+        assert 0 < cost["fastest"] <= cost["seconds"] < 10 and cost["calls"] == 3
+        assert cost["gflops"] == pytest.approx(2e-9 * macs / cost["seconds"])
+        assert set(speed) == {"product_gflops", "convolution_gflops", "convolution_training_gflops"}
+        assert min(speed.values()) > 0
+        step = found["training"]["precisions"][precision]
+        assert step["gflops"] == pytest.approx(3 * 2 * 2e-9 * macs / step["seconds"])
+    difference = found["precisions"]["32-true"]["psnr"] - found["precisions"]["bf16-mixed"]["psnr"]
+    assert 0 < abs(difference) < 0.1  # another arithmetic, and nearly the same video
+    assert found["published"]["precision"] == "bf16-mixed" and found["published"]["times_as_fast"] > 0
+    assert found["training"]["snapshots"] == 2 and found["training"]["times_as_fast"] > 0
+
+
+def test_less_is_measured_where_less_is_asked_for() -> None:
+    config = {"_target_": "sci_lightning.decoder.E2ECNN", "frames": 4, "channels": 8, "blocks": 1}
+    found = measure(config, **{**SETTINGS, "rules": 2020, "product": 0, "budget": 1e-9})
+    macs = 16 * 24 * 8 * (9 * 4 + 6 * 9 * 8 + 4)
+    assert found["macs_as_paper"] == macs + 16 * 24 * (8 * 7 + 4 + 8 * 4)
+    assert found["precisions"]["32-true"]["calls"] == 1 and not {"machine", "published", "training"} & set(found)
+
+
+def test_trained_weights_and_a_snapshot() -> None:
+    from sci_lightning.decoder import E2ECNN
+
+    config = {"_target_": "sci_lightning.decoder.E2ECNN", "frames": 2, "channels": 4, "blocks": 1}
+    decoder, mask, video = E2ECNN(2, 4, 1).eval(), torch.ones(2, 16, 16), torch.rand(1, 2, 16, 16)
+    snapshot = (mask * video).sum(1), mask, video
+    with torch.no_grad():
+        error = (decoder(*snapshot[:2]) - video).square().mean((-2, -1))
+    settings = {**SETTINGS, "frames": 2, "size": (16, 16), "snapshot": snapshot, "state": decoder.state_dict()}
+    found = measure(config, **settings)
+    assert found["precisions"]["32-true"]["psnr"] == pytest.approx(float((-10 * error.log10()).mean()), abs=1e-3)
+
+
+def test_calls_take_turns() -> None:
+    order: list[str] = []
+    calls = {name: (lambda name=name: order.append(name)) for name in "ab"}
+    seconds = seconds_in_turns(calls, torch.device("cpu"), 1, 2)
+    assert order == [*"ab", *"ab", *"ab"] and [len(times) for times in seconds.values()] == [2, 2]
+    assert times_as_fast([1.0, 2.0, 1.0], [2.0, 6.0, 1.0]) == 2.0
+
+
+def test_every_transcription_belongs_to_a_decoder() -> None:
+    assert set(TRANSCRIPTIONS) <= set(members("decoder"))
 
 
 @pytest.mark.parametrize("name", ["Killed", "TooLarge"])
@@ -82,4 +125,4 @@ def test_want_of_memory(name: str) -> None:
 
 def test_what_the_decoder_finds_wrong() -> None:
     with pytest.raises(BadInput, match="built for 5 frames, the mask has 4"):
-        decoder_cost({"_target_": "sci_lightning.decoder.E2ECNN", "frames": 5, "channels": 4}, **SETTINGS)
+        measure({"_target_": "sci_lightning.decoder.E2ECNN", "frames": 5, "channels": 4}, **SETTINGS)

@@ -9,6 +9,16 @@ import pytest
 import torch
 from torch import Tensor
 
+from sci_lightning.benchmark.published.birnat import birnat
+from sci_lightning.benchmark.published.e2e_cnn import e2e_cnn
+from sci_lightning.benchmark.published.efficientsci import efficientsci
+from sci_lightning.benchmark.published.elp_unfolding import elp_unfolding
+from sci_lightning.benchmark.published.metasci import metasci
+from sci_lightning.benchmark.published.res2former import res2former
+from sci_lightning.benchmark.published.revsci import revsci
+from sci_lightning.benchmark.published.sci3d import sci3d
+from sci_lightning.benchmark.published.stformer import stformer
+from sci_lightning.benchmark.published.unet_stages import admm_net, gap_net
 from sci_lightning.decoder import (
     BIRNAT,
     E2ECNN,
@@ -23,16 +33,6 @@ from sci_lightning.decoder import (
     RevSCI,
     STFormer,
 )
-from tests.decoder.plain.birnat import birnat
-from tests.decoder.plain.e2e_cnn import e2e_cnn
-from tests.decoder.plain.efficientsci import efficientsci
-from tests.decoder.plain.elp_unfolding import elp_unfolding
-from tests.decoder.plain.metasci import metasci
-from tests.decoder.plain.res2former import res2former
-from tests.decoder.plain.revsci import revsci
-from tests.decoder.plain.sci3d import sci3d
-from tests.decoder.plain.stformer import stformer
-from tests.decoder.plain.unet_stages import admm_net, gap_net
 from tests.decoder.test_published import as_published
 
 Plain = Callable[[dict[str, Tensor], Tensor, Tensor], list[Tensor]]

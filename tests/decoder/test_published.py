@@ -13,6 +13,7 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 from torch import nn
 
+from sci_lightning.benchmark.published import as_published
 from sci_lightning.decoder import E2ECNN, Decoder, Res2former
 from sci_lightning.decoder.published import authors_keys, load_published, our_state, unpack
 from sci_lightning.errors import BadInput
@@ -21,11 +22,6 @@ from tests.decoder.test_paper_count import FILES
 
 State = dict[str, torch.Tensor]
 DENOISERS = {"pnp_ffdnet": "ffdnet_gray", "pnp_fastdvdnet": "fastdvdnet_gray"}  # facts are of one iteration
-
-
-def as_published(decoder: Decoder) -> State:
-    """The decoder's state under its authors' keys."""
-    return {authors_keys(decoder, key)[0]: value for key, value in decoder.state_dict().items()}
 
 
 class Merged(Decoder):

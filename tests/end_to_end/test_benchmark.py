@@ -10,11 +10,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
+from omegaconf import DictConfig
 
 from sci_lightning.benchmark import __main__ as benchmark
 from sci_lightning.benchmark import decoder_cost
-from sci_lightning.decoder import kernels
+from sci_lightning.cli.composition import built, plain
 from sci_lightning.errors import BadInput
+from sci_lightning.runs import precision
+from sci_lightning.runs.checkpoint import write_weights
 from tests.conftest import members
 from tests.schemas.validation import check
 
@@ -23,20 +27,38 @@ COST = {
     "parameters": 817_608,
     "macs": 53_485_764_608,
     "macs_as_paper": 53_485_764_608,
-    "seconds": 1.25,
-    "gflops": 85.58,
+    "precisions": {
+        "32-true": {
+            "seconds": 1.25,
+            "fastest": 1.2,
+            "calls": 3,
+            "memory": 300 * 2**20,
+            "gflops": 85.58,
+            "psnr": 9.876,
+        },
+        "bf16-mixed": {"seconds": 0.5, "fastest": 0.4, "calls": 3, "gflops": 213.9, "psnr": 9.87},
+    },
+    "machine": {
+        "32-true": {"product_gflops": 100.0, "convolution_gflops": 120.0},
+        "bf16-mixed": {"product_gflops": 500.0, "convolution_gflops": 400.0},
+    },
+    "published": {"precision": "bf16-mixed", "seconds": 1.0, "fastest": 0.9, "times_as_fast": 2.0},
 }
 
 
 def test_all(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
-    done = command("benchmark", "decoder=all", "only=[e2e_cnn]", "size=16", "repeats=1", "product=64", "out=run")
+    asked = ["size=16", "repeats=1", "product=64", "training=1", "reduced=smoke", "out=run"]
+    done = command("benchmark", "decoder=all", "only=[e2e_cnn]", *asked)
     assert done.returncode == 0, done.stderr
-    assert "e2e_cnn" in done.stdout and "0.82" in done.stdout and "run: benchmark.json" in done.stdout
+    assert "e2e_cnn" in done.stdout and "GFLOP/s" in done.stdout and "run: benchmark.json" in done.stdout
     found = json.loads((tmp_path / "run" / "benchmark.json").read_text())
     check("benchmark", found)
     assert found["format"] == "sci-benchmark" and found["size"] == [16, 16] and found["device"].startswith("cpu")
-    assert found["decoders"]["e2e_cnn"]["macs"] == 53_485_764_608 // 256
-    assert found["decoders"]["e2e_cnn"]["paper"]["row"] == "E2E-CNN"
+    assert found["provenance"]["command"].endswith("reduced=smoke out=run") and found["weights"] == "random weights"
+    assert found["scene"].startswith("synthetic: ") and found["precisions"][0] == "32-true"
+    cost = found["decoders"]["e2e_cnn"]
+    assert cost["parameters"] < 100_000 and cost["paper"]["row"] == "E2E-CNN"  # the network of scale=smoke
+    assert set(cost["precisions"]) == set(cost["training"]["precisions"]) == set(found["precisions"])
     assert (tmp_path / "run" / "benchmark.md").read_text().count("|") > 20
 
 
@@ -47,31 +69,69 @@ def test_decoders_that_fail_do_not_stop_the_others(
 
     def cost(config: dict[str, Any], **settings: Any) -> dict[str, Any]:
         measured.append(config["_target_"])
-        assert settings["frames"] == 8 and kernels.are_plain() and config.get("frames", 8) == 8
+        assert settings["frames"] == 8 and settings["plain_kernels"] and config.get("frames", 8) == 8
         if "Res2former" in config["_target_"]:
             raise BadInput("did not fit")
-        return {**COST, "memory": 300 * 2**20}
+        return COST
 
     monkeypatch.setattr(decoder_cost, "decoder_cost", cost)
+    monkeypatch.setattr(precision, "multiplies_bfloat16", lambda device: True)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(
         sys, "argv", ["benchmark", "decoder=all", "size=[256,256]", "device=cpu", "kernels=plain", "out=run"]
     )
-    with pytest.raises(SystemExit) as caught, kernels.use("auto"):
+    with pytest.raises(SystemExit) as caught:
         benchmark.main()
     out, err = capsys.readouterr()
     assert caught.value.code == 2 and len(measured) == len(members("decoder"))
     assert "decoders could not be measured: res2former: did not fit; res2former_l: did not fit" in err
     assert err.startswith(f"error: 2 of {len(measured)}") and "53.49" in out
     found = json.loads((tmp_path / "run" / "benchmark.json").read_text())
+    check("benchmark", found)
     assert set(found["decoders"]) | set(found["failed"]) == set(members("decoder"))
     table = (tmp_path / "run" / "benchmark.md").read_text()
-    assert "| e2e_cnn | 0.82 (0.82) | 53.49 | 53.49 (53.49) | 1.25 (0.01) | 300 | 86 |  |" in table
-    assert "in brackets the paper's Table 4" in table
+    assert "| e2e_cnn | 0.82 (0.82) | 53.49 | 53.49 (53.49) |" in table
+    assert "| e2e_cnn | float32 | 1.25 | 300 | 86 | 86% | 71% |  |  |  |" in table
+    assert "| e2e_cnn | bfloat16 | 0.5 |  | 214 | 43% | 53% | 0.006 | 1 | 2.00 |" in table
+    assert "| matrix product of side 2048 | 100 | 500 |" in table
+
+
+def test_trained_weights(checkpoint_of: Callable[..., Path], ran: Run, tmp_path: Path) -> None:
+    checkpoint_of(tmp_path / "a.ckpt")
+    ran("benchmark", "ckpt_path=a.ckpt", "precision=32", "repeats=1", "product=0", "out=run")
+    found = json.loads((tmp_path / "run" / "benchmark.json").read_text())
+    check("benchmark", found)
+    assert (
+        found["weights"] == "trained weights (a.ckpt)"
+        and found["size"] == [32, 32]
+        and list(found["decoders"]) == ["e2e_cnn"]
+    )
+    assert set(found["decoders"]["e2e_cnn"]["precisions"]) == {"32-true"}
+
+
+@pytest.fixture
+def checkpoint_of(configuration: Callable[..., DictConfig]) -> Callable[[Path], Path]:
+    """Writes a checkpoint of a small network and a mask of 32 x 32 pixels."""
+
+    def write(path: Path) -> Path:
+        small = ["encoder=rbw_sr", "decoder=e2e_cnn", "size=[32,32]", "decoder.channels=4", "decoder.blocks=1"]
+        cfg = configuration("train", *small)
+        modules = torch.nn.ModuleDict({"encoder": built(cfg, "encoder"), "decoder": built(cfg, "decoder")})
+        names = {"encoder": "rbw_sr", "decoder": "e2e_cnn"}
+        write_weights(path, {**plain(cfg), "names": names}, modules.state_dict())
+        return path
+
+    return write
 
 
 def test_bad_input(refused: Run) -> None:
     assert "decoder=res3former: no such decoder" in refused("benchmark", "decoder=res3former")
-    assert "32-true, bf16-mixed" in refused("benchmark", "precision=fp8")
+    assert "fp8" in refused("benchmark", "precision=fp8")
+    slim = ["decoder=e2e_cnn", "decoder.blocks=1", "decoder.channels=4", "size=16", "product=0"]
+    assert "the published E2ECNN has 'encode2.conv1.weight'" in refused("benchmark", *slim, "published=true")
+    assert "reduced=tiny: no such scale of networks; choose one of cpu, quickstart" in refused(
+        "benchmark", "reduced=tiny"
+    )
+    assert "no such checkpoint" in refused("benchmark", "ckpt_path=none.ckpt")
     assert "choose auto, cpu" in refused("benchmark", "device=tpu")
     assert "a whole number from 1" in refused("benchmark", "repeats=0")

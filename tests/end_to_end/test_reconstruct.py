@@ -118,3 +118,31 @@ def test_numbers_that_do_not_fit_the_full_scale(
     imwrite(tmp_path / "snapshot.tiff", (camera / camera.max() * values).astype(kind))
     lines = warnings("measurement=snapshot.tiff", "mask=mask.npy", *overrides)
     assert (not lines and not told) or (len(lines) == 1 and told in lines[0] and "full_scale=" in lines[0]), lines
+
+
+def test_in_tiles(ran: Callable[..., str], camera: np.ndarray, tmp_path: Path) -> None:
+    snapshots = np.stack([camera, camera[::-1]]).astype(np.float32)
+    np.save(tmp_path / "snapshot.npy", snapshots)
+    videos = []
+    for tile in ("none", "[40,24]"):
+        ran("reconstruct", *QUICK, "measurement=snapshot.npy", "mask=mask.npy", f"tile={tile}", "precision=32")
+        videos.append(np.load(tmp_path / "run" / "reconstruction.npy"))
+        assert len(list((tmp_path / "run" / "frames").iterdir())) == 8
+    assert videos[0].shape == (2, 4, SIDE, SIDE) and videos[0].dtype == np.float32
+    np.testing.assert_allclose(videos[0], videos[1], atol=1e-6)
+
+
+def test_tiles_that_cannot_be(
+    refused: Callable[..., str], camera: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from sci_lightning.imaging import tile_choice
+
+    np.save(tmp_path / "snapshot.npy", camera.astype(np.float32))
+    given = [*QUICK, "measurement=snapshot.npy", "mask=mask.npy"]
+    assert "tile=[2,64] is smaller than the halo of 4 pixels" in refused("reconstruct", *given, "tile=[2,64]")
+    assert "tile=half: give auto, none, or height and width" in refused("reconstruct", *given, "tile=half")
+    monkeypatch.setattr(tile_choice, "SMALL", 100)
+    monkeypatch.setattr(tile_choice, "free_memory", lambda device: 1000)
+    line = refused("reconstruct", *given, "tile=none")
+    assert "tile=none: GAP needs about" in line and "for 64 x 64 pixels" in line and "give tile=auto" in line
+    assert not (tmp_path / "run" / "reconstruction.npy").exists() and not (tmp_path / "run" / "frames").exists()

@@ -14,7 +14,7 @@ from PIL import Image
 
 from sci_lightning.cli.console import PlainConsole
 from sci_lightning.configuration.conf_folder import CONF, PACKAGE
-from sci_lightning.tables.claim_table import claim_table
+from sci_lightning.tables.claim_table import claim_table, verdict_table
 from sci_lightning.tables.cost import Cost
 from sci_lightning.tables.grid import Grid
 from sci_lightning.tables.line import METRICS, lines_of
@@ -174,10 +174,14 @@ def test_gains_margins_and_costs(made: Made, tmp_path: Path) -> None:
                     "reproduced in PSNR, SSIM"]  # fmt: skip
     behind = verdict_on(grid, "Res2former is behind STFormer by less than 1 dB", "Res2former, STFormer")
     assert behind == ["-0.70 [-0.70, -0.70] (paper -0.71)", "", "", "reproduced in PSNR"]
-    row = "res2former, stformer"
-    assert verdict_on(grid, "Res2former has 56.57 %", row)[3] == "reproduced (56.57 %, counted)"
-    assert verdict_on(grid, "Res2former has 28.15 %", row)[3] == "contradicted (14.07 %, counted)"
-    assert "contradicted" in grid.notes[1]
+    both = "res2former, stformer"
+    assert verdict_on(grid, "Res2former has 56.57 %", both)[3] == "reproduced (56.57 %, counted)"
+    assert verdict_on(grid, "Res2former has 28.15 %", both)[3] == "contradicted (14.07 %, counted)"
+    assert grid.notes[1].startswith("Of ") and "decided)" in grid.notes[1]
+    counted = verdict_table(PAPER["claims"], TABLES, find_runs([tmp_path])[0], costs)
+    assert row(counted, "Under the deep optics framework, E2E-CNN gains most in PSNR and SSIM")[2:] == ["4", "", "", ""]
+    assert row(counted, "Res2former has 28.15 % of STFormer's FLOPs")[2:] == ["", "1", "", ""]
+    assert row(counted, "Learned masks of 4 bits are ahead of those of 3")[2:] == ["", "", "", "1"]
 
 
 def test_networks_of_two_sizes_are_not_compared_with_each_other(made: Made, tmp_path: Path) -> None:
@@ -201,7 +205,7 @@ def test_the_command(made: Made, tmp_path: Path, ran: Callable[..., str], capsys
     (tmp_path / "runs" / "metrics.json").write_text("{")
     printed = ran("tables", "runs=[runs,more]", "out=out")
     assert "definition of the encoders" in printed and "2 runs" in printed
-    for name in ("table1", "table2", "table3", "table4", "table5", "claims"):
+    for name in ("table1", "table2", "table3", "table4", "table5", "claims", "verdicts"):
         assert (tmp_path / "out" / f"{name}.md").read_text().startswith("**")
         latex = (tmp_path / "out" / f"{name}.tex").read_text()
         rows = [line for line in latex.splitlines() if line.endswith(r"\\")]

@@ -1,4 +1,4 @@
-"""The paper's tables with our kept rows in them, and the verdicts on its claims: ``paper.table5``, ``paper.claims``."""
+"""The paper's tables with our kept rows in them, and verdicts on its claims: ``paper.table5``, ``paper.verdicts``."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sci_lightning.configuration.conf_folder import PACKAGE
 from sci_lightning.errors import BadInput
 from sci_lightning.files.json_fields import read_json
 from sci_lightning.files.plain_text import in_markdown
-from sci_lightning.tables.claim_table import claim_table
+from sci_lightning.tables.claim_table import claim_table, verdict_table
 from sci_lightning.tables.documentation import DocumentedTable
 from sci_lightning.tables.grid import Grid
 from sci_lightning.tables.provenance import NOT_YET, Provenance, joined, read_provenance
@@ -23,7 +23,7 @@ def build(path: Path, part: str) -> DocumentedTable:
 
     Args:
         path: the folder, such as ``docs/results/tables/cpu``; as long as it is not there, the table is empty.
-        part: ``table2`` to ``table5`` or ``claims``.
+        part: ``table2`` to ``table5``, ``claims`` (every comparison) or ``verdicts`` (a line for each claim).
 
     Raises:
         BadInput: another part, or a file of no use.
@@ -32,13 +32,16 @@ def build(path: Path, part: str) -> DocumentedTable:
     runs, lines = find_runs([path]) if path.is_dir() else ([], [])
     if lines:
         raise BadInput(lines[0])
-    if part == "claims":
-        grid = claim_table([claim for claim in paper["claims"] if "cost" not in claim], paper["tables"], runs)
+    if part in ("claims", "verdicts"):
+        scored = [claim for claim in paper["claims"] if "cost" not in claim]
+        grid = (claim_table if part == "claims" else verdict_table)(scored, paper["tables"], runs)
     elif part in paper["tables"]:
         table = {key: value for key, value in paper["tables"][part].items() if key != "cost"}
         grid = score_table(part, table, runs)
     else:
-        raise BadInput(f"paper.{part}: no such table; choose one of {', '.join([*paper['tables'], 'claims'])}")
+        raise BadInput(
+            f"paper.{part}: no such table; choose one of {', '.join([*paper['tables'], 'claims', 'verdicts'])}"
+        )
     return DocumentedTable(*_cells(grid), _provenance(runs), [in_markdown(note) for note in grid.notes])
 
 

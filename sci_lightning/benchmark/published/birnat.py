@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from tests.decoder.plain.layers import State, conv2d, leaky, up2d
+from sci_lightning.benchmark.published.layers import State, conv2d, leaky, up2d
 
 
 def birnat(state: State, y: Tensor, mask: Tensor) -> list[Tensor]:

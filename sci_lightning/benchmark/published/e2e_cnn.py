@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from tests.decoder.plain.layers import State, conv2d, leaky
+from sci_lightning.benchmark.published.layers import State, conv2d, leaky
 
 LEVELS = range(1, 6)
 

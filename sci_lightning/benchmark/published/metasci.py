@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from torch import Tensor
 
-from tests.decoder.plain.layers import State, conv2d, leaky, up2d
+from sci_lightning.benchmark.published.layers import State, conv2d, leaky, up2d
 
 
 def metasci(state: State, y: Tensor, mask: Tensor) -> list[Tensor]:
