@@ -1,7 +1,7 @@
 """``python -m sci_lightning.benchmark.convolutions [FILE.json]``: the ways of computing a convolution over time, timed.
 
 The results are what :func:`~sci_lightning.decoder.kernels.convolution3d.fastest_way` chooses by. One thread, processor
-time, the fastest of three calls, in GFLOP/s with two operations per multiply-accumulate of the definition.
+time, the fastest of three calls (the first warms up), in GFLOP/s with two operations per multiply-accumulate of the definition.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ NAMES = {torch.float32: "float32", torch.bfloat16: "bfloat16"}
 
 
 @torch.no_grad()
-def measure(shape: Shape, dtype: torch.dtype, calls: int = 3) -> dict[str, Any]:
+def measure(shape: Shape, dtype: torch.dtype, calls: int = 2) -> dict[str, Any]:
     """Return one row of the table: the speed of every way that can compute a convolution, and the way that is chosen.
 
     Args:
@@ -91,7 +91,7 @@ def main(arguments: Sequence[str]) -> None:
         "columns": [{"key": key, "title": key} for key in ("shape", "type", "chosen")] + speeds,
         "rows": rows,
         "notes": [
-            "GFLOP/s of one thread's processor time, two operations per multiply-accumulate; the fastest call of four."
+            "GFLOP/s of one thread's processor time, two operations per multiply-accumulate; the fastest call."
         ],
     }
     if arguments:
