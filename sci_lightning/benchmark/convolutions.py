@@ -1,7 +1,7 @@
 """``python -m sci_lightning.benchmark.convolutions [FILE.json]``: the ways of computing a convolution over time, timed.
 
 The results are what :func:`~sci_lightning.decoder.kernels.convolution3d.fastest_way` chooses by. One thread, processor
-time, the fastest of three calls (the first warms up), in GFLOP/s with two operations per multiply-accumulate of the definition.
+time, the fastest of three calls, in GFLOP/s with two operations per multiply-accumulate of the definition.
 """
 
 from __future__ import annotations
