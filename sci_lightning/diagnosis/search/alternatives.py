@@ -77,7 +77,9 @@ def alternatives(fitter: Fitter, fit: Fit, without: Fit, name: str) -> Alternati
         judge, (named, instead) = compared_alike(fitter, fit, rival)
         if instead.log_likelihood > named.log_likelihood - judge.settings.indistinct_nats:
             equal[other] = rival
-    return Alternatives(tuple(equal), " ".join(tell_apart(fitter, fit, rival) for rival in equal.values()))
+    # what is the same but for a plainer name is mentioned, and nobody is asked to record anything for it
+    distinct = [rival for other, rival in equal.items() if fitter.model.effects[other].plainer != name]
+    return Alternatives(tuple(equal), " ".join(tell_apart(fitter, fit, rival) for rival in distinct))
 
 
 def tell_apart(fitter: Fitter, one: Fit, rival: Fit) -> str:

@@ -128,9 +128,10 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
             factor = min(max(float(information[0, 1 + best] / size[best]), 1e-3), 1.0)
             close.append((unexplained, other, _scaled(starts[best], effect.about, factor)))
     close.sort(key=lambda rival: rival[0])
+    same = [rival for rival in close if model.effects[rival[1]].plainer == name]  # takes no other rival's place
+    chosen = same + [rival for rival in close if rival not in same][: settings.rivals_fitted]
     return [
-        (other, fitter.fit(model.adding(without.hypothesis, other, start), iterations=20))
-        for _, other, start in close[: settings.rivals_fitted]
+        (other, fitter.fit(model.adding(without.hypothesis, other, start), iterations=20)) for _, other, start in chosen
     ]
 
 
