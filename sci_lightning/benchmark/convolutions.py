@@ -90,9 +90,7 @@ def main(arguments: Sequence[str]) -> None:
         "provenance": provenance_now(device, "convolutions of the networks", [0], command).as_json(),
         "columns": [{"key": key, "title": key} for key in ("shape", "type", "chosen")] + speeds,
         "rows": rows,
-        "notes": [
-            "GFLOP/s of one thread's processor time, two operations per multiply-accumulate; the fastest call."
-        ],
+        "notes": ["GFLOP/s of one thread's processor time, two operations per multiply-accumulate; the fastest call."],
     }
     if arguments:
         write_json(content, Path(arguments[0]))
