@@ -34,7 +34,7 @@ def diagnose(composition: Composition) -> None:
     cfg = composition.cfg
     start, out, console = time.perf_counter(), Path(cfg.out), PlainConsole()
     captures = read_captures(cfg.captures)
-    candidates = vocabulary(cfg.candidates, composition.targets("effect"))
+    candidates = vocabulary(cfg.candidates, composition.targets("effect"), cfg.leave_out)
     settings = SearchSettings(max_effects=cfg.most, **cfg.search)
     with search_progress(console, cfg.most) as on_progress:
         diagnosis = library.diagnose(captures, candidates, cfg.seed, cfg.empirical, settings, on_progress)

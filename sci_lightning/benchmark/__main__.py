@@ -76,7 +76,7 @@ def benchmark(composition: Composition) -> None:
         **settings,
         "kernels": cfg.kernels,
         "scene": f"{composition.choice('data')}: {scene}",
-        "weights": "random" if checkpoint is None else f"trained: {checkpoint.path.name}",
+        "weights": "random weights" if checkpoint is None else f"trained weights ({checkpoint.path.name})",
         "decoders": {},
         "failed": {},
     }

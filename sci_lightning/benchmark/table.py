@@ -37,7 +37,7 @@ def title(content: Mapping[str, Any]) -> str:
     sides, compiled = " x ".join(map(str, content["size"])), ", compiled" if content["compile"] else ""
     return (
         f"{sides}, T = {content['frames']}, on {content['device']}{compiled}; "
-        f"decoded: {content['scene']}, {content['weights']} weights"
+        f"decoded: {content['scene']}, {content['weights']}"
     )
 
 

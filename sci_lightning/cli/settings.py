@@ -88,6 +88,7 @@ SETTINGS: Mapping[str, Any] = {
     "most": Count,
     "search": SearchSettings,
     "empirical": bool,
+    "leave_out": Sequence[Name],
     "candidates": Annotated[Mapping[str, Name], DocInfo("effects of your own, +candidates.mine=my_module.Mine")],
     # captures, virtual_camera.reveal (the number of captures of a kind: see virtual_camera)
     "folder": Place,

@@ -13,6 +13,7 @@ from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.attention import weighted_sum_of_positions
 from sci_lightning.decoder.kernels.layout import channels_last
 from sci_lightning.decoder.kernels.switch import are_plain
+from sci_lightning.decoder.layers.last_convolution import LastConv2d
 from sci_lightning.decoder.layers.sequential import named_block
 from sci_lightning.errors import BadInput
 
@@ -96,7 +97,7 @@ class FirstFrame(nn.Sequential):
             relu51=nn.LeakyReLU(inplace=True),
             conv52=nn.Conv2d(quarter, eighth, 1),
             relu52=nn.LeakyReLU(inplace=True),
-            conv6=nn.Conv2d(eighth, 1, 3, padding=1),
+            conv6=LastConv2d(eighth, 1, 3, padding=1),
         )
         super().__init__(layers)
 
@@ -141,7 +142,7 @@ class Recurrence(nn.Module):
             nn.Conv2d(hidden, hidden, 1),
             nn.LeakyReLU(inplace=True),
             nn.Conv2d(hidden, hidden, 3, padding=1),
-            nn.Conv2d(hidden, 1, 1),
+            LastConv2d(hidden, 1, 1),
         )
         self.conv_x = nn.Sequential(
             nn.Conv2d(2, hidden, 5, padding=2),

@@ -10,6 +10,7 @@ from torch import nn
 from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import channels_last
+from sci_lightning.decoder.layers.last_convolution import LastConv2d
 
 
 class ResidualBlock(nn.Module):
@@ -74,7 +75,7 @@ class E2ECNN(Decoder):
             nn.LeakyReLU(inplace=True),
         )
         self.decode_blocks = nn.ModuleList(ResidualBlock(channels) for _ in range(blocks))
-        self.last = nn.Conv2d(channels, frames, 1)
+        self.last = LastConv2d(channels, frames, 1)
         self.begin_at_first_video(self.last)
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:

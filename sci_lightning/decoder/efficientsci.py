@@ -9,6 +9,7 @@ from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import as_one_channel
 from sci_lightning.decoder.layers.convolution import Conv3d, pixel_shuffle
+from sci_lightning.decoder.layers.last_convolution import LastConv3d
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.errors import BadInput
 
@@ -111,7 +112,7 @@ class EfficientSCI(Decoder):
             nn.LeakyReLU(inplace=True),
             Conv3d(2 * channels, channels, 1),
             nn.LeakyReLU(inplace=True),
-            Conv3d(channels, 1, 3),
+            LastConv3d(channels, 1, 3),
         )
         self.resdnet_list = nn.Sequential(*(ResDNet(width, groups, heads) for _ in range(blocks)))
         self.begin_at_first_video(self.vrm)

@@ -8,6 +8,7 @@ from torch import nn
 from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import channels_last
+from sci_lightning.decoder.layers.last_convolution import LastConv2d
 
 
 class ResidualBlock(nn.Module):
@@ -79,7 +80,7 @@ class MetaSCI(Decoder):
             nn.LeakyReLU(inplace=True),
             nn.Conv2d(quarter, eighth, 1),
             nn.LeakyReLU(inplace=True),
-            nn.Conv2d(eighth, frames, 3, padding=1),
+            LastConv2d(eighth, frames, 3, padding=1),
         )
         self.begin_at_first_video(self.conv2)
 

@@ -12,6 +12,7 @@ from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import as_one_channel
 from sci_lightning.decoder.layers.convolution import Conv3d, pixel_shuffle
+from sci_lightning.decoder.layers.last_convolution import LastConv3d
 from sci_lightning.decoder.layers.sequential import Chain
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.errors import BadInput
@@ -126,7 +127,7 @@ class Res2former(Decoder):
         self.fuse = Conv3d(2 * half, half, 1)
         self.decode_blocks = Chain((ResTSA(half, groups[0], heads) for _ in range(depths[0])), checkpoint)
         self.expand = Conv3d(half, 2 * half, 1)
-        self.last = Conv3d(dim, 1, 3)
+        self.last = LastConv3d(dim, 1, 3)
         self.begin_at_first_video(self.last)
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:

@@ -10,7 +10,9 @@ from torch import nn
 from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import as_one_channel
+from sci_lightning.decoder.kernels.reduced_precision import is_reduced
 from sci_lightning.decoder.layers.convolution import Conv3d, TransposedConv3d
+from sci_lightning.decoder.layers.last_convolution import LastConv3d
 
 
 class ReversibleBlock(nn.Module):
@@ -130,7 +132,7 @@ class RevSCI(Decoder):
             nn.LeakyReLU(inplace=True),
             Conv3d(half, quarter, 1),
             nn.LeakyReLU(inplace=True),
-            Conv3d(quarter, 1, 3),
+            LastConv3d(quarter, 1, 3),
         )
         self.layers = nn.ModuleList(ReversibleBlock(half) for _ in range(blocks))
         self.begin_at_first_video(self.conv2)
@@ -141,6 +143,7 @@ class RevSCI(Decoder):
         features = self.conv1(as_one_channel(first.video))
         # In double precision the recomputed inputs of f and g, and so the gradients, equal the stored ones exactly.
         precise = torch.is_grad_enabled() and features.device.type != "mps"  # MPS has no double precision
+        precise = precise and (self.reversible or not is_reduced(features))
         x1, x2 = features.to(torch.float64 if precise else features.dtype).chunk(2, dim=1)
         if self.reversible and torch.is_grad_enabled():
             x1, x2 = Reversed.apply(self.layers, x1, x2, *self.layers.parameters())

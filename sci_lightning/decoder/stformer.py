@@ -12,6 +12,7 @@ from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import as_one_channel
 from sci_lightning.decoder.layers.convolution import Conv3d, TransposedConv3d
+from sci_lightning.decoder.layers.last_convolution import LastConv3d
 from sci_lightning.decoder.layers.sequential import Chain, named_block
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.decoder.layers.window_attention import WindowAttention, whole_windows
@@ -118,7 +119,7 @@ class STFormer(Decoder):
             nn.LeakyReLU(inplace=True),
             Conv3d(2 * dim, dim, 1),
             nn.LeakyReLU(inplace=True),
-            Conv3d(dim, 1, 3),
+            LastConv3d(dim, 1, 3),
         )
         self.layers = Chain(
             (

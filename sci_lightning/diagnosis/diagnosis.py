@@ -21,6 +21,7 @@ from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.gap import Gap, held_out_gap
 from sci_lightning.diagnosis.fit.split import Split, split
 from sci_lightning.diagnosis.fit.verification import Verification, set_aside, verify
+from sci_lightning.diagnosis.laboratory import SceneEffect
 from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.model.observation import Observation, observe
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
@@ -66,8 +67,8 @@ class Diagnosis:
         seed: of the residuals' randomisation.
         before: the ideal camera with the datasheet's noise.
         after: the corrected camera, with every named effect (and with the unnamed in free form, if that was asked for).
-        effects: the named effects in the order in which light meets them; noise that differs from the datasheet's
-            among them.
+        effects: the named effects in the order in which light meets them, the laboratory's first; noise that differs
+            from the datasheet's among them.
         unnamed: deviations that no effect of the vocabulary explains.
         rounds: what the search considered, round by round.
         stated_noise: names of the noise effects whose values the captures file states.
@@ -104,6 +105,16 @@ class Diagnosis:
         """consistent, explained, partly_explained or unexplained: :func:`~sci_lightning.diagnosis.verdict.verdict`."""
         counts = len(self.effects), len(self.unnamed), len(self.remaining)
         return verdict(*self.judging, *counts)
+
+    @property
+    def laboratory(self) -> tuple[NamedEffect, ...]:
+        """Those of :attr:`effects` by which the target differs from what the file says."""
+        return tuple(effect for effect in self.effects if effect.effect.stage == SceneEffect.stage)
+
+    @property
+    def camera(self) -> tuple[NamedEffect, ...]:
+        """Those of :attr:`effects` that belong to the camera."""
+        return tuple(effect for effect in self.effects if effect.effect.stage != SceneEffect.stage)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,27 +1,33 @@
-"""The effects that a diagnosis may name: those of the package, and those of the user."""
+"""The effects that a diagnosis may name: the camera's, the laboratory's, and those of the user."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pkgutil import resolve_name
 
+from sci_lightning.diagnosis.laboratory import laboratory_effects
 from sci_lightning.encoder import effects
 from sci_lightning.encoder.effects import Effect
 from sci_lightning.errors import BadInput
 
 
-def vocabulary(more: Mapping[str, str] | None = None, members: Iterable[str] = ()) -> dict[str, type[Effect]]:
+def vocabulary(
+    more: Mapping[str, str] | None = None, members: Iterable[str] = (), leave_out: Iterable[str] = ()
+) -> dict[str, type[Effect]]:
     """Return every effect of the package by name, and the user's own.
 
     Args:
         more: the user's own by name: dotted paths of subclasses of :class:`Effect`, ``my_module.Mine``.
         members: dotted paths likewise, of the configuration group ``effect``, whose members may have any file name.
+        leave_out: names of effects that are not considered.
 
     Raises:
+        BadInput: an unknown name to be left out.
         BadInput: a path that leads nowhere or to something that is no effect, or a name other than the effect's own.
     """
     exported = [getattr(effects, name) for name in effects.__all__]
-    classes = {effect.name: effect for effect in exported if hasattr(effect, "name")}
+    classes: dict[str, type[Effect]] = {effect.name: effect for effect in exported if hasattr(effect, "name")}
+    classes |= laboratory_effects()
     for path in members:
         effect = _effect("effect", path)
         classes[effect.name] = effect
@@ -29,6 +35,10 @@ def vocabulary(more: Mapping[str, str] | None = None, members: Iterable[str] = (
         classes[name] = _effect(f"candidates.{name}", path)
         if (own := classes[name].name) != name:
             raise BadInput(f"candidates.{name}: {path} calls itself {own!r}; write candidates.{own}")
+    for name in leave_out:
+        if name not in classes:
+            raise BadInput(f"leave_out: no effect '{name}'; there are {', '.join(classes)}")
+        del classes[name]
     return classes
 
 

@@ -42,7 +42,7 @@ def run_trial(case: Case) -> dict[str, Any]:
         "hidden": truth["effects"],
         "log_likelihood_gain": truth["log_likelihood_gain"],
         "verdict": report["verdict"],
-        "found": report["effects"],
+        "found": report["laboratory"] + report["effects"],
         "unnamed": report["unnamed"],
         "gap": report["gap"],
         "verification": report["verification"],

@@ -39,7 +39,7 @@ def tables(composition: Composition) -> None:
     from sci_lightning.tables.cost_figure import cost_figure
     from sci_lightning.tables.dynamic_range import dynamic_range_figure, dynamic_range_table, wedges
     from sci_lightning.tables.encoder_table import encoder_table
-    from sci_lightning.tables.mosaic import mosaics
+    from sci_lightning.tables.mosaic import mosaics, retrained_mosaics
     from sci_lightning.tables.run import find_runs
     from sci_lightning.tables.run_table import run_table
     from sci_lightning.tables.score_table import score_table
@@ -68,8 +68,10 @@ def tables(composition: Composition) -> None:
         "cost": cost_figure(paper["tables"]["table4"], runs, paper["decoders"]),
         "dynamic_range_map": dynamic_range_figure(recorded),
     }
+    networks = [row["match"]["decoder"] for row in paper["tables"]["table3"]["rows"].values()]
+    drawn = (mosaics(runs, cfg.mosaic, _left_out), retrained_mosaics(runs, "rbw_sr", networks, cfg.mosaic, _left_out))
     names = []
-    for name, figure in chain(figures.items(), mosaics(runs, cfg.mosaic, _left_out) if cfg.mosaic else ()):
+    for name, figure in chain(figures.items(), *(drawn if cfg.mosaic else ())):
         write_figure(figure, out / f"{name}.png")
         names.append(name)
     console.say(styled(out), f": {', '.join(grid.name for grid in grids)} as .md, .tex and .png; {len(runs)} runs")

@@ -53,6 +53,42 @@ def mosaics(runs: Sequence[Run], side: int, left_out: Callable[[str], None]) -> 
         yield name, _mosaic(f"{decoder}, scale {scale}, {parameters:,} parameters", pictures)
 
 
+def retrained_mosaics(
+    runs: Sequence[Run], encoder: str, decoders: Sequence[str], side: int, left_out: Callable[[str], None]
+) -> Iterator[tuple[str, Figure]]:
+    """A file's name and a figure for each scale: reconstructions of networks trained with one encoder, side by side.
+
+    Source: the paper's Figure 6, networks that were retrained with RBw/SR.
+
+    Args:
+        runs, side, left_out: see :func:`mosaics`.
+        encoder: with which they were trained and are tested.
+        decoders: in the order of the columns; a scale of which fewer than two were run has no figure.
+    """
+    scales: dict[str, dict[str, Path]] = {}
+    for run in sorted(runs, key=lambda run: run.seed):
+        path = run.path.parent / "checkpoints" / "last.ckpt"
+        trained = run.fields["encoder"] == run.fields["test_encoder"] == encoder
+        if trained and run.fields["decoder"] in decoders and is_inside(path, run.path.parent):
+            scales.setdefault(run.setting.scale, {}).setdefault(str(run.fields["decoder"]), path)
+    for scale, paths in scales.items():
+        pictures = _usable({name: paths[name] for name in decoders if name in paths}, side, left_out)
+        if len(pictures) > 1:
+            yield file_name(f"retrained_{scale}"), _side_by_side(f"trained with {encoder}, scale {scale}", pictures)
+
+
+def _side_by_side(title: str, networks: dict[str, dict[str, torch.Tensor]]) -> Figure:
+    """The true frame, then every network's reconstruction of it."""
+    figure = Figure(figsize=(1.9 * (len(networks) + 1), 2.5), layout="constrained")
+    figure.suptitle(in_figure(title, 100), fontsize=10)
+    truth, *panels = figure.subplots(1, len(networks) + 1, squeeze=False)[0]
+    for axes, (name, pictures) in zip(panels, networks.items(), strict=True):
+        *_, (label, frame), (reconstruction, estimate) = pictures.items()
+        show_picture(truth, frame.numpy(), label)
+        show_picture(axes, estimate.numpy(), f"{name}\n{reconstruction}")
+    return figure
+
+
 def _usable(rows: dict[str, Path], side: int, left_out: Callable[[str], None]) -> dict[str, dict[str, torch.Tensor]]:
     """The pictures of every row whose checkpoint is of use."""
     pictures = {}

@@ -101,8 +101,11 @@ def read_report(path: str | Path) -> Report:
     path = Path(path)
     content = _read_json(path, "sci-diagnosis")
     try:
+        named = content["effects"].entries()
+        if content["format_version"].number() > 1:
+            named = content["laboratory"].entries() + named
         return Report(
-            effects=tuple(_reported_effect(entry) for entry in content["effects"].entries()),
+            effects=tuple(_reported_effect(entry) for entry in named),
             unnamed_stages=tuple(entry["stage"].text() for entry in content["unnamed"].entries()),
             chi2_before=content["gap"]["before"]["chi2"].number(),
             chi2_after=content["gap"]["after"]["chi2"].number(),

@@ -30,7 +30,7 @@ CONTENT: dict[str, Any] = {
     "precisions": ["32-true"],
     "product": 2048,
     "scene": "synthetic: camera",
-    "weights": "random",
+    "weights": "random weights",
     "decoders": {"mine": COST},
 }
 

@@ -46,6 +46,30 @@ def test_both_decode_to_the_same(
     torch.testing.assert_close(video, plain, rtol=0, atol=2e-5 * float(plain.abs().max()))
 
 
+@pytest.mark.parametrize("name", ["res2former", "stformer", "revsci", "efficientsci", "e2e_cnn"])
+def test_as_exact_in_bfloat16(name: str, make_decoder: Callable[..., Decoder]) -> None:
+    """The kernels for bfloat16 lose no more of the result than the plain formulas in bfloat16 do."""
+    decoder = make_decoder(name, 8, *WIDE.get(name, SMALL.get(name, [])))
+    mask = torch.rand(8, 20, 24)
+    measurement = (mask * torch.rand(1, 8, 20, 24)).sum(1)
+    weights = list(decoder.parameters())
+
+    def computed() -> list[torch.Tensor]:
+        video = decoder(measurement, mask)
+        assert video.dtype == torch.float32
+        gradients = torch.autograd.grad(video.square().mean(), weights, allow_unused=True)
+        return [video, torch.cat([gradient.flatten() for gradient in gradients if gradient is not None])]
+
+    with kernels.use("plain"):
+        reference = computed()
+        with torch.autocast("cpu", torch.bfloat16):
+            plain = computed()
+    with torch.autocast("cpu", torch.bfloat16):
+        fast = computed()
+    for exact, one, other in zip(reference, plain, fast, strict=True):
+        assert (other - exact).norm() <= 1.3 * (one - exact).norm() <= 0.1 * exact.norm()
+
+
 def test_the_same_gradients() -> None:
     decoder, measurement, mask = STFormer(4, 16, 1), torch.rand(1, 16, 16), torch.rand(4, 16, 16)
     gradients = []

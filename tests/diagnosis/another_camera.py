@@ -155,7 +155,7 @@ def _displayed(scene: np.ndarray, hidden: Hidden) -> np.ndarray:
         turn = np.deg2rad(hidden.scene_angle)
         cos, sin = np.cos(turn) / hidden.scene_scale, np.sin(turn) / hidden.scene_scale
         place = [cos * y - sin * x + (world - 1) / 2, cos * x + sin * y + (world - 1) / 2]
-        scene = np.stack([map_coordinates(frame, place, order=1, mode="nearest") for frame in scene])
+        scene = np.stack([map_coordinates(frame, place, order=3, mode="nearest") for frame in scene]).clip(0)
     return scene
 
 

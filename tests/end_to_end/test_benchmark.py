@@ -54,7 +54,7 @@ def test_all(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path:
     found = json.loads((tmp_path / "run" / "benchmark.json").read_text())
     check("benchmark", found)
     assert found["format"] == "sci-benchmark" and found["size"] == [16, 16] and found["device"].startswith("cpu")
-    assert found["provenance"]["command"].endswith("reduced=smoke out=run") and found["weights"] == "random"
+    assert found["provenance"]["command"].endswith("reduced=smoke out=run") and found["weights"] == "random weights"
     assert found["scene"].startswith("synthetic: ") and found["precisions"][0] == "32-true"
     cost = found["decoders"]["e2e_cnn"]
     assert cost["parameters"] < 100_000 and cost["paper"]["row"] == "E2E-CNN"  # the network of scale=smoke
@@ -102,7 +102,9 @@ def test_trained_weights(checkpoint_of: Callable[..., Path], ran: Run, tmp_path:
     found = json.loads((tmp_path / "run" / "benchmark.json").read_text())
     check("benchmark", found)
     assert (
-        found["weights"] == "trained: a.ckpt" and found["size"] == [32, 32] and list(found["decoders"]) == ["e2e_cnn"]
+        found["weights"] == "trained weights (a.ckpt)"
+        and found["size"] == [32, 32]
+        and list(found["decoders"]) == ["e2e_cnn"]
     )
     assert set(found["decoders"]["e2e_cnn"]["precisions"]) == {"32-true"}
 

@@ -14,6 +14,10 @@ from sci_lightning.proving_ground.case import Case
 from sci_lightning.proving_ground.plan import SUITES, plan
 from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY
 
+LATER = ("mask_distortion", "mask_keystone", "duty_cycle", *(name for name in VOCABULARY if name.startswith("scene_")))
+"""Effects that could not be hidden in the first records."""
+FORMER = [name for name in VOCABULARY if name not in LATER]
+
 
 def by_suite(cases: list[Case], suite: str) -> list[Case]:
     return [case for case in cases if case.suite == suite]
@@ -51,18 +55,19 @@ def in_a_dark_world(case: Case) -> Case:
 
 def test_cases_are_those_of_earlier_records() -> None:
     """A record is taken for that of a case by the digest of its settings, and captures follow from the seed."""
-    cases = [in_a_dark_world(case) for case in plan(["pair", "nothing"], seeds=2, cases=2)]
+    cases = [in_a_dark_world(case) for case in plan(["pair", "nothing"], seeds=2, cases=2, effects=FORMER)]
     assert [(case.digest, case.seed) for case in cases[2:5]] == [
         ("55865b125be9e9fa", 3943646687),
         ("8836ae9847cfee3c", 3523630466),
         ("30505dd565df194f", 1427802300),
     ]
-    digests = "".join(in_a_dark_world(case).digest for case in plan(seeds=2))
-    assert hashlib.sha256(digests.encode()).hexdigest().startswith("fcb6dea88faae7b7")
+    suites = [suite for suite in SUITES if suite != "outside"]  # two of its effects have got a name
+    digests = "".join(in_a_dark_world(case).digest for case in plan(suites, seeds=2, effects=FORMER))
+    assert hashlib.sha256(digests.encode()).hexdigest().startswith("fd0382a2f7412ee9")
 
 
 def test_masks_and_bit_depths_take_turns() -> None:
-    for cases in (by_suite(plan(), "nothing"), by_suite(plan(cases=6), "single")):
+    for cases in (by_suite(plan(), "nothing"), by_suite(plan(cases=6, effects=FORMER), "single")):
         count = Counter((case.session.mask, case.session.bit_depth) for case in cases)
         assert len(count) == 6 and max(count.values()) - min(count.values()) <= 1
 

@@ -65,10 +65,16 @@ def test_mosaics_of_trained_runs(ran: Callable[..., str], tmp_path: Path) -> Non
     for encoder in ("rbw_sr", "lsw_sr"):
         quick = ["size=[32,32]", "data.clips_per_epoch=2", "trainer.max_epochs=1", "metrics.qscore=null", "logger=none"]
         ran("train", *TINY, *quick, f"encoder={encoder}", f"out=runs/{encoder}", "trainer.accelerator=cpu")
+    small = ["decoder=revsci", "decoder.blocks=2", "decoder.channels=4"]
+    words = [word for word in TINY if not word.startswith("decoder")]
+    ran("train", *words, *quick, *small, "encoder=rbw_sr", "out=runs/revsci", "trainer.accelerator=cpu")
     assert "mosaic_own_e2e_cnn" in ran("tables", "runs=runs", "out=out", "mosaic=24")
     with Image.open(tmp_path / "out" / "mosaic_own_e2e_cnn.png") as picture:
         assert picture.height > 400
+    with Image.open(tmp_path / "out" / "retrained_own.png") as picture:
+        assert picture.width > 2 * picture.height  # the truth and two networks
     ran("tables", "runs=runs", "out=none", "mosaic=0")
+    assert not list((tmp_path / "none").glob("retrained*"))
     assert not list((tmp_path / "none").glob("mosaic*"))
 
 

@@ -12,7 +12,7 @@ from sci_lightning.virtual_camera.hardware.camera import Camera
 from sci_lightning.virtual_camera.stream import stream
 from tests.virtual_camera.conftest import SMALL, Signal, one_capture
 
-STAGES = ("modulator", "relay", "exposure", "optics", "sensor")
+STAGES = ("scene", "modulator", "relay", "exposure", "optics", "sensor")
 INPUT = SMALL.acquisition(1)
 IDEAL = Camera(SMALL, {}, 1)
 
@@ -30,9 +30,10 @@ def one_slot_each(slots=4, size=(16, 16)):
 
 def test_the_vocabulary_is_the_documented_one() -> None:
     documented = {
+        "scene": "scene_shift scene_rotation scene_scale scene_blur scene_gamma",
         "modulator": "pattern_order mask_orientation mask_level_gamma mask_contrast mask_lag sync_offset",
-        "relay": "mask_shift mask_rotation mask_scale mask_blur",
-        "exposure": "flicker rolling_shutter",
+        "relay": "mask_shift mask_rotation mask_scale mask_blur mask_distortion mask_keystone",
+        "exposure": "flicker rolling_shutter duty_cycle",
         "optics": "optical_blur vignetting veiling_glare",
         "sensor": "gain prnu shot_noise saturation response_gamma black_level column_noise row_noise hot_pixels "
         "read_noise bit_depth",
@@ -138,6 +139,39 @@ def test_flicker_is_integrated_over_each_slot(signal: Signal) -> None:
         moments = slot + (np.arange(1000) + 0.5) / 1000
         shining = 1 + 0.2 * np.sin(2 * np.pi * 1.7 * moments / 4 + 0.4)
         assert seen[0, 0, 0] == pytest.approx(shining.mean(), abs=1e-6)
+
+
+def test_duty_cycle_is_less_light_and_cuts_off_flicker(signal: Signal) -> None:
+    coding, beat = np.full((4, 16, 16), 0.25), {"amplitude": 0.5, "frequency": 4.0, "phase": 0.0}
+    assert signal(one_capture(coding), duty_cycle={"fraction": 0.7})[0, 0, 0] == pytest.approx(0.7)
+    seen = signal(one_capture(coding), duty_cycle={"fraction": 0.5}, flicker=beat)[0, 0, 0]
+    moments = (np.arange(1000) + 0.5) / 2000  # the first half of every slot, in which the source is bright
+    assert seen == pytest.approx((0.5 + 0.25 * np.sin(2 * np.pi * moments)).mean(), abs=1e-5)
+
+
+def test_targets(signal: Signal) -> None:
+    y, x = np.indices((40, 40)) - 19.5
+    spot = 0.8 * np.exp(-((x - 6) ** 2 + (y - 2) ** 2) / 18)
+    even = np.full((2, 40, 40), 0.5)
+
+    def shown(**wish: dict[str, float]) -> np.ndarray:
+        return signal(one_capture(even, np.stack([spot, spot])), **wish)[0]
+
+    def place(image: np.ndarray) -> tuple[float, float]:
+        return float((image * x).sum() / image.sum()), float((image * y).sum() / image.sum())
+
+    middle = place(spot)
+    moved = place(shown(scene_shift={"dx": 0.6, "dy": -0.3}))
+    assert moved == pytest.approx((middle[0] + 0.6, middle[1] - 0.3), abs=0.01)
+    turned = place(shown(scene_rotation={"angle": 10.0}))
+    assert turned[1] > middle[1] and turned[0] < middle[0]  # clockwise
+    assert place(shown(scene_scale={"scale": 1.1}))[0] == pytest.approx(1.1 * middle[0], abs=0.1)
+    wide = 0.8 * 9 / 10 * np.exp(-((x - 6) ** 2 + (y - 2) ** 2) / 20)
+    np.testing.assert_allclose(shown(scene_blur={"sigma": 1.0}), wide, atol=2e-3)
+    np.testing.assert_allclose(shown(scene_gamma={"gamma": 2.0}), spot**2, atol=1e-6)
+    grey = one_capture(even, 0.5)
+    assert signal(grey, scene_gamma={"gamma": 2.0})[0, 0, 0] == pytest.approx(0.25)
+    np.testing.assert_allclose(signal(grey, scene_shift={"dx": 3.0}), signal(grey), atol=1e-9)
 
 
 def test_rolling_shutter(signal: Signal) -> None:

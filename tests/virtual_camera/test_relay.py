@@ -31,21 +31,20 @@ def counted(relay, surround="dark", n=40):
     """The same by tracing n x n points per pixel back to the mirrors."""
     height, width = RANDOM.shape[1:]
     y, x = (np.arange(n * length)[:, None] / n + 0.5 / n - length / 2 for length in (height, width))
-    y, x = y - relay.dy, x.T - relay.dx
+    seen = np.hypot(y, x.T)
+    half = np.hypot(height, width) / 2
+    table = np.linspace(0, 1.5 * half, 100_000)  # where what belongs at a radius is seen
+    part = np.interp(seen, table * (1 + relay.k * (table / half) ** 2), table) / np.maximum(seen, 1e-9)
+    y, x = y * part, x.T * part
+    w = 1 + 2 * relay.tilt_x * x / width + 2 * relay.tilt_y * y / height  # a plane seen at an angle
+    y, x = y / w - relay.dy, x / w - relay.dx
     cos, sin = np.cos(relay.angle) / relay.scale, np.sin(relay.angle) / relay.scale
     u, v = cos * x + sin * y, cos * y - sin * x
-    w = 1 + 2 * relay.keystone * v / height  # a plane seen at an angle
-    u, v = u / w * (1 + relay.barrel * farness(u, v)), v / w * (1 + relay.barrel * farness(u, v))
     column, row = np.floor(u + width / 2).astype(int), np.floor(v + height / 2).astype(int)
     light = RANDOM[0][row.clip(0, height - 1), column.clip(0, width - 1)]
     if surround == "dark":
         light = light * ((row >= 0) & (row < height) & (column >= 0) & (column < width))
     return light.reshape(height, n, width, n).mean((1, 3))
-
-
-def farness(u, v):
-    """(r / R)**2, 1 in the corners."""
-    return (u**2 + v**2) / (RANDOM.shape[1] ** 2 + RANDOM.shape[2] ** 2) * 4
 
 
 @pytest.mark.parametrize("surround", ["dark", "edge"])
@@ -57,10 +56,10 @@ def farness(u, v):
         Relay(dx=-3.2, scale=1.04),
         Relay(angle=0.02),
         Relay(angle=-0.3, scale=0.93, dx=1.3, dy=0.4),
-        Relay(keystone=0.05, dx=0.3),
-        Relay(keystone=-0.04, angle=0.01, scale=1.02),
-        Relay(barrel=0.05),
-        Relay(barrel=-0.04, dy=-0.4),
+        Relay(tilt_y=0.05, dx=0.3),
+        Relay(tilt_x=-0.04, tilt_y=0.02, angle=0.01, scale=1.02),
+        Relay(k=0.05),
+        Relay(k=-0.04, dy=-0.4, tilt_x=0.03),
     ],
 )
 def test_areas(relay, surround):
@@ -101,12 +100,12 @@ def test_astigmatism_blurs_along_x_only(signal: Signal) -> None:
     np.testing.assert_allclose(both.sum(1), signal(one_mirror(), mask_blur={"sigma": 0.5})[0].sum(1), atol=1e-9)
 
 
-def test_keystone_and_barrel_move_what_is_far_from_the_middle(signal: Signal) -> None:
+def test_keystone_and_distortion_move_what_is_far_from_the_middle(signal: Signal) -> None:
     low = one_mirror(15, 14, (17, 17))
-    assert signal(low, keystone={"tilt": 0.2})[0].argmax() > 15 * 17 + 14  # larger at the lower end
-    assert signal(low, barrel_distortion={"strength": 0.2})[0].argmax() < 15 * 17
+    assert signal(low, mask_keystone={"tilt_y": 0.2})[0].argmax() > 15 * 17 + 14  # larger at the lower end
+    assert signal(low, mask_distortion={"k": -0.2})[0].argmax() < 15 * 17
     middle = one_mirror(8, 8, (17, 17))
-    for wish in ({"keystone": {"tilt": 0.2}}, {"barrel_distortion": {"strength": 0.2}}):
+    for wish in ({"mask_keystone": {"tilt_x": 0.2}}, {"mask_distortion": {"k": 0.2}}):
         assert signal(middle, **wish)[0, 8, 8] > 0.95
 
 

@@ -89,8 +89,8 @@ def test_truth_is_beside_the_captures_and_not_in_them(path: Path) -> None:
 
 RECORDED = {
     "none": "141f391b9a32b64c",
-    "random": "085c6b672845fe34",  # mask_shift, black_level, column_noise
-    "outside": "9f42b91fd6697bf5",  # mask_astigmatism, image_lag, s_shaped_response
+    "mask_shift+black_level+column_noise": "085c6b672845fe34",
+    "mask_astigmatism+image_lag+s_shaped_response": "9f42b91fd6697bf5",
     "mask_rotation+optical_blur+prnu+row_noise": "30fcd1ee19b1a4f8",
 }
 """SHA-256 of all datasets, recorded with the version before the virtual camera became one class."""

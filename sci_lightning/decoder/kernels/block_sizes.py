@@ -12,6 +12,9 @@ WINOGRAD_TILES = 256
 ATTENTION_TOKENS = 4096
 """Tokens (slots times pixels) of attention along time whose queries, keys, values and weights are computed together."""
 
+ATTENTION_VALUES = 2**20
+"""Values of those tokens in bfloat16, of which half as many bytes have to fit."""
+
 POSITION_WEIGHTS = 2**20
 """Weights between positions of BIRNAT's attention that exist at once, for every snapshot; all of them are (H W)^2."""
 

@@ -10,6 +10,7 @@ import torch
 from torch.nn import functional as F
 
 from sci_lightning.decoder.kernels.layout import as_frames, as_video, channels_last
+from sci_lightning.decoder.kernels.reduced_precision import is_reduced
 from sci_lightning.decoder.kernels.winograd import winograd
 
 FEWEST_WINOGRAD_CHANNELS = 32
@@ -38,7 +39,7 @@ def convolution3d(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor, str
         return as_video(_of_frames(as_frames(x), weight.squeeze(2), bias, stride), len(x))
     if stacked_outputs_fit_a_register(weight):
         return _taps_as_outputs(x, weight, bias, stride)
-    if is_small_for_torch(x, weight) or has_more_taps_than_frames(x, weight):
+    if (is_small_for_torch(x, weight) and not is_reduced(x)) or has_more_taps_than_frames(x, weight):
         return _taps_as_inputs(x, weight, bias, stride)
     rows, columns = weight.shape[3] // 2, weight.shape[4] // 2
     return F.conv3d(x, weight, bias, (1, stride, stride), (weight.shape[2] // 2, rows, columns))
@@ -48,8 +49,7 @@ def winograd_saves_time(x: torch.Tensor, weight: torch.Tensor, stride: int) -> b
     """Return whether a convolution has 3 x 3 taps and enough channels; not on a GPU nor in mixed precision."""
     return (
         x.device.type == "cpu"
-        and x.dtype == torch.float32
-        and not torch.is_autocast_enabled("cpu")
+        and not is_reduced(x)
         and weight.shape[3:] == (3, 3)
         and stride == 1
         and min(weight.shape[:2]) >= FEWEST_WINOGRAD_CHANNELS

@@ -6,7 +6,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from sci_lightning.decoder.kernels.attention import frame_by_frame
+from sci_lightning.decoder.kernels.attention import attention_in_windows, frame_by_frame
 from sci_lightning.decoder.kernels.switch import are_plain
 
 OUT_OF_REACH = -100.0
@@ -68,7 +68,7 @@ class WindowAttention(nn.Module):
         if are_plain():
             heads = F.softmax(q @ k.mT * q.shape[-1] ** -0.5 + bias, dim=-1) @ v
         else:
-            heads = F.scaled_dot_product_attention(q, k, v, attn_mask=bias)
+            heads = attention_in_windows(q, k, v, bias)
         mixed = self.proj(heads.transpose(-3, -2).flatten(-2))
         grid = frames.shape[-3] // sides[0], frames.shape[-2] // sides[1]
         return mixed.view(*frames.shape[:-3], *grid, *sides, -1).transpose(-4, -3).reshape(frames.shape)

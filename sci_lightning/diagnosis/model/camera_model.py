@@ -9,6 +9,7 @@ from typing import Generic, TypeVar
 
 import torch
 
+from sci_lightning.diagnosis.laboratory import SceneEffect
 from sci_lightning.diagnosis.model.likelihood import LEAST_DEVIATION, ClippedSignal
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.encoder import empirical
@@ -147,6 +148,7 @@ class CameraModel:
         self.vocabulary = dict(vocabulary)
         self.free_forms = free_forms_for(observation) if free_forms is None else dict(free_forms)
         self.effects: Mapping[str, type[Effect]] = {**self.free_forms, **self.vocabulary}
+        self._scenes: Recent[list[torch.Tensor]] = Recent(memory)
         self._modulated: Recent[Signal] = Recent(memory)
         self._formed: Recent[Signal] = Recent(memory)
 
@@ -215,29 +217,58 @@ class CameraModel:
         return torch.zeros(effect.shape(self.observation.size)) if issubclass(effect, MapEffect) else None
 
     def path(self, hypothesis: Hypothesis) -> LightPath:
-        """Return the hypothesis as modules, in the order in which light meets them."""
+        """Return the camera of a hypothesis as modules, in the order in which light meets them."""
         effects = []
         for name, setting in hypothesis.effects.items():
+            if issubclass(self.effects[name], SceneEffect):
+                continue
             effect = self.effects[name](**setting)
             if isinstance(effect, MapEffect):
                 _set_map(effect, hypothesis.maps.get(name), self.observation.size)
             effects.append(effect)
         return LightPath(effects)
 
+    def laboratory(self, hypothesis: Hypothesis) -> list[SceneEffect]:
+        """Return by which effects the targets of a hypothesis differ from what the file says, in order."""
+        classes = {name: self.effects[name] for name in hypothesis.effects}
+        effects = [
+            effect(**hypothesis.effects[name]) for name, effect in classes.items() if issubclass(effect, SceneEffect)
+        ]
+        return sorted(effects, key=lambda effect: effect.rank)
+
+    @torch.no_grad()
+    def scenes(self, hypothesis: Hypothesis) -> list[torch.Tensor]:
+        """Return the scenes of all captures as they are by a hypothesis; shapes as in the observation."""
+        effects = self.laboratory(hypothesis)
+        if not effects:
+            return self.observation.scene
+
+        def change() -> list[torch.Tensor]:
+            scenes = self.observation.scene
+            for effect in effects:
+                scenes = [effect.change(scene) for scene in scenes]
+            return scenes
+
+        return self._scenes.get(tuple(_key(effect) for effect in effects), change)
+
     def border(self, hypothesis: Hypothesis) -> Border:
         """Return how far what lies beyond the patterns reaches into the field, if that is unknown; else 0."""
-        return Border() if self.observation.dark_surround else self.path(hypothesis).border(self.observation.size)
+        if self.observation.dark_surround:
+            return Border()
+        size = self.observation.size
+        return sum((effect.border(size) for effect in self.laboratory(hypothesis)), self.path(hypothesis).border(size))
 
     @torch.no_grad()
     def predict(self, hypothesis: Hypothesis) -> Prediction:
         """Predict mean and standard deviation of every pixel of every capture."""
         path = self.path(hypothesis)
         before_lens = (*path.of(ModulatorEffect), *path.of(RelayEffect), *path.of(ExposureEffect))
-        modulation = tuple(_key(effect) for effect in before_lens), path.cells
+        shown = tuple(_key(effect) for effect in self.laboratory(hypothesis))
+        modulation = shown, tuple(_key(effect) for effect in before_lens), path.cells
         optics = tuple(_key(effect) for effect in path.of(OpticsEffect))
 
         def form() -> Signal:
-            return path.form(self._modulated.get(modulation, lambda: self._modulate(path)))
+            return path.form(self._modulated.get(modulation, lambda: self._modulate(path, self.scenes(hypothesis))))
 
         light = replace(self._formed.get((modulation, optics), form), variance=torch.zeros(()))
         mean, deviation = self._in_dn(path.respond(light))
@@ -290,7 +321,7 @@ class CameraModel:
         deviation = deviation.expand_as(signal.mean).clamp(min=LEAST_DEVIATION)
         return signal.mean * self.observation.full_scale, deviation
 
-    def _modulate(self, path: LightPath) -> Signal:
+    def _modulate(self, path: LightPath, scenes: list[torch.Tensor]) -> Signal:
         """Return the light of every capture behind the modulator: the sum over the slots of mask times scene."""
         observation, cells = self.observation, path.cells
         shown = path.images(observation.patterns)
@@ -299,7 +330,7 @@ class CameraModel:
             operator = SnapshotOperator(path.during(shown, sequence[None])[0], cells)
             total = None
             for number in (observation.sequence == which).nonzero()[:, 0].tolist():
-                scene = observation.scene[number]
+                scene = scenes[number]
                 if scene.shape[0] == 1:  # the scene is at rest, so that the masks may be summed first
                     total = operator.total() if total is None else total
                     images[number] = operator.static_scene(scene, total)[0]

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 
 from sci_lightning import __version__
 from sci_lightning.diagnosis.diagnosis import Diagnosis
+from sci_lightning.diagnosis.laboratory import SceneEffect
 from sci_lightning.diagnosis.report.pictures import figures
 from sci_lightning.diagnosis.report.report_page import Provenance, report_page
 from sci_lightning.encoder.empirical import Empirical
@@ -71,7 +72,7 @@ def describe(diagnosis: Diagnosis) -> dict[str, Any]:
         "format": "sci-diagnosis",
         "format_version": 2,
         "verdict": diagnosis.verdict,
-        "effects": [effect.describe() for effect in diagnosis.effects],
+        "effects": [effect.describe() for effect in diagnosis.camera],
         "uncertainty": UNCERTAINTY,
         "gap": {when: assessment.gap.describe() for when, assessment in assessments.items()},
         "unnamed": [
@@ -88,7 +89,7 @@ def describe(diagnosis: Diagnosis) -> dict[str, Any]:
         "noise": {**noise, "stated_by_the_file": list(diagnosis.stated_noise)},
         "next_captures": list(diagnosis.next_captures),
         "mode": "calibrated",
-        "laboratory": [],
+        "laboratory": [effect.describe() for effect in diagnosis.laboratory],
         "verification": VERIFIED_BY_NONE if diagnosis.verification is None else diagnosis.verification.describe(),
         "split": diagnosis.split.describe(),
         "seed": diagnosis.seed,
@@ -107,7 +108,7 @@ def write_encoder(diagnosis: Diagnosis, out: str | Path) -> None:
     effects: dict[str, Any] = {}
     for name, values in fit.hypothesis.effects.items():
         effect = diagnosis.model.effects[name]
-        if issubclass(effect, Empirical) and effect.of_captures:
+        if (issubclass(effect, Empirical) and effect.of_captures) or issubclass(effect, SceneEffect):
             continue
         effects[name] = {"_target_": f"{effect.__module__}.{effect.__qualname__}", **values}
         if issubclass(effect, Empirical):

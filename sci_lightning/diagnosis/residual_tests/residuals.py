@@ -62,8 +62,10 @@ class Residuals:
 
     @cached_property
     def observation(self) -> Observation:
-        """The captures, without the border."""
-        return self.fitter.model.observation.window(*self.fitter.split.window)
+        """The captures, without the border, and with the scenes as they are by the fitted model."""
+        model = self.fitter.model
+        shown = replace(model.observation, scene=model.scenes(self.fit.hypothesis))
+        return shown.window(*self.fitter.split.window)
 
     @property
     def origin(self) -> tuple[int, int]:

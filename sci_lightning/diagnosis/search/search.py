@@ -137,6 +137,9 @@ def select_effects(
         }
         least = settings.formula_error * fitter.explained_nats(best, ideal, best)
         bic_gains = {name: bic_gain(fitter, best, fit) for name, fit in fits.items()}
+        for name in fits:  # an effect that is the same as a plainer one is named only where captures tell them apart
+            if fitter.model.effects[name].plainer in (*fits, *best.hypothesis.effects):
+                bic_gains[name] -= settings.indistinct_nats
         added = max((name for name in fits if bic_gains[name] > least), key=bic_gains.__getitem__, default=None)
         rounds.append(Round({candidate.name: candidate.gain for candidate in screened}, gains, added))
         if added is None:

@@ -43,6 +43,8 @@ class Effect(nn.Module):
     """For an effect with an estimated map: ``pixel``, ``column``, ``row`` or ``hot`` (few pixels, the others 0)."""
     noise: ClassVar[bool] = False
     """Whether the effect changes the variance of the signal and not its mean."""
+    plainer: ClassVar[str | None] = None
+    """Name of the effect that a diagnosis prefers as long as captures do not tell this one from it."""
     sentence: ClassVar[str] = ""
     """What the effect does, as a clause for reports in which ``{parameter}`` stands for a value: "the sensor's gain is
     {factor} times the nominal one". Without one, reports list the parameters."""

@@ -6,19 +6,20 @@ from pathlib import Path
 from typing import NamedTuple
 
 import torch
+from torch.nn import functional as F
 
 from sci_lightning.errors import BadInput
 from sci_lightning.imaging.patches.grid import BlockGrid
 from sci_lightning.imaging.patches.moments import BlockMoments, estimated_patches
 from sci_lightning.imaging.patches.prior import PatchPrior, read_prior
 
-MEMORY = 2**30
+MEMORY = 2**31
 """Bytes of matrices that are kept for the next measurement; a mask that needs more has them computed strip by strip."""
 
 STRIP = 2**27
 """Bytes of patches that are estimated at a time."""
 
-FEW_KINDS = 256
+FEW_KINDS = 64
 """Up to so many distinct blocks, all blocks of a kind are multiplied at once; else every block by itself."""
 
 
@@ -29,12 +30,20 @@ class Prepared(NamedTuple):
     """The mask itself, padded to whole blocks."""
     moments: BlockMoments | None
     """Moments of the distinct blocks; None if they are too large to be kept."""
+    apart: BlockMoments | None
+    """The same of the blocks that do not overlap, one after another, or of the distinct ones where those are few."""
     kind: torch.Tensor
     """For every block of the grid, row by row, which of the distinct blocks it is."""
 
+    @property
+    def in_order(self) -> bool:
+        """Whether all blocks differ, so that the moments stand in the order of the grid."""
+        return self.moments is not None and len(self.moments.total) == len(self.kind)
+
     def size(self) -> int:
         """Return the bytes that this takes."""
-        return 4 * (self.mask.numel() + (0 if self.moments is None else self.moments.inverse.numel()))
+        matrices = {id(part): part.inverse.numel() for part in (self.moments, self.apart) if part is not None}
+        return 4 * (self.mask.numel() + sum(matrices.values()))
 
 
 class LinearEstimator:
@@ -98,6 +107,7 @@ class LinearEstimator:
         measurement, mask = grid.pad(measurement), grid.pad(mask)
         covariance = self.covariance(len(mask), mask.device)
         prepared = self._prepare(grid, mask, covariance)
+        component = self._components(grid, measurement, prepared, covariance)
         window = grid.window(mask.device)
         video = measurement.new_zeros(len(measurement), *mask.shape)
         weight = measurement.new_zeros(mask.shape[1:])
@@ -105,7 +115,7 @@ class LinearEstimator:
         for first in range(0, grid.rows, rows_at_once):
             last = min(first + rows_at_once, grid.rows)
             lines = slice(first * grid.stride, (last - 1) * grid.stride + grid.block)
-            patches = self._patches(grid, first, last, measurement, prepared, covariance)
+            patches = self._patches(grid, first, last, measurement, prepared, component, covariance)
             video[:, :, lines] += grid.add(patches * window[:, None], last - first)
             weight[lines] += grid.add(window[:, None].expand(1, 1, -1, patches.shape[-1]), last - first)[0, 0]
         return (video / weight)[..., :height, :width]
@@ -117,24 +127,94 @@ class LinearEstimator:
         last: int,
         measurement: torch.Tensor,
         prepared: Prepared,
+        component: torch.Tensor,
         covariance: torch.Tensor,
     ) -> torch.Tensor:
         """Return the estimates of the blocks in the rows from ``first`` up to ``last``, ``(N, T, n, blocks)``."""
         mask = grid.cut(prepared.mask, first, last).transpose(0, 1)
         blocks = grid.cut(measurement, first, last)
-        kind = prepared.kind[first * grid.columns : last * grid.columns]
-        if prepared.moments is None:
-            moments = BlockMoments.of(mask, covariance, self.noise**2)
-            whitened, likelihood = moments.whitened(blocks, self.prior.level)
-        elif len(prepared.moments.total) <= FEW_KINDS and not mask.is_meta:
-            whitened, likelihood = self._whitened_by_kind(prepared.moments, kind, blocks)
+        part = slice(first * grid.columns, last * grid.columns)
+        kind, component = prepared.kind[part], component[part]
+        moments = prepared.moments
+        if moments is None:
+            whitened = self._whitened_anew(mask, blocks, component, covariance)
+        elif len(covariance) > 1:
+            whitened = torch.stack(
+                [
+                    moments.whitened_by_one(one, self.prior.level, best, kind)
+                    for best, one in zip(component.unbind(1), blocks, strict=True)
+                ],
+                dim=2,
+            )
+        elif len(moments.total) <= FEW_KINDS and not mask.is_meta:
+            whitened = self._whitened_by_kind(moments, kind, blocks)[0][0]
         else:
-            whitened, likelihood = prepared.moments[kind].whitened(blocks, self.prior.level)
-        weights = self.prior.weights.to(mask.device).log()
-        best = (likelihood + weights[:, None, None]).argmax(0)  # (blocks, N)
-        whitened = whitened.gather(0, best[None, :, None].expand(1, -1, whitened.shape[2], -1))[0]
-        patches = estimated_patches(whitened, mask, covariance, best, self.prior.level)
+            alike = moments[part] if prepared.in_order else moments[kind]
+            whitened = alike.whitened(blocks, self.prior.level)[0][0]
+        patches = estimated_patches(whitened, mask, covariance, component, self.prior.level)
         return patches.permute(1, 2, 0).unflatten(1, (len(prepared.mask), -1))
+
+    def _components(
+        self, grid: BlockGrid, measurement: torch.Tensor, prepared: Prepared, covariance: torch.Tensor
+    ) -> torch.Tensor:
+        """Return which component of the prior every block has, ``(blocks, N)``: the most likely one.
+
+        The likelihoods of blocks that do not overlap are interpolated between them.
+        """
+        if len(covariance) == 1 or measurement.is_meta:
+            return torch.zeros(len(prepared.kind), len(measurement), dtype=torch.long, device=measurement.device)
+        blocks = self._apart(measurement, grid)
+        rows, columns = blocks.shape[1:3]
+        blocks = blocks.flatten(1, 2)
+        moments = prepared.apart
+        if moments is None:
+            masks = self._apart(prepared.mask, grid).flatten(1, 2).transpose(0, 1)
+            count = max(1, STRIP // (4 * len(covariance) * self.block**4))
+            parts = [
+                BlockMoments.of(part, covariance, self.noise**2).whitened(some, self.prior.level)[1]
+                for part, some in zip(masks.split(count), blocks.split(count, dim=1), strict=True)
+            ]
+            likelihood = torch.cat(parts, dim=1)
+        elif moments is prepared.moments:
+            kind = self._every(prepared.kind.view(grid.rows, grid.columns), rows, columns).flatten()
+            likelihood = self._whitened_by_kind(moments, kind, blocks)[1]
+        else:
+            likelihood = moments.whitened(blocks, self.prior.level)[1]
+        likelihood = likelihood.unflatten(1, (rows, columns)).movedim(-1, 1)
+        step = self._step
+        between = F.interpolate(
+            likelihood, ((rows - 1) * step + 1, (columns - 1) * step + 1), mode="bilinear", align_corners=True
+        )
+        margin = (0, grid.columns - between.shape[-1], 0, grid.rows - between.shape[-2])
+        between = F.pad(between, margin, mode="replicate")
+        weights = self.prior.weights.to(measurement.device).log()
+        return (between + weights[:, None, None, None]).argmax(0).flatten(1).mT
+
+    @property
+    def _step(self) -> int:
+        """Every so many blocks, along rows and columns, do not overlap."""
+        return max(1, self.block // self.stride)
+
+    def _apart(self, image: torch.Tensor, grid: BlockGrid) -> torch.Tensor:
+        """Return the blocks of a padded image ``(C, .., ..)`` that do not overlap, ``(C, rows, columns, n)``."""
+        distance = self._step * self.stride
+        return image.unfold(1, self.block, distance).unfold(2, self.block, distance).flatten(3)
+
+    def _every(self, blocks: torch.Tensor, rows: int, columns: int) -> torch.Tensor:
+        return blocks[:: self._step, :: self._step][:rows, :columns]
+
+    def _whitened_anew(
+        self, mask: torch.Tensor, blocks: torch.Tensor, component: torch.Tensor, covariance: torch.Tensor
+    ) -> torch.Tensor:
+        """Return S^-1 (y - A m), ``(blocks, n, N)``, of blocks whose moments are too large to be kept."""
+        whitened = blocks.new_zeros(blocks.shape[1], blocks.shape[2], len(blocks))
+        for number in range(len(covariance)):
+            members = (component == number).any(1).nonzero()[:, 0]
+            if len(members):
+                moments = BlockMoments.of(mask[members], covariance[number : number + 1], self.noise**2)
+                values = moments.whitened(blocks[:, members], self.prior.level)[0][0]
+                whitened[members] += torch.where((component[members] == number)[:, None], values, 0)
+        return whitened
 
     def _whitened_by_kind(
         self, moments: BlockMoments, kind: torch.Tensor, blocks: torch.Tensor
@@ -165,7 +245,7 @@ class LinearEstimator:
             blocks, pixels = grid.rows * grid.columns, self.block**2
             inverse = mask.new_empty(len(covariance), blocks, pixels, pixels)
             moments = BlockMoments(mask.new_empty(blocks, pixels), inverse, inverse[:, :, 0, 0])
-            return Prepared(mask, moments, mask.new_empty(blocks, dtype=torch.long))
+            return Prepared(mask, moments, moments, mask.new_empty(blocks, dtype=torch.long))
         if torch.is_grad_enabled() and mask.requires_grad:
             return self._computed(grid, mask, covariance, least_memory=False)
         for number, prepared in enumerate(self._kept):
@@ -185,9 +265,14 @@ class LinearEstimator:
     ) -> Prepared:
         blocks = grid.cut(mask, 0, grid.rows).transpose(0, 1)
         examples, kind = distinct_blocks(blocks)
-        if least_memory and 4 * len(covariance) * len(examples) * self.block**4 > MEMORY:
-            return Prepared(mask, None, kind)
-        return Prepared(mask, BlockMoments.of(blocks[examples], covariance, self.noise**2), kind)
+        if least_memory and 5 * len(covariance) * len(examples) * self.block**4 > MEMORY:
+            return Prepared(mask, None, None, kind)
+        moments = BlockMoments.of(blocks[examples], covariance, self.noise**2)
+        apart = moments
+        if len(examples) > FEW_KINDS and len(covariance) > 1:
+            rows, columns = self._apart(mask[:1], grid).shape[1:3]
+            apart = moments[self._every(kind.view(grid.rows, grid.columns), rows, columns).flatten()]
+        return Prepared(mask, moments, apart, kind)
 
 
 def distinct_blocks(blocks: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import torch
+from torch.nn import functional as F
 
 from sci_lightning.errors import BadInput
 
@@ -79,11 +80,30 @@ class BlockMoments:
                 "precision of a float; set a larger noise"
             )
         log_determinant = 2 * factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
-        return cls(mask.sum(1), torch.cholesky_inverse(factor), log_determinant)
+        inverse = torch.cholesky_inverse(factor).mT.contiguous()  # symmetric, and torch returns columns
+        return cls(mask.sum(1), inverse, log_determinant)
 
     def __getitem__(self, blocks: torch.Tensor | slice) -> BlockMoments:
         """Return the moments of some of the blocks."""
         return BlockMoments(self.total[blocks], self.inverse[:, blocks], self.log_determinant[:, blocks])
+
+    def whitened_by_one(
+        self, measurement: torch.Tensor, level: float, component: torch.Tensor, kind: torch.Tensor
+    ) -> torch.Tensor:
+        """Return S^-1 (y - A m), ``(blocks, n)``, of blocks y ``(blocks, n)`` with one component each.
+
+        Args:
+            measurement: y.
+            level: m, the mean of the video.
+            component: of every block, ``(blocks,)``.
+            kind: which of the blocks of these moments each block is, ``(blocks,)``.
+        """
+        pixels = measurement.shape[1]
+        deviation = measurement - level * self.total[kind]
+        first = (component * self.inverse.shape[1] + kind) * pixels
+        rows = first.unsqueeze(1) + torch.arange(pixels, device=first.device)
+        # A sum of rows with weights is a product with a symmetric matrix, and reads every matrix once without a copy.
+        return F.embedding_bag(rows, self.inverse.reshape(-1, pixels), per_sample_weights=deviation, mode="sum")
 
     def whitened(self, measurement: torch.Tensor, level: float) -> tuple[torch.Tensor, torch.Tensor]:
         """Return S^-1 (y - A m) and the log-likelihood of y, for every component.
@@ -95,11 +115,11 @@ class BlockMoments:
         Returns:
             ``(K, blocks, n, N)`` and, in nats, ``(K, blocks, N)``.
         """
-        deviation = (measurement - level * self.total).permute(1, 2, 0)
-        whitened = self.inverse @ deviation
-        distance = (whitened * deviation).sum(2)
-        constant = math.log(2 * math.pi) * deviation.shape[1]
-        return whitened, -0.5 * (distance + self.log_determinant.unsqueeze(-1) + constant)
+        deviation = (measurement - level * self.total).transpose(0, 1)
+        whitened = deviation @ self.inverse  # symmetric, and from this side several times faster on a CPU
+        distance = (whitened * deviation).sum(3)
+        constant = math.log(2 * math.pi) * deviation.shape[2]
+        return whitened.mT, -0.5 * (distance + self.log_determinant.unsqueeze(-1) + constant)
 
 
 def estimated_patches(

@@ -26,5 +26,5 @@ def build(path: Path, part: str) -> DocumentedTable:
     if part not in present:
         raise BadInput(f"{path}: no table benchmark.{part}; choose benchmark.{', benchmark.'.join(present)}")
     heading, *body = present[part]
-    decoded = [f"Decoded: {content['scene']}, {content['weights']} weights."] if part == "forward" else []
+    decoded = [f"Decoded: {content['scene']}, {content['weights']}."] if part == "forward" else []
     return DocumentedTable(heading, body, read_provenance(fields), decoded)

@@ -38,15 +38,20 @@ def tables_rows(composition: Composition) -> None:
     minutes, label = _budget(composition)
     results = Path(cfg.results) / label
     more = [f"scale={cfg.row_scale}", *([] if cfg.core_minutes is None else [f"core_minutes={cfg.core_minutes}"])]
-    more += shlex.split(cfg.overrides or "")
+    try:
+        more += shlex.split(cfg.overrides or "")
+    except ValueError as error:
+        raise BadInput(f"overrides={cfg.overrides}: {str(error).lower()}; give words as on a command line") from error
     rows = plan(
         yaml.safe_load((PACKAGE / "tables" / "paper_figures.yaml").read_text())["tables"], cfg.seeds, cfg.only or ()
     )
     if not rows:
         raise BadInput(f"only={list(cfg.only)}: no row is called so; name tables (table5) or parts of rows (e2e_cnn)")
     for row in rows:
-        if is_kept(row, results):
-            check_recipe(row, results, plain(compose("train", [*row.overrides(), *more]).cfg))
+        if row is rows[0] or is_kept(row, results):  # the first one shows whether the overrides are of any use
+            config = plain(compose("train", [*row.overrides(), *more]).cfg)
+            if is_kept(row, results):
+                check_recipe(row, results, config)
     waiting = [row for row in rows if not is_kept(row, results)]
 
     def say(line: str) -> None:

@@ -16,6 +16,7 @@ from sci_lightning.virtual_camera.hardware.modulator import ModulatorEffect
 from sci_lightning.virtual_camera.hardware.optics import Image, OpticsEffect
 from sci_lightning.virtual_camera.hardware.relay import Relay, RelayEffect
 from sci_lightning.virtual_camera.hardware.sensor import Readout, SensorEffect
+from sci_lightning.virtual_camera.hardware.target import TargetEffect
 from sci_lightning.virtual_camera.hardware.vocabulary import EFFECTS
 from sci_lightning.virtual_camera.session import Session
 from sci_lightning.virtual_camera.stream import stream
@@ -73,6 +74,10 @@ class Camera:
         border = 0 if world is None else world.border
         patterns = (acquisition.patterns if world is None else world.patterns).astype(np.float64)
         scenes = acquisition.scene if world is None else world.scene
+        for target in self._stage(TargetEffect):
+            if target != target.neutral(self.session):
+                shown = [[target.show(frame) for frame in scene] for scene in scenes.astype(np.float64)]
+                scenes = np.array(shown).clip(0)
         height, width = acquisition.patterns.shape[1:]
         schedule = np.eye(slots)
         maps = {name: _going_on(values, border) for name, values in self.fixed_maps.items()}

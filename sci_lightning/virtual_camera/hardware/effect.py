@@ -27,7 +27,8 @@ class Effect:
 
     Attributes:
         name: the effect's name in truth files and on the command line.
-        stage: where it acts on the light: ``modulator``, ``relay``, ``exposure``, ``optics`` or ``sensor``.
+        stage: where it acts on the light: ``scene``, ``modulator``, ``relay``, ``exposure``, ``optics`` or
+            ``sensor``.
         gaussian_map: whether it has a fixed-pattern map of independent Gaussian values, which a diagnosis has to
             estimate from the captures.
     """

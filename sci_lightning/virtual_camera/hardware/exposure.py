@@ -24,6 +24,7 @@ class Timing:
     Attributes:
         delay: slots between the start of the first row's exposure and that of the last row's.
         amplitude, frequency, phase: the source shines as 1 + amplitude sin(2 pi frequency s / T + phase).
+        duty: part of every slot during which its pattern is shown; dark in between.
         slot, loss: slot number ``slot`` is dark for its last part ``loss``, in every repetition of the sequence.
         drift: relative change of the source's power from the first to the last capture.
         uneven: standard deviation of the light of the slots, and the seed of its random values.
@@ -34,6 +35,7 @@ class Timing:
     amplitude: float = 0.0
     frequency: float = 1.0
     phase: float = 0.0
+    duty: float = 1.0
     slot: int = 0
     loss: float = 0.0
     drift: float = 0.0
@@ -55,7 +57,8 @@ class Timing:
         opens = np.linspace(0, self.delay, rows)
         slot = np.arange(slots + math.ceil(self.delay))[:, None]
         start = np.maximum(slot, opens)
-        stop = np.minimum(slot + 1 - self.loss * (slot % slots == self.slot), opens + slots)
+        shown = np.minimum(self.duty, 1 - self.loss * (slot % slots == self.slot))
+        stop = np.minimum(slot + shown, opens + slots)
         stop = np.maximum(start, stop)
         rate = 2 * np.pi * self.frequency / slots
         swing = np.cos(rate * start + self.phase) - np.cos(rate * stop + self.phase)
@@ -113,6 +116,20 @@ class RollingShutter(ExposureEffect):
 
     def apply(self, timing: Timing) -> Timing:
         return replace(timing, delay=self.delay)
+
+
+@dataclass(frozen=True)
+class DutyCycle(ExposureEffect):
+    """Every pattern is shown from the start of its slot for ``fraction`` of it; it is dark until the next one.
+
+    Under steady light this is the same as a smaller gain.
+    """
+
+    name = "duty_cycle"
+    fraction: float = parameter("1", 0.01, 1, (0.05, 0.3), neutral=1.0)
+
+    def apply(self, timing: Timing) -> Timing:
+        return replace(timing, duty=self.fraction)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,10 @@ from scipy.sparse import csr_matrix
 from sci_lightning.virtual_camera.hardware.effect import Effect
 from sci_lightning.virtual_camera.hardware.overlap import light_below, overlap, with_surround
 
+MAX_STRETCH = 2.0
+"""Cells on the mirrors may be so many times as large as in the middle; it bounds the memory."""
+TABLE = 200_000
+"""Entries of the table by which a radial distortion is inverted."""
 MAX_ENTRIES = 4_000_000
 """Non-zero entries of the sparse matrix that is built at a time; they take about 50 MB."""
 
@@ -20,9 +24,10 @@ MAX_ENTRIES = 4_000_000
 class Relay:
     """Where the image of the mirrors lies on the pixels, and how sharp it is.
 
-    A mirror at m (x, y from the centre of the field) is seen at ``scale * R(angle) m + (dx, dy)``; (dx, dy) is the
-    displacement of the centre, whatever else is wrong. x points right and y down; R turns x towards y, which is
-    clockwise on the screen. The irradiance of the image equals the transmittance of the mirror at any magnification.
+    A mirror at m (x, y from the centre of the field) would be seen at ``scale * R(angle) m + (dx, dy)``; x points right
+    and y down; R turns x towards y, which is clockwise on the screen. Perspective and the lens then distort the picture
+    about the centre of the field. The irradiance of the image equals the transmittance of the mirror at any
+    magnification.
 
     Attributes:
         angle: rotation, radian.
@@ -30,9 +35,9 @@ class Relay:
         dx, dy: displacement to the right and down, pixel.
         sigma: standard deviation of the Gaussian blur, pixel.
         sigma_x: standard deviation of a further blur along x only, pixel.
-        keystone: relative increase of the magnification from the centre to the lower edge; it decreases upwards.
-        barrel: relative radial distance by which the mirror seen in a corner lies further out; it grows with the
-            square of the radius.
+        tilt_x, tilt_y: relative increase of the magnification from the centre to the right and to the lower edge.
+        k: relative radial distance by which what belongs into a corner is seen further out; it grows with the square of
+            the radius.
     """
 
     angle: float = 0.0
@@ -41,13 +46,14 @@ class Relay:
     dy: float = 0.0
     sigma: float = 0.0
     sigma_x: float = 0.0
-    keystone: float = 0.0
-    barrel: float = 0.0
+    tilt_x: float = 0.0
+    tilt_y: float = 0.0
+    k: float = 0.0
 
     @property
     def is_upright(self) -> bool:
         """Whether the borders of the mirrors' images are straight and parallel to those of the pixels."""
-        return not (self.angle or self.keystone or self.barrel)
+        return not (self.angle or self.tilt_x or self.tilt_y or self.k)
 
     @property
     def sigmas(self) -> tuple[float, float]:
@@ -85,7 +91,7 @@ class Relay:
         """Return the image of square, touching mirrors, averaged over cells.
 
         The image is exact when it is upright. Otherwise the footprint of a cell on the mirrors is taken as an upright
-        square that has the same size everywhere.
+        rectangle.
 
         Args:
             patterns: (P, H, W) transmittance of the mirrors, those beyond the field included.
@@ -117,28 +123,57 @@ class Relay:
     ) -> np.ndarray:
         """Return the image by tracing every cell back to the mirrors, a strip of rows at a time to bound the memory."""
         count, height, width = patterns.shape
-        field_height, field_width = height - 2 * border, width - 2 * border
+        field = (height - 2 * border, width - 2 * border)
         mirrors = patterns.reshape(count, -1).T
-        y = (rows[1:] + rows[:-1]) / 2 - height / 2 - self.dy
-        x = (columns[1:] + columns[:-1]) / 2 - width / 2 - self.dx
-        cos, sin = math.cos(self.angle) / self.scale, math.sin(self.angle) / self.scale
-        half = (rows[1] - rows[0]) / 2 / self.scale
+        y = (rows[1:] + rows[:-1]) / 2 - height / 2
+        x = (columns[1:] + columns[:-1]) / 2 - width / 2
+        cell = (rows[1] - rows[0]) / 2
+        half = MAX_STRETCH * cell / self.scale
         sigma_v, sigma_u = (sigma / self.scale for sigma in self.sigmas)
         entries = len(x) * len(y) * _reach(half, sigma_v) * _reach(half, sigma_u)
         strips = []
         for strip in np.array_split(y, min(math.ceil(entries / MAX_ENTRIES), len(y))):
-            u, v = (cos * x + sin * strip[:, None]).ravel(), (cos * strip[:, None] - sin * x).ravel()
-            stretch = 1 + self.barrel * 4 * (u**2 + v**2) / (field_width**2 + field_height**2)
-            stretch /= 1 + self.keystone * 2 * v / field_height
-            u, v = u * stretch + width / 2, v * stretch + height / 2
-            column, share_x = _footprint(u, half, sigma_u, width, surround)
-            row, share_y = _footprint(v, half, sigma_v, height, surround)
+            seen_y, seen_x = (one.ravel() for one in np.broadcast_arrays(strip[:, None], x))
+            v, u = self._mirror_at(seen_y, seen_x, field)
+            half_v, half_u = self._footprints(seen_y, seen_x, cell, field)
+            row, share_y = _footprint(v + height / 2, half_v, sigma_v, height, surround)
+            column, share_x = _footprint(u + width / 2, half_u, sigma_u, width, surround)
             mirror = row[:, :, None] * width + column[:, None, :]
             share = share_y[:, :, None] * share_x[:, None, :]
             starts = np.arange(len(u) + 1) * share[0].size
             light = csr_matrix((share.ravel(), mirror.ravel(), starts), (len(u), height * width)) @ mirrors
             strips.append(light.T.reshape(count, len(strip), len(x)))
         return np.concatenate(strips, axis=1)
+
+    def _mirror_at(self, y: np.ndarray, x: np.ndarray, field: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        """Return (row, column) from the centre of the mirror that is seen at (y, x) from the centre of the field."""
+        y, x = self._undistorted(y, x, field)
+        y, x = y - self.dy, x - self.dx
+        cos, sin = math.cos(self.angle) / self.scale, math.sin(self.angle) / self.scale
+        return cos * y - sin * x, cos * x + sin * y
+
+    def _undistorted(self, y: np.ndarray, x: np.ndarray, field: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        """Return where (y, x) would be seen without perspective and without the lens' distortion."""
+        height, width = field
+        if self.k:
+            corner = math.hypot(height, width) / 2
+            farthest = min(3.0, (3 * abs(self.k)) ** -0.5) if self.k < 0 else 3.0  # beyond, a barrel folds over
+            radius = np.linspace(0, farthest, TABLE)
+            seen = np.maximum(np.hypot(y, x) / corner, 1e-9)
+            stretch = np.interp(seen, radius * (1 + self.k * radius**2), radius) / seen
+            y, x = y * stretch, x * stretch
+        nearer = 1 + 2 * (self.tilt_x * x / width + self.tilt_y * y / height)
+        return y / nearer, x / nearer
+
+    def _footprints(
+        self, y: np.ndarray, x: np.ndarray, cell: float, field: tuple[int, int]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return half the height and width, in mirrors, of the cells of half side ``cell`` around (y, x)."""
+        if not (self.k or self.tilt_x or self.tilt_y):
+            return np.full_like(y, cell / self.scale), np.full_like(x, cell / self.scale)
+        above, below = (self._undistorted(y + side, x, field)[0] for side in (-cell, cell))
+        left, right = (self._undistorted(y, x + side, field)[1] for side in (-cell, cell))
+        return (below - above) / 2 / self.scale, (right - left) / 2 / self.scale
 
 
 def _merge_edges(pixels: np.ndarray, mirrors: np.ndarray) -> np.ndarray:
@@ -153,16 +188,16 @@ def _reach(half: float, sigma: float) -> int:
 
 
 def _footprint(
-    centre: np.ndarray, half: float, sigma: float, length: int, surround: str
+    centre: np.ndarray, half: np.ndarray, sigma: float, length: int, surround: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return which of ``length`` mirrors light the footprints around ``centre`` (n,), and each one's share.
+    """Return which of ``length`` mirrors light the footprints ``centre`` (n,) +- ``half`` (n,), and each one's share.
 
     Returns:
         Two arrays (n, K): the index of the mirror, and its share of the footprint's irradiance.
     """
     first = np.floor(centre - half - 5 * sigma).astype(np.int64)
-    mirror = first[:, None] + np.arange(_reach(half, sigma))
-    z = centre[:, None] - mirror
+    mirror = first[:, None] + np.arange(_reach(float(half.max()), sigma))
+    z, half = centre[:, None] - mirror, half[:, None]
     share = (
         light_below(z + half, sigma)
         - light_below(z - half, sigma)

@@ -1,6 +1,6 @@
 """Faults of the relay: the image of the mirrors is displaced, turned, magnified, distorted or blurred.
 
-The last three (keystone, barrel distortion, astigmatism) are outside the vocabulary of a diagnosis.
+The last one (astigmatism) is outside the vocabulary of a diagnosis.
 """
 
 from __future__ import annotations
@@ -58,31 +58,32 @@ class MaskBlur(RelayEffect):
 
 
 @dataclass(frozen=True)
-class Keystone(RelayEffect):
-    """The modulator is tilted towards the sensor: its image is larger at the lower edge by ``tilt``, a trapezium.
+class MaskKeystone(RelayEffect):
+    """The modulator is tilted: its image is larger at the right edge by ``tilt_x`` and at the lower one by ``tilt_y``.
 
-    Perspective: the mirror seen at (x, y) from the centre is the one at (x, y) / (1 + 2 tilt y / H).
+    Perspective: the mirror seen at (x, y) from the centre is the one at (x, y) / (1 + 2 tilt_x x / W + 2 tilt_y y / H).
     """
 
-    name = "keystone"
-    tilt: float = parameter("1", -0.3, 0.3, (0.01, 0.05), neutral=0.0, signed=True)
+    name = "mask_keystone"
+    tilt_x: float = parameter("1", -0.3, 0.3, (0.006, 0.03), neutral=0.0, signed=True)
+    tilt_y: float = parameter("1", -0.3, 0.3, (0.006, 0.03), neutral=0.0, signed=True)
 
     def apply(self, relay: Relay) -> Relay:
-        return replace(relay, keystone=self.tilt)
+        return replace(relay, tilt_x=self.tilt_x, tilt_y=self.tilt_y)
 
 
 @dataclass(frozen=True)
-class BarrelDistortion(RelayEffect):
-    """Straight rows of mirrors appear bent: the mirror seen at radius r is the one at r (1 + strength (r / R)**2).
+class MaskDistortion(RelayEffect):
+    """Straight rows of mirrors appear bent: what belongs at radius r is seen at r (1 + k (r / R)**2).
 
-    R is half the diagonal of the field; positive values bend outwards, as a barrel.
+    R is half the diagonal of the field; negative values make a barrel.
     """
 
-    name = "barrel_distortion"
-    strength: float = parameter("1", -0.3, 0.3, (0.01, 0.05), neutral=0.0, signed=True)
+    name = "mask_distortion"
+    k: float = parameter("1", -0.3, 0.3, (0.01, 0.05), neutral=0.0, signed=True)
 
     def apply(self, relay: Relay) -> Relay:
-        return replace(relay, barrel=self.strength)
+        return replace(relay, k=self.k)
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,13 @@ from tests.conftest import members
 from tests.encoder.effects.conftest import H, T, W, build, encoder, video
 from tests.virtual_camera.conftest import SMALL, one_capture
 
-TURNED = {"mask_rotation": {"angle": 0.4}}
+TURNED = {
+    "mask_rotation": {"angle": 0.4},
+    "mask_distortion": {"k": -0.006},
+    "mask_keystone": {"tilt_x": 0.004, "tilt_y": -0.006},
+}
 """At 1 degree, taking a turned pixel's footprint as upright makes 0.1 DN."""
-SESSION = replace(SMALL, size=(H, W), frames=T)
+SESSION = replace(SMALL, size=(H, W), frames=T, surround="dark")
 
 
 HIDDEN = [name for name in members("effect") if name in VOCABULARY]

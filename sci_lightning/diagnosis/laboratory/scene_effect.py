@@ -1,0 +1,95 @@
+"""The base class of the laboratory's effects, and how a target is resampled.
+
+A target is a continuous picture of which the file states the means over pixels. It is resampled by cubic B-splines,
+which keep its sharpness; beyond the field its edge is repeated.
+"""
+
+from __future__ import annotations
+
+import torch
+
+from sci_lightning.encoder.effects.effect import Effect
+
+
+class SceneEffect(Effect):
+    """What the target shows, as a function of what the file says it shows."""
+
+    stage = "scene"
+
+    def change(self, scene: torch.Tensor) -> torch.Tensor:
+        """Return the scene ``(T, H, W)`` as it really is.
+
+        Args:
+            scene: irradiance; ``(T, 1, 1)`` for an even scene, ``(1, H, W)`` for one at rest.
+        """
+        return scene
+
+
+def resampled(scene: torch.Tensor, row: torch.Tensor, column: torch.Tensor) -> torch.Tensor:
+    """Return the scene ``(T, H, W)`` at other places.
+
+    Args:
+        scene: ``(T, H, W)``.
+        row, column: ``(H, 1)`` and ``(1, W)``, or ``(H, W)`` both: the places, in pixels from the first pixel's centre.
+    """
+    height, width = scene.shape[-2:]
+    spline = _coefficients(height, scene) @ scene @ _coefficients(width, scene).T
+    if row.shape[-1] == 1 and column.shape[0] == 1:
+        return _weights(row[:, 0], height) @ spline @ _weights(column[0], width).T
+    flat, seen = spline.flatten(-2), torch.zeros(len(scene), *row.shape).to(scene)
+    across = _taps(column, width)
+    for line, down in _taps(row, height):
+        for place, over in across:
+            seen = seen + flat[:, (line * width + place).flatten()].view(len(scene), *row.shape) * (down * over)
+    return seen
+
+
+def blurred(scene: torch.Tensor, sigma: torch.Tensor) -> torch.Tensor:
+    """Return the scene ``(T, H, W)`` blurred by a Gaussian of ``sigma`` pixels; mirrored beyond the field.
+
+    The cosine transform is multiplied by the Gaussian's own, so that any width is exact for a target without detail
+    finer than the pixels.
+    """
+    down, across = (_gaussian(length, sigma.to(scene)) for length in scene.shape[-2:])
+    return down @ scene @ across.T
+
+
+def from_centre(scene: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return y ``(H, 1)`` and x ``(1, W)`` of the pixels, in pixels from the centre of the field."""
+    y, x = (torch.arange(length).to(scene) - (length - 1) / 2 for length in scene.shape[-2:])
+    return y[:, None], x[None]
+
+
+def _gaussian(length: int, sigma: torch.Tensor) -> torch.Tensor:
+    place = torch.arange(length).to(sigma)
+    frequency = place * (torch.pi / length)
+    cosines = torch.cos(frequency[:, None] * (place + 0.5)) * (2 / length) ** 0.5
+    cosines = torch.cat((cosines[:1] * 0.5**0.5, cosines[1:]))
+    return cosines.T @ (torch.exp(-0.5 * (sigma * frequency).square())[:, None] * cosines)
+
+
+def _spline(distance: torch.Tensor) -> torch.Tensor:
+    """Return the cubic B-spline."""
+    far = distance.abs()
+    return torch.where(far < 1, 2 / 3 - far.square() + 0.5 * far**3, (2 - far).clamp(min=0) ** 3 / 6)
+
+
+def _taps(place: torch.Tensor, length: int) -> list[tuple[torch.Tensor, torch.Tensor]]:
+    """Return (index, weight) of the four coefficients around every place."""
+    place = place.clamp(0, length - 1)
+    first = place.floor().long()
+    return [((first + step).clamp(0, length - 1), _spline(place - (first + step))) for step in (-1, 0, 1, 2)]
+
+
+def _weights(place: torch.Tensor, length: int) -> torch.Tensor:
+    """Return ``(places, length)``: the weight of every coefficient at every place along one axis."""
+    weights = torch.zeros(len(place), length).to(place)
+    for index, weight in _taps(place, length):
+        weights = weights.scatter_add(1, index[:, None], weight[:, None])
+    return weights
+
+
+def _coefficients(length: int, like: torch.Tensor) -> torch.Tensor:
+    """Return the matrix from values at the pixels to the spline's coefficients."""
+    values = _weights(torch.arange(length, dtype=torch.float64), length)
+    return torch.linalg.inv(values).to(like)

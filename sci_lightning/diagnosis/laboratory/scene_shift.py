@@ -1,0 +1,35 @@
+"""Scene shift: the target is displaced."""
+
+from __future__ import annotations
+
+import torch
+
+from sci_lightning.diagnosis.laboratory.scene_effect import SceneEffect, resampled
+from sci_lightning.encoder.border import Border
+from sci_lightning.encoder.effects.parameter import Parameter
+
+STARTS = (-1.2, -0.4, 0.0, 0.4, 1.2)
+
+
+class SceneShift(SceneEffect):
+    """All targets lie ``dx`` to the right of and ``dy`` below where the file says; even scenes do not change.
+
+    Args:
+        dx, dy: displacement in pixels, +x right and +y down, -32 to 32.
+    """
+
+    name = "scene_shift"
+    rank = 5
+    about = {name: Parameter("pixel", 0.0, -32, 32, step=0.1, starts=STARTS) for name in ("dx", "dy")}
+    sentence = "the targets are displaced by ({dx}, {dy}) pixel"
+    dx: torch.Tensor
+    dy: torch.Tensor
+
+    def border(self, size: tuple[int, int]) -> Border:
+        return Border.of_displacement(float(self.dx), float(self.dy))
+
+    def change(self, scene: torch.Tensor) -> torch.Tensor:
+        if scene.shape[-2:] == (1, 1):
+            return scene
+        rows, columns = (torch.arange(length).to(scene) for length in scene.shape[-2:])
+        return resampled(scene, (rows - self.dy)[:, None], (columns - self.dx)[None])

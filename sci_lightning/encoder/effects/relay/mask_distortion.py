@@ -1,0 +1,42 @@
+"""Mask distortion: the relay lens bends straight rows of mirrors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+
+from sci_lightning.encoder.border import Border
+from sci_lightning.encoder.effects.parameter import Parameter, Value
+from sci_lightning.encoder.effects.stage import RelayEffect
+from sci_lightning.encoder.relay import Pose
+
+
+class MaskDistortion(RelayEffect):
+    r"""Radial distortion: what should lie at distance r from the field's centre lies at :math:`r\,(1 + k r^2 / R^2)`.
+
+    R is half the field's diagonal.
+
+    Args:
+        k: -0.3 to 0.3; negative values make a barrel, positive ones a pincushion.
+    """
+
+    name = "mask_distortion"
+    rank = 22.6
+    about = {"k": Parameter("1", 0.0, -0.3, 0.3, step=0.002, starts=(-0.05, -0.02, 0.02, 0.05))}
+    sentence = "the mask's image is distorted radially by {k} in the corners"
+    k: torch.Tensor
+
+    @classmethod
+    def starts(cls, frames: int, size: tuple[int, int], bit_depth: int) -> list[dict[str, Value]]:
+        """Return settings by which the corners move by about a pixel, and by a few."""
+        corner = 0.8 / ((size[0] ** 2 + size[1] ** 2) ** 0.5 / 2)
+        return [{"k": min(max(pixels * corner, -0.2), 0.2)} for pixels in (-5, -2.5, -1, 1, 2.5, 5)]
+
+    def border(self, size: tuple[int, int]) -> Border:
+        barrel = max(-float(self.k), 0.0)
+        inwards = min(barrel / max(1 - 3 * barrel, 0.1), 0.5)
+        return Border.around(inwards * size[0] / 2, inwards * size[1] / 2)
+
+    def aim(self, pose: Pose) -> Pose:
+        return replace(pose, k=self.k)

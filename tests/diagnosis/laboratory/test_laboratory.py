@@ -1,0 +1,117 @@
+"""The target is not quite what the file says: such an effect is named, and not taken for one of the camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from string import Formatter
+
+import numpy as np
+import pytest
+import torch
+import yaml
+from scipy.ndimage import gaussian_filter, rotate, shift
+
+from sci_lightning.diagnosis.diagnosis import diagnose
+from sci_lightning.diagnosis.laboratory import SceneEffect, laboratory_effects
+from sci_lightning.diagnosis.report.report import describe, write_encoder
+from sci_lightning.diagnosis.report.sentences import headline
+from sci_lightning.diagnosis.vocabulary import vocabulary
+from sci_lightning.errors import BadInput
+from tests.diagnosis.another_camera import Hidden, captures
+from tests.schemas.validation import check
+
+EFFECTS = laboratory_effects()
+SCENE = torch.from_numpy(gaussian_filter(np.random.default_rng(0).random((2, 40, 48)), (0, 2, 2))).float()
+SETTINGS: dict[str, dict[str, float]] = {
+    "scene_shift": {"dx": 0.6, "dy": -1.3},
+    "scene_rotation": {"angle": 7.0},
+    "scene_scale": {"scale": 1.1},
+    "scene_blur": {"sigma": 1.2},
+    "scene_gamma": {"gamma": 1.3},
+}
+
+
+def changed(name: str) -> np.ndarray:
+    return EFFECTS[name](**SETTINGS[name]).change(SCENE).numpy()
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_contract(name: str) -> None:
+    """Neutral it is the identity; an even scene stays even; what rests rests; a report says what it does."""
+    effect = EFFECTS[name]
+    assert issubclass(effect, SceneEffect) and effect.stage == "scene" and effect.name == name and effect.rank < 10
+    neutral = effect(**{key: about.neutral for key, about in effect.about.items()})
+    torch.testing.assert_close(neutral.change(SCENE), SCENE, atol=1e-5, rtol=0)
+    active = effect(**SETTINGS[name])
+    assert (active.change(SCENE) - SCENE).abs().max() > 0.005
+    even, rest = torch.full((3, 1, 1), 0.4), SCENE[:1]
+    assert active.change(even).shape == even.shape and active.change(rest).shape == rest.shape
+    assert name == "scene_gamma" or torch.equal(active.change(even), even)
+    assert {field for _, field, _, _ in Formatter().parse(effect.sentence) if field} == set(effect.about)
+    for setting in effect.starts(8, (40, 48), 8):
+        assert effect(**setting).values == pytest.approx(setting)
+    assert set(EFFECTS) == set(SETTINGS)
+
+
+def test_against_scipy() -> None:
+    """Inside, where nothing comes from beyond the field."""
+    inner = (slice(None), slice(8, -8), slice(8, -8))
+    scene = SCENE.numpy().astype(float)
+    moved = shift(scene, (0, -1.3, 0.6), order=3, mode="nearest")
+    np.testing.assert_allclose(changed("scene_shift")[inner], moved[inner], atol=1e-4)
+    turned = rotate(scene, -7.0, (2, 1), reshape=False, order=3, mode="nearest")
+    opposite = rotate(scene, 7.0, (2, 1), reshape=False, order=3, mode="nearest")
+    error, wrong = (np.abs(changed("scene_rotation")[inner] - one[inner]).max() for one in (turned, opposite))
+    assert min(error, wrong) < 1e-4
+    np.testing.assert_allclose(changed("scene_blur")[inner], gaussian_filter(scene, (0, 1.2, 1.2))[inner], atol=1e-3)
+    np.testing.assert_allclose(changed("scene_gamma"), scene**1.3, atol=1e-5)
+
+
+def test_directions() -> None:
+    """A bright spot right of the middle goes down when it is turned clockwise, and outwards when it grows."""
+    y, x = (torch.arange(length) - (length - 1) / 2 for length in (41, 41))
+    spot = torch.exp(-((y[:, None]) ** 2 + (x[None] - 10) ** 2) / 8)[None]
+    for name, place in (("scene_rotation", (1.22, 9.93)), ("scene_scale", (0.0, 11.0)), ("scene_shift", (-1.3, 10.6))):
+        image = EFFECTS[name](**SETTINGS[name]).change(spot)[0]
+        centre = float((image * y[:, None]).sum() / image.sum()), float((image * x).sum() / image.sum())
+        assert centre == pytest.approx(place, abs=0.05), name
+
+
+CASES: dict[str, tuple[Hidden, dict[str, float]]] = {
+    "shift": (Hidden(scene_shift=(0.3, -0.4)), {"scene_shift.dx": 0.3, "scene_shift.dy": -0.4}),
+    "rotation": (Hidden(scene_angle=0.5), {"scene_rotation.angle": 0.5}),
+    "scale": (Hidden(scene_scale=1.01), {"scene_scale.scale": 1.01}),
+    "gamma": (Hidden(scene_gamma=1.05), {"scene_gamma.gamma": 1.05}),
+    "shift of both": (
+        Hidden(scene_shift=(0.3, -0.4), shift=(0.5, 0.2)),
+        {"scene_shift.dx": 0.3, "scene_shift.dy": -0.4, "mask_shift.dx": 0.5, "mask_shift.dy": 0.2},
+    ),
+    "gamma and gain": (Hidden(scene_gamma=1.08, gain=0.95), {"scene_gamma.gamma": 1.08, "gain.factor": 0.95}),
+}
+FAST = ("gamma",)
+
+
+@pytest.mark.parametrize("name", [one if one in FAST else pytest.param(one, marks=pytest.mark.slow) for one in CASES])
+def test_hidden_cases(name: str, tmp_path: Path) -> None:
+    hidden, truth = CASES[name]
+    found = diagnose(captures(hidden, size=40 if name in FAST else 64, seed=1), vocabulary())
+    assert found.verdict == "explained" and set(found.names) == {one.split(".")[0] for one in truth}
+    estimates = {f"{one.name}.{key}": value for one in found.effects for key, value in one.parameters.items()}
+    for key, value in truth.items():
+        assert abs(float(estimates[key].value) - value) < max(5 * estimates[key].std, 4e-3 * abs(value)), key
+    content = describe(found)
+    assert {one["name"] for one in content["laboratory"]} == {one for one in found.names if one.startswith("scene_")}
+    assert not any(one["name"].startswith("scene_") for one in content["effects"])
+    assert all(one["stage"] == "scene" for one in content["laboratory"])
+    check("report", content)
+    assert "the targets" in headline(found).lower()
+    write_encoder(found, tmp_path)
+    assert not any(
+        one.startswith("scene_") for one in yaml.safe_load((tmp_path / "encoder.yaml").read_text())["effects"]
+    )
+
+
+def test_effects_can_be_left_out() -> None:
+    assert set(vocabulary()) - set(vocabulary(leave_out=["scene_blur", "gain"])) == {"scene_blur", "gain"}
+    with pytest.raises(BadInput, match="leave_out: no effect 'blur'; there are "):
+        vocabulary(leave_out=["blur"])
