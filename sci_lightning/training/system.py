@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import lightning as L
@@ -22,6 +22,7 @@ from sci_lightning.imaging.tile_choice import TileChoice
 from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.scene_scores import SceneScores
 from sci_lightning.runs.device import device_name
+from sci_lightning.training.loss import LOSSES
 from sci_lightning.training.muon import Muon, is_large
 from sci_lightning.training.processor_time import ProcessorTime
 from sci_lightning.training.training_position import TrainingPosition
@@ -29,29 +30,8 @@ from sci_lightning.training.training_position import TrainingPosition
 Batch = tuple[torch.Tensor, ...]
 
 
-def mse(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
-    """Return the mean squared error (the paper's Eq. 6)."""
-    return (estimate - truth).square().mean()
-
-
-def rmse(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
-    """Return the root of the mean squared error (what the released training code minimises)."""
-    return mse(estimate, truth).sqrt()
-
-
-def frame_rmse(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
-    """Return the mean over frames of the root of each one's mean squared error: as PSNR does, it weighs easy frames."""
-    return (estimate - truth).square().mean((-2, -1)).sqrt().mean()
-
-
 MEAN_MEASUREMENT = "val_mean_measurement"
 """Under this name validation logs what the mean measurement in every frame would reach, as a decoder must beat it."""
-
-LOSSES: dict[str, Callable[[torch.Tensor, torch.Tensor], torch.Tensor]] = {
-    "mse": mse,
-    "rmse": rmse,
-    "frame_rmse": frame_rmse,
-}
 
 
 class System(L.LightningModule):

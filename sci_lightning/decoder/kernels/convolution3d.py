@@ -1,10 +1,15 @@
 """Convolution over time, height and width that keeps T, computed in the fastest of five ways.
 
-Each way returns what ``torch.nn.functional.conv3d`` returns, to rounding. The conditions below were measured on CPUs;
-on a GPU the vendor's library chooses for itself among algorithms for what the last three ways hand to it.
+Each way returns what ``torch.nn.functional.conv3d`` returns, to rounding. :func:`fastest_way` is the one place that
+chooses, by shape and type. Its conditions were measured on CPUs, and ``python -m sci_lightning.benchmark.convolutions``
+measures them again; on a GPU the vendor's library chooses for itself among algorithms for what the last three ways hand
+to it. In bfloat16 that library's convolution over time runs at the speed of the processor, so that fewer
+multiplications in float32 (Winograd) or work in blocks lose against it.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable, Mapping
 
 import torch
 from torch.nn import functional as F
@@ -33,16 +38,20 @@ def convolution3d(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor, str
         stride: 1, or 2 to halve H and W (rounded up).
     """
     x = channels_last(x)
+    return WAYS[fastest_way(x, weight, stride)](x, weight, bias, stride)
+
+
+def fastest_way(x: torch.Tensor, weight: torch.Tensor, stride: int) -> str:
+    """Return the name of the fastest of :data:`WAYS` for a convolution, whose arguments are those of the call."""
     if winograd_saves_time(x, weight, stride):
-        return winograd(x, weight, bias)
+        return "winograd"
     if has_one_tap_in_time(weight):
-        return as_video(_of_frames(as_frames(x), weight.squeeze(2), bias, stride), len(x))
+        return "frames"
     if stacked_outputs_fit_a_register(weight):
-        return _taps_as_outputs(x, weight, bias, stride)
+        return "taps_as_outputs"
     if (is_small_for_torch(x, weight) and not is_reduced(x)) or has_more_taps_than_frames(x, weight):
-        return _taps_as_inputs(x, weight, bias, stride)
-    rows, columns = weight.shape[3] // 2, weight.shape[4] // 2
-    return F.conv3d(x, weight, bias, (1, stride, stride), (weight.shape[2] // 2, rows, columns))
+        return "taps_as_inputs"
+    return "vendor"
 
 
 def winograd_saves_time(x: torch.Tensor, weight: torch.Tensor, stride: int) -> bool:
@@ -93,8 +102,29 @@ def _taps_as_inputs(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor, s
     return as_video(_of_frames(as_frames(neighbours), weight.transpose(1, 2).flatten(1, 2), bias, stride), len(x))
 
 
+def _frames(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor, stride: int) -> torch.Tensor:
+    """One two-dimensional convolution of every frame by itself."""
+    return as_video(_of_frames(as_frames(x), weight.squeeze(2), bias, stride), len(x))
+
+
+def _vendor(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor, stride: int) -> torch.Tensor:
+    """torch's convolution, which is that of the processor's or GPU's library."""
+    rows, columns = weight.shape[3] // 2, weight.shape[4] // 2
+    return F.conv3d(x, weight, bias, (1, stride, stride), (weight.shape[2] // 2, rows, columns))
+
+
 def _of_frames(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor | None, stride: int) -> torch.Tensor:
     return F.conv2d(x, weight, bias, stride, (weight.shape[2] // 2, weight.shape[3] // 2))
+
+
+WAYS: Mapping[str, Callable[[torch.Tensor, torch.Tensor, torch.Tensor, int], torch.Tensor]] = {
+    "winograd": lambda x, weight, bias, stride: winograd(x, weight, bias),  # of stride 1 alone
+    "frames": _frames,
+    "taps_as_outputs": _taps_as_outputs,
+    "taps_as_inputs": _taps_as_inputs,
+    "vendor": _vendor,
+}
+"""Ways of computing a convolution, by name."""
 
 
 def transposed_convolution(x: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor | None) -> torch.Tensor:
