@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +61,7 @@ def measure(shape: Shape, dtype: torch.dtype, calls: int = 2) -> dict[str, Any]:
         impossible = {"winograd": dtype != torch.float32 or taps[1:] != (3, 3), "frames": taps[0] > 1}
         if impossible.get(name):
             continue
-        seconds = min(_seconds(lambda way=way: way(x, weight, bias, 1)) for _ in range(calls + 1))
+        seconds = min(_seconds(partial(way, x, weight, bias, 1)) for _ in range(calls + 1))
         row[name] = 2e-9 * weight.numel() * x[0, 0].numel() / seconds
     return row
 
@@ -90,9 +91,7 @@ def main(arguments: Sequence[str]) -> None:
         "provenance": provenance_now(device, "convolutions of the networks", [0], command).as_json(),
         "columns": [{"key": key, "title": key} for key in ("shape", "type", "chosen")] + speeds,
         "rows": rows,
-        "notes": [
-            "GFLOP/s of one thread's processor time, two operations per multiply-accumulate; the fastest call."
-        ],
+        "notes": ["GFLOP/s of one thread's processor time, two operations per multiply-accumulate; the fastest call."],
     }
     if arguments:
         write_json(content, Path(arguments[0]))
