@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +61,7 @@ def measure(shape: Shape, dtype: torch.dtype, calls: int = 2) -> dict[str, Any]:
         impossible = {"winograd": dtype != torch.float32 or taps[1:] != (3, 3), "frames": taps[0] > 1}
         if impossible.get(name):
             continue
-        seconds = min(_seconds(lambda way=way: way(x, weight, bias, 1)) for _ in range(calls + 1))
+        seconds = min(_seconds(partial(way, x, weight, bias, 1)) for _ in range(calls + 1))
         row[name] = 2e-9 * weight.numel() * x[0, 0].numel() / seconds
     return row
 

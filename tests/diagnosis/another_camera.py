@@ -118,13 +118,14 @@ def _images(patterns: np.ndarray, hidden: Hidden) -> np.ndarray:
     field_size = world - 2 * BEYOND
     shown = (hidden.leak + (1 - hidden.leak) * patterns).astype(np.float32)
     y, x = _points(world)
-    y, x = y - hidden.shift[1] + 0 * x, x - hidden.shift[0] + 0 * y
-    u, v = x.copy(), y.copy()
-    half, corner = field_size / 2, (2 * (field_size / 2) ** 2)
-    for _ in range(30):  # invert the distortion and the keystone by iteration: the image of (u, v) lies at (x, y)
-        radius = u * u + v * v
-        stretch = (1 + hidden.barrel * radius / corner) * (1 + hidden.tilt[0] * u / half + hidden.tilt[1] * v / half)
+    y, x = np.broadcast_arrays(y, x)
+    u, v = x, y
+    half, corner = field_size / 2, 2 * (field_size / 2) ** 2
+    for _ in range(30 if hidden.barrel else 0):  # what belongs at (u, v) is seen at (x, y)
+        stretch = 1 + hidden.barrel * (u * u + v * v) / corner
         u, v = x / stretch, y / stretch
+    nearer = 1 + hidden.tilt[0] * u / half + hidden.tilt[1] * v / half
+    u, v = u / nearer - hidden.shift[0], v / nearer - hidden.shift[1]
     turn = np.deg2rad(hidden.angle)
     cos, sin = np.cos(turn) / hidden.scale, np.sin(turn) / hidden.scale
     images = np.zeros((len(shown), *u.shape), np.float32)

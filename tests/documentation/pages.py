@@ -88,6 +88,8 @@ def reduced(arguments: list[str]) -> list[str]:
             return [module, *overrides, *(small if "out=" in line else ["--cfg", "job"])]
         case "design_mask":
             return [module, *overrides, "steps=2", "tile=[4,4]", "size=[32,32]"]
+        case "tables.mask_ranking":  # tests/tables/test_mask_ranking.py runs it on a few masks
+            return [module, *overrides, "--cfg", "job"]
         case "benchmark":
             return [module, *overrides, "size=16", "repeats=1", "product=64"]
         case "evaluate" | "reconstruct":

@@ -43,7 +43,7 @@ def errors(fit: Fit) -> dict[tuple[str, str], float]:
     ],
 )
 def test_parameters(tmp_path: Path, name: str, start: dict[str, float], truth: dict[str, float]) -> None:
-    subject = fitter(tmp_path, {name: truth})
+    subject = fitter(tmp_path, {name: truth}).covering(NOISE.with_effect(name, dict(truth)))
     without = subject.fit(NOISE)
     found = subject.fit(NOISE.with_effect(name, dict(start)))
     assert found.held_out_log_likelihood > without.held_out_log_likelihood + 100
