@@ -35,11 +35,11 @@ def mask_ranking(composition: Composition) -> None:
     from sci_lightning.runs.results import write_json
 
     cfg, console, out = composition.cfg, PlainConsole(), Path(composition.cfg.out)
-    side = (cfg.crop, cfg.crop)
+    side = (cfg.side, cfg.side)
     source = Folder(cfg.root, cfg.frames, side, side, cfg.seed, val_root=cfg.val_root, clips_per_epoch=1)
     score = MaskScore(cfg.frames)
     rows: list[dict[str, Any]] = []
-    for name, mask in masks(cfg.frames, cfg.crop, cfg.seed):
+    for name, mask in masks(cfg.frames, cfg.side, cfg.seed):
         file = out / f"{name}.json"
         if not file.is_file():
             row = {"mask": name, "score_dB": float(score(mask)), "psnr_dB": trained_psnr(mask, source, cfg)}
@@ -48,7 +48,7 @@ def mask_ranking(composition: Composition) -> None:
         console.print(f"{name}: score {rows[-1]['score_dB']:.2f} dB, trained {rows[-1]['psnr_dB']:.2f} dB")
     scores, reached = ([row[key] for row in rows] for key in ("score_dB", "psnr_dB"))
     rank, p_value = spearmanr(scores, reached)
-    settings = {key: cfg[key] for key in ("frames", "crop", "channels", "blocks", "first_estimate", "seconds", "seed")}
+    settings = {key: cfg[key] for key in ("frames", "side", "channels", "blocks", "first_estimate", "seconds", "seed")}
     content = {"rank_correlation": float(rank), "p_value": float(p_value), "settings": settings, "masks": rows}
     write_json(content, out / FILE)
     console.print(f"rank correlation of {len(rows)} masks: {rank:.2f} (p = {p_value:.2g}); {out / FILE}")

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 
+from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import compose
 from sci_lightning.tables import mask_ranking
 from tests.test_configs import clips
@@ -21,7 +22,7 @@ def test_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest
     clips(tmp_path / "clips", "folder")
     clips(tmp_path / "held_out", "folder")
     monkeypatch.setattr(mask_ranking, "masks", few)
-    words = ["root=clips", "val_root=held_out", "frames=4", "crop=16", "channels=4", "blocks=1", "seconds=0.2", "out=r"]
+    words = ["root=clips", "val_root=held_out", "frames=4", "side=16", "channels=4", "blocks=1", "seconds=0.2", "out=r"]
     monkeypatch.chdir(tmp_path)
     mask_ranking.mask_ranking(compose("mask_ranking", words))
     assert "rank correlation of 3 masks" in capsys.readouterr().out
@@ -41,3 +42,13 @@ def test_masks_of_different_kinds(monkeypatch: pytest.MonkeyPatch) -> None:
     found = dict(mask_ranking.masks(3, 20, 0))
     assert len(found) == 24
     assert all(mask.shape == (3, 20, 20) and mask.min() >= 0 and mask.max() <= 1 for mask in found.values())
+
+
+def test_the_command_takes_its_settings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["mask_ranking", "root=none", "val_root=none", "side=16"])
+    with pytest.raises(SystemExit):
+        run("mask_ranking", mask_ranking.mask_ranking)
+    assert "error: none: no such file or folder" in capsys.readouterr().err
