@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -62,8 +63,9 @@ def benchmark(composition: Composition) -> None:
     cfg.crop = cfg.crop or list(cfg.size)
     scene, *snapshot = scene_snapshot(built(cfg, "data"), checkpoint, cfg.seed)
     settings: dict[str, Any] = {key: cfg[key] for key in SETTINGS} | {"size": tuple(cfg.size), "precisions": precisions}
-    command = f"python -m sci_lightning.benchmark {' '.join(composition.overrides)}".strip()
+    command = shlex.join(["python", "-m", "sci_lightning.benchmark", *composition.overrides])
     reduced = f"networks of scale={cfg.reduced}" if cfg.reduced else "full networks"
+    reduced = "the network of a checkpoint" if checkpoint is not None else reduced
     described = f"{reduced}, one snapshot at {cfg.size[0]} x {cfg.size[1]}, T = {cfg.frames}"
     load = f"load {os.getloadavg()[0]:.1f} when it began" if hasattr(os, "getloadavg") else ""
     content: dict[str, Any] = {

@@ -18,7 +18,7 @@ from sci_lightning.imaging.tiling import Size, Tiling
 PROBE = 256
 """Height and width in pixels of the field on which memory is measured."""
 
-PROBE_FRAMES = 4
+PROBE_FRAMES = 8
 """Number of frames with which memory is measured, if the decoder takes any."""
 
 LOWER_PRECISION = 0.55
@@ -66,7 +66,7 @@ def decoding_memory(decoder: Decoder, frames: int, lower_precision: bool = False
     tiling, field = Tiling((PROBE, PROBE)), (PROBE, 3 * PROBE)
     area, pixels = field[0] * field[1], max(tile.pixels for tile in tiling.tiles(field, light.halo, light.alignment))
     tile = max(0.0, (whole - _peak(light, frames, field, tiling) / area) / (1 - pixels / area))
-    return DecodingMemory(more * (images + max(0.0, whole - tile)), more * tile)
+    return DecodingMemory(more * (images - 4 * frames + max(0.0, whole - tile)), more * tile)  # with its estimate
 
 
 def _peak(decoder: Decoder, frames: int, field: Size, tiling: Tiling | None = None) -> int:

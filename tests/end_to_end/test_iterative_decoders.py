@@ -27,6 +27,17 @@ def test_evaluate(ran: Run, tmp_path: Path, decoder: str) -> None:
     assert found["config"]["decoder"]["iterations"] == [3] and found["config"]["size"] == [32, 32]
 
 
+def test_evaluate_in_tiles(ran: Run, refused: Run, tmp_path: Path) -> None:
+    """The same figures in tiles as at once, with another camera than the one that records, too."""
+    scores = []
+    for tile in ("none", "[16,12]"):
+        ran("evaluate", "decoder=gap_tv", "decoder.camera=rbw_sr", f"tile={tile}", *SHORT, *SCENE)
+        scores.append(json.loads((tmp_path / "run" / "metrics.json").read_text())["mean"]["psnr"])
+    assert abs(scores[0] - scores[1]) < 1e-4
+    line = refused("evaluate", "decoder=gap_tv", "tile=[16,2]", *SHORT, *SCENE)
+    assert "tile=[16,2] is smaller than the halo of 4 pixels" in line
+
+
 def test_with_an_encoder(ran: Run, tmp_path: Path) -> None:
     ran("evaluate", "decoder=gap_tv", "encoder=rsw_sr", "effect=[gain]", *SHORT, *SCENE)
     found = json.loads((tmp_path / "run" / "metrics.json").read_text())

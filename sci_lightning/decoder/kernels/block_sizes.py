@@ -21,5 +21,5 @@ POSITION_WEIGHTS = 2**20
 TOTAL_VARIATION_PIXELS = 2**17
 """Pixels of the frames that total variation denoises together, which needs seven arrays of them."""
 
-MOTION_PIXELS = 2**19
+MOTION_PIXELS = 2**17
 """Pixels of the frames whose motion is searched for together; more of them need more memory and are no faster."""

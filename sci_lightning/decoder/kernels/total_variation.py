@@ -21,7 +21,7 @@ def total_variation(video: torch.Tensor, strength: float, steps: int, tau: float
     denoised = torch.empty_like(video, memory_format=torch.contiguous_format)  # so that parts of it are views
     frames, results = (batch.reshape(-1, *video.shape[-2:]) for batch in (video, denoised))
     together = max(1, block_sizes.TOTAL_VARIATION_PIXELS // frames[0].numel())
-    number = len(frames) if video.device.type != "cpu" else together
+    number = together if video.device.type in ("cpu", "meta") else len(frames)  # on meta memory is counted
     for part, result in zip(frames.split(number), results.split(number), strict=True):
         _denoise_into(result, part, strength, steps, tau)
     return denoised
