@@ -84,7 +84,7 @@ def test_member_composes_and_instantiates(
 def test_command_composes(name: str, configuration: Callable[..., DictConfig]) -> None:
     cfg = configuration(name)
     if name != "reveal":  # which only prints
-        assert cfg.out.startswith(f"outputs/{name.removesuffix('_pack').removesuffix('_info')}/")
+        assert cfg.out.startswith(f"outputs/{'captures' if name.startswith('captures_') else name}/")
     assert "debug" in cfg
     with open_dict(cfg):
         for key in [key for key in cfg if OmegaConf.is_missing(cfg, key)]:

@@ -37,10 +37,10 @@ def plan(composition: Composition) -> None:
         long_exposure=cfg.long_exposure,
         **{name: cfg[name] for name in counts},
     )
-    write_plan(session, cfg.folder)
+    write_plan(session, cfg.out)
     console.print(f"{session.captures} captures to record, {len(session.shots)} settings")
-    console.say(styled(Path(cfg.folder)), ": plan.md, captures.yaml, patterns/, targets/, shots/")
-    print_next(console, invocation("captures", "pack", nearest(cfg.folder), "out=lab.h5"))
+    console.say(styled(Path(cfg.out)), ": plan.md, captures.yaml, patterns/, targets/, shots/")
+    print_next(console, invocation("captures", "pack", nearest(cfg.out), "out=lab.h5"))
 
 
 def pack(composition: Composition) -> None:
@@ -83,7 +83,7 @@ def info(composition: Composition) -> None:
     print_next(console, invocation("diagnose", paths={"captures": cfg.captures}))
 
 
-COMMANDS = {"plan": (plan, "folder"), "pack": (pack, "folder"), "info": (info, "captures")}
+COMMANDS = {"plan": (plan, "out"), "pack": (pack, "folder"), "info": (info, "captures")}
 """Function of every command, and the setting that its plain word stands for."""
 
 

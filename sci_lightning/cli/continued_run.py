@@ -127,6 +127,8 @@ def continued(arguments: list[str], encoders: Iterable[str]) -> tuple[list[str],
         for key in VALUES
         if kept and key not in named and isinstance(config.get(key), (int, list))
     ]
+    if kept and "warmup" not in config["system"] and "system.warmup" not in named:
+        before.append("system.warmup=0")  # of an earlier version: its learning rates began at their full height
     folder = Path(os.path.abspath(path)).parent  # not resolved: what is named is written, wherever links lead
     if "out" not in given and path.name == "last.ckpt" and folder.name == "checkpoints":
         _check_folder(folder.parent)

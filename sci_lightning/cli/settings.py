@@ -14,7 +14,18 @@ from annotated_types import DocInfo, Interval, MinLen
 from omegaconf import DictConfig, OmegaConf
 
 from sci_lightning.configuration.arguments import check_arguments, check_value
-from sci_lightning.configuration.bounds import Frames, NonNegative, Positive, Repeats, Seed, Size
+from sci_lightning.configuration.bounds import (
+    Depth,
+    Frames,
+    NonNegative,
+    Pixels,
+    Positive,
+    Repeats,
+    Seed,
+    Share,
+    Size,
+    Width,
+)
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.errors import BadInput
@@ -47,6 +58,8 @@ SETTINGS: Mapping[str, Any] = {
     "core_minutes": Positive,
     "scale": Name,
     "test_encoders": Mapping[str, Any],
+    # evaluate, reconstruct, design_mask
+    "tile": Literal["auto", "none"] | Size,
     # evaluate
     "pictures": Count,
     # reconstruct
@@ -56,6 +69,21 @@ SETTINGS: Mapping[str, Any] = {
     "full_scale": Positive,
     "aperture": Positive | str,
     "fps": Annotated[float, Interval(gt=0, le=1000)],
+    # design_mask
+    "kind": Literal["structural", "binary"],
+    "density": Share,
+    "steps": Repeats,
+    "read_noise": NonNegative,
+    "full_well": Positive,
+    "prior": Place,
+    # tables.mask_ranking
+    "root": Place,
+    "val_root": Place,
+    "side": Pixels,
+    "channels": Width,
+    "blocks": Depth,
+    "first_estimate": Literal["published", "linear"],
+    "seconds": Positive,
     # convert
     "checkpoint": Place,
     # tables

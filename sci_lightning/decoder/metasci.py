@@ -88,5 +88,6 @@ class MetaSCI(Decoder):
         published = self.operator(mask).mean_frame(measurement).unsqueeze(1) * (1 + mask)
         first = self.first_video(published, measurement, mask)
         features = self.conv1(channels_last(first.video))
-        result = self.conv2(self.layers(features))[..., : mask.shape[1], : mask.shape[2]]
-        return first.plus(result)
+        result = self.conv2(self.layers(features))
+        # the caller cuts odd sides; only a video to be improved has to have the same sides here
+        return first.plus(result[..., : mask.shape[1], : mask.shape[2]]) if first.improved else result

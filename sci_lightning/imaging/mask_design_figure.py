@@ -16,8 +16,9 @@ MOST_SLOTS = 16
 """Of masks with more slots, so many are drawn."""
 
 
-def write_mask(mask: torch.Tensor, folder: Path) -> None:
+def write_mask(mask: torch.Tensor, folder: str | Path) -> None:
     """Write a mask ``(T, H, W)`` as ``mask.npy`` and, as MATLAB's ``(H, W, T)``, as ``mask`` in ``mask.mat``."""
+    folder = Path(folder)
     values = mask.numpy().astype(np.float32)
     with atomic_write(folder / "mask.npy") as temporary, temporary.open("wb") as stream:
         np.save(stream, values)

@@ -170,8 +170,16 @@ def _comparable(config: Mapping[str, Any]) -> dict[str, Any]:
         (key, present_name(value) if key.endswith("_target_") else value)
         for key, value in _flat({key: value for key, value in parts.items() if key not in FREE})
     ]
-    # binary masks have one bit, and most trainings no processor time; runs of earlier versions do not say so
-    unsaid = {"mask.bits": 1, "core_minutes": None}
+    # what runs of earlier versions do not say, because it was not there to be chosen: a binary mask has one bit, ..
+    unsaid = {
+        "mask.bits": 1,
+        "mask.repeat": 1,
+        "mask.start": "published",
+        "core_minutes": None,
+        "first_estimate": "published",
+        "muon_lr": None,
+        "warmup": 0,
+    }
     return {key: value for key, value in flat if not any(key.endswith(k) and value == unsaid[k] for k in unsaid)}
 
 

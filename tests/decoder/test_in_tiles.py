@@ -82,7 +82,8 @@ def field_of(function: Callable[..., torch.Tensor], width: int, period: int, fra
     result, middle, far = function(measurement, mask), width // 2 // period * period, 0
     for column in range(middle, middle + period):
         gradients = torch.autograd.grad(result[..., 7, column].sum(), (measurement, mask), retain_graph=True)
-        acting = sum(gradient.abs().flatten(0, -2).sum(0) for gradient in gradients).nonzero()
+        strength = torch.stack([gradient.abs().flatten(0, -2).sum(0) for gradient in gradients]).sum(0)
+        acting = (strength > 1e-13 * strength.max()).nonzero()  # convolutions on tiles round beyond their field
         far = max(far, column - int(acting.min()), int(acting.max()) - column)
     return far
 

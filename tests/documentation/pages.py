@@ -33,6 +33,7 @@ ONLY_COMPOSED = (
     "experiment=short_cpu",  # the same settings as other commands, only half an hour longer
     "experiment=speedrun",  # likewise
     "experiment=denoiser_cpu",  # tests/end_to_end/test_iterative_decoders.py trains denoisers
+    "dry_run=true",  # tests/training/test_training_plan.py
     "decoder=all",  # tests/end_to_end/test_benchmark.py measures them
     "empirical=true",  # tests/end_to_end/test_diagnose.py
     "captures=SESSION.h5",  # likewise: a diagnosis of three effects

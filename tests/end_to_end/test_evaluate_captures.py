@@ -28,7 +28,7 @@ TEST = ["ckpt_path=trained.ckpt", "captures=lab.h5", "metric=[psnr]", "trainer.a
 @pytest.fixture
 def captures(tmp_path: Path) -> Captures:
     """``lab.h5``: 4 x 32 x 32, dimmed to a half, with something hidden; ``patterns.npy``: what was told."""
-    session = Session((32, 32), frames=4, dark=1, flat=1, static=1, dynamic=2, aperture=0.5)
+    session = Session((32, 32), frames=4, dark=1, flat=1, static=1, dynamic=2, aperture=0.5, surround="dark")
     VirtualCamera(session, HIDDEN).write(tmp_path / "lab.h5", seed=3)
     captures = read_captures(tmp_path / "lab.h5")
     np.save(tmp_path / "patterns.npy", captures.patterns[:4])
