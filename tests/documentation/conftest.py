@@ -109,7 +109,8 @@ def in_this_process(module: str, *overrides: str) -> None:
         except SystemExit as stop:
             assert not stop.code, f"python -m {shlex.join([module, *overrides])} ended with status {stop.code}"
         finally:
-            # an encoder that the command read from a file is a member of this group until here
-            ConfigStore.instance().repo.pop("encoder", None)
+            # what the command added to these groups: an encoder that it read from a file, the benchmark's decoder=all
+            for group in ("encoder", "decoder"):
+                ConfigStore.instance().repo.pop(group, None)
             os.environ.clear()
             os.environ.update(environment)
