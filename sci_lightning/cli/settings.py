@@ -58,8 +58,8 @@ SETTINGS: Mapping[str, Any] = {
     "core_minutes": Positive,
     "scale": Name,
     "test_encoders": Mapping[str, Any],
-    # evaluate, reconstruct, design_mask
-    "tile": Literal["auto", "none"] | Size,
+    # evaluate and reconstruct: how a field is cut; design_mask: what repeats. Both check it where they use it.
+    "tile": Any,
     # evaluate
     "pictures": Count,
     # reconstruct

@@ -29,12 +29,12 @@ def test_what_is_written(kind: list[str], ran: Callable[..., str], tmp_path: Pat
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ("kind=gray", "choose structural or binary"),
+        ("kind=gray", "kind=gray: expected structural, binary"),
         ("bits=9", "from 1 to 8"),
         ("tile=[16,4]", "larger than the mask"),
         ("frames=1", "from 2 to 4096"),
         ("aperture=-1", "aperture=-1"),
-        ("steps=0", "steps=0: must be at least 1"),
+        ("steps=0", "steps=0: expected a whole number from 1"),
         ("tile=[0,4]", "two positive whole numbers"),
         ("read_noise=-1", "read_noise=-1"),
         ("full_well=0", "full_well=0"),
