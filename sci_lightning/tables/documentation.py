@@ -50,29 +50,33 @@ class DocumentedTable:
         return "\n".join([*lines, "", *(f"{note}\n" for note in self.notes), f"*{self.provenance.sentence()}*"]) + "\n"
 
 
-def pages(root: Path) -> list[Path]:
+def pages(root: str | Path) -> list[Path]:
     """Return README.md and every page below docs/ of a clone of the repository."""
+    root = Path(root)
     return [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
 
 
-def updated(page: Path, root: Path) -> str:
+def updated(page: str | Path, root: str | Path) -> str:
     """Return the text of a page with its tables as the JSON files say.
 
     Raises:
         BadInput: a marker without its end, a kind of table or a file that is not there, or a file of no use.
     """
+    page = Path(page)
+    root = Path(root)
     text = page.read_text(encoding="utf-8")
     if text.count("<!-- table: ") != len(MARKED.findall(text)):
         raise BadInput(f"{page}: expected <!-- table: KIND, from PATH --> and <!-- end --> on lines of their own")
     return MARKED.sub(lambda match: _filled(match, page, root), text)
 
 
-def update_pages(root: Path) -> list[Path]:
+def update_pages(root: str | Path) -> list[Path]:
     """Write the tables of every page anew; returns the pages that were changed.
 
     Raises:
         BadInput: see :func:`updated`; no page is changed then.
     """
+    root = Path(root)
     if not (root / "README.md").is_file():
         raise BadInput(f"documentation={root}: no README.md there; give the folder of a clone of the repository")
     texts = {page: updated(page, root) for page in pages(root)}
@@ -83,8 +87,9 @@ def update_pages(root: Path) -> list[Path]:
     return changed
 
 
-def table_sources(root: Path) -> Iterator[tuple[Path, str, Path]]:
+def table_sources(root: str | Path) -> Iterator[tuple[Path, str, Path]]:
     """Yield the page, the kind and the path of every table."""
+    root = Path(root)
     for page in pages(root):
         for match in MARKED.finditer(page.read_text(encoding="utf-8")):
             yield page, match["kind"], root / match["path"]

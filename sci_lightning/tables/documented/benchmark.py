@@ -12,12 +12,13 @@ from sci_lightning.tables.documentation import DocumentedTable
 from sci_lightning.tables.provenance import read_provenance
 
 
-def build(path: Path, part: str) -> DocumentedTable:
+def build(path: str | Path, part: str) -> DocumentedTable:
     """Return a table of a file that ``python -m sci_lightning.benchmark`` wrote (``schemas/benchmark.json``).
 
     Raises:
         BadInput: another format, or a table that the file has no figures for.
     """
+    path = Path(path)
     fields = read_json(path)
     content: dict[str, Any] = dict(fields.content)
     if (content.get("format"), content.get("format_version")) != ("sci-benchmark", 2):

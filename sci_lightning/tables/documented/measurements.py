@@ -12,7 +12,7 @@ from sci_lightning.tables.documentation import DocumentedTable
 from sci_lightning.tables.provenance import read_provenance
 
 
-def build(path: Path, part: str) -> DocumentedTable:
+def build(path: str | Path, part: str) -> DocumentedTable:
     """Return the table of a ``sci-measurements`` file (``schemas/measurements.json``).
 
     ``columns`` is a list of ``{"key": .., "title": .., "digits": ..}``; a row holds by key a number, a text, or a list
@@ -21,6 +21,7 @@ def build(path: Path, part: str) -> DocumentedTable:
     Raises:
         BadInput: another format, a value without a column, or digits that do not fit the values.
     """
+    path = Path(path)
     content = read_json(path)
     if (content.content.get("format"), content.content.get("format_version")) != ("sci-measurements", 1):
         raise BadInput(f"{path}: expected format sci-measurements 1")

@@ -18,7 +18,7 @@ from sci_lightning.tables.run import Run, find_runs
 from sci_lightning.tables.score_table import score_table
 
 
-def build(path: Path, part: str) -> DocumentedTable:
+def build(path: str | Path, part: str) -> DocumentedTable:
     """Return one of the paper's tables, or its claims, with the rows that are kept in a folder.
 
     Args:
@@ -28,6 +28,7 @@ def build(path: Path, part: str) -> DocumentedTable:
     Raises:
         BadInput: another part, or a file of no use.
     """
+    path = Path(path)
     paper = yaml.safe_load((PACKAGE / "tables" / "paper_figures.yaml").read_text())
     runs, lines = find_runs([path]) if path.is_dir() else ([], [])
     if lines:

@@ -18,18 +18,20 @@ RECIPE = ("batch_size", "core_minutes", "crop", "decoder", "encoder", "frames", 
 """Entries of a configuration that rows of one table must share with the present one, as far as both have them."""
 
 
-def kept_files(row: TableRow, results: Path) -> list[Path]:
+def kept_files(row: TableRow, results: str | Path) -> list[Path]:
     """Return the files that are kept of a row: its test, and one for every further encoder that it is tested behind."""
+    results = Path(results)
     names = ["", *(f"_{test}" for test in row.tests)]
     return [results / row.name / f"seed{row.seed}{name}.json" for name in names]
 
 
-def is_kept(row: TableRow, results: Path) -> bool:
+def is_kept(row: TableRow, results: str | Path) -> bool:
     """Return whether everything is kept of a row."""
+    results = Path(results)
     return all(path.is_file() for path in kept_files(row, results))
 
 
-def keep(row: TableRow, run: Path, results: Path, provenance: Provenance) -> list[Path]:
+def keep(row: TableRow, run: str | Path, results: str | Path, provenance: Provenance) -> list[Path]:
     """Copy the metrics of a finished training to the results; the file of its own test comes last.
 
     Args:
@@ -41,6 +43,8 @@ def keep(row: TableRow, run: Path, results: Path, provenance: Provenance) -> lis
     Returns:
         the files that were written.
     """
+    run = Path(run)
+    results = Path(results)
     files = kept_files(row, results)
     sources = [run / "metrics.json", *(run / f"test_{test}" / "metrics.json" for test in row.tests)]
     for source, path in reversed(list(zip(sources, files, strict=True))):
@@ -50,7 +54,7 @@ def keep(row: TableRow, run: Path, results: Path, provenance: Provenance) -> lis
     return files
 
 
-def check_recipe(row: TableRow, results: Path, config: Mapping[str, Any]) -> None:
+def check_recipe(row: TableRow, results: str | Path, config: Mapping[str, Any]) -> None:
     """Check that a kept row was trained as it would be trained now; two recipes in one table would mislead.
 
     Args:
@@ -61,6 +65,7 @@ def check_recipe(row: TableRow, results: Path, config: Mapping[str, Any]) -> Non
     Raises:
         BadInput: it was trained otherwise.
     """
+    results = Path(results)
     path = kept_files(row, results)[0]
     earlier, now = read_json(path).part("config").content, _without_places(config)
     for key in RECIPE:
