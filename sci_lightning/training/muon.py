@@ -74,7 +74,7 @@ class Muon(torch.optim.Adam):
         return loss
 
     def _step(self, weight: torch.Tensor, lr: float) -> None:
-        assert weight.grad is not None
+        assert weight.grad is not None  # step() checked it
         state = self.state[weight]
         if not state:
             state["step"], state["momentum_buffer"] = torch.zeros(()), torch.zeros_like(weight)

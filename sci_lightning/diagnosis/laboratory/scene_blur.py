@@ -1,4 +1,4 @@
-"""Scene blur: the target is less sharp than told."""
+"""Scene blur: the target is less sharp than the file states."""
 
 from __future__ import annotations
 

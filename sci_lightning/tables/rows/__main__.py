@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.tables.rows``: train every row of the paper's tables, and keep what each one found."""
+"""``python -m sci_lightning.tables.rows``: train every row of the paper's tables, and keep the results of each."""
 
 from __future__ import annotations
 
