@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import is_dataclass
 from typing import Annotated, Any, Literal
 
-from annotated_types import DocInfo, Interval, MinLen
+from annotated_types import DocInfo, Interval, Len, MinLen
 from omegaconf import DictConfig, OmegaConf
 
 from sci_lightning.configuration.arguments import check_arguments, check_value
@@ -120,6 +120,9 @@ SETTINGS: Mapping[str, Any] = {
     "candidates": Annotated[Mapping[str, Name], DocInfo("effects of your own, +candidates.mine=my_module.Mine")],
     # captures, virtual_camera.reveal (the number of captures of a kind: see virtual_camera)
     "folder": Place,
+    "perspective": bool,
+    "pitch": Annotated[Sequence[Positive], Len(2, 2), DocInfo("two positive numbers [ACROSS,DOWN]")],
+    "again": bool,
     "truth": Place,
     "report": Place,
     "long_dark": Count,

@@ -76,6 +76,8 @@ def datasheet_noise(observation: Observation) -> tuple[Hypothesis, tuple[Paramet
 def free_forms_for(observation: Observation) -> dict[str, type[Effect]]:
     """Return every free-form deviation by name, with as many numbers as these captures can determine."""
     classes = [getattr(empirical, name) for name in empirical.__all__ if name != "Empirical"]
+    if observation.grid is not None:  # a map of the mirrors is not one of the pixels
+        classes = [one for one in classes if not (one.map_kind and issubclass(one, ModulatorEffect))]
     captures, frames = len(observation), observation.frames
     return {one.name: one.of(one.numbers(captures, frames)) if issubclass(one, Empirical) else one for one in classes}
 
@@ -167,7 +169,8 @@ class CameraModel:
         up.
         """
         observation, effect = self.observation, self.effects[name]
-        settings = effect.starts(observation.frames, observation.size, observation.bit_depth)
+        size = tuple(observation.patterns.shape[-2:]) if issubclass(effect, ModulatorEffect) else observation.size
+        settings = effect.starts(observation.frames, (size[0], size[1]), observation.bit_depth)
         if parameter := _limiting_parameter(effect):
             behind = self._behind(self.path(hypothesis), effect)
             levels = (self._signal_recorded_as(behind, level) for level in observation.pile_ups)
@@ -226,7 +229,7 @@ class CameraModel:
             if isinstance(effect, MapEffect):
                 _set_map(effect, hypothesis.maps.get(name), self.observation.size)
             effects.append(effect)
-        return LightPath(effects)
+        return LightPath(effects, self.observation.grid)
 
     def laboratory(self, hypothesis: Hypothesis) -> list[SceneEffect]:
         """Return by which effects the targets of a hypothesis differ from what the file says, in order."""
