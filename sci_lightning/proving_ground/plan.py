@@ -99,7 +99,7 @@ def _cases_of_repetition(
     suite: str, repetition: int, cameras: list[Session], several: bool, allowed: set[str]
 ) -> list[Case]:
     if several:  # the first ones would otherwise all have the same number of slots
-        order = stream(repetition, f"proving ground: cameras of {suite}").permutation(len(cameras))
+        order = stream(0, f"proving ground: cameras of {suite}").permutation(len(cameras))
         cameras = [cameras[number] for number in order]
     random = stream(repetition, f"proving ground: {suite}")
     names = [name for name in (OUTSIDE if suite == "outside" else VOCABULARY) if name in allowed]
@@ -107,8 +107,9 @@ def _cases_of_repetition(
         names = [name for name in names if _has_magnitude(name)]
     capture_sets = [name for name in CAPTURES if name != "full"] if suite == "fewer" else ["full"]
     cases = []
-    for number, hidden in enumerate(_hidden_sets(suite, names, random)):
-        first = (number + repetition) % len(cameras)
+    hidden_sets = _hidden_sets(suite, names, random)
+    for number, hidden in enumerate(hidden_sets):
+        first = (number + repetition * (len(hidden_sets) if several else 1)) % len(cameras)
         captures = capture_sets[(number + repetition) % len(capture_sets)]
         sessions = (
             replace(camera, **CAPTURES[captures])  # type: ignore[arg-type]

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from sci_lightning.errors import BadInput
 from sci_lightning.files.json_fields import read_json
-from sci_lightning.files.plain_text import in_markdown
 from sci_lightning.proving_ground.outcome import Outcome
 from sci_lightning.proving_ground.records import Records
 from sci_lightning.proving_ground.report import ANSWERS
@@ -51,11 +50,11 @@ def build(path: str | Path, part: str) -> DocumentedTable:
 
 
 def _line(outcome: Outcome) -> list[str]:
-    named = ", ".join(effect.name for effect in outcome.named)
+    named = ", ".join(f"`{effect.name}`" for effect in outcome.named)
     unnamed = ", ".join(stage.removeprefix("unnamed:") for stage in outcome.unnamed)
-    hidden = ", ".join(outcome.hidden_names) or "nothing"
+    hidden = ", ".join(f"`{name}`" for name in outcome.hidden_names) or "nothing"
     figures = (f"{outcome.chi2_before:.3g}", f"{outcome.chi2_after:.3g}")
-    return [in_markdown(text) for text in (hidden, named, unnamed, outcome.verdict, *figures)]
+    return [hidden, named, unnamed, outcome.verdict.replace("_", " "), *figures]
 
 
 def _provenance(path: Path) -> Provenance:

@@ -127,9 +127,10 @@ class DroppedSlot(ProcedureEffect):
 
 
 def textured(session: Session) -> np.ndarray:
-    """Return the indices of the textured captures whose scene the file states."""
+    """Return the indices of the textured captures whose scene the file states; all captures if they are fewer."""
     before = sum(session.counts[name] for name in ("dark", "flat", "all_on", "all_off", "pattern"))
-    return before + np.arange(session.static + session.dynamic)
+    count = session.static + session.dynamic
+    return before + np.arange(count) if count > 1 else np.arange(max(sum(session.counts.values()), 2))
 
 
 def with_scenes(acquisition: Acquisition, change: Callable[[np.ndarray], np.ndarray]) -> Acquisition:

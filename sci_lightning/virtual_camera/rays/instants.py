@@ -1,4 +1,8 @@
-"""The exposure as a row of instants: what the mirrors display, how the lamp shines and which rows are open."""
+"""The exposure as a row of instants: what the mirrors display, how the lamp shines and which rows are open.
+
+The other formulation multiplies the mean light of a slot by what is displayed in the slot on average. Here a pattern
+that comes late meets the light of the moments at which it is displayed.
+"""
 
 from __future__ import annotations
 
