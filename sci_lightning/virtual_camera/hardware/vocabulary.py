@@ -125,7 +125,7 @@ OUTSIDE: dict[str, type[Effect]] = {
 }
 """Effects for which a diagnosis has no name: it should report the stage at which they act, and no other effect."""
 
-OTHER_FIELDS = {effect.name: effect for effect in _OTHER_FIELDS}
+OTHER_FIELDS: dict[str, type[Effect]] = {effect.name: effect for effect in _OTHER_FIELDS}
 """Those of them from the calibration of other instruments, chosen before any diagnosis had seen them."""
 
 VOCABULARY = {name: effect for name, effect in EFFECTS.items() if name not in OUTSIDE}
