@@ -4,8 +4,8 @@
     name: lab camera               # optional, as are the next four
     read_noise_dn: 2.1             # datasheet: standard deviation, DN
     full_well_e: 10500             # datasheet: electrons at full scale
-    sensor_to_modulator: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]  # of patterns on the modulator's own grid: homography from a pixel's
-                                   # (x, y, 1) to a mirror's (u, v, 1); `captures register` finds it
+    sensor_to_modulator: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]   # of patterns on the modulator's own grid: homography from
+                                   # a pixel's (x, y, 1) to a mirror's (u, v, 1); `captures register` finds it
     surround: dark                 # what lies beyond the patterns: dark (no light), else unknown
     frames: 8                      # T, slots per capture; else that of the first listed sequence, else the number of
                                    # coding patterns
