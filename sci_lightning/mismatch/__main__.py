@@ -37,6 +37,7 @@ def mismatch(composition: Composition) -> None:
     with Progress(*columns, TextColumn("{task.description}"), console=console, speed_estimate_period=3600) as progress:
         task = progress.add_task("", total=len(prepared.cameras) * len(decoders))
         prepared.protocol.on_progress = lambda line: progress.update(task, description=line)
+        prepared.protocol.on_result = console.print
         for camera in prepared.cameras:
             for name, (decoder, described) in decoders.items():
                 record, computed = prepared.score(camera, name, decoder, described, out / "cases")

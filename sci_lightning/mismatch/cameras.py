@@ -80,7 +80,7 @@ def plan_cameras(
 def _draw(number: int, ranges: Mapping[str, Mapping[str, Sequence[float]]], seed: int) -> MismatchedCamera:
     random = stream(seed, f"mismatched camera {number}")
     mismatch = {
-        name: {parameter: float(random.uniform(*span)) for parameter, span in parameters.items()}
+        name: {parameter: float(random.uniform(span[0], span[1])) for parameter, span in parameters.items()}
         for name, parameters in ranges.items()
     }
     return MismatchedCamera(f"drawn_{number:02d}", mismatch)

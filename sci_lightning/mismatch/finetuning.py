@@ -44,7 +44,7 @@ def mismatch_finetuning(composition: Composition) -> None:
     console.say(styled(camera.name), ": its calibration captures are diagnosed")
     records = out / "records"
     prepared.score(camera, MEAN, MeanMeasurement().eval(), {"decoder": MEAN}, records, ["ideal", "calibrated"])
-    found = out / "protocol" / "cameras" / camera.name / "calibrated" / "encoder.yaml"
+    corrected = out / "protocol" / "cameras" / camera.name / "calibrated" / "encoder.yaml"
     ideal = _write_ideal_encoder(prepared, out / "ideal.yaml")
     places = [word for word in training if "/" in word.partition("=")[2]]  # a checkpoint's folders have to be repeated
     light = [f"encoder.aperture={prepared.bench.aperture}"]
@@ -56,12 +56,12 @@ def mismatch_finetuning(composition: Composition) -> None:
             "finetuned": [
                 f"ckpt_path='{folder / 'ideal' / 'checkpoints' / 'last.ckpt'}'",
                 "experiment=finetune",
-                f"encoder='{found}'",
+                f"encoder='{corrected}'",
                 *light,
                 *places,
                 *recipe,
             ],
-            "anew": [*words, f"encoder='{found}'"],
+            "anew": [*words, f"encoder='{corrected}'"],
         }
         for kind, overrides in plans.items():
             console.say(styled(f"seed {seed}"), f": training, {kind}")

@@ -36,7 +36,8 @@ class Protocol:
         folder: where diagnoses are kept, in ``cameras/``.
         snapshots: how many snapshots a blind diagnosis sees at most.
         device: on which is decoded.
-        on_progress: called with a one-line message after every step.
+        on_progress: called with a one-line message after every step, to be replaced by the next one.
+        on_result: called with a line that says what a scenario reached.
     """
 
     bench: Bench
@@ -44,6 +45,7 @@ class Protocol:
     snapshots: int
     device: torch.device = field(default_factory=lambda: torch.device("cpu"))
     on_progress: Callable[[str], None] = lambda message: None
+    on_result: Callable[[str], None] = lambda message: None
     _ideal: dict[tuple[str, str], Scores] = field(default_factory=dict)
 
     def run(
@@ -76,6 +78,7 @@ class Protocol:
                     measurement = self.bench.record({}, noise=scenario.noise)
                     self._ideal[name, key] = self._decode(measurement, ideal_camera(self.bench), decoder, say)
                 results[key] = self._ideal[name, key]
+                self.on_result(f"{say}: {results[key]['mean']['psnr']:.2f} dB")
                 continue
             if True not in recorded:
                 self.on_progress(f"{say}: recording")
@@ -84,6 +87,7 @@ class Protocol:
             if diagnosis:
                 diagnoses[scenario.belief] = diagnosis
             results[key] = self._decode(recorded[True], believed, decoder, say)
+            self.on_result(f"{say}: {results[key]['mean']['psnr']:.2f} dB")
         ordered = {key: results[key] for key in SCENARIOS if key in results}
         content: dict[str, Any] = {"mismatch": {name: dict(values) for name, values in camera.mismatch.items()}}
         content["scenarios"] = ordered

@@ -110,7 +110,7 @@ def test_bad_input(refused: Callable[..., str], trained: Path, tmp_path: Path) -
 @pytest.mark.slow
 def test_what_it_is_worth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every step of the table, at a size that learns nothing; the same command goes on where it stopped."""
-    null = "mask_shift mask_rotation mask_blur sync_offset duty_cycle black_level".split()
+    null = ["mask_shift", "mask_rotation", "mask_blur", "sync_offset", "duty_cycle", "black_level"]
     small = " ".join(["data=synthetic data.scenes_count=1 size=[32,32]", *(f"mismatch.{name}=null" for name in null)])
     tiny = " ".join([*(word for word in TINY if not word.startswith("size")), *QUIET])
     words = [f"protocol='{small}'", f"overrides='{tiny}'", "seeds=1", "out=a"]
