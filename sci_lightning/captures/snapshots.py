@@ -58,7 +58,8 @@ def read_snapshots(
     """
     if not files:
         raise BadInput("measurement: no file is named; give measurement=FILE or measurement=[FILE,FILE]")
-    images, depths = [], []
+    images: list[np.ndarray] = []
+    depths: list[int] = []
     for file in files:
         values = read_pictures(file, prefer="meas", key=key)
         dn, bits = raw_dn(values if values.ndim == 3 else values[None], str(file), bit_depth)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.diagnosis.blind.paired_comparison import PairedComparison, compare
 from sci_lightning.diagnosis.blind.prediction import Predictor, textured_window
-from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera
+from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera, effects_of
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.light_path import LightPath
 
@@ -64,7 +64,7 @@ def judge_by_prediction(
     gap = compare(before, after)
     by_effect = {}
     for name in names:
-        others = LightPath(effect for effect in corrected.effects.values() if effect.name != name)
+        others = LightPath(effect for effect in effects_of(corrected) if effect.name != name)
         by_effect[name] = gap if len(names) == 1 else compare(predictor.errors(camera.encoder_of(others)), after)
     on_progress(f"held-out pixels: prediction error {gap.before:.4f} to {gap.after:.4f}")
     return PredictionVerdict(gap, by_effect)

@@ -57,7 +57,7 @@ class SnapshotCamera:
         """Return the camera with the effects of a light path, maps included."""
         mask = Measured(None, len(self.patterns), self.size)
         mask.pattern = self.patterns
-        return Encoder(mask, ClipQuantise(self.bit_depth), effects=list(path.effects.values()))
+        return Encoder(mask, ClipQuantise(self.bit_depth), effects=effects_of(path))
 
     def take(self, which: torch.Tensor) -> SnapshotCamera:
         """Return some of the snapshots, ``which`` being ``(N,)`` bool."""
@@ -68,6 +68,11 @@ class SnapshotCamera:
             numbers=tuple(self.numbers[place] for place in places.tolist()),
             verification=self.verification[places],
         )
+
+
+def effects_of(path: LightPath) -> list[Effect]:
+    """Return the effects of a light path, in order."""
+    return [effect for effect in path.effects.values() if isinstance(effect, Effect)]
 
 
 def snapshots_of(captures: Captures, vocabulary: Mapping[str, type[Effect]]) -> SnapshotCamera:

@@ -256,8 +256,9 @@ def _fixed_lines(dn: np.ndarray) -> FixedLines:
     """Return the offsets of columns that all snapshots share.
 
     A column's offset is the weighted mean over its rows of the difference from the mean of the neighbouring columns;
-    bright rows, in which mask and scene differ most from column to column, weigh least. Offsets of the upper half of one snapshot are correlated with those of the lower half of another one: scene and mask differ
-    there, and only the sensor's columns stay. Correlations with displaced columns say what chance gives.
+    bright rows, in which mask and scene differ most from column to column, weigh least. Offsets of the upper half of
+    one snapshot are correlated with those of the lower half of another one: scene and mask differ there, and only the
+    sensor's columns stay. Correlations with displaced columns say what chance gives.
     """
     upper, lower = (np.stack([_column_offsets(image[half]) for image in dn]) for half in _halves(dn.shape[1]))
     upper, lower = (part - part.mean(1, keepdims=True) for part in (upper, lower))
