@@ -137,7 +137,7 @@ class CoarseSearch:
         binned = [pattern.image[part].reshape(shape).mean((1, 3)) for pattern in shown[:PATTERNS]]
         self._images = [band_pass(image, (1.0, 1.0), BLUR, box=False) for image in binned]
         self._last: tuple[tuple[float, float], list[np.ndarray]] = ((0.0, 0.0), [])
-        self._energy = sum(image**2 for image in self._images)
+        self._energy = np.sum([image**2 for image in self._images], 0)
 
     def _blurred(self, across: float, down: float) -> list[np.ndarray]:
         """Return the patterns as blurred as the images, for a pitch in pixels per mirror; the last is remembered."""
