@@ -58,6 +58,7 @@ SETTINGS: Mapping[str, Any] = {
     "core_minutes": Positive,
     "scale": Name,
     "test_encoders": Mapping[str, Any],
+    "finetune": bool,
     # evaluate and reconstruct: how a field is cut; design_mask: what repeats. Both check it where they use it.
     "tile": Any,
     # evaluate
@@ -158,6 +159,20 @@ SETTINGS: Mapping[str, Any] = {
     "bit_depths": Sequence[Annotated[int, Interval(ge=1, le=16)]],
     "threads": Repeats,
     "run": bool,
+    # mismatch, which checks cameras and ranges itself
+    "decoders": Annotated[Sequence[Name], MinLen(1)],
+    "weights": Mapping[str, Place],
+    "cameras": Sequence[Name],
+    "scenarios": Sequence[Literal["ideal", "ideal_noisy", "mismatched", "known", "calibrated", "blind"]],
+    "drawn": Count,
+    "mismatch": Annotated[Mapping[str, Any], DocInfo("effects with their parameters, mismatch.gain.factor=1.05")],
+    "ranges": Annotated[Mapping[str, Any], DocInfo("effects with ranges, ranges.gain.factor=[0.5,1.5]")],
+    "calibration": Annotated[Mapping[str, Any], DocInfo("numbers of captures by kind, calibration.dark=4")],
+    "middle": Size,
+    "snapshots": Repeats,
+    # mismatch.finetuning
+    "protocol": Annotated[str, DocInfo("overrides of the protocol, as one text")],
+    "recipe": Annotated[str, DocInfo("overrides of every fine-tuning, as one text")],
 }
 
 
