@@ -287,10 +287,12 @@ class CameraModel:
         neutral_scale: Setting = {
             parameter: 1.0 if parameter == "std" else 0.5 for parameter in self.effects[name].about
         }
-        shifted = self.predict(hypothesis.with_effect(name, neutral_scale, values + MAP_STEP))
+        # The mean light must stay the same behind a smooth map: glare would spread the difference over the image.
+        step = MAP_STEP * _quadrants(values.shape) if self.effects[name].map_kind == "smooth" else MAP_STEP
+        shifted = self.predict(hypothesis.with_effect(name, neutral_scale, values + step))
         if name not in hypothesis.effects or name not in hypothesis.maps:
             prediction = self.predict(hypothesis.with_effect(name, neutral_scale, values))
-        return (shifted.mean - prediction.mean) / MAP_STEP
+        return (shifted.mean - prediction.mean) / step
 
     def map_values(self, hypothesis: Hypothesis, name: str) -> torch.Tensor:
         """Return the values of an effect's map in a hypothesis, 0 where it has none yet.
@@ -354,6 +356,12 @@ class CameraModel:
 def _limiting_parameter(effect: type[Effect]) -> str | None:
     """Return the parameter at which the signal ends, for an effect of the sensor that limits it."""
     return effect.ceiling if issubclass(effect, SensorEffect) else None
+
+
+def _quadrants(size: torch.Size) -> torch.Tensor:
+    """Return +1 in two opposite quadrants of a field ``(H, W)`` and -1 in the others."""
+    down, across = (torch.where(torch.arange(length) < length / 2, 1.0, -1.0) for length in size)
+    return down[:, None] * across
 
 
 def _set_map(effect: MapEffect, values: torch.Tensor | None, size: tuple[int, int]) -> None:
