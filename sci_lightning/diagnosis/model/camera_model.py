@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Callable, Hashable, Mapping
+import copy
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Generic, TypeVar
 
 import torch
 
 from sci_lightning.diagnosis.laboratory import SceneEffect
 from sci_lightning.diagnosis.model.likelihood import LEAST_DEVIATION, ClippedSignal
 from sci_lightning.diagnosis.model.observation import Observation
+from sci_lightning.diagnosis.model.prediction import Prediction
+from sci_lightning.diagnosis.model.recent import Recent
 from sci_lightning.encoder import empirical
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import Effect, MapEffect, OpticsEffect, SensorEffect
@@ -33,8 +34,6 @@ NOISE_GUESS = {"shot_noise": ("full_well", 1e4), "read_noise": ("std", 1.0)}
 
 MAP_STEP = 1e-3
 """Change of a map's values over which the derivative of the mean is taken."""
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -80,49 +79,6 @@ def free_forms_for(observation: Observation) -> dict[str, type[Effect]]:
     return {one.name: one.of(one.numbers(captures, frames)) if issubclass(one, Empirical) else one for one in classes}
 
 
-@dataclass(frozen=True)
-class Prediction:
-    """What a hypothesis predicts for every pixel before the converter.
-
-    Attributes:
-        mean: ``(N, H, W)`` expected signal, DN.
-        deviation: ``(N, H, W)`` its standard deviation, DN.
-        bits: effective bits of the converter.
-        clipped: the distribution where the signal saturates before the converter does; None if it does not.
-    """
-
-    mean: torch.Tensor
-    deviation: torch.Tensor
-    bits: int
-    clipped: ClippedSignal | None = None
-
-    @property
-    def total_variance(self) -> torch.Tensor:
-        """``(N, H, W)`` variance of a pixel's DN, DN squared, quantisation counted as noise."""
-        return self.deviation.square() + 1 / 12
-
-
-class Recent(Generic[T]):
-    """The last few results of a slow computation, by key.
-
-    Args:
-        size: how many results to remember.
-    """
-
-    def __init__(self, size: int) -> None:
-        self._size = size
-        self._results: OrderedDict[Hashable, T] = OrderedDict()
-
-    def get(self, key: Hashable, compute: Callable[[], T]) -> T:
-        """Return the result for a key; it is computed if it is not remembered."""
-        if key not in self._results:
-            self._results[key] = compute()
-            if len(self._results) > self._size:
-                self._results.popitem(last=False)
-        self._results.move_to_end(key)
-        return self._results[key]
-
-
 class CameraModel:
     """Predicts captures from hypotheses.
 
@@ -148,6 +104,7 @@ class CameraModel:
         self.vocabulary = dict(vocabulary)
         self.free_forms = free_forms_for(observation) if free_forms is None else dict(free_forms)
         self.effects: Mapping[str, type[Effect]] = {**self.free_forms, **self.vocabulary}
+        self.window = Border().window(observation.size)
         self._scenes: Recent[list[torch.Tensor]] = Recent(memory)
         self._modulated: Recent[Signal] = Recent(memory)
         self._formed: Recent[Signal] = Recent(memory)
@@ -159,6 +116,39 @@ class CameraModel:
     def of_captures(self, observation: Observation) -> CameraModel:
         """Return a new model of the same camera for other captures."""
         return CameraModel(observation, self.vocabulary, self.free_forms)
+
+    def inside(self, border: Border, stride: int = 1) -> CameraModel:
+        """Return the same model whose predictions are those of the pixels inside a border of whole pixels.
+
+        Light is predicted for the whole field and remembered by both models alike.
+
+        Args:
+            border: pixels along the sides that are left out.
+            stride: every so many rows and columns are predicted.
+        """
+        view = copy.copy(self)
+        view.window = border.window(self.observation.size)
+        if stride > 1:
+            rows, columns = (slice(part.start, part.stop, stride) for part in view.window)
+            view.window = rows, columns
+        return view
+
+    def windowed(self, field: torch.Tensor) -> torch.Tensor:
+        """Return the predicted pixels' part of a field ``(.., H, W)``, ``(.., 1, W)`` or ``(.., H, 1)``."""
+        rows, columns = self._parts(field.shape[-2:])
+        return field[..., rows, columns].contiguous()
+
+    def whole(self, values: torch.Tensor) -> torch.Tensor:
+        """Return a field like that of :meth:`windowed` as one of the whole field, 0 at all other pixels."""
+        size = [full if part > 1 else 1 for part, full in zip(values.shape[-2:], self.observation.size, strict=True)]
+        rows, columns = self._parts(size)
+        padded = torch.zeros(*values.shape[:-2], *size, dtype=values.dtype)
+        padded[..., rows, columns] = values
+        return padded
+
+    def _parts(self, size: Sequence[int]) -> list[slice]:
+        """Return the window's rows and columns; all of an axis along which a field of this size is the same."""
+        return [part if length > 1 else slice(None) for part, length in zip(self.window, size, strict=True)]
 
     def starts(self, name: str, hypothesis: Hypothesis) -> list[Setting]:
         """Return the settings from which a fit of an effect may start.
@@ -216,15 +206,27 @@ class CameraModel:
         effect = self.effects[name]
         return torch.zeros(effect.shape(self.observation.size)) if issubclass(effect, MapEffect) else None
 
+    @property
+    def _origin(self) -> tuple[int, int]:
+        """(row, column) of the first predicted pixel in the maps of the sensor's effects, see :meth:`path`."""
+        rows, columns = self.window
+        return (0, 0) if rows.step or columns.step else (rows.start, columns.start)
+
     def path(self, hypothesis: Hypothesis) -> LightPath:
-        """Return the camera of a hypothesis as modules, in the order in which light meets them."""
+        """Return the camera of a hypothesis as modules, in the order in which light meets them.
+
+        Maps of the sensor's effects are those of the predicted pixels where these do not lie side by side.
+        """
         effects = []
         for name, setting in hypothesis.effects.items():
             if issubclass(self.effects[name], SceneEffect):
                 continue
             effect = self.effects[name](**setting)
             if isinstance(effect, MapEffect):
-                _set_map(effect, hypothesis.maps.get(name), self.observation.size)
+                values = hypothesis.maps.get(name)
+                if values is not None and isinstance(effect, SensorEffect) and self.window[0].step:
+                    values = self.windowed(values)
+                _set_map(effect, values, self.observation.size)
             effects.append(effect)
         return LightPath(effects)
 
@@ -258,9 +260,15 @@ class CameraModel:
         size = self.observation.size
         return sum((effect.border(size) for effect in self.laboratory(hypothesis)), self.path(hypothesis).border(size))
 
+    def border_of_effect(self, name: str, setting: Setting) -> Border:
+        """Return what an effect adds to :meth:`border`."""
+        return (
+            Border() if self.observation.dark_surround else self.effects[name](**setting).border(self.observation.size)
+        )
+
     @torch.no_grad()
     def predict(self, hypothesis: Hypothesis) -> Prediction:
-        """Predict mean and standard deviation of every pixel of every capture."""
+        """Predict mean and standard deviation of every pixel of every capture, of those in the window."""
         path = self.path(hypothesis)
         before_lens = (*path.of(ModulatorEffect), *path.of(RelayEffect), *path.of(ExposureEffect))
         shown = tuple(_key(effect) for effect in self.laboratory(hypothesis))
@@ -270,13 +278,16 @@ class CameraModel:
         def form() -> Signal:
             return path.form(self._modulated.get(modulation, lambda: self._modulate(path, self.scenes(hypothesis))))
 
-        light = replace(self._formed.get((modulation, optics), form), variance=torch.zeros(()))
+        light = self._formed.get((modulation, optics), form)
+        light = replace(light, mean=self.windowed(light.mean), variance=torch.zeros(()), origin=self._origin)
         mean, deviation = self._in_dn(path.respond(light))
         bits = path.effective_bits(self.observation.bit_depth)
-        return Prediction(mean, deviation, bits, self._clipped(path, light))
+        return Prediction(mean, deviation, bits, self._clipped(path, light), self.window)
 
     def map_jacobian(self, hypothesis: Hypothesis, name: str, prediction: Prediction) -> torch.Tensor:
         """Return the derivative ``(N, H, W)`` of the mean with respect to an effect's map, at each pixel's own value.
+
+        It is that of the pixels in the window.
 
         Args:
             hypothesis: need not contain the effect yet; its map is then taken at 0.
@@ -325,11 +336,16 @@ class CameraModel:
         """Return the light of every capture behind the modulator: the sum over the slots of mask times scene."""
         observation, cells = self.observation, path.cells
         shown = path.images(observation.patterns)
-        images: list[torch.Tensor] = [torch.zeros(())] * len(observation)
+        images: list[torch.Tensor] = [torch.zeros(shown.shape[-2:])] * len(observation)
+        lit = torch.tensor([bool(scene.any()) if scene.shape[1:] == (1, 1) else True for scene in scenes])
         for which, sequence in enumerate(observation.sequences):  # one by one: the masks of all do not fit in memory
-            operator = SnapshotOperator(path.during(shown, sequence[None])[0], cells)
+            numbers = ((observation.sequence == which) & lit).nonzero()[:, 0].tolist()
+            if not numbers:
+                continue
+            # cells are many: they are added up slot by slot, without memory for every slot's product
+            operator = SnapshotOperator(path.during(shown, sequence[None])[0], cells, slot_by_slot=cells > 1)
             total = None
-            for number in (observation.sequence == which).nonzero()[:, 0].tolist():
+            for number in numbers:
                 scene = scenes[number]
                 if scene.shape[0] == 1:  # the scene is at rest, so that the masks may be summed first
                     total = operator.total() if total is None else total

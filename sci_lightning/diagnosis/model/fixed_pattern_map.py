@@ -14,8 +14,9 @@ from dataclasses import dataclass
 
 import torch
 
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Prediction, Setting
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting
 from sci_lightning.diagnosis.model.likelihood import PixelLikelihood
+from sci_lightning.diagnosis.model.prediction import Prediction
 
 HOT_PIXEL_PENALTY = 5.0
 """Nats that the value of a hot pixel costs, beside the logarithm of the number of pixels for its place."""
@@ -28,7 +29,7 @@ class FixedPatternMap:
     Attributes:
         name: of the effect.
         kind: ``pixel``, ``column``, ``row``, or ``hot``: few values that are positive, the others 0.
-        values: float64 of the map's shape, in the effect's own unit.
+        values: float64 of the map's shape on the pixels that count, in the effect's own unit.
         jacobian: ``(N, H, W)`` derivative of the mean with respect to the map's value at the pixel.
         likelihood_gradient: derivative of the log-likelihood with respect to each value, over the fitted pixels.
         likelihood_information: minus its second derivative; of the map's shape, as the gradient.
@@ -129,7 +130,7 @@ def estimate_map(
         fitted: ``(N, H, W)``, 1 for fitted pixels and 0 for held-out ones.
     """
     kind = model.effects[name].map_kind or ""
-    values = model.map_values(hypothesis, name)
+    values = model.windowed(model.map_values(hypothesis, name))
     jacobian = model.map_jacobian(hypothesis, name, prediction)
     gradient = _reduce(kind, (jacobian * likelihood.mean_gradient * fitted).sum(0)).double()
     information = _reduce(kind, (jacobian.square() * likelihood.mean_information * fitted).sum(0)).double()

@@ -104,7 +104,7 @@ def estimated_map(residuals: Residuals, name: str) -> Answer:
     A map absorbs whatever stays at its place: dust or a dead line too, whose values are not independent.
     """
     one = residuals.fit.maps[name]
-    values = residuals.fit.hypothesis.maps[name].double()
+    values = residuals.fitter.model.windowed(residuals.fit.hypothesis.maps[name]).double()
     scores = values / (one.std**2 - one.variance).clamp(min=(LEAST_DETERMINED * one.std) ** 2).sqrt()
     if one.kind == "hot":
         picture = Picture("map", values, "part of full scale", axes=PLACE)
