@@ -32,6 +32,8 @@ ParameterName = tuple[str, str]
 NOISE_GUESS = {"shot_noise": ("full_well", 1e4), "read_noise": ("std", 1.0)}
 """Noise effects of every camera, their parameter, and where a fit of it starts if the datasheet is silent."""
 
+MODULES = 1000
+"""Effects with their parameters that are kept as modules: a search tries the same ones again and again."""
 MAP_STEP = 1e-3
 """Change of a map's values over which the derivative of the mean is taken."""
 
@@ -105,7 +107,10 @@ class CameraModel:
         self.free_forms = free_forms_for(observation) if free_forms is None else dict(free_forms)
         self.effects: Mapping[str, type[Effect]] = {**self.free_forms, **self.vocabulary}
         self.window = Border().window(observation.size)
+        self._lit = _lit(observation.scene)
+        self._modules: Recent[Effect] = Recent(MODULES)
         self._scenes: Recent[list[torch.Tensor]] = Recent(memory)
+        self._images: Recent[torch.Tensor] = Recent(1)
         self._modulated: Recent[Signal] = Recent(memory)
         self._formed: Recent[Signal] = Recent(memory)
 
@@ -221,7 +226,7 @@ class CameraModel:
         for name, setting in hypothesis.effects.items():
             if issubclass(self.effects[name], SceneEffect):
                 continue
-            effect = self.effects[name](**setting)
+            effect = self._module(name, setting)
             if isinstance(effect, MapEffect):
                 values = hypothesis.maps.get(name)
                 if values is not None and isinstance(effect, SensorEffect) and self.window[0].step:
@@ -232,11 +237,19 @@ class CameraModel:
 
     def laboratory(self, hypothesis: Hypothesis) -> list[SceneEffect]:
         """Return by which effects the targets of a hypothesis differ from what the file says, in order."""
-        classes = {name: self.effects[name] for name in hypothesis.effects}
         effects = [
-            effect(**hypothesis.effects[name]) for name, effect in classes.items() if issubclass(effect, SceneEffect)
+            self._module(name, setting)
+            for name, setting in hypothesis.effects.items()
+            if issubclass(self.effects[name], SceneEffect)
         ]
-        return sorted(effects, key=lambda effect: effect.rank)
+        return sorted((effect for effect in effects if isinstance(effect, SceneEffect)), key=lambda effect: effect.rank)
+
+    def _module(self, name: str, setting: Setting) -> Effect:
+        """Return an effect with its parameters; a new one if it has a map, which changes."""
+        effect = self.effects[name]
+        if issubclass(effect, MapEffect):
+            return effect(**setting)
+        return self._modules.get((name, tuple(setting.items())), lambda: effect(**setting))
 
     @torch.no_grad()
     def scenes(self, hypothesis: Hypothesis) -> list[torch.Tensor]:
@@ -248,7 +261,7 @@ class CameraModel:
         def change() -> list[torch.Tensor]:
             scenes = self.observation.scene
             for effect in effects:
-                scenes = [effect.change(scene) for scene in scenes]
+                scenes = _changed(effect, scenes)
             return scenes
 
         return self._scenes.get(tuple(_key(effect) for effect in effects), change)
@@ -335,16 +348,19 @@ class CameraModel:
     def _modulate(self, path: LightPath, scenes: list[torch.Tensor]) -> Signal:
         """Return the light of every capture behind the modulator: the sum over the slots of mask times scene."""
         observation, cells = self.observation, path.cells
-        shown = path.images(observation.patterns)
+        displayed = (*path.of(ModulatorEffect), *path.of(RelayEffect))
+        key = tuple(_key(effect) for effect in displayed), cells
+        shown = self._images.get(key, lambda: path.images(observation.patterns))
         images: list[torch.Tensor] = [torch.zeros(shown.shape[-2:])] * len(observation)
-        lit = torch.tensor([bool(scene.any()) if scene.shape[1:] == (1, 1) else True for scene in scenes])
+        lit = self._lit if scenes is observation.scene else _lit(scenes)
+        timed = path.mixes_slots
         for which, sequence in enumerate(observation.sequences):  # one by one: the masks of all do not fit in memory
             numbers = ((observation.sequence == which) & lit).nonzero()[:, 0].tolist()
             if not numbers:
                 continue
+            masks = path.during(shown, sequence[None])[0] if timed else shown[sequence]
             # cells are many: they are added up slot by slot, without memory for every slot's product
-            operator = SnapshotOperator(path.during(shown, sequence[None])[0], cells, slot_by_slot=cells > 1)
-            total = None
+            operator, total = SnapshotOperator(masks, cells, slot_by_slot=cells > 1), None
             for number in numbers:
                 scene = scenes[number]
                 if scene.shape[0] == 1:  # the scene is at rest, so that the masks may be summed first
@@ -380,6 +396,22 @@ def _set_map(effect: MapEffect, values: torch.Tensor | None, size: tuple[int, in
         effect.map = values / max(float(effect.std), 1e-12)
     else:
         effect.map = values
+
+
+def _lit(scenes: list[torch.Tensor]) -> torch.Tensor:
+    """Return which scenes are not even and dark, ``(N,)`` bool."""
+    return torch.tensor([scene.shape[1:] != (1, 1) or bool(scene.any()) for scene in scenes])
+
+
+def _changed(effect: SceneEffect, scenes: list[torch.Tensor]) -> list[torch.Tensor]:
+    """Return scenes changed by an effect, all frames of a shape at once."""
+    changed: list[torch.Tensor] = [torch.zeros(())] * len(scenes)
+    for shape in {scene.shape[1:] for scene in scenes}:
+        members = [n for n, scene in enumerate(scenes) if scene.shape[1:] == shape]
+        frames = effect.change(torch.cat([scenes[n] for n in members]))
+        for n, part in zip(members, frames.split([len(scenes[n]) for n in members]), strict=True):
+            changed[n] = part
+    return changed
 
 
 def _key(effect: Effect) -> Hashable:
