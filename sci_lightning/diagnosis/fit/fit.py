@@ -51,7 +51,7 @@ class Fit:
         information: ``(p, p)`` Fisher information about them (about logarithms, where these are fitted), the maps
             eliminated.
         maps: state of the fixed-pattern maps by effect.
-        given_up: whether it was stopped because it could not reach the log-likelihood asked for.
+        given_up: whether it could not reach the log-likelihood asked for.
     """
 
     hypothesis: Hypothesis
@@ -130,6 +130,11 @@ class Fitter:
             border = border | self.model.border(hypothesis)
         return self.leaving_out(border)
 
+    def covers(self, hypothesis: Hypothesis) -> bool:
+        """Return whether no pixel that counts depends on the unknown surround by a hypothesis."""
+        border = self.model.border(hypothesis).rounded()
+        return self.split.border.contains(border.limited(self.model.observation.size, self.settings.border_share))
+
     def leaving_out(self, border: Border) -> Fitter:
         """Return a fitter that leaves out a border of any width as well; see :meth:`covering`."""
         border = border.rounded().limited(self.model.observation.size, self.settings.border_share)
@@ -170,7 +175,8 @@ class Fitter:
             fixed: parameters that keep their values.
             fit_maps: whether fixed-pattern maps are fitted too.
             to_reach: log-likelihood of the fitted pixels below which the result is of no use; once it is clear that the
-                fit cannot get there, it is given up.
+                fit cannot get there, it is given up. A hypothesis that depends on the surround, and would gain if fewer
+                pixels counted, never is.
             from_afar: whether the start may be far from the maximum; :attr:`coarse` then goes most of the way.
         """
         if from_afar and self.coarse is not None:
@@ -180,7 +186,7 @@ class Fitter:
         prediction = self.model.predict(hypothesis)
         objective, damping = -math.inf, 1e-3
         maps: dict[str, FixedPatternMap] = {}
-        information, given_up = torch.zeros(len(free), len(free)), False
+        information = torch.zeros(len(free), len(free))
         likelihood = self.pixel_likelihood(prediction)
         for _ in range(iterations):
             if fit_maps:
@@ -192,8 +198,7 @@ class Fitter:
             before = objective
             if objective < to_reach:
                 promised = newton.gain(free.movable(hypothesis, newton.gradient))
-                given_up = objective + HOPE * promised < to_reach
-                if given_up:
+                if objective + HOPE * promised < to_reach and self.covers(hypothesis):
                     break
             for attempt in range(ATTEMPTS):
                 moved = self._step(hypothesis, free, newton, damping, SHORTER**attempt)
@@ -211,6 +216,7 @@ class Fitter:
         if maps:
             uncertain = self.log_likelihood(self.with_map_uncertainty(prediction, maps))
         held_out = float((uncertain * self.held_out).sum(dtype=torch.float64))
+        given_up = objective < to_reach and self.covers(hypothesis)
         return Fit(hypothesis, prediction, objective, held_out, free.names, information, maps, given_up)
 
     def _step(

@@ -9,16 +9,16 @@ from dataclasses import dataclass, field, replace
 import torch
 
 from sci_lightning.diagnosis.laboratory import SceneEffect
+from sci_lightning.diagnosis.model.free_forms import free_forms_for
 from sci_lightning.diagnosis.model.likelihood import LEAST_DEVIATION, ClippedSignal
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.model.prediction import Prediction
 from sci_lightning.diagnosis.model.recent import Recent
-from sci_lightning.encoder import empirical
+from sci_lightning.diagnosis.model.scenes import changed_scenes, lit_scenes
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import Effect, MapEffect, OpticsEffect, SensorEffect
 from sci_lightning.encoder.effects.parameter import Value
 from sci_lightning.encoder.effects.stage import ExposureEffect, ModulatorEffect, RelayEffect
-from sci_lightning.encoder.empirical import Empirical
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.imaging.operator import SnapshotOperator
@@ -74,13 +74,6 @@ def datasheet_noise(observation: Observation) -> tuple[Hypothesis, tuple[Paramet
     return Hypothesis(effects), fixed
 
 
-def free_forms_for(observation: Observation) -> dict[str, type[Effect]]:
-    """Return every free-form deviation by name, with as many numbers as these captures can determine."""
-    classes = [getattr(empirical, name) for name in empirical.__all__ if name != "Empirical"]
-    captures, frames = len(observation), observation.frames
-    return {one.name: one.of(one.numbers(captures, frames)) if issubclass(one, Empirical) else one for one in classes}
-
-
 class CameraModel:
     """Predicts captures from hypotheses.
 
@@ -107,7 +100,7 @@ class CameraModel:
         self.free_forms = free_forms_for(observation) if free_forms is None else dict(free_forms)
         self.effects: Mapping[str, type[Effect]] = {**self.free_forms, **self.vocabulary}
         self.window = Border().window(observation.size)
-        self._lit = _lit(observation.scene)
+        self._lit = lit_scenes(observation.scene)
         self._modules: Recent[Effect] = Recent(MODULES)
         self._scenes: Recent[list[torch.Tensor]] = Recent(memory)
         self._images: Recent[torch.Tensor] = Recent(1)
@@ -261,7 +254,7 @@ class CameraModel:
         def change() -> list[torch.Tensor]:
             scenes = self.observation.scene
             for effect in effects:
-                scenes = _changed(effect, scenes)
+                scenes = changed_scenes(effect, scenes)
             return scenes
 
         return self._scenes.get(tuple(_key(effect) for effect in effects), change)
@@ -352,8 +345,8 @@ class CameraModel:
         key = tuple(_key(effect) for effect in displayed), cells
         shown = self._images.get(key, lambda: path.images(observation.patterns))
         images: list[torch.Tensor] = [torch.zeros(shown.shape[-2:])] * len(observation)
-        lit = self._lit if scenes is observation.scene else _lit(scenes)
-        timed = path.mixes_slots
+        lit = self._lit if scenes is observation.scene else lit_scenes(scenes)
+        timed = path.mixes_slots(observation.frames)
         for which, sequence in enumerate(observation.sequences):  # one by one: the masks of all do not fit in memory
             numbers = ((observation.sequence == which) & lit).nonzero()[:, 0].tolist()
             if not numbers:
@@ -396,22 +389,6 @@ def _set_map(effect: MapEffect, values: torch.Tensor | None, size: tuple[int, in
         effect.map = values / max(float(effect.std), 1e-12)
     else:
         effect.map = values
-
-
-def _lit(scenes: list[torch.Tensor]) -> torch.Tensor:
-    """Return which scenes are not even and dark, ``(N,)`` bool."""
-    return torch.tensor([scene.shape[1:] != (1, 1) or bool(scene.any()) for scene in scenes])
-
-
-def _changed(effect: SceneEffect, scenes: list[torch.Tensor]) -> list[torch.Tensor]:
-    """Return scenes changed by an effect, all frames of a shape at once."""
-    changed: list[torch.Tensor] = [torch.zeros(())] * len(scenes)
-    for shape in {scene.shape[1:] for scene in scenes}:
-        members = [n for n, scene in enumerate(scenes) if scene.shape[1:] == shape]
-        frames = effect.change(torch.cat([scenes[n] for n in members]))
-        for n, part in zip(members, frames.split([len(scenes[n]) for n in members]), strict=True):
-            changed[n] = part
-    return changed
 
 
 def _key(effect: Effect) -> Hashable:

@@ -30,9 +30,10 @@ LEAST_SCENE = 0.05
 def far_displacements(fitter: Fitter, base: Fit) -> dict[str, list[Setting]]:
     """Return settings with a far displacement of the mask's image from which a fit may start, by effect.
 
-    Captures of scenes at rest are y = s Q, with the scene s and an image Q of the mask. If the image is displaced by d,
-    sum w V(x - d) [(y - m(x))^2 - (y - s m(x - d) / s(x - d))^2] / 2 nats are gained, with the prediction m, the
-    information w and V = 1 at pixels that count. That is a sum of correlations, computed by Fourier transforms.
+    Captures of scenes at rest are y = s Q, with the scene s and an image Q of the mask. With the prediction m of Q, the
+    information w about it and V = 1 at pixels that count, a displacement d of the image gains
+    sum w V(x - d) [(Q(x) - m(x))^2 - (Q(x) - m(x - d))^2] / 2 nats, Q and m without their means. That is a sum of
+    correlations, computed by Fourier transforms.
 
     Args:
         fitter: holds captures, split and model.
@@ -60,9 +61,11 @@ def far_displacements(fitter: Fitter, base: Fit) -> dict[str, list[Setting]]:
         seen = shown.clamp(min=LEAST_SCENE)
         weight = seen.square() / base.prediction.total_variance[n] * fitter.fitted[n]
         weight = weight * (shown >= LEAST_SCENE) * (fitter.dn[n] < observation.full_scale)
-        image, recorded = base.prediction.mean[n] / seen, fitter.dn[n] / seen
-        middle = image.mean()
-        image, recorded = image - middle, recorded - middle  # rounding: large terms would cancel
+        # without the mean of a capture, a gain, an offset or a leak beside the displacement hardly counts
+        image, recorded = (
+            field - (field * weight).sum() / weight.sum().clamp(min=1e-12)
+            for field in (base.prediction.mean[n] / seen, fitter.dn[n] / seen)
+        )
         gain += spectrum(weight * image * (image - 2 * recorded)) * counted
         gain += 2 * spectrum(weight * recorded) * spectrum(image).conj()
         gain -= spectrum(weight) * spectrum(image.square()).conj()

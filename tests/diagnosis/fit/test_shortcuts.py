@@ -26,7 +26,7 @@ FEW = ("mask_shift", "mask_rotation", "gain", "prnu", "column_noise", "shot_nois
 @pytest.fixture(scope="module")
 def fitter() -> Fitter:
     observation = observe(VirtualCamera(Session(size=(32, 32)), HIDDEN).capture(3))
-    return Fitter(CameraModel(observation, vocabulary()), split(observation))
+    return Fitter(CameraModel(observation, vocabulary()), split(observation)).leaving_out(Border.around(3.0))
 
 
 def test_a_fit_that_cannot_win_is_given_up(fitter: Fitter) -> None:
@@ -38,6 +38,8 @@ def test_a_fit_that_cannot_win_is_given_up(fitter: Fitter) -> None:
     assert hopeless.fitted_log_likelihood <= alone.fitted_log_likelihood < right.fitted_log_likelihood - 60
     asked = fitter.fit(start, to_reach=right.fitted_log_likelihood - 1)
     assert not asked.given_up and asked.fitted_log_likelihood == right.fitted_log_likelihood
+    beyond = fitter.fit(NOISE.with_effect("mask_shift", {"dx": 5.0, "dy": 0.0}), 1, to_reach=0.0)
+    assert not beyond.given_up  # it is judged by pixels that it cannot know
 
 
 def test_a_part_of_the_pixels_is_predicted_as_in_the_whole(fitter: Fitter) -> None:
@@ -46,7 +48,7 @@ def test_a_part_of_the_pixels_is_predicted_as_in_the_whole(fitter: Fitter) -> No
         NOISE.with_effect("vignetting", {"strength": 0.2}).with_effect("prnu", {"std": 0.04}), maps=maps
     )
     border, model = Border(top=3, right=1, bottom=2, left=5), fitter.model
-    whole = model.predict(hypothesis)
+    whole = model.inside(Border()).predict(hypothesis)
     for stride in (1, 3):
         part = model.inside(border, stride).predict(hypothesis)
         assert torch.equal(part.mean, whole.mean[:, 3:30:stride, 5:31:stride])

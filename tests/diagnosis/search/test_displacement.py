@@ -59,4 +59,4 @@ def test_it_costs_its_rows_and_not_the_diagnosis() -> None:
         estimate = effect["parameters"][name]
         assert abs(estimate["value"] - value) < 5 * estimate["std"] < 0.05
     border = describe(found)["split"]["border"]
-    assert border["left"] == 13 and max(border["top"], border["right"], border["bottom"]) <= 4
+    assert 13 <= border["left"] <= 16 and max(border["top"], border["right"], border["bottom"]) <= 4  # others need 3
