@@ -143,6 +143,8 @@ SETTINGS: Mapping[str, Any] = {
     "full_well_e": Positive,
     "read_noise_dn": NonNegative,
     "datasheet": bool,
+    "datasheet_factor": Positive,
+    "formulation": Name,
     "oversampling": Repeats,
     "surround": Name,
     # proving_ground
@@ -150,6 +152,9 @@ SETTINGS: Mapping[str, Any] = {
     "seeds": Repeats,
     "cases": Repeats,
     "masks": Sequence[Name],
+    "slots": Sequence[Frames],
+    "datasheets": Sequence[Name],
+    "formulations": Sequence[Name],
     "bit_depths": Sequence[Annotated[int, Interval(ge=1, le=16)]],
     "threads": Repeats,
     "run": bool,

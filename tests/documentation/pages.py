@@ -85,7 +85,7 @@ def reduced(arguments: list[str]) -> list[str]:
     overrides = [re.sub(r"^size=.*", "size=[32,32]", _first_choice(override)) for override in overrides]
     match module.removeprefix("sci_lightning."):
         case "proving_ground" if "run=false" not in line:
-            small = ["suites=[nothing]", "cases=1", "seeds=1", "size=[32,32]", "frames=4", "workers=1"]
+            small = ["suites=[nothing]", "cases=1", "seeds=1", "size=[32,32]", "slots=[4]", "workers=1"]
             return [module, *overrides, *(small if "out=" in line else ["--cfg", "job"])]
         case "design_mask":
             return [module, *overrides, "steps=2", "tile=[4,4]", "size=[32,32]"]

@@ -240,7 +240,7 @@ class CameraModel:
     def _module(self, name: str, setting: Setting) -> Effect:
         """Return an effect with its parameters; a new one if it has a map, which changes."""
         effect = self.effects[name]
-        if issubclass(effect, MapEffect):
+        if effect.map_kind:
             return effect(**setting)
         return self._modules.get((name, tuple(setting.items())), lambda: effect(**setting))
 

@@ -150,10 +150,8 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
     to_reach = fit.fitted_log_likelihood - settings.give_up_nats
     same = [rival for rival in close if model.effects[rival[1]].plainer == name]  # takes no other rival's place
     chosen = same + [rival for rival in close if rival not in same][: settings.rivals_fitted]
-    starts = {other: model.adding(without.hypothesis, other, start) for _, other, start in chosen}
-    fits = [
-        (other, fitter.fit(start, iterations=20, to_reach=to_reach, from_afar=True)) for other, start in starts.items()
-    ]
+    added = {other: model.adding(without.hypothesis, other, start) for _, other, start in chosen}
+    fits = [(other, fitter.fit(begin, 20, to_reach=to_reach, from_afar=True)) for other, begin in added.items()]
     return [(other, rival) for other, rival in fits if not rival.given_up]
 
 
