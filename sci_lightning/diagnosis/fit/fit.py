@@ -226,8 +226,8 @@ class Fitter:
         moved, step = free.newton_step(hypothesis, newton.gradient, newton.information, damping)
         map_steps = newton.maps.split((newton.map_step - step @ newton.map_response) * part)
         for fixed_map, map_step in zip(newton.maps.maps, map_steps, strict=True):
-            setting, values = fixed_map.moved(map_step[0])
-            moved = moved.with_effect(fixed_map.name, setting, self.model.whole(values))
+            setting, values = fixed_map.moved(self.model, map_step[0])
+            moved = moved.with_effect(fixed_map.name, setting, values)
         return moved
 
     def _penalty(
@@ -252,8 +252,7 @@ class Fitter:
             scale = likelihood.mean_information * self.fitted * start.total_variance / prediction.total_variance
             for name, fixed_map in maps.items():
                 squared = self.model.map_jacobian(hypothesis, name, prediction).square()
-                information = fixed_map.gather(squared * scale).double()
-                penalty += fixed_map.penalty_of(self.model.windowed(hypothesis.maps[name]), information)
+                penalty += fixed_map.penalty_of(self.model, hypothesis.maps[name], (squared * scale).sum(0))
         return penalty
 
     def _newton_system(
@@ -314,8 +313,7 @@ class Fitter:
             for fixed_map in maps:
                 if fixed_map.kind != "hot":
                     change = (self.model.map_jacobian(neighbour, fixed_map.name, shifted) - fixed_map.jacobian) / step
-                    cross = fixed_map.cross_information(change[None] * weight)[0]
-                    penalty[i] += float((cross * fixed_map.variance).sum())
+                    penalty[i] += fixed_map.penalty_slope(change * weight)
         return mean, spread, penalty
 
     def _clipped_derivatives(

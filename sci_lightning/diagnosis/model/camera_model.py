@@ -15,6 +15,7 @@ from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.model.prediction import Prediction
 from sci_lightning.diagnosis.model.recent import Recent
 from sci_lightning.diagnosis.model.scenes import changed_scenes, lit_scenes
+from sci_lightning.diagnosis.model.smooth_basis import quadrants
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import Effect, MapEffect, OpticsEffect, SensorEffect
 from sci_lightning.encoder.effects.parameter import Value
@@ -304,10 +305,13 @@ class CameraModel:
         neutral_scale: Setting = {
             parameter: 1.0 if parameter == "std" else 0.5 for parameter in self.effects[name].about
         }
-        shifted = self.predict(hypothesis.with_effect(name, neutral_scale, values + MAP_STEP))
+        # The mean light must stay the same behind a smooth map: glare would spread the difference over the image.
+        smooth = self.effects[name].map_kind == "smooth"
+        step = MAP_STEP * quadrants(values.shape) if smooth else MAP_STEP
+        shifted = self.predict(hypothesis.with_effect(name, neutral_scale, values + step))
         if name not in hypothesis.effects or name not in hypothesis.maps:
             prediction = self.predict(hypothesis.with_effect(name, neutral_scale, values))
-        return (shifted.mean - prediction.mean) / MAP_STEP
+        return (shifted.mean - prediction.mean) / (self.windowed(step) if isinstance(step, torch.Tensor) else step)
 
     def map_values(self, hypothesis: Hypothesis, name: str) -> torch.Tensor:
         """Return the values of an effect's map in a hypothesis, 0 where it has none yet.

@@ -91,6 +91,7 @@ def describe(diagnosis: Diagnosis) -> dict[str, Any]:
         "mode": "calibrated",
         "laboratory": [effect.describe() for effect in diagnosis.laboratory],
         "verification": VERIFIED_BY_NONE if diagnosis.verification is None else diagnosis.verification.describe(),
+        "bad_captures": [capture.describe() for capture in diagnosis.bad_captures],
         "split": diagnosis.split.describe(),
         "seed": diagnosis.seed,
         "sci_lightning": __version__,

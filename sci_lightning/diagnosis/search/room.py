@@ -10,8 +10,27 @@ from collections.abc import Mapping
 
 from sci_lightning.diagnosis.fit.comparison import judged_by
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.model.camera_model import Setting
+from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 from sci_lightning.encoder.border import Border
+
+
+def room_for_starts(
+    fitter: Fitter, hypothesis: Hypothesis, further: Mapping[str, list[Setting]] | None = None
+) -> Fitter:
+    """Return a fitter that leaves out what depends on the surround for any candidate at its starts.
+
+    Args:
+        fitter: fits hypotheses to the captures.
+        hypothesis: the model without the candidates.
+        further: starts by effect beside those that the effect always has.
+    """
+    model, seen, widest = fitter.model, fitter.model.observation, Border()
+    for name, effect in model.vocabulary.items():
+        if name not in hypothesis.effects and not effect.noise and not effect.map_kind:
+            starts = effect.starts(seen.frames, seen.size, seen.bit_depth) + (further or {}).get(name, [])
+            for start in starts:
+                widest |= model.border_of_effect(name, start)
+    return fitter.leaving_out(model.border(hypothesis) + widest)
 
 
 def with_room_for_starts(
@@ -26,13 +45,7 @@ def with_room_for_starts(
         base: the model without the candidates.
         further: starts by effect beside those that the effect always has.
     """
-    model, seen, widest = fitter.model, fitter.model.observation, Border()
-    for name, effect in model.vocabulary.items():
-        if name not in base.hypothesis.effects and not effect.noise and not effect.map_kind:
-            starts = effect.starts(seen.frames, seen.size, seen.bit_depth) + (further or {}).get(name, [])
-            for start in starts:
-                widest |= model.border_of_effect(name, start)
-    wider = fitter.leaving_out(model.border(base.hypothesis) + widest)
+    wider = room_for_starts(fitter, base.hypothesis, further)
     return wider, judged_by(wider, base, fitter)
 
 
