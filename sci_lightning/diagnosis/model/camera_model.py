@@ -292,9 +292,7 @@ class CameraModel:
         return Prediction(mean, deviation, bits, self._clipped(path, light), self.window)
 
     def map_jacobian(self, hypothesis: Hypothesis, name: str, prediction: Prediction) -> torch.Tensor:
-        """Return the derivative ``(N, H, W)`` of the mean with respect to an effect's map, at each pixel's own value.
-
-        It is that of the pixels in the window.
+        """Return the derivative ``(N, H, W)`` of the mean with respect to an effect's map, at the value of each pixel in the window.
 
         Args:
             hypothesis: need not contain the effect yet; its map is then taken at 0.
