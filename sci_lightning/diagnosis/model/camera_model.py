@@ -156,7 +156,8 @@ class CameraModel:
         up.
         """
         observation, effect = self.observation, self.effects[name]
-        settings = effect.starts(observation.frames, observation.size, observation.bit_depth)
+        size = tuple(observation.patterns.shape[-2:]) if issubclass(effect, ModulatorEffect) else observation.size
+        settings = effect.starts(observation.frames, (size[0], size[1]), observation.bit_depth)
         if parameter := _limiting_parameter(effect):
             behind = self._behind(self.path(hypothesis), effect)
             levels = (self._signal_recorded_as(behind, level) for level in observation.pile_ups)
@@ -227,7 +228,7 @@ class CameraModel:
                     values = self.windowed(values)
                 _set_map(effect, values, self.observation.size)
             effects.append(effect)
-        return LightPath(effects)
+        return LightPath(effects, self.observation.grid)
 
     def laboratory(self, hypothesis: Hypothesis) -> list[SceneEffect]:
         """Return by which effects the targets of a hypothesis differ from what the file says, in order."""
@@ -267,12 +268,6 @@ class CameraModel:
         size = self.observation.size
         return sum((effect.border(size) for effect in self.laboratory(hypothesis)), self.path(hypothesis).border(size))
 
-    def border_of_effect(self, name: str, setting: Setting) -> Border:
-        """Return what an effect adds to :meth:`border`."""
-        return (
-            Border() if self.observation.dark_surround else self.effects[name](**setting).border(self.observation.size)
-        )
-
     @torch.no_grad()
     def predict(self, hypothesis: Hypothesis) -> Prediction:
         """Predict mean and standard deviation of every pixel of every capture, of those in the window."""
@@ -292,7 +287,7 @@ class CameraModel:
         return Prediction(mean, deviation, bits, self._clipped(path, light), self.window)
 
     def map_jacobian(self, hypothesis: Hypothesis, name: str, prediction: Prediction) -> torch.Tensor:
-        """Return the derivative ``(N, H, W)`` of the mean with respect to an effect's map, at the value of each pixel in the window.
+        """Return the derivative ``(N, H, W)`` of the mean with respect to an effect's map, at each pixel's own value.
 
         Args:
             hypothesis: need not contain the effect yet; its map is then taken at 0.

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from sci_lightning.diagnosis.fit.comparison import judged_by
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
-from sci_lightning.encoder.border import Border
 
 
 def room_for_starts(
@@ -24,13 +23,16 @@ def room_for_starts(
         hypothesis: the model without the candidates.
         further: starts by effect beside those that the effect always has.
     """
-    model, seen, widest = fitter.model, fitter.model.observation, Border()
-    for name, effect in model.vocabulary.items():
-        if name not in hypothesis.effects and not effect.noise and not effect.map_kind:
-            starts = effect.starts(seen.frames, seen.size, seen.bit_depth) + (further or {}).get(name, [])
-            for start in starts:
-                widest |= model.border_of_effect(name, start)
-    return fitter.leaving_out(model.border(hypothesis) + widest)
+    model, seen = fitter.model, fitter.model.observation
+    return fitter.covering(
+        hypothesis,
+        *(
+            hypothesis.with_effect(name, start)
+            for name, effect in model.vocabulary.items()
+            if name not in hypothesis.effects and not effect.noise and not effect.map_kind
+            for start in [*effect.starts(seen.frames, seen.size, seen.bit_depth), *(further or {}).get(name, [])]
+        ),
+    )
 
 
 def with_room_for_starts(
