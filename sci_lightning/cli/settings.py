@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import is_dataclass
 from typing import Annotated, Any, Literal
 
-from annotated_types import DocInfo, Interval, MinLen
+from annotated_types import DocInfo, Interval, Len, MinLen
 from omegaconf import DictConfig, OmegaConf
 
 from sci_lightning.configuration.arguments import check_arguments, check_value
@@ -35,6 +35,7 @@ Name = Annotated[str, MinLen(1), DocInfo("a name")]
 Place = Annotated[str, MinLen(1), DocInfo("the path of a file or a folder")]
 Workers = Annotated[int, Interval(ge=0, le=1024)]
 Count = Annotated[int, Interval(ge=0, le=10**9)]
+Offset = Annotated[Sequence[Annotated[int, Interval(ge=-65536, le=65536)]], Len(2, 2)]
 
 SETTINGS: Mapping[str, Any] = {
     # several commands
@@ -114,6 +115,10 @@ SETTINGS: Mapping[str, Any] = {
     "budget": NonNegative,
     "product": Annotated[int, Interval(ge=0, le=65536)],
     # diagnose
+    "mask_key": Name,
+    "mask_step": Offset,
+    "mask_origin": Offset,
+    "verification": Sequence[Count],
     "most": Count,
     "search": SearchSettings,
     "empirical": bool,
@@ -121,6 +126,9 @@ SETTINGS: Mapping[str, Any] = {
     "candidates": Annotated[Mapping[str, Name], DocInfo("effects of your own, +candidates.mine=my_module.Mine")],
     # captures, virtual_camera.reveal (the number of captures of a kind: see virtual_camera)
     "folder": Place,
+    "perspective": bool,
+    "pitch": Annotated[Sequence[Positive], Len(2, 2), DocInfo("two positive numbers [ACROSS,DOWN]")],
+    "again": bool,
     "truth": Place,
     "report": Place,
     "long_dark": Count,
@@ -151,7 +159,7 @@ SETTINGS: Mapping[str, Any] = {
     # proving_ground
     "suites": Sequence[Name],
     "seeds": Repeats,
-    "cases": Repeats,
+    "cases": Repeats | None,  # 4 where nothing is said; null for all
     "masks": Sequence[Name],
     "slots": Sequence[Frames],
     "datasheets": Sequence[Name],

@@ -37,7 +37,9 @@ ONLY_COMPOSED = (
     "decoder=all",  # tests/end_to_end/test_benchmark.py measures them
     "empirical=true",  # tests/end_to_end/test_diagnose.py
     "captures=SESSION.h5",  # likewise: a diagnosis of three effects
+    "mask_step=",  # tests/captures/test_snapshots.py
     "out=IDEAL encoder.effects",  # the same training as the command before it on the page, with effects removed
+    "captures register",  # tests/captures/registration and tests/captures/test_command.py run it
     "ckpt_path=IDEAL",  # the same test as the command before it on the page
     "sci_lightning.mismatch",  # tests/mismatch runs the protocol
     "experiment=finetune",  # likewise

@@ -91,6 +91,7 @@ def describe(diagnosis: Diagnosis) -> dict[str, Any]:
         "mode": "calibrated",
         "laboratory": [effect.describe() for effect in diagnosis.laboratory],
         "verification": VERIFIED_BY_NONE if diagnosis.verification is None else diagnosis.verification.describe(),
+        "bad_captures": [capture.describe() for capture in diagnosis.bad_captures],
         "split": diagnosis.split.describe(),
         "seed": diagnosis.seed,
         "sci_lightning": __version__,
@@ -103,7 +104,7 @@ def write_encoder(diagnosis: Diagnosis, out: str | Path) -> None:
     observation, fit = diagnosis.observation, diagnosis.after.fit
     distinct = torch.tensor([len(set(sequence.tolist())) for sequence in observation.sequences])
     patterns = observation.patterns[observation.sequences[distinct.argmax()]].numpy()
-    slots, height, width = patterns.shape
+    slots, (height, width) = len(patterns), observation.size
     _save(out / "patterns.npy", patterns)
     effects: dict[str, Any] = {}
     for name, values in fit.hypothesis.effects.items():
@@ -117,14 +118,17 @@ def write_encoder(diagnosis: Diagnosis, out: str | Path) -> None:
             scale = float(values["std"]) if "std" in values else 1.0
             _save(out / f"{name}.npy", (fit.hypothesis.maps[name] / max(scale, 1e-12)).numpy())
             effects[name] |= {"file": f"{name}.npy", "size": [height, width]}
-    mask = {"file": "patterns.npy", "key": None, "frames": slots, "size": [height, width]}
-    content = {
+    mask = {"file": "patterns.npy", "key": None, "frames": slots, "size": list(patterns.shape[1:])}
+    content: dict[str, Any] = {
         "_target_": "sci_lightning.encoder.Encoder",
         "aperture": "auto",
         "mask": {"_target_": "sci_lightning.encoder.mask.Measured", **mask},
         "sensor": {"_target_": "sci_lightning.encoder.sensor.ClipQuantise", "bit_depth": observation.bit_depth},
         "effects": effects,
     }
+    if observation.grid is not None:
+        content["sensor_to_modulator"] = observation.grid.sensor_to_modulator.tolist()
+        content["size"] = [height, width]
     with atomic_write(out / "encoder.yaml") as temporary:
         temporary.write_text(yaml.safe_dump(content, sort_keys=False, allow_unicode=True), encoding="utf-8")
 
