@@ -59,6 +59,14 @@ class SnapshotCamera:
         mask.pattern = self.patterns
         return Encoder(mask, ClipQuantise(self.bit_depth), effects=effects_of(path))
 
+    def window(self, rows: slice, columns: slice) -> SnapshotCamera:
+        """Return a part of the field as a camera of its own: its effects count from the centre of that part."""
+        return replace(
+            self,
+            measurement=self.measurement[:, rows, columns],
+            patterns=self.patterns[:, rows, columns].contiguous(),
+        )
+
     def take(self, which: torch.Tensor) -> SnapshotCamera:
         """Return some of the snapshots, ``which`` being ``(N,)`` bool."""
         places = which.nonzero()[:, 0]
