@@ -1,0 +1,1 @@
+"""Diagnosis of snapshots whose scenes are unknown."""
