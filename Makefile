@@ -72,13 +72,13 @@ lint: $(READY)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# deepinv comes without its torchvision: PyPI has it for torch with CUDA only, and beside another torch it stops Lightning.
+# deepinv brings PyPI's torchvision, which is compiled for torch with CUDA; where it does not fit the installed torch, it
+# would stop Lightning at its import, and the tests of deepinv do without it.
 # made anew whenever the pinned versions or the project's own requirements change
 $(READY): constraints.txt pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
-	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-deps deepinv einops natsort \
-	  requests certifi charset-normalizer idna urllib3
+	$(BIN)/python -c 'import torchvision' 2>/dev/null || $(BIN)/pip uninstall --quiet --yes torchvision
 	touch $@
 
 clean:

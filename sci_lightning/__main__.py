@@ -76,6 +76,11 @@ COMMANDS = (
         "seeds=1 cases=4",
     ),
     (
+        "mismatch",
+        "measure what a wrong model of the camera costs in decibels, and what a diagnosis wins back",
+        "decoder=gap_tv,linear data.root=DIR",
+    ),
+    (
         "captures pack",
         "make one captures file of a folder of pictures and its captures.yaml",
         "FOLDER out=captures.h5",

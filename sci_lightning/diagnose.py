@@ -15,6 +15,8 @@ from sci_lightning.cli.composition import Composition, plain
 from sci_lightning.cli.console import PlainConsole, styled
 
 if TYPE_CHECKING:
+    from omegaconf import DictConfig
+
     from sci_lightning.captures import Captures
     from sci_lightning.diagnosis.report.report_page import Provenance
     from sci_lightning.diagnosis.search_settings import SearchSettings
@@ -24,12 +26,12 @@ if TYPE_CHECKING:
 def diagnose(composition: Composition) -> None:
     """Write ``report.html``, ``report.json``, ``encoder.yaml`` and pictures, and print what was found.
 
-    Captures of which no scene is known are diagnosed blind.
+    Captures of which no scene is known are diagnosed blind. Of snapshots without a mask only ``snapshots.json`` is
+    written: what they tell by themselves.
 
     Args:
         composition: of ``conf/diagnose.yaml``.
     """
-    from sci_lightning.captures import read_captures
     from sci_lightning.cli.next_command import invocation, nearest, print_next
     from sci_lightning.diagnosis.report.report_page import Provenance
     from sci_lightning.diagnosis.search_settings import SearchSettings
@@ -37,13 +39,15 @@ def diagnose(composition: Composition) -> None:
 
     cfg = composition.cfg
     start, out, console = time.perf_counter(), Path(cfg.out), PlainConsole()
-    captures = read_captures(cfg.captures)
+    captures = read_input(cfg, console)
+    if captures is None:
+        return
     candidates = vocabulary(cfg.candidates, composition.targets("effect"), cfg.leave_out)
     settings = SearchSettings(max_effects=cfg.most, **cfg.search)
 
     def provenance() -> Provenance:
         return Provenance(
-            file=Path(cfg.captures).name,
+            file=Path(cfg.captures or cfg.measurement).name,
             name=captures.name,
             date=datetime.now(timezone.utc).isoformat(timespec="seconds"),
             runtime_s=time.perf_counter() - start,
@@ -56,7 +60,7 @@ def diagnose(composition: Composition) -> None:
         _blind(composition, captures, candidates, settings, console, provenance)
     console.say(styled(out / "report.html"), "; beside it report.json, encoder.yaml and pictures")
     lines = [invocation("train", "experiment=quickstart", paths={"encoder": out / "encoder.yaml"})]
-    if (truth := Path(cfg.captures).with_suffix(".truth.json")).is_file():
+    if cfg.captures and (truth := Path(cfg.captures).with_suffix(".truth.json")).is_file():
         lines.append(invocation("virtual_camera.reveal", nearest(truth), nearest(out / "report.json")))
     print_next(console, *lines)
 
@@ -105,11 +109,62 @@ def _blind(
     cfg = composition.cfg
     console.say("no scene is known: the diagnosis is blind")
     with search_progress(console, cfg.most) as on_progress:
-        statistics = scene_statistics(cfg.prior.clips, cfg.prior.file)
+        statistics = None if cfg.prior is None else scene_statistics(cfg.prior)
         diagnosis = diagnose_blind(captures, candidates, cfg.seed, settings, on_progress, statistics)
         on_progress("writing the report")
         write_blind_report(diagnosis, Path(cfg.out), provenance())
     print_blind_report(diagnosis, console)
+
+
+def read_input(cfg: DictConfig, console: PlainConsole) -> Captures | None:
+    """Return the captures to diagnose, and report what those of unknown scenes tell by themselves.
+
+    Args:
+        cfg: ``captures``, or ``measurement`` with ``mask`` and what belongs to them.
+        console: the terminal.
+
+    Returns:
+        None where no mask is given, so that there is nothing more to diagnose.
+
+    Raises:
+        BadInput: both or neither, or files that cannot be used.
+    """
+    from sci_lightning.captures import read_captures
+    from sci_lightning.captures.snapshots import captures_of_snapshots, matching_files, read_snapshots
+    from sci_lightning.diagnosis.blind.snapshot_facts import snapshot_facts
+    from sci_lightning.diagnosis.report.snapshot_report import report_snapshots
+    from sci_lightning.errors import BadInput
+
+    if (cfg.captures is None) == (cfg.measurement is None):
+        raise BadInput(
+            "give captures=FILE.h5, or measurement=FILE mask=FILE for snapshots of unknown scenes (one of the two)"
+        )
+    if cfg.captures is not None:
+        captures = read_captures(cfg.captures)
+        unknown = ~captures.known
+        if unknown.any():
+            facts = snapshot_facts(captures.measurement[unknown], captures.bit_depth)
+            report_snapshots(facts, cfg.out, console, Path(cfg.captures).name, True, not unknown.all())
+        return captures
+    dn, bit_depth = read_snapshots(matching_files(cfg.measurement), cfg.key, cfg.bit_depth)
+    facts = snapshot_facts(dn, bit_depth)
+    name = Path(cfg.measurement).name
+    if cfg.mask is None:
+        report_snapshots(facts, cfg.out, console, name, False, False)
+        console.say(styled(Path(cfg.out) / "snapshots.json"))
+        return None
+    captures = captures_of_snapshots(
+        dn,
+        bit_depth,
+        cfg.mask,
+        key=cfg.mask_key,
+        step=cfg.mask_step,
+        origin=cfg.mask_origin,
+        verification=cfg.verification,
+        name=Path(cfg.measurement).parent.resolve().name,
+    )
+    report_snapshots(facts, cfg.out, console, name, True, False)
+    return captures
 
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import glob
-import re
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +13,7 @@ from sci_lightning.captures.captures import SURROUNDS, Captures
 from sci_lightning.captures.kind import infer_kind
 from sci_lightning.captures.plausibility import Entry, check_entries, suspicions
 from sci_lightning.captures.recipe import FILE, WORDS, Node, Recipe, as_number, read_recipe
+from sci_lightning.captures.snapshots import natural
 from sci_lightning.captures.write import write_captures
 from sci_lightning.errors import BadInput
 from sci_lightning.files.memory_bound import check_memory
@@ -225,11 +225,7 @@ def _files(folder: Path, node: Node, key: str, name: str) -> list[str]:
     for path in matches:
         if not Path(path).resolve().is_relative_to(folder.resolve()):
             raise node.refusal(key, f"{path} is a link out of {folder}; copy the file into this folder")
-    return sorted(matches, key=_natural)
-
-
-def _natural(path: str) -> list[tuple[int, str]]:
-    return [(int(digits or -1), text) for digits, text in re.findall(r"(\d+)|(\D+)", path)]
+    return sorted(matches, key=natural)
 
 
 def _normalised(node: Node, key: str, stacks: list[np.ndarray]) -> np.ndarray:

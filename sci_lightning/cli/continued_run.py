@@ -22,6 +22,7 @@ from omegaconf import OmegaConf
 from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.cli.encoder_file import EncoderFile, checked_encoder
 from sci_lightning.cli.next_command import override as quoted
+from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_text import excerpt, one_printable_line
 from sci_lightning.runs.resume import another_training
@@ -65,6 +66,9 @@ WRITTEN = {"data.store"}
 PATHS = {"root", "val_root", "file"}
 """What settings that name files or folders to read are called."""
 
+FINETUNE = "finetune"
+"""The experiment that takes a decoder and starts a new training with it."""
+
 LONGEST_OVERRIDES = 20_000
 """Characters of all overrides together."""
 
@@ -82,7 +86,8 @@ def continued(arguments: list[str], encoders: Iterable[str]) -> tuple[list[str],
     Returns:
         the arguments: as they are, unless they name a checkpoint with a training's progress (``ckpt_path=``, or
         ``out=RUN resume=true``); then what that run was started with, and ``out=RUN`` where that is not given. And the
-        encoder of the run by its name, if it is not in ``conf/``.
+        encoder of the run by its name, if it is not in ``conf/``. ``experiment=finetune`` starts a new run, which has
+        the decoder, the data and the scale of the earlier one.
 
     Raises:
         BadInput: a checkpoint that cannot be read, overrides in it that a checkpoint may not hold, or files to read
@@ -101,6 +106,8 @@ def continued(arguments: list[str], encoders: Iterable[str]) -> tuple[list[str],
         return arguments, {}
     config = checkpoint.config
     kept = overrides_of(path, config)
+    if FINETUNE in _names(given.get("experiment", "")):
+        return _finetuned(path, config, kept, arguments, given), {}
     was = {**{o.key_or_group: str(_bare(o.value())) for o in kept}, **config["names"]}
     for group in ("encoder", "decoder", "data", "system"):  # others would not even fit the settings of this one
         now = given.get(group, "")
@@ -134,6 +141,61 @@ def continued(arguments: list[str], encoders: Iterable[str]) -> tuple[list[str],
         _check_folder(folder.parent)
         before.append(f"out='{folder.parent}'")
     return [*before, *arguments], files
+
+
+def _finetuned(
+    path: Path, config: Mapping[str, Any], kept: list[Override], arguments: list[str], given: Mapping[str, str]
+) -> list[str]:
+    """Return the arguments of a new training of the decoder that a checkpoint holds, behind another encoder.
+
+    Decoder, data and scale are as they were in that training, the encoder is the one that is given, and the recipe sets
+    what it sets: the plan and the learning rates of the training before are left out.
+    """
+    now = given.get("decoder", "")
+    if now not in ("", was := str(config["names"]["decoder"])):
+        raise BadInput(f"{path}: a decoder={was} cannot be fine-tuned as decoder={now}: leave decoder= out")
+    if "encoder" not in given:
+        raise BadInput(
+            f"{path}: which camera shall the decoder get used to? Give encoder=FOUND/encoder.yaml, which a diagnosis "
+            "writes, or the name of an encoder"
+        )
+    recipe = {*_keys(OmegaConf.to_container(OmegaConf.load(CONF / "experiment" / f"{FINETUNE}.yaml")))}
+    before: list[str] = []
+    named_paths: list[tuple[str, str]] = []
+    experiments = _names(given["experiment"])
+    for override in kept:
+        key = override.key_or_group
+        if key == "experiment":
+            value = override.value()
+            earlier = [str(_bare(name)) for name in (value if isinstance(value, list) else [value])]
+            experiments = [name for name in earlier if name not in experiments] + experiments
+        elif key not in given and key not in recipe and re.split(r"[./]", key)[0] not in ("encoder", "effect"):
+            named_paths += _paths(key, override.value())
+            before.append(str(override.input_line))
+    _check_paths(path, named_paths)
+    named = {override.key_or_group for override in kept} | given.keys()
+    field = ("frames", "size") if given["encoder"].endswith(".yaml") else ()  # which the encoder file says
+    for key in VALUES:
+        whole = key == "crop" and config.get("crop") == config.get("size")
+        if key not in {*named, *field} and isinstance(config.get(key), (int, list)) and not whole:
+            before.append(f"{key}={str(config[key]).replace(' ', '')}")
+    before = [word for word in before if word.partition("=")[0] not in field]
+    rest = [word for word in arguments if word.partition("=")[0].lstrip("+~") != "experiment"]
+    return [f"experiment=[{','.join(experiments)}]", *before, *rest]
+
+
+def _names(value: str) -> list[str]:
+    """Return the names in the value of an override, one or a list in brackets."""
+    return [name for part in value.strip("[]").split(",") if (name := part.strip(" '\""))]
+
+
+def _keys(content: Any, above: str = "") -> Iterator[str]:
+    """Yield the dotted keys of all values in a configuration."""
+    for key, value in content.items():
+        if isinstance(value, Mapping):
+            yield from _keys(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}"
 
 
 def _check_folder(folder: Path) -> None:

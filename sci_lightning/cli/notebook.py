@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sci_lightning.cli.composition import Composition, built, compose, group_members, plain
+from sci_lightning.cli.continued_run import recorded
 from sci_lightning.cli.encoder_file import PLACES, adapt_to_encoder_files, adopt_encoder_files
 from sci_lightning.cli.settings import check_command_settings
 from sci_lightning.errors import BadInput
@@ -96,7 +97,7 @@ def train(configuration: Iterable[str] | Mapping[str, Any]) -> Run:
         names = config.pop("names", classes)
     else:
         composition = _compose_training(configuration)
-        config, overrides = plain(composition.cfg), composition.overrides
+        config, overrides = plain(composition.cfg), tuple(recorded(composition.overrides))
         names = {part: composition.choice(part) for part in ("encoder", "decoder")}
     out = Path(config["out"])
     check_nothing_lost(out, training=True, resume=config["resume"], ckpt_path=config["ckpt_path"])

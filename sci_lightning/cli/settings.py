@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import is_dataclass
 from typing import Annotated, Any, Literal
 
-from annotated_types import DocInfo, Interval, MinLen
+from annotated_types import DocInfo, Interval, Len, MinLen
 from omegaconf import DictConfig, OmegaConf
 
 from sci_lightning.configuration.arguments import check_arguments, check_value
@@ -35,6 +35,7 @@ Name = Annotated[str, MinLen(1), DocInfo("a name")]
 Place = Annotated[str, MinLen(1), DocInfo("the path of a file or a folder")]
 Workers = Annotated[int, Interval(ge=0, le=1024)]
 Count = Annotated[int, Interval(ge=0, le=10**9)]
+Offset = Annotated[Sequence[Annotated[int, Interval(ge=-65536, le=65536)]], Len(2, 2)]
 
 SETTINGS: Mapping[str, Any] = {
     # several commands
@@ -58,6 +59,7 @@ SETTINGS: Mapping[str, Any] = {
     "core_minutes": Positive,
     "scale": Name,
     "test_encoders": Mapping[str, Any],
+    "finetune": bool,
     # evaluate and reconstruct: how a field is cut; design_mask: what repeats. Both check it where they use it.
     "tile": Any,
     # evaluate
@@ -113,6 +115,10 @@ SETTINGS: Mapping[str, Any] = {
     "budget": NonNegative,
     "product": Annotated[int, Interval(ge=0, le=65536)],
     # diagnose
+    "mask_key": Name,
+    "mask_step": Offset,
+    "mask_origin": Offset,
+    "verification": Sequence[Count],
     "most": Count,
     "search": SearchSettings,
     "empirical": bool,
@@ -143,6 +149,8 @@ SETTINGS: Mapping[str, Any] = {
     "full_well_e": Positive,
     "read_noise_dn": NonNegative,
     "datasheet": bool,
+    "datasheet_factor": Positive,
+    "formulation": Name,
     "oversampling": Repeats,
     "surround": Name,
     # proving_ground
@@ -150,9 +158,26 @@ SETTINGS: Mapping[str, Any] = {
     "seeds": Repeats,
     "cases": Repeats,
     "masks": Sequence[Name],
+    "slots": Sequence[Frames],
+    "datasheets": Sequence[Name],
+    "formulations": Sequence[Name],
     "bit_depths": Sequence[Annotated[int, Interval(ge=1, le=16)]],
     "threads": Repeats,
     "run": bool,
+    # mismatch, which checks cameras and ranges itself
+    "decoders": Annotated[Sequence[Name], MinLen(1)],
+    "weights": Mapping[str, Place],
+    "cameras": Sequence[Name],
+    "scenarios": Sequence[Literal["ideal", "ideal_noisy", "mismatched", "known", "calibrated", "blind"]],
+    "drawn": Count,
+    "mismatch": Annotated[Mapping[str, Any], DocInfo("effects with their parameters, mismatch.gain.factor=1.05")],
+    "ranges": Annotated[Mapping[str, Any], DocInfo("effects with ranges, ranges.gain.factor=[0.5,1.5]")],
+    "calibration": Annotated[Mapping[str, Any], DocInfo("numbers of captures by kind, calibration.dark=4")],
+    "middle": Size,
+    "snapshots": Repeats,
+    # mismatch.finetuning
+    "protocol": Annotated[str, DocInfo("overrides of the protocol, as one text")],
+    "recipe": Annotated[str, DocInfo("overrides of every fine-tuning, as one text")],
 }
 
 

@@ -15,8 +15,10 @@ if TYPE_CHECKING:  # --help answers without torch
     from sci_lightning.proving_ground.case import Case
     from sci_lightning.proving_ground.records import Records
 
-PLANNED = ("suites", "seeds", "cases", "effects", "size", "frames", "masks", "bit_depths")
+PLANNED = ("suites", "seeds", "cases", "effects", "size", "slots", "masks", "bit_depths", "datasheets", "formulations")
 """Keys of the configuration that :func:`~.plan.plan` takes."""
+PLACES = ("out", "workers", "threads", "run", "debug")
+"""Keys that say where and how cases are run, not which ones."""
 
 
 def proving_ground(composition: Composition) -> None:
@@ -30,25 +32,28 @@ def proving_ground(composition: Composition) -> None:
     from sci_lightning.proving_ground.pictures import write_pictures
     from sci_lightning.proving_ground.plan import plan
     from sci_lightning.proving_ground.records import Records
-    from sci_lightning.proving_ground.report import write_report
+    from sci_lightning.proving_ground.report import provenance_of, write_report
     from sci_lightning.proving_ground.summary import summarise
 
     cfg = composition.cfg
     settings, out, console = plain(cfg), Path(cfg.out), PlainConsole()
-    files = Records(out / "cases")
+    files = Records(out / "cases.jsonl")
     if cfg.run:
         run_missing(plan(**{key: settings[key] for key in PLANNED}), files, cfg.workers, cfg.threads, console)
     records = files.read()
     if not records:
-        raise BadInput(f"{files.folder}: no records to sum up; run=true makes some, out= says where they are")
+        raise BadInput(f"{files.path}: no records to sum up; run=true makes some, out= says where they are")
     rows = summarise(records)
-    write_report(out, rows)
+    chosen = [override for override in composition.overrides if override.split("=")[0].lstrip("+") not in PLACES]
+    write_report(out, rows, provenance_of(records, " ".join(("python -m sci_lightning.proving_ground", *chosen))))
     pictures = write_pictures(out, records)
     marks = {True: styled("yes", "green"), False: styled("no ", "red"), None: styled("   ", "")}
     for row in rows:
         console.say(marks[row.met], f" {row.what}: {row.figure}" + (f" (target {row.target})" if row.target else ""))
     console.say(styled(out), f": summary.md, summary.json, {', '.join(path.name for path in pictures)}")
-    same = [f"{key}={settings[key]}".replace(" ", "").replace("'", "") for key in ("suites", "size", "cases")]
+    same = [
+        f"{key}={settings[key]}".replace(" ", "").replace("'", "") for key in PLANNED if key not in ("seeds", "effects")
+    ]
     overrides = [override.replace("None", "null") for override in (*same, f"seeds={cfg.seeds + 1}")]
     print_next(console, invocation("proving_ground", *overrides, paths={"out": out}))
 
@@ -58,8 +63,8 @@ def run_missing(cases: list[Case], files: Records, workers: int, threads: int, c
     from sci_lightning.proving_ground.outcome import Failure, parse_record
     from sci_lightning.proving_ground.worker_processes import run_cases
 
-    missing = [case for case in cases if not files.has(case)]
-    console.print(f"{len(missing)} cases to try, {len(cases) - len(missing)} done before: {files.folder}")
+    missing = files.missing(cases)
+    console.print(f"{len(missing)} cases to try, {len(cases) - len(missing)} done before: {files.path}")
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left:"), TimeRemainingColumn())
     with Progress(*columns, console=console, speed_estimate_period=600) as progress:
         task = progress.add_task("", total=len(missing))

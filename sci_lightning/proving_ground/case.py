@@ -12,6 +12,17 @@ from typing import Any
 from sci_lightning import __version__
 from sci_lightning.virtual_camera import Session
 
+_STATED: dict[str, Any] = {"datasheet": True, "datasheet_factor": 1.0}
+DATASHEETS: dict[str, dict[str, Any]] = {
+    "stated": {},
+    "silent": {"datasheet": False},
+    "double": {"datasheet_factor": 2.0},
+    "half": {"datasheet_factor": 0.5},
+}
+"""What a captures file says of the noise: the truth, nothing, or figures that are wrong by a factor of 2."""
+LATER: dict[str, Any] = {"datasheet_factor": 1.0, "formulation": "overlap"}
+"""Settings of a session that did not exist when the first digests were written, with what they were then."""
+
 
 @dataclass(frozen=True)
 class Case:
@@ -36,12 +47,20 @@ class Case:
         """Everything that distinguishes the case from others in one word that a file may be called by."""
         height, width = self.session.size
         camera = f"{self.session.mask}-{self.session.bit_depth}bit-{height}x{width}-{self.session.frames}slots"
+        camera += "" if self.datasheet == "stated" else f"-{self.datasheet}"
+        camera += "" if self.session.formulation == "overlap" else f"-{self.session.formulation}"
         return f"{self.suite}-{'+'.join(self.effects) or 'none'}-{camera}-{self.captures}-{self.repetition}"
 
     @property
     def seed(self) -> int:
         """Seed of the virtual camera's patterns, scenes, parameters and noise; another one for every case."""
         return zlib.crc32(self.name.encode())
+
+    @property
+    def datasheet(self) -> str:
+        """What the captures file says of the camera's noise: one of the words of ``DATASHEETS``."""
+        stated = {"datasheet": self.session.datasheet, "datasheet_factor": self.session.datasheet_factor}
+        return next(word for word, settings in DATASHEETS.items() if stated == _STATED | settings)
 
     @property
     def magnitude(self) -> str:
@@ -53,6 +72,9 @@ class Case:
         """Digest of all settings: a record with another digest is of another case, even if the names agree."""
         settings = asdict(self)
         settings["turn"] = settings.pop("repetition")  # the name it had when the first digests were written
+        for name, default in LATER.items():
+            if settings["session"][name] == default:
+                del settings["session"][name]
         return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:16]
 
     @property
@@ -77,6 +99,8 @@ class Case:
             "bit_depth": self.session.bit_depth,
             "size": list(self.session.size),
             "frames": self.session.frames,
+            "datasheet": self.datasheet,
+            "formulation": self.session.formulation,
             "captures": self.captures,
             "told": list(self.effects),
             "seed": self.seed,

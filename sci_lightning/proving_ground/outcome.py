@@ -10,6 +10,9 @@ from typing import Any
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE
 from sci_lightning.virtual_camera import EFFECTS
 
+LEFT_OUT = "left out"
+"""What stands among the answers of a diagnosis that left captures out."""
+
 
 @dataclass(frozen=True)
 class HiddenEffect:
@@ -72,10 +75,15 @@ class Outcome:
         mask: kind of the mask.
         bit_depth: bits of the converter.
         size: (H, W) in pixels.
+        frames: T, slots of a capture.
+        datasheet: what the file says of the noise: ``stated``, ``silent``, ``double`` or ``half``.
+        formulation: of the virtual camera: ``overlap`` or ``rays``.
         captures: name of the set of captures.
         hidden: the hidden effects, in the order of the light.
+        also_true: names that are right though nothing of the kind was hidden, such as noise beside a wrong datasheet.
         named: the effects that the diagnosis named, in the order of the light.
         unnamed: ``unnamed:<stage>`` of the deviations that no name explains, the strongest first.
+        bad_captures: indices of captures that the diagnosis left out because they contradict the others.
         verdict: of the diagnosis.
         chi2_before: held-out reduced chi2 of the ideal camera.
         chi2_after: held-out reduced chi2 with everything that was named.
@@ -85,6 +93,8 @@ class Outcome:
         seconds: time of the diagnosis.
         cpu_seconds: the same in seconds of a processor.
         memory_mib: peak of the resident memory.
+        total_cpu_seconds: processor time of the whole case, captures and comparison with the truth included.
+        machine, date, commit: where, when and with which version of the program it was run; empty if not recorded.
     """
 
     case: str
@@ -93,10 +103,15 @@ class Outcome:
     mask: str
     bit_depth: int
     size: tuple[int, int]
+    frames: int
+    datasheet: str
+    formulation: str
     captures: str
     hidden: tuple[HiddenEffect, ...]
+    also_true: tuple[str, ...]
     named: tuple[NamedEffect, ...]
     unnamed: tuple[str, ...]
+    bad_captures: tuple[int, ...]
     verdict: str
     chi2_before: float
     chi2_after: float
@@ -105,6 +120,10 @@ class Outcome:
     seconds: float
     cpu_seconds: float
     memory_mib: float
+    total_cpu_seconds: float
+    machine: str
+    date: str
+    commit: str
 
     @property
     def hidden_names(self) -> tuple[str, ...]:
@@ -113,13 +132,16 @@ class Outcome:
 
     @property
     def answers(self) -> tuple[str, ...]:
-        """Everything that the diagnosis reports: names, then ``unnamed:<stage>``."""
-        return (*(effect.name for effect in self.named), *self.unnamed)
+        """Everything that the diagnosis reports: names, ``unnamed:<stage>``, and whether it left captures out."""
+        left_out = (LEFT_OUT,) if self.bad_captures else ()
+        return (*(effect.name for effect in self.named), *self.unnamed, *left_out)
 
     @property
     def exact(self) -> bool:
-        """Whether the diagnosis named the hidden effects and no others."""
-        return {effect.name for effect in self.named} == set(self.hidden_names)
+        """Whether the diagnosis named the hidden effects and no others, except those that are true as well."""
+        return {effect.name for effect in self.named} - (set(self.also_true) - set(self.hidden_names)) == set(
+            self.hidden_names
+        )
 
     @property
     def smallest_gain(self) -> float:
@@ -128,8 +150,9 @@ class Outcome:
 
     @property
     def wrong_names(self) -> tuple[str, ...]:
-        """Names in the diagnosis that are not hidden, whatever its verdict and whatever it reports beside them."""
-        return tuple(effect.name for effect in self.named if effect.name not in self.hidden_names)
+        """Names in the diagnosis that are not true, whatever its verdict and whatever it reports beside them."""
+        true_names = {*self.hidden_names, *self.also_true}
+        return tuple(effect.name for effect in self.named if effect.name not in true_names)
 
     @property
     def confidently_wrong(self) -> bool:
@@ -143,17 +166,39 @@ class Outcome:
         return all(set(effect.alternatives) & hidden for effect in self.named if effect.name in self.wrong_names)
 
     @property
+    def captures_right(self) -> bool:
+        """Whether the captures that are left out are those, and all of those, that hidden effects alone change."""
+        changed = {
+            capture
+            for effect in self.hidden
+            if effect.name in EFFECTS
+            for capture in EFFECTS[effect.name](**effect.parameters).captures
+        }
+        return set(self.bad_captures) == changed
+
+    @property
     def stage_right(self) -> bool:
-        """Whether the strongest of the unnamed deviations is reported in the stage of a hidden effect."""
+        """Whether the strongest of the unnamed deviations is reported in the stage of a hidden effect.
+
+        Where a hidden effect changes single captures, it is as right to leave out exactly those.
+        """
+        if self.bad_captures and self.captures_right:
+            return True
         return bool(self.unnamed) and self.unnamed[0] in {f"unnamed:{effect.stage}" for effect in self.hidden}
 
     @property
     def right(self) -> bool:
         """Whether the diagnosis is as good as the suite's captures allow."""
+        if self.bad_captures and not self.captures_right:
+            return False
         if self.suite == "outside":
             return self.stage_right and not self.confidently_wrong
         if self.suite == "fewer":
             return not self.confidently_wrong
+        if self.formulation == "rays":  # where more is wrong than has a name, and the verdict may say so
+            return self.exact
+        if self.datasheet in ("double", "half") and not self.hidden:
+            return self.exact and not self.unnamed and self.verdict in ("consistent", "explained")
         return self.exact and not self.unnamed and self.verdict == ("explained" if self.hidden else "consistent")
 
     @property
@@ -186,6 +231,9 @@ class Outcome:
         if self.exact and not self.right and self.suite not in ("outside", "fewer"):
             names += f", {self.verdict}"
         where = f"{self.mask}, {self.bit_depth} bits"
+        where += "" if self.frames == 8 else f", {self.frames} slots"
+        where += "" if self.datasheet == "stated" else f", datasheet {self.datasheet}"
+        where += "" if self.formulation == "overlap" else f", {self.formulation}"
         if self.captures != "full":
             where += f", {self.captures}"
         return f"{names} ({where}; chi2 {self.chi2_before:.4g} to {self.chi2_after:.4g}, {self.seconds:.0f} s)"
@@ -213,11 +261,15 @@ def parse_record(record: Mapping[str, Any]) -> Outcome | Failure:
         mask=record["mask"],
         bit_depth=record["bit_depth"],
         size=(height, width),
+        frames=record["frames"],
+        datasheet=record.get("datasheet", "stated"),
+        formulation=record.get("formulation", "overlap"),
         captures=record["captures"],
         hidden=tuple(
             HiddenEffect(effect["name"], effect["stage"], effect["parameters"], float(effect["log_likelihood_gain"]))
             for effect in record["hidden"]
         ),
+        also_true=tuple(record.get("also_true", ())),
         named=tuple(
             NamedEffect(
                 effect["name"],
@@ -227,6 +279,7 @@ def parse_record(record: Mapping[str, Any]) -> Outcome | Failure:
             for effect in record["found"]
         ),
         unnamed=_stages(record["unnamed"]),
+        bad_captures=tuple(record.get("bad_captures", ())),
         verdict=record["verdict"],
         chi2_before=float(before["chi2"]),
         chi2_after=float(after["chi2"]),
@@ -235,6 +288,8 @@ def parse_record(record: Mapping[str, Any]) -> Outcome | Failure:
         seconds=float(record["seconds"]),
         cpu_seconds=float(record["cpu_seconds"]),
         memory_mib=float(record["memory_mib"]),
+        total_cpu_seconds=float(record.get("total_cpu_seconds", record["cpu_seconds"])),
+        **{key: str(record.get("provenance", {}).get(key, "")) for key in ("machine", "date", "commit")},
     )
 
 

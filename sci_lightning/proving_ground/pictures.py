@@ -12,7 +12,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE
 from sci_lightning.files.atomic_file import atomic_write
-from sci_lightning.proving_ground.outcome import Failure, Outcome
+from sci_lightning.proving_ground.outcome import LEFT_OUT, Failure, Outcome
 from sci_lightning.proving_ground.proportion import NORMAL, Proportion
 from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY
 
@@ -57,7 +57,7 @@ def confusion_figure(outcomes: Sequence[Outcome]) -> Figure:
     rows += ["nothing"] if () in hidden else []
     named = {effect.name for outcome in outcomes for effect in outcome.named}
     columns = [*VOCABULARY, *sorted(named - set(VOCABULARY))]
-    columns += ["nothing", *(f"unnamed:{stage}" for stage in STAGES)]
+    columns += ["nothing", *(f"unnamed:{stage}" for stage in STAGES), LEFT_OUT]
     share = np.zeros((len(rows), len(columns)))
     for row, name in enumerate(rows):
         cases = [outcome for outcome in outcomes if outcome.hidden_names == (() if name == "nothing" else (name,))]
@@ -69,7 +69,8 @@ def confusion_figure(outcomes: Sequence[Outcome]) -> Figure:
     axes.imshow(np.ma.masked_equal(share, 0), cmap="Blues", vmin=0, vmax=1, aspect="auto")
     wrong = np.zeros((*share.shape, 4))
     for row, name in enumerate(rows):
-        right = f"unnamed:{EFFECTS[name].stage}" if name in OUTSIDE else name
+        stage = EFFECTS[name].stage if name in OUTSIDE else ""
+        right = {"": name, "capture": LEFT_OUT}.get(stage, f"unnamed:{stage}")
         for column, answer in enumerate(columns):
             if share[row, column] and answer != right:
                 wrong[row, column] = (0.8, 0.1, 0.1, 0.25 + 0.75 * min(share[row, column], 1))

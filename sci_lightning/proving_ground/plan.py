@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from sci_lightning.errors import BadInput
-from sci_lightning.proving_ground.case import Case
+from sci_lightning.proving_ground.case import DATASHEETS, Case
 from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY, Session
 from sci_lightning.virtual_camera.stream import stream
 
@@ -32,15 +32,18 @@ def plan(
     cases: int | None = None,
     effects: Sequence[str] | None = None,
     size: Sequence[int] = (64, 64),
-    frames: int = 8,
+    slots: Sequence[int] = (8,),
     masks: Sequence[str] = ("structural", "binary"),
     bit_depths: Sequence[int] = (8, 10, 12),
+    datasheets: Sequence[str] = ("stated",),
+    formulations: Sequence[str] = ("overlap",),
 ) -> list[Case]:
     """Return all cases, in an order that depends on nothing but the arguments.
 
     In every repetition, each effect of the vocabulary is hidden once alone (``single``, ``weak``, and ``fewer``, which
     leaves out one of several sorts of captures in turn), once in a pair and once in a triple. Each effect outside the
-    vocabulary is hidden once (``outside``), and twelve times nothing is. Masks and bit depths alternate.
+    vocabulary is hidden once (``outside``), and twelve times nothing is. Masks and bit depths take turns. With several
+    numbers of slots, datasheets or formulations, the cameras of all combinations do, in a random order.
 
     Args:
         suites: some of ``SUITES``.
@@ -48,43 +51,65 @@ def plan(
         cases: largest number of cases of each suite and repetition; None for all.
         effects: names to which the suites are restricted; None for all.
         size: (H, W) in pixels.
-        frames: T, slots of a capture.
+        slots: T, slots of a capture.
         masks: ``structural``, ``binary`` or both.
         bit_depths: bits of the converter.
+        datasheets: what the files say of the noise: ``stated``, ``silent``, ``double`` or ``half``.
+        formulations: of the virtual camera: ``overlap``, ``rays`` or both.
 
     Raises:
-        BadInput: an unknown suite or effect, no masks or bit depths, or an impossible session.
+        BadInput: an unknown suite, effect or datasheet, an empty list, or an impossible session.
     """
-    for key, names, known in (("suites", suites, SUITES), ("effects", effects or (), tuple(EFFECTS))):
+    for key, names, known in (
+        ("suites", suites, SUITES),
+        ("effects", effects or (), tuple(EFFECTS)),
+        ("datasheets", datasheets, tuple(DATASHEETS)),
+    ):
         if unknown := [name for name in names if name not in known]:
             raise BadInput(f"{key}: no '{unknown[0]}'; choose of {', '.join(known)}")
-    if not masks or not bit_depths:
-        raise BadInput("masks and bit_depths must have at least one entry each")
+    lists = {"slots": slots, "masks": masks, "bit_depths": bit_depths}
+    lists |= {"datasheets": datasheets, "formulations": formulations}
+    if empty := [key for key, entries in lists.items() if not entries]:
+        raise BadInput(f"{empty[0]} must have at least one entry")
     for key, number in (("seeds", seeds), ("cases", 1 if cases is None else cases)):
         if isinstance(number, bool) or not isinstance(number, int) or number < 1:
             raise BadInput(f"{key} must be a whole number of 1 or more, got {number!r}")
     cameras = [
-        Session(size=(size[0], size[1]), frames=frames, mask=mask, bit_depth=bits)
-        for bits, mask in product(bit_depths, masks)
+        Session(
+            size=(size[0], size[1]),
+            frames=count,
+            mask=mask,
+            bit_depth=bits,
+            formulation=formulation,
+            **DATASHEETS[datasheet],
+        )
+        for count, datasheet, formulation, bits, mask in product(slots, datasheets, formulations, bit_depths, masks)
     ]
+    several = len(slots) * len(datasheets) * len(formulations) > 1
     allowed = set(EFFECTS if effects is None else effects)
     return [
         case
         for suite in suites
         for repetition in range(seeds)
-        for case in _cases_of_repetition(suite, repetition, cameras, allowed)[:cases]
+        for case in _cases_of_repetition(suite, repetition, cameras, several, allowed)[:cases]
     ]
 
 
-def _cases_of_repetition(suite: str, repetition: int, cameras: list[Session], allowed: set[str]) -> list[Case]:
+def _cases_of_repetition(
+    suite: str, repetition: int, cameras: list[Session], several: bool, allowed: set[str]
+) -> list[Case]:
+    if several:  # the first ones would otherwise all have the same number of slots
+        order = stream(0, f"proving ground: cameras of {suite}").permutation(len(cameras))
+        cameras = [cameras[number] for number in order]
     random = stream(repetition, f"proving ground: {suite}")
     names = [name for name in (OUTSIDE if suite == "outside" else VOCABULARY) if name in allowed]
     if suite == "weak":
         names = [name for name in names if _has_magnitude(name)]
     capture_sets = [name for name in CAPTURES if name != "full"] if suite == "fewer" else ["full"]
     cases = []
-    for number, hidden in enumerate(_hidden_sets(suite, names, random)):
-        first = (number + repetition) % len(cameras)
+    hidden_sets = _hidden_sets(suite, names, random)
+    for number, hidden in enumerate(hidden_sets):
+        first = (number + repetition * (len(hidden_sets) if several else 1)) % len(cameras)
         captures = capture_sets[(number + repetition) % len(capture_sets)]
         sessions = (
             replace(camera, **CAPTURES[captures])  # type: ignore[arg-type]

@@ -9,24 +9,50 @@ from typing import Any
 
 from sci_lightning import __version__
 from sci_lightning.files.atomic_file import atomic_write
+from sci_lightning.proving_ground.outcome import Failure, Outcome
 from sci_lightning.proving_ground.summary import Row
+from sci_lightning.tables.provenance import Provenance
 
 ANSWERS = {True: "yes", False: "**no**", None: ""}
 
 
-def write_report(out: str | Path, rows: Sequence[Row]) -> None:
-    """Write both files into the folder ``out``; neither is ever half written."""
+def write_report(out: str | Path, rows: Sequence[Row], provenance: Provenance | None = None) -> None:
+    """Write both files into the folder ``out``; neither is ever half written.
+
+    Args:
+        out: the folder.
+        rows: of the summary.
+        provenance: of the cases; None if it is not known.
+    """
     out = Path(out)
     with atomic_write(out / "summary.md") as temporary:
         temporary.write_text(as_markdown(rows))
     content = {
         "format": "sci-proving-ground",
         "format_version": 1,
+        **({"provenance": provenance.as_json()} if provenance else {}),
         "rows": [as_plain_data(row) for row in rows],
         "sci_lightning": __version__,
     }
     with atomic_write(out / "summary.json") as temporary:
         temporary.write_text(json.dumps(content, indent=1) + "\n")
+
+
+def provenance_of(records: Sequence[Outcome | Failure], command: str = "") -> Provenance | None:
+    """Return where, when and with which versions of the program the cases were run; None where none of them says so."""
+    outcomes = [record for record in records if isinstance(record, Outcome) and record.date]
+    if not outcomes:
+        return None
+    dates = sorted({outcome.date for outcome in outcomes})
+    sizes = " and ".join(f"{height} x {width}" for height, width in sorted({outcome.size for outcome in outcomes}))
+    return Provenance(
+        machine=", ".join(dict.fromkeys(outcome.machine for outcome in outcomes)),
+        date=" to ".join(dict.fromkeys((dates[0], dates[-1]))),
+        commit=", ".join(dict.fromkeys(sorted({outcome.commit for outcome in outcomes}))),
+        scale=f"{len(records)} cases of {sizes} pixels",
+        seeds="one of its own in every case",
+        command=command,
+    )
 
 
 def as_markdown(rows: Sequence[Row]) -> str:

@@ -18,6 +18,8 @@ EXACT_SUITES = (
     ("triple", "triples: exact set of names, explained", 0.9),
 )
 """Suites in which exactly the hidden effects are to be named: suite, row of the table, smallest share of the cases."""
+ASKED = (*(suite for suite, _, _ in EXACT_SUITES), "nothing", "outside")
+"""Suites in which there is a right answer."""
 VISIBLE_GAIN = 30.0
 """Log-likelihood gain in nats below which no diagnosis is expected to see an effect."""
 WEAK_GAIN = 100.0
@@ -57,7 +59,8 @@ def summarise(records: Iterable[Outcome | Failure]) -> list[Row]:
     """Return the rows of the table. Where a right answer is expected, a failed case counts as a wrong one."""
     records = list(records)
     failures = [record for record in records if isinstance(record, Failure)]
-    outcomes = [record for record in records if isinstance(record, Outcome)]
+    every = [record for record in records if isinstance(record, Outcome)]
+    outcomes = [outcome for outcome in every if outcome.formulation == "overlap"]
     named = [outcome for suite, _, _ in EXACT_SUITES for outcome in of_suite(outcomes, suite)]
     fewer, outside = of_suite(outcomes, "fewer"), of_suite(outcomes, "outside")
     return [
@@ -82,8 +85,11 @@ def summarise(records: Iterable[Outcome | Failure]) -> list[Row]:
             0.95,
         ),
         closed_gap(named),
-        *times(outcomes),
-        memory(outcomes),
+        *by_setting(outcomes),
+        *with_rays([outcome for outcome in every if outcome.formulation == "rays"]),
+        *times(every),
+        memory(every),
+        total_time(every),
         Row(
             "cases that failed",
             f"{len(failures)} of {len(records)}",
@@ -92,6 +98,50 @@ def summarise(records: Iterable[Outcome | Failure]) -> list[Row]:
             missed=tuple(map(str, failures)),
         ),
     ]
+
+
+def by_setting(outcomes: Sequence[Outcome]) -> list[Row]:
+    """How often a diagnosis is right for every number of slots, bit depth and datasheet, where there are several."""
+    settings: dict[str, Callable[[Outcome], int | str]] = {
+        "slots": lambda outcome: outcome.frames,
+        "bits": lambda outcome: outcome.bit_depth,
+        "datasheet": lambda outcome: outcome.datasheet,
+    }
+    rows = []
+    for name, setting in settings.items():
+        values = {setting(outcome) for outcome in outcomes}
+        for value in sorted(values, key=lambda value: (isinstance(value, str), value)) if len(values) > 1 else ():
+            cases = [o for o in outcomes if setting(o) == value and o.suite in ASKED and visible(o)]
+            proportion = Proportion.of(outcome.right for outcome in cases)
+            what = f"{name} {value}" if name == "datasheet" else f"{value} {name}"
+            missed = tuple(str(outcome) for outcome in cases if not outcome.right)
+            if cases:
+                rows.append(Row(f"{what}: right", in_words(proportion), proportion=proportion, missed=missed))
+    return rows
+
+
+def with_rays(outcomes: Sequence[Outcome]) -> list[Row]:
+    """What diagnoses say of the imperfect set-up whose light is sampled by rays."""
+    if not outcomes:
+        return []
+    hidden = [outcome for suite, _, _ in EXACT_SUITES for outcome in of_suite(outcomes, suite) if visible(outcome)]
+    nothing = of_suite(outcomes, "nothing")
+    shown = Proportion.of(outcome.verdict not in ("consistent", "explained") for outcome in outcomes)
+    any_name = Proportion.of(bool(outcome.named) for outcome in nothing)
+    rows = [
+        wrong_names("rays, nothing hidden: any name but that of its pixels' own PRNU", nothing, 0.05),
+        at_least("rays: the hidden effects are named, and no others", hidden, lambda o: o.exact, 0.95),
+        wrong_names("rays: any wrong name", hidden, 0.05),
+        Row("rays: the verdict says that something is unexplained", in_words(shown), proportion=shown),
+    ]
+    if nothing:
+        rows.insert(1, Row("rays, nothing hidden: any name", in_words(any_name), proportion=any_name))
+    return rows
+
+
+def visible(outcome: Outcome) -> bool:
+    """Whether the captures speak clearly enough for every hidden effect that a diagnosis is expected to see it."""
+    return outcome.smallest_gain >= VISIBLE_GAIN
 
 
 def of_suite(outcomes: Iterable[Outcome], suite: str) -> list[Outcome]:
@@ -204,6 +254,12 @@ def times(outcomes: Sequence[Outcome]) -> list[Row]:
             )
         )
     return rows
+
+
+def total_time(outcomes: Sequence[Outcome]) -> Row:
+    """The processor time of all cases, captures and comparison with the truth included."""
+    hours = sum(outcome.total_cpu_seconds for outcome in outcomes) / 3600
+    return Row("processor time of all cases", f"{hours:.2f} hours of one core for {len(outcomes)} cases")
 
 
 def memory(outcomes: Sequence[Outcome]) -> Row:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import datetime
 import json
 import resource
 import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+
+import torch
 
 from sci_lightning.captures import read_captures
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
@@ -16,6 +19,7 @@ from sci_lightning.diagnosis.fit.gap import held_out_gap
 from sci_lightning.diagnosis.report.report import describe
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.proving_ground.case import Case
+from sci_lightning.tables.provenance import commit, machine_name
 from sci_lightning.virtual_camera import VirtualCamera
 
 STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
@@ -28,6 +32,7 @@ def run_trial(case: Case) -> dict[str, Any]:
     The diagnosis sees a captures file and nothing else. Time and memory are those of the diagnosis and its report; the
     captures have been read before.
     """
+    case_start = time.process_time()
     with TemporaryDirectory() as folder:
         path = Path(folder) / "captures.h5"
         camera = VirtualCamera(case.session, case.effects, magnitude=case.magnitude)
@@ -37,19 +42,29 @@ def run_trial(case: Case) -> dict[str, Any]:
     start, cpu_start = time.perf_counter(), time.process_time()
     diagnosis = diagnose(captures, vocabulary())
     report = describe(diagnosis)
+    seconds, cpu_seconds, memory = time.perf_counter() - start, time.process_time() - cpu_start, peak_memory()
+    true_names = compare_with_true_names(diagnosis, truth["effects"])
     return {
         **case.describe(),
         "hidden": truth["effects"],
+        "also_true": truth.get("also_true", []),
         "log_likelihood_gain": truth["log_likelihood_gain"],
         "verdict": report["verdict"],
         "found": report["laboratory"] + report["effects"],
         "unnamed": report["unnamed"],
+        "bad_captures": [bad["capture"] for bad in report.get("bad_captures", [])],
         "gap": report["gap"],
         "verification": report["verification"],
-        "seconds": time.perf_counter() - start,
-        "cpu_seconds": time.process_time() - cpu_start,
-        "memory_mib": peak_memory(),
-        "true_names": compare_with_true_names(diagnosis, truth["effects"]),
+        "seconds": seconds,
+        "cpu_seconds": cpu_seconds,
+        "memory_mib": memory,
+        "true_names": true_names,
+        "total_cpu_seconds": time.process_time() - case_start,
+        "provenance": {
+            "machine": machine_name(torch.get_num_threads()),
+            "date": datetime.datetime.now(datetime.timezone.utc).date().isoformat(),
+            "commit": commit(),
+        },
     }
 
 

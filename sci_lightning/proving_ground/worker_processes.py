@@ -8,8 +8,9 @@ import traceback
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from multiprocessing import connection, get_context, resource_tracker
+from multiprocessing import connection, get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection
+from threading import Thread
 from typing import Any
 
 from sci_lightning.cli.failure_line import one_line
@@ -64,6 +65,7 @@ def _run_in_process(sender: Connection, case: Case, threads: int) -> None:
     """Run one case in the present process and send its record."""
     import torch
 
+    Thread(target=_end_with_parent, daemon=True).start()
     torch.set_num_threads(threads)
     try:
         from sci_lightning.proving_ground.trial import run_trial
@@ -72,6 +74,14 @@ def _run_in_process(sender: Connection, case: Case, threads: int) -> None:
     except Exception as error:
         record = {**case.describe(), "failed": one_line(error), "traceback": traceback.format_exc()}
     sender.send(record)
+
+
+def _end_with_parent() -> None:
+    """End this process when its parent has died: nobody would receive its record, and the next run begins it anew."""
+    parent = parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
 
 
 @contextmanager

@@ -19,6 +19,7 @@ FREE = {
     "dry_run",
     "resume",
     "ckpt_path",
+    "finetune",
     "names",
     "overrides",
     "trusted",

@@ -61,6 +61,7 @@ class Run:
         baseline: the same of the mean measurement in every frame, which trained decoders beat; empty if not stated.
         seconds: to decode one measurement.
         device: on which it was decoded.
+        mask_score: expected PSNR of the best linear decoder behind the mask, in dB; None where it was not computed.
     """
 
     path: Path
@@ -74,6 +75,7 @@ class Run:
     baseline: Mapping[str, float]
     seconds: float
     device: str
+    mask_score: float | None = None
 
     @property
     def group(self) -> tuple[Setting, int]:
@@ -163,6 +165,7 @@ def _run(content: Fields) -> Run:
         baseline=_scores(content.part("baseline", optional=True)),
         seconds=content.number("seconds_per_measurement", 0, 1e9),
         device=content.text("device"),
+        mask_score=content.number("mask_score", -LARGEST_SCORE, LARGEST_SCORE) if "mask_score" in content else None,
     )
 
 

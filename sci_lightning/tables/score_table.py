@@ -19,6 +19,10 @@ COST_NOTE = (
     "Parameters and FLOPs are those of the full network at 256 x 256, T = 8, counted as the paper counts; the time is "
     "of one measurement at the row's own scale. In brackets the paper's, whose time is of a GPU."
 )
+MASK_SCORE = "score of the mask (dB)"
+MASK_NOTE = (
+    "The score of a mask is the PSNR that the best linear decoder is expected to reach behind it, in closed form."
+)
 DIGITS = {"psnr": 2, "ssim": 3, "qscore": 2}
 
 Scores = Mapping[str, float]
@@ -38,11 +42,15 @@ def score_table(
     lines = lines_of(table, runs)
     columns = list(table["columns"])
     first, last = columns[0], columns[-1]
+    scored = any(run.mask_score is not None for line in lines for run in line.runs) and bool(table.get("mask_score"))
     rows = []
     for line in lines:
         cells = [line.row, line.column, *_cells(line.mean(), line.spread(), line.paper), *_origin(line.runs)]
         if table.get("cost"):
             cells += _cost(line, (costs or {}).get(line.decoder)) if line.column == last else [""] * len(COST)
+        if scored:
+            values = [run.mask_score for run in line.runs if run.mask_score is not None]
+            cells.append(f"{statistics.fmean(values):.2f}" if values else "")
         rows.append(cells)
         gain = str(table.get("gain"))
         if line.column == last and gain in table["rows"][line.row]:
@@ -53,8 +61,9 @@ def score_table(
     notes = [f"Runs on {', '.join(devices)}."] if devices else []
     sentences = {f"{key}: {text}." for line in lines for run in line.runs for key, text in run.setting.conventions}
     notes += sorted(sentences)
-    heading = HEADING + COST if table.get("cost") else HEADING
-    return Grid(name, table["title"], heading, rows, notes + [COST_NOTE] * bool(table.get("cost")))
+    heading = [*HEADING, *(COST if table.get("cost") else []), *([MASK_SCORE] if scored else [])]
+    notes += [COST_NOTE] * bool(table.get("cost")) + [MASK_NOTE] * scored
+    return Grid(name, table["title"], heading, rows, notes)
 
 
 def scores(mean: Scores, spread: Scores | None = None, sign: str = "") -> str:

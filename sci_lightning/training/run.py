@@ -84,15 +84,22 @@ def run_training(
     if config["resume"]:
         if (done := load_finished_metrics(out, config)) is not None:
             return Run(out, RunMetrics.from_json(done), out / "checkpoints" / "last.ckpt", finished_before=True)
-        start_from = start_from or find_resumable_checkpoint(out, config)
+        if config.get("finetune"):  # what ckpt_path= names is where it began
+            start_from = find_resumable_checkpoint(out, config) or start_from
+        else:
+            start_from = start_from or find_resumable_checkpoint(out, config)
     checkpoint = read_checkpoint(start_from) if start_from else None
     run_config = {**config, "names": dict(names), "overrides": list(overrides)}
     run_config, line = _with_precision(run_config, checkpoint)
     on_start(line)
     system = _build_system(run_config)
-    if checkpoint is not None:
+    goes_on = checkpoint is not None and checkpoint.resumable
+    if config.get("finetune"):
+        goes_on = goes_on and _is_finetuning(checkpoint, run_config)
+        _fix_mask(system, checkpoint, run_config)
+    if checkpoint is not None and (goes_on or not config.get("finetune")):
         _load(system, checkpoint, run_config, on_resume)
-    resumed = start_from if checkpoint is not None and checkpoint.resumable else None
+    resumed = start_from if goes_on else None
 
     source = build(config["data"], "data")
     held_out = source.scenes()
@@ -148,6 +155,27 @@ def _load(
         on_resume(str(checkpoint.path), check_same_run(checkpoint.path, checkpoint.config, config))
     checkpoint.fill("decoder", system.decoder, config["names"]["decoder"])
     checkpoint.fill("encoder", system.encoder, config["names"]["encoder"])
+
+
+def _is_finetuning(checkpoint: Checkpoint | None, config: Mapping[str, Any]) -> bool:
+    """Return whether a checkpoint is of this very fine-tuning, which then goes on; else of the training before it."""
+    earlier = {} if checkpoint is None else checkpoint.config
+    return bool(earlier.get("finetune")) and earlier["encoder"] == config["encoder"]
+
+
+def _fix_mask(system: System, checkpoint: Checkpoint | None, config: Mapping[str, Any]) -> None:
+    """Take the decoder from a checkpoint, and let nothing else of the system learn.
+
+    Raises:
+        BadInput: there is no checkpoint, or its decoder does not fit.
+    """
+    if checkpoint is None:
+        raise BadInput(
+            "finetune=true needs a decoder that is trained already: ckpt_path=RUN/checkpoints/last.ckpt, and "
+            "encoder=FOUND/encoder.yaml for the camera that it shall get used to"
+        )
+    checkpoint.fill("decoder", system.decoder, config["names"]["decoder"])
+    system.encoder.requires_grad_(False)
 
 
 def _build_trainer(

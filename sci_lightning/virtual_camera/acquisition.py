@@ -63,3 +63,8 @@ class Acquisition:
             raise BadInput("world: patterns and scene must have the same size")
         if not len(self.aperture) == len(self.exposure) == len(self.kind) == count:
             raise BadInput(f"aperture, exposure and kind must have {count} entries, one per capture")
+
+    @property
+    def border(self) -> int:
+        """Pixels on each side of the field that are known of the world beyond it."""
+        return 0 if self.world is None else self.world.border

@@ -64,7 +64,8 @@ class ComparedParameter:
         effect, parameter, unit: which parameter.
         truth: its true value, None where the effect was not hidden.
         estimate: what the diagnosis reports, None where it does not report the effect.
-        answer: ``within 95 %``, ``outside 95 %``, ``right``, ``wrong``, ``not found`` or ``not hidden``.
+        answer: ``within 95 %``, ``outside 95 %``, ``right``, ``wrong``, ``not found``, ``not hidden``
+            or ``true as well``.
     """
 
     effect: str
@@ -75,8 +76,14 @@ class ComparedParameter:
     answer: str
 
 
-def compare(hidden: Sequence[HiddenEffect], report: Report) -> list[ComparedParameter]:
-    """Compare every parameter of the hidden effects, then list those of effects that were reported but not hidden."""
+def compare(hidden: Sequence[HiddenEffect], report: Report, also_true: Sequence[str] = ()) -> list[ComparedParameter]:
+    """Compare every parameter of the hidden effects, then list those of effects that were reported but not hidden.
+
+    Args:
+        hidden: the hidden effects.
+        report: what the diagnosis says.
+        also_true: names that are right though nothing of the kind was hidden.
+    """
     reported = {effect.name: effect.parameters for effect in report.effects}
     rows = []
     for effect in hidden:
@@ -87,17 +94,18 @@ def compare(hidden: Sequence[HiddenEffect], report: Report) -> list[ComparedPara
     hidden_names = {effect.name for effect in hidden}
     for named in report.effects:
         if named.name not in hidden_names:
+            answer = "true as well" if named.name in also_true else "not hidden"
             rows += [
-                ComparedParameter(named.name, name, estimate.unit, None, estimate, "not hidden")
+                ComparedParameter(named.name, name, estimate.unit, None, estimate, answer)
                 for name, estimate in named.parameters.items()
             ]
     return rows
 
 
-def verdict(hidden: Sequence[HiddenEffect], report: Report) -> str:
-    """Say in one sentence how the reported names compare with the hidden ones."""
+def verdict(hidden: Sequence[HiddenEffect], report: Report, also_true: Sequence[str] = ()) -> str:
+    """Say in one sentence how the reported names compare with the hidden ones; arguments as of :func:`compare`."""
     stages = {effect.name: effect.stage for effect in hidden}
-    reported = [effect.name for effect in report.effects]
+    reported = [effect.name for effect in report.effects if effect.name in stages or effect.name not in also_true]
     if not hidden:
         anything = reported or report.unnamed_stages
         return f"nothing was hidden{': a false alarm' if anything else ', and nothing was named'}"

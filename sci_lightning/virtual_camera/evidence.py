@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from sci_lightning.virtual_camera.acquisition import Acquisition
+from sci_lightning.virtual_camera.formulation import build_camera
 from sci_lightning.virtual_camera.hardware.camera import Camera
 from sci_lightning.virtual_camera.hardware.converter import BitDepth, ReadNoise
 from sci_lightning.virtual_camera.hardware.effect import Effect
@@ -62,7 +63,7 @@ def log_likelihood_gains(
     """
 
     def log_likelihood_with(present: Mapping[str, Effect]) -> float:
-        camera = Camera(session, present, seed)
+        camera = build_camera(session, present, seed)
         return log_likelihood(camera, camera.irradiance(acquisition), acquisition, dn)
 
     with_all, with_none = log_likelihood_with(effects), log_likelihood_with({})
@@ -71,7 +72,7 @@ def log_likelihood_gains(
         others = {other: present for other, present in effects.items() if other != name}
         gains[name] = with_all - (log_likelihood_with(others) if others else with_none)
         if effect.gaussian_map:
-            values = Camera(session, {name: effect}, seed).fixed_maps[name]
+            values = build_camera(session, {name: effect}, seed).fixed_maps[name]
             gains[name] = _gain_with_unknown_map(gains[name], values.size)
     return with_all - with_none, gains
 
@@ -86,7 +87,7 @@ def make_weak(effect: Effect, session: Session, seed: int) -> Effect:
     if effect.weakened(0.5, session) == effect:
         return effect
     acquisition = session.acquisition(seed)
-    ideal = Camera(session, {}, seed)
+    ideal = build_camera(session, {}, seed)
     ideal_light = ideal.irradiance(acquisition)
     low, high = WEAK_GAIN
     goal = math.exp(stream(seed, "weak").uniform(math.log(low * 1.3), math.log(high / 1.3)))
@@ -94,7 +95,7 @@ def make_weak(effect: Effect, session: Session, seed: int) -> Effect:
     candidates: list[tuple[float, Effect]] = []
     for _ in range(8):
         candidate = effect.weakened(share, session)
-        camera = Camera(session, {effect.name: candidate}, seed)
+        camera = build_camera(session, {effect.name: candidate}, seed)
         light = camera.irradiance(acquisition)
         dn = camera.convert(camera.signal(light, acquisition, stream(seed, "noise")))
         gain = log_likelihood(camera, light, acquisition, dn) - log_likelihood(ideal, ideal_light, acquisition, dn)

@@ -14,9 +14,9 @@ from sci_lightning.cli.next_command import invocation, print_next
 from sci_lightning.cli.plain_words import with_keys
 from sci_lightning.virtual_camera.comparison import Estimate, compare, verdict
 from sci_lightning.virtual_camera.hardware.parameter import Value
-from sci_lightning.virtual_camera.reveal_files import read_report, read_truth
+from sci_lightning.virtual_camera.reveal_files import read_also_true, read_report, read_truth
 
-GOOD_ANSWERS = ("within 95 %", "right")
+GOOD_ANSWERS = ("within 95 %", "right", "true as well")
 
 
 def reveal(composition: Composition) -> None:
@@ -29,18 +29,18 @@ def reveal(composition: Composition) -> None:
         BadInput: a file that is missing, or is something else.
     """
     cfg = composition.cfg
-    hidden, reported = read_truth(cfg.truth), read_report(cfg.report)
+    hidden, also_true, reported = read_truth(cfg.truth), read_also_true(cfg.truth), read_report(cfg.report)
     table = Table(title="what was hidden, and what was found", title_justify="left")
     for name in ("effect", "parameter", "hidden", "found", ""):
         table.add_column(name, justify="right" if name in ("hidden", "found") else "left", no_wrap=name != "parameter")
-    for row in compare(hidden, reported):
+    for row in compare(hidden, reported, also_true):
         parameter = f"{row.parameter} ({row.unit})" if row.unit not in ("", "1") else row.parameter
         answer = styled(row.answer, "green" if row.answer in GOOD_ANSWERS else "red")
         table.add_row(row.effect, parameter, _value_text(row.truth), _estimate_text(row.estimate), answer)
     console = PlainConsole()
     if table.row_count:
         console.print(table)
-    sentence = verdict(hidden, reported)
+    sentence = verdict(hidden, reported, also_true)
     chi2 = f"held-out chi2 {reported.chi2_before:.4g} before, {reported.chi2_after:.4g} after"
     console.say(styled(sentence), f"; {chi2}")
     encoder = Path(cfg.report).parent / "encoder.yaml"

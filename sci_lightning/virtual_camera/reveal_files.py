@@ -92,6 +92,22 @@ def read_truth(path: str | Path) -> tuple[HiddenEffect, ...]:
         raise BadInput(f"{path}: {error}") from error
 
 
+def read_also_true(path: str | Path) -> tuple[str, ...]:
+    """Read from a ``<captures>.truth.json`` which names are right though nothing of the kind was hidden.
+
+    Raises:
+        BadInput: see :func:`read_truth`.
+    """
+    path = Path(path)
+    content = _read_json(path, FORMAT)
+    if not isinstance(content.value, dict) or "also_true" not in content.value:
+        return ()
+    try:
+        return tuple(entry.text() for entry in content["also_true"].entries())
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from error
+
+
 def read_report(path: str | Path) -> Report:
     """Read the ``report.json`` of a diagnosis.
 

@@ -16,6 +16,8 @@ from sci_lightning.virtual_camera.stream import stream
 
 SURROUNDS = ("goes_on", "dark", "edge")
 """What may lie beyond the field."""
+FORMULATIONS = ("overlap", "rays")
+"""Which of the two cameras takes the captures, see :mod:`.formulation`."""
 BEYOND = 12
 """Pixels of the world that are simulated beyond the field on each side."""
 
@@ -51,10 +53,13 @@ class Session:
         full_well_e, read_noise_dn: datasheet values: electrons at full scale, and standard deviation in DN. They are
             the camera's true noise too, unless the effect ``shot_noise`` or ``read_noise`` is hidden in it.
         datasheet: whether the file states these two.
+        datasheet_factor: the file states these two so many times as large as they are; 1 for a datasheet that is right.
         oversampling: cells per pixel and axis by which a rotated or blurred mask is sampled in front of blurred optics;
             everything else is exact. With 1, the light between relay and sensor counts as uniform over every pixel.
         surround: what lies beyond the field: ``goes_on`` for patterns and scenes like those inside (``BEYOND`` pixels
             on each side, then their edge repeated), ``dark``, or the ``edge`` of the field repeated.
+        formulation: of the physics: ``overlap`` is a perfect set-up whose light is integrated in closed form; ``rays``
+            is an imperfect one whose light is sampled, see :mod:`.rays`.
 
     Raises:
         BadInput: a value of another type or out of range.
@@ -80,6 +85,8 @@ class Session:
     datasheet: bool = True
     oversampling: int = 8
     surround: str = "goes_on"
+    datasheet_factor: float = 1.0
+    formulation: str = "overlap"
 
     def __post_init__(self) -> None:
         for name, low, high in (
@@ -99,7 +106,7 @@ class Session:
             raise BadInput("no captures: at least one of dark, flat, all_on, .. must be positive")
         if self.aperture != "auto":
             _check_positive("aperture", self.aperture)
-        for name in ("full_well_e", "read_noise_dn"):
+        for name in ("full_well_e", "read_noise_dn", "datasheet_factor"):
             _check_positive(name, getattr(self, name), zero=name == "read_noise_dn")
         if not self.dark_exposures:
             raise BadInput("dark_exposures must have at least one integration time")
@@ -107,6 +114,8 @@ class Session:
             _check_positive("dark_exposures", time)
         if self.surround not in SURROUNDS:
             raise BadInput(f"surround must be {', '.join(SURROUNDS[:-1])} or {SURROUNDS[-1]}, got {self.surround!r}")
+        if self.formulation not in FORMULATIONS:
+            raise BadInput(f"formulation must be {' or '.join(FORMULATIONS)}, got {self.formulation!r}")
 
     @property
     def counts(self) -> dict[str, int]:
@@ -114,6 +123,17 @@ class Session:
         names = ("dark", "flat", "all_on", "all_off", "pattern", "static", "dynamic", "unknown")
         counts = {name: getattr(self, name) for name in names}
         return {name: self.frames if count is None else count for name, count in counts.items()}
+
+    @property
+    def states_true_noise(self) -> bool:
+        """Whether the file states the noise, and rightly, so that a hidden noise deviates from what it states."""
+        return self.datasheet and self.datasheet_factor == 1
+
+    @property
+    def also_true(self) -> tuple[str, ...]:
+        """Names that are true though nothing of the kind is hidden: of all pixels, or with a wrong datasheet."""
+        wrong = ("shot_noise", "read_noise") if self.datasheet and self.datasheet_factor != 1 else ()
+        return (*(("prnu",) if self.formulation == "rays" else ()), *wrong)
 
     @property
     def is_binary(self) -> bool:

@@ -61,11 +61,18 @@ class Simulation:
             exposure=acquisition.exposure,
             kind=acquisition.kind,
             bit_depth=session.bit_depth,
-            read_noise_dn=float(session.read_noise_dn) if session.datasheet else None,
-            full_well_e=float(session.full_well_e) if session.datasheet else None,
+            read_noise_dn=self.stated_noise.get("read_noise_dn"),
+            full_well_e=self.stated_noise.get("full_well_e"),
             name=NAME,
             surround=self.surround,
         )
+
+    @property
+    def stated_noise(self) -> dict[str, float]:
+        """The noise that the captures file states; nothing without a datasheet."""
+        session = self.session
+        noise = {"read_noise_dn": session.read_noise_dn, "full_well_e": session.full_well_e}
+        return {name: float(session.datasheet_factor * value) for name, value in noise.items() if session.datasheet}
 
     @property
     def surround(self) -> str:
@@ -94,7 +101,7 @@ class Simulation:
             self._true_value("shot_noise", "full_well", self.session.full_well_e),
             self._true_value("read_noise", "std", self.session.read_noise_dn),
         )
-        return Truth(effects, noise, gain, self.seed, self.session)
+        return Truth(effects, noise, gain, self.seed, self.session, self.session.also_true)
 
     def write(self, path: str | Path) -> Path:
         """Write the captures file (HDF5, ``sci-captures`` 2) and ``<name>.truth.json`` beside it.
@@ -122,8 +129,7 @@ class Simulation:
             "name": NAME,
             "surround": self.surround,
         }
-        if session.datasheet:
-            attributes |= {"read_noise_dn": session.read_noise_dn, "full_well_e": session.full_well_e}
+        attributes |= self.stated_noise
         datasets = {
             "patterns": acquisition.patterns,
             "sequence": acquisition.sequence,

@@ -80,6 +80,8 @@ class Truth:
         log_likelihood_gain: nats that the captures gain by knowing all effects and their maps.
         seed: of patterns, scenes, maps and noise.
         session: how the captures were taken.
+        also_true: names that a diagnosis may rightly give though nothing of the kind was hidden, see
+            :attr:`.Session.also_true`.
     """
 
     effects: tuple[HiddenEffect, ...]
@@ -87,10 +89,12 @@ class Truth:
     log_likelihood_gain: float
     seed: int
     session: Session
+    also_true: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """Return the content of the truth file."""
         effects = [
             {key: value for key, value in asdict(effect).items() if value is not None} for effect in self.effects
         ]
-        return {"format": FORMAT, "format_version": FORMAT_VERSION, **asdict(self), "effects": effects}
+        content = {"format": FORMAT, "format_version": FORMAT_VERSION, **asdict(self), "effects": effects}
+        return content if self.also_true else {key: value for key, value in content.items() if key != "also_true"}

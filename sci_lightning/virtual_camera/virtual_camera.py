@@ -7,7 +7,7 @@ from pathlib import Path
 
 from sci_lightning.captures.captures import Captures
 from sci_lightning.errors import BadInput
-from sci_lightning.virtual_camera.hardware.camera import Camera
+from sci_lightning.virtual_camera.formulation import build_camera
 from sci_lightning.virtual_camera.hidden_effects import EffectRequest, choose_effects
 from sci_lightning.virtual_camera.session import Session
 from sci_lightning.virtual_camera.simulation import Simulation
@@ -87,6 +87,6 @@ class VirtualCamera:
             raise BadInput(f"seed must be a whole number of 0 or more, got {seed!r}")
         hidden = choose_effects(self.effects, self.session, seed, number=self.number, magnitude=self.magnitude)
         acquisition = self.session.acquisition(seed)
-        camera = Camera(self.session, hidden, seed)
+        camera = build_camera(self.session, hidden, seed)
         in_order = {effect.name: effect for effect in camera.effects if effect.name in hidden}
         return Simulation(self.session, seed, acquisition, camera.record(acquisition), in_order, camera.fixed_maps)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +14,6 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from sci_lightning.cli.console import PlainConsole
 from sci_lightning.cli.next_command import browser, dashboard, invocation, override, print_next
-from tests.conftest import ROOT
 from tests.end_to_end.test_train import TINY
 
 
@@ -54,10 +54,9 @@ def test_what_is_printed_runs(command: Callable[..., subprocess.CompletedProcess
     """From a training and from a virtual camera on, in folders whose names need quotes."""
 
     def follow(line: str) -> str:
-        program, *words = shlex.split(line)
-        done = subprocess.run(
-            [program, *words], cwd=tmp_path, env={"PYTHONPATH": str(ROOT)}, capture_output=True, text=True
-        )
+        program, flag, module, *words = shlex.split(line)
+        assert shutil.which(program) and flag == "-m"
+        done = command(module.removeprefix("sci_lightning."), *words)
         assert done.returncode == 0, f"{line}\n{done.stderr}"
         return done.stdout
 

@@ -37,8 +37,11 @@ ONLY_COMPOSED = (
     "decoder=all",  # tests/end_to_end/test_benchmark.py measures them
     "empirical=true",  # tests/end_to_end/test_diagnose.py
     "captures=SESSION.h5",  # likewise: a diagnosis of three effects
+    "mask_step=",  # tests/captures/test_snapshots.py
     "out=IDEAL encoder.effects",  # the same training as the command before it on the page, with effects removed
     "ckpt_path=IDEAL",  # the same test as the command before it on the page
+    "sci_lightning.mismatch",  # tests/mismatch runs the protocol
+    "experiment=finetune",  # likewise
 )
 """Commands with one of these words are composed with ``--cfg job`` and not run: other tests run the same code."""
 
@@ -85,7 +88,7 @@ def reduced(arguments: list[str]) -> list[str]:
     overrides = [re.sub(r"^size=.*", "size=[32,32]", _first_choice(override)) for override in overrides]
     match module.removeprefix("sci_lightning."):
         case "proving_ground" if "run=false" not in line:
-            small = ["suites=[nothing]", "cases=1", "seeds=1", "size=[32,32]", "frames=4", "workers=1"]
+            small = ["suites=[nothing]", "cases=1", "seeds=1", "size=[32,32]", "slots=[4]", "workers=1"]
             return [module, *overrides, *(small if "out=" in line else ["--cfg", "job"])]
         case "design_mask":
             return [module, *overrides, "steps=2", "tile=[4,4]", "size=[32,32]"]

@@ -94,6 +94,7 @@ def test_killed_and_started_again(command: Command, tmp_path: Path) -> None:
     assert len(rows) == 4
 
 
+@pytest.mark.slow
 def test_killed_and_started_again_in_processes_of_joblib(command: Command, tmp_path: Path) -> None:
     pytest.importorskip("hydra_plugins.hydra_joblib_launcher", reason="pip install sci-lightning[launchers]")
     both = ["hydra/launcher=joblib", "hydra.launcher.n_jobs=2", *ROWS, *QUICK, *STEPS, KILLED % "MetaSCI: 2, E2ECNN: 3"]
@@ -112,7 +113,7 @@ def test_killed_and_started_again_in_processes_of_joblib(command: Command, tmp_p
 LAUNCHERS = {"basic": None, "joblib": "hydra_joblib_launcher", "submitit_local": "hydra_submitit_launcher"}
 
 
-@pytest.mark.parametrize("launcher", LAUNCHERS)
+@pytest.mark.parametrize("launcher", ["basic", "joblib", pytest.param("submitit_local", marks=pytest.mark.slow)])
 def test_rows_that_fail_are_told_at_the_end(launcher: str, command: Command, tmp_path: Path) -> None:
     if module := LAUNCHERS[launcher]:
         pytest.importorskip(f"hydra_plugins.{module}", reason="pip install sci-lightning[launchers]")
@@ -130,7 +131,7 @@ def test_rows_that_fail_are_told_at_the_end(launcher: str, command: Command, tmp
     assert "3 rows: 1 done, 2 failed" in done.stdout
 
 
-@pytest.mark.parametrize("launcher", ["basic", "joblib"])
+@pytest.mark.parametrize("launcher", ["basic", pytest.param("joblib", marks=pytest.mark.slow)])
 def test_rows_that_do_not_exist_are_skipped(launcher: str, command: Command, tmp_path: Path) -> None:
     """A binary mask has one bit, an ideal sensor no bit depth, and E2E-CNN no ``depths``: one line each."""
     if module := LAUNCHERS[launcher]:

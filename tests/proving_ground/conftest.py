@@ -37,6 +37,7 @@ def record() -> Callable[..., Record]:
             "mask": "structural",
             "bit_depth": 8,
             "size": [64, 64],
+            "frames": 8,
             "captures": "full",
             "hidden": [
                 {

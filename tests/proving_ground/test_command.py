@@ -25,7 +25,7 @@ from tests.conftest import ROOT
 from tests.schemas.validation import check
 
 NAME = "proving_ground"
-SMALL = ("size=[32,32]", "frames=4", "workers=1", "masks=[structural]", "bit_depths=[8]")
+SMALL = ("size=[32,32]", "slots=[4]", "workers=1", "masks=[structural]", "bit_depths=[8]")
 SESSION = Session(size=(16, 16), frames=2)
 
 
@@ -56,19 +56,20 @@ def ran_cases(monkeypatch: pytest.MonkeyPatch, record: Callable[..., Any]) -> li
 def test_cases_with_a_record_are_not_run_again(ran: Callable[..., str], ran_cases: list[str], tmp_path: Path) -> None:
     text = ran(NAME, *SMALL, "suites=[nothing]", "cases=2", "out=a")
     assert "2 cases to try, 0 done before" in text and "right  nothing (structural, 8 bits" in text
-    assert {"summary.md", "summary.json", "confusion.png", "cases"} <= {
+    assert {"summary.md", "summary.json", "confusion.png", "cases.jsonl"} <= {
         path.name for path in (tmp_path / "a").iterdir()
     }
     text = ran(NAME, *SMALL, "suites=[nothing]", "cases=3", "out=a")
     assert "1 cases to try, 2 done before" in text and len(set(ran_cases)) == len(ran_cases) == 3
     assert "nothing hidden, structural mask: false alarms: 0.0% (0 of 3" in text
-    path = tmp_path / "a" / "cases" / f"{ran_cases[0]}.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"digest": "0" * 16}))  # of other settings
-    path = tmp_path / "a" / "cases" / f"{ran_cases[1]}.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"failed": "out of memory"}))
+    file = tmp_path / "a" / "cases.jsonl"
+    first, second, third = map(json.loads, file.read_text().splitlines())
+    Records(file).write(first | {"digest": "0" * 16})  # of other settings
+    Records(file).write(second | {"failed": "out of memory"})
     assert "2 cases to try, 1 done before" in ran(NAME, *SMALL, "suites=[nothing]", "cases=3", "out=a")
     assert "nothing hidden, structural mask: false alarms: 0.0% (0 of 3" in ran(NAME, "run=false", "out=a")
-    assert len(ran_cases) == 5
+    assert len(ran_cases) == 5 and len(file.read_text().splitlines()) == 7
+    assert json.loads(file.read_text().splitlines()[2]) == third
 
 
 def test_a_record_is_kept_when_the_next_case_is_interrupted(
@@ -78,6 +79,7 @@ def test_a_record_is_kept_when_the_next_case_is_interrupted(
     from sci_lightning.proving_ground.__main__ import run_missing
 
     cases = [Case("nothing", (), "full", SESSION, number) for number in range(3)]
+    files = Records(tmp_path / "cases.jsonl")
 
     def interrupted(cases: list[Case], workers: int, threads: int) -> Iterator[dict[str, Any]]:
         yield record("nothing", {}, {}) | cases[0].describe()
@@ -86,9 +88,9 @@ def test_a_record_is_kept_when_the_next_case_is_interrupted(
     with monkeypatch.context() as patch:
         patch.setattr(worker_processes, "run_cases", interrupted)
         with pytest.raises(KeyboardInterrupt):
-            run_missing(cases, Records(tmp_path), 1, 1, PlainConsole())
-    assert [Records(tmp_path).has(case) for case in cases] == [True, False, False]
-    run_missing(cases, Records(tmp_path), 1, 1, PlainConsole())
+            run_missing(cases, files, 1, 1, PlainConsole())
+    assert files.missing(cases) == cases[1:]
+    run_missing(cases, files, 1, 1, PlainConsole())
     assert ran_cases == [case.name for case in cases[1:]]
 
 
@@ -102,8 +104,8 @@ def test_a_crash_stays_in_its_record(tmp_path: Path) -> None:
     assert "gone.npy: no such file" in refused["failed"] and "Traceback" in refused["traceback"]
     for record in (died, refused):
         check("proving_ground_case", record)
-        Records(tmp_path).write(record)
-    assert not any(Records(tmp_path).has(case) for case in cases)  # failed cases are run again
+        Records(tmp_path / "cases.jsonl").write(record)
+    assert Records(tmp_path / "cases.jsonl").missing(cases) == cases  # failed cases are run again
 
 
 @pytest.mark.parametrize(
@@ -113,34 +115,55 @@ def test_bad_input_is_one_line(refused: Callable[..., str], override: str, messa
     assert message in refused(NAME, override, "out=a")
 
 
+def test_a_line_that_was_cut_off_is_run_again(tmp_path: Path, record: Callable[..., Any]) -> None:
+    """As ``kill -9`` or a power cut leaves it: the record is not there, and the next one takes its place."""
+    cases = [Case("nothing", (), "full", SESSION, number) for number in range(2)]
+    file = tmp_path / "cases.jsonl"
+    lines = []
+    for case in cases:
+        Records(file).write({**case.describe(), **record("nothing", {}, {}), **case.describe()})
+        lines.append(file.read_bytes())
+    for length in range(len(lines[0]), len(lines[1]), 97):
+        file.write_bytes(lines[1][:length])
+        assert Records(file).missing(cases) == cases[1:]
+    Records(file).write(json.loads(lines[1].splitlines()[1]))
+    assert file.read_bytes() == lines[1] and Records(file).missing(cases) == []
+
+
 @pytest.mark.parametrize("content", ["[]", "{}", "not JSON", '{"format": "sci-proving-ground-case"}', "7"])
-def test_a_foreign_file_among_the_records(content: str, tmp_path: Path) -> None:
-    (tmp_path / "foreign.json").write_text(content)
-    with pytest.raises(BadInput, match=r"foreign\.json: not a record of the proving ground"):
-        Records(tmp_path).read()
+@pytest.mark.parametrize("end", ["", "\n"])
+def test_a_foreign_file_among_the_records(content: str, end: str, tmp_path: Path) -> None:
+    (tmp_path / "foreign.jsonl").write_text(content + end)
+    with pytest.raises(BadInput, match=r"foreign\.jsonl, line 1: not a record of the proving ground"):
+        Records(tmp_path / "foreign.jsonl").read()
 
 
 @pytest.mark.slow
-def test_an_interrupted_run_goes_on(command: Callable[..., Any], tmp_path: Path) -> None:
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_an_interrupted_run_goes_on(how: signal.Signals, command: Callable[..., Any], tmp_path: Path) -> None:
     wanted = [*SMALL, "suites=[nothing]", "cases=3", "out=a"]
     arguments = [sys.executable, "-m", f"sci_lightning.{NAME}", *wanted]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     process = subprocess.Popen(arguments, cwd=tmp_path, env=environment, start_new_session=True, **pipes)
-    cases = tmp_path / "a" / "cases"
+    file = tmp_path / "a" / "cases.jsonl"
     deadline = time.monotonic() + 400
-    while not list(cases.glob("[!.]*.json")) and time.monotonic() < deadline:
+    while not file.exists() and time.monotonic() < deadline:
         time.sleep(0.05)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the command and to its workers
-    _, said = process.communicate(timeout=120)
-    assert process.returncode == 1 and said.strip() == "interrupted"
-    kept = {path.name: path.stat().st_mtime_ns for path in cases.iterdir()}
-    assert 1 <= len(kept) < 3 and not any(name.startswith(".") for name in kept)
+    if how == signal.SIGKILL:
+        process.kill()  # the command only: its worker ends by itself
+    else:
+        os.killpg(process.pid, how)  # as a terminal does: to the command and to its workers
+    _, said = process.communicate(timeout=120)  # which waits for the worker, too: it holds the pipes
+    if how == signal.SIGINT:
+        assert process.returncode == 1 and said.strip() == "interrupted"
+    kept = file.read_text().splitlines()
+    assert 1 <= len(kept) < 3
 
     done = command(NAME, *wanted)
     assert done.returncode == 0, done.stderr
     assert f"{3 - len(kept)} cases to try, {len(kept)} done before" in done.stdout
-    now = {path.name: path.stat().st_mtime_ns for path in cases.iterdir()}
-    assert len(now) == 3 and kept.items() <= now.items()
-    for path in cases.iterdir():
-        check("proving_ground_case", json.loads(path.read_text()))
+    now = file.read_text().splitlines()
+    assert len(now) == 3 and now[: len(kept)] == kept
+    for line in now:
+        check("proving_ground_case", json.loads(line))

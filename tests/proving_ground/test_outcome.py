@@ -44,6 +44,37 @@ def test_wrong_names(record: Record) -> None:
     assert not outcome(record("fewer", GAIN, shift)).hedged
 
 
+def test_names_that_are_true_of_the_set_up(record: Record) -> None:
+    """Pixels that differ anyway, or a noise that the file states wrongly, may be named and need not be."""
+    pixels = {"prnu": {"std": (0.005, 0.0001)}}
+    rays = {"formulation": "rays", "also_true": ["prnu"], "verdict": "partly_explained"}
+    for named in (FOUND, FOUND | pixels):
+        seen = outcome(record("single", GAIN, named, unnamed=("exposure",), **rays))
+        assert seen.exact and seen.right and not seen.confidently_wrong
+    assert not outcome(record("single", GAIN, pixels, **rays)).exact
+    assert outcome(record("nothing", {}, pixels, unnamed=("exposure",), **rays)).right
+    assert not outcome(record("nothing", {}, FOUND, **rays)).right
+    assert outcome(record("nothing", {}, pixels)).confidently_wrong
+    hidden = outcome(record("single", {"prnu": {"std": 0.02}}, {}, **rays))
+    assert not hidden.exact and hidden.errors == []
+    noise = {"read_noise": {"std": (0.8, 0.01)}}
+    wrong = {"datasheet": "double", "also_true": ["shot_noise", "read_noise"]}
+    assert outcome(record("nothing", {}, noise, **wrong)).right and outcome(record("nothing", {}, {}, **wrong)).right
+    assert "datasheet double" in str(outcome(record("nothing", {}, noise, **wrong)))
+
+
+def test_captures_that_are_left_out(record: Record) -> None:
+    """Leaving out exactly the captures that are wrong is as right as naming a stage; any other is wrong."""
+    moved = {"moved_capture": {"dx": 2.0, "dy": 1.0, "capture": 7}}
+    assert outcome(record("outside", moved, {}, bad_captures=[7])).right
+    assert not outcome(record("outside", moved, {}, bad_captures=[6])).right
+    assert not outcome(record("outside", moved, {}, bad_captures=[6, 7])).right
+    assert not outcome(record("outside", moved, FOUND, bad_captures=[7])).right
+    assert not outcome(record("outside", GHOST, {}, unnamed=("optics",), bad_captures=[1])).right
+    assert not outcome(record("single", GAIN, FOUND, bad_captures=[1])).right
+    assert outcome(record("outside", moved, {}, bad_captures=[7])).answers == ("left out",)
+
+
 def test_right_needs_the_verdict(record: Record) -> None:
     assert outcome(record("single", GAIN, FOUND)).right
     partly = outcome(record("single", GAIN, FOUND, verdict="partly_explained"))

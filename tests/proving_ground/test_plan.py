@@ -89,7 +89,24 @@ def test_the_command_makes_the_same_camera() -> None:
     (case,) = plan(["weak"], effects=["gain"], bit_depths=[12], masks=["binary"], size=(40, 64))
     words = case.command.split()
     assert {"'effects=[gain]'", f"seed={case.seed}", "magnitude=weak", "mask=binary", "bit_depth=12"} <= set(words)
-    assert "'size=[40,64]'" in words and not any(word.startswith("frames=") for word in words)
+    assert "'size=[40,64]'" in words and not any(word.startswith(("frames=", "formulation=")) for word in words)
+    (case,) = plan(["single"], effects=["gain"], bit_depths=[8], masks=["binary"], datasheets=["half"], slots=[16])
+    assert {"datasheet_factor=0.5", "frames=16"} <= set(case.command.split())
+
+
+def test_many_cameras_take_turns() -> None:
+    """The run of several hundred cases: all suites, and all cameras in about equal numbers."""
+    cases = plan(seeds=4, slots=(4, 8, 16), bit_depths=range(8, 13), datasheets=("stated", "silent", "double", "half"))
+    assert len(cases) >= 600 and {case.suite for case in cases} == set(SUITES)
+    for suite in SUITES:
+        some = by_suite(cases, suite)
+        for number, setting in ((3, "frames"), (5, "bit_depth"), (2, "mask")):
+            count = Counter(getattr(case.session, setting) for case in some)
+            assert len(count) == number and min(count.values()) > 0.5 * len(some) / number, (suite, setting, count)
+        assert {case.datasheet for case in some} == {"stated", "silent", "double", "half"}
+    assert all(not {"shot_noise", "read_noise"} & set(case.effects) for case in cases if case.datasheet != "stated")
+    for attribute in ("name", "seed", "digest"):
+        assert len({getattr(case, attribute) for case in cases}) == len(cases), attribute
 
 
 @pytest.mark.parametrize(
@@ -99,7 +116,10 @@ def test_the_command_makes_the_same_camera() -> None:
         ({"effects": ["mask_shft"]}, "no 'mask_shft'"),
         ({"seeds": 0}, "seeds must be a whole number of 1 or more"),
         ({"cases": 0}, "cases must be a whole number of 1 or more"),
-        ({"masks": []}, "at least one"),
+        ({"masks": []}, "masks must have at least one entry"),
+        ({"slots": []}, "slots must have at least one entry"),
+        ({"datasheets": ["wrong"]}, "datasheets: no 'wrong'; choose of stated, silent, double, half"),
+        ({"formulations": ["waves"]}, "formulation must be overlap or rays"),
         ({"masks": ["solid"]}, "no such file"),
         ({"size": [8, 8]}, "size must be a whole number from 16"),
     ],

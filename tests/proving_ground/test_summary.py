@@ -94,6 +94,36 @@ def test_rows(records: list[Outcome | Failure]) -> None:
     assert row(rows, "cases that failed").missed == ("single-bad: ValueError: no",)
 
 
+def test_rows_of_other_settings(record: Callable[..., Any]) -> None:
+    rays = {"formulation": "rays", "also_true": ["prnu"]}
+    pixels = {"prnu": {"std": (0.005, 0.0001)}}
+    contents = [
+        record("single", GAIN, found(0), case="a"),
+        record("single", GAIN, {}, case="b", frames=4, bit_depth=12, datasheet="silent"),
+        record("nothing", {}, pixels, case="c", unnamed=("exposure",), verdict="partly_explained", **rays),
+        record("nothing", {}, found(0), case="d", **rays),
+        record("single", GAIN, {**found(0), **pixels}, case="e", total_cpu_seconds=3592.0, **rays),
+    ]
+    rows = summarise([parse_record(content) for content in contents])
+    shares = {
+        "4 slots: right": (0, 1),
+        "8 slots: right": (1, 1),
+        "12 bits: right": (0, 1),
+        "datasheet silent: right": (0, 1),
+        "single effect, clear": (1, 2),  # without those of rays
+        "rays, nothing hidden: any name but": (1, 2),
+        "rays, nothing hidden: any name": (2, 2),
+        "rays: the hidden effects": (1, 1),
+        "rays: any wrong": (0, 1),
+        "rays: the verdict": (1, 3),
+    }
+    for start, (count, total) in shares.items():
+        exact = [line for line in rows if line.what == start]
+        (line,) = exact or [line for line in rows if line.what.startswith(start)]
+        assert line.proportion == Proportion(count, total), start
+    assert row(rows, "processor time of all cases").figure == "1.00 hours of one core for 5 cases"
+
+
 def test_files(records: list[Outcome | Failure], tmp_path: Path) -> None:
     rows = summarise(records)
     write_report(tmp_path, rows)

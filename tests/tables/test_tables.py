@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -87,6 +88,15 @@ def test_random_and_learned_and_bits(made: Made, tmp_path: Path) -> None:
     found = {(cells[0], cells[1]): cells[2][:5] for cells in grid.rows if cells[2]}
     assert found == {("2-bit", "Random"): "22.00", ("2-bit", "Learned"): "32.00", ("4-bit", "Learned"): "34.00"}
     assert row(grid_of("table4", tmp_path), "Res2former")[2].startswith("34.00")  # one run serves both tables
+
+
+def test_scores_of_masks_are_a_column_once_there_are_some(made: Made, tmp_path: Path) -> None:
+    path = made("l2", "lsw_sr", "res2former", 32.0, bits=2)
+    assert grid_of("table5", tmp_path).heading[-1] == "seeds"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "mask_score": 26.25}))
+    grid = grid_of("table5", tmp_path)
+    assert grid.heading[-1] == "score of the mask (dB)"
+    assert {cells[-1] for cells in grid.rows if cells[2]} == {"26.25"} and {len(cells) for cells in grid.rows} == {8}
 
 
 def test_a_mask_of_another_kind_is_left_out(made: Made, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from sci_lightning.virtual_camera.hardware.camera import Camera
 from sci_lightning.virtual_camera.stream import stream
 from tests.virtual_camera.conftest import SMALL, Signal, one_capture
 
-STAGES = ("scene", "modulator", "relay", "exposure", "optics", "sensor")
+STAGES = ("capture", "scene", "modulator", "relay", "exposure", "optics", "sensor")
 INPUT = SMALL.acquisition(1)
 IDEAL = Camera(SMALL, {}, 1)
 

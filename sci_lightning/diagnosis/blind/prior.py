@@ -7,7 +7,6 @@ from pathlib import Path
 import torch
 
 from sci_lightning.data.reader import find_clips, read_clip
-from sci_lightning.errors import BadInput
 from sci_lightning.imaging.patches import PatchFactors, PatchPrior
 from sci_lightning.imaging.patches.fit import fit_prior
 from sci_lightning.imaging.patches.prior import read_prior
@@ -22,21 +21,18 @@ PSEUDO_COUNT = 2.0
 """Blocks by which the shares of many videos hold on: a component that nothing asks for keeps a small share."""
 
 
-def scene_statistics(clips: str | Path | None = None, file: str | Path | None = None) -> PatchPrior:
-    """Return statistics of patches of video: estimated from clips, read from a file, or those of the package.
+def scene_statistics(place: str | Path) -> PatchPrior:
+    """Return statistics of patches of video: estimated from a folder of clips, or read from a file.
 
     Args:
-        clips: a folder of clips.
-        file: statistics that :meth:`PatchPrior.save` wrote.
+        place: a folder of clips, or statistics that :meth:`PatchPrior.save` wrote.
 
     Raises:
-        BadInput: both are given, or cannot be read; clips that are too small or too short.
+        BadInput: the place cannot be read, or clips are too small or too short.
     """
-    if clips is not None and file is not None:
-        raise BadInput(f"prior.clips={clips} and prior.file={file}: give one of them")
-    if clips is None:
-        return read_prior(file)
-    return fit_prior([torch.from_numpy(read_clip(path)) for path in find_clips(clips)])
+    if not Path(place).is_dir():
+        return read_prior(place)
+    return fit_prior([torch.from_numpy(read_clip(path)) for path in find_clips(place)])
 
 
 class ScenePrior:

@@ -19,6 +19,10 @@ MOST_BLOCKS = 256
 """Of a mask with more blocks, so many at most are looked at, at equal distances."""
 
 
+NO_NOISE = 1e-9
+"""Variance of a pixel, of full scale 1.0, below which noise makes no difference: a thousandth of 8-bit rounding."""
+
+
 @dataclass(frozen=True)
 class SensorNoise:
     """The noise of a sensor: that of rounding, of reading, and of photons.
@@ -112,7 +116,8 @@ class MaskScore:
         blocks = _blocks(mask)
         flat = blocks.flatten(0, -3)
         scales = scale[..., None].expand(blocks.shape[:-2]).flatten()[:, None]
-        variance = self.noise.variance(self.level * flat.sum(1) * scales) / scales.square()
+        # without any noise, a pixel that never opens would make the matrix below singular
+        variance = (self.noise.variance(self.level * flat.sum(1) * scales) / scales.square()).clamp(min=NO_NOISE)
         signal, gain = block_covariance(flat, matrices)
         inverse = torch.cholesky_inverse(torch.linalg.cholesky(signal + torch.diag_embed(variance)))
         explained = (inverse * gain).sum((-2, -1)) / (frames * BLOCK**2)

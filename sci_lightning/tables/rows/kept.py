@@ -40,18 +40,40 @@ def keep(row: TableRow, run: str | Path, results: str | Path, provenance: Proven
         results: the folder of all rows' results.
         provenance: of the training.
 
+    The score of the mask that was trained, see :class:`~sci_lightning.imaging.patches.MaskScore`, is added.
+
     Returns:
         the files that were written.
     """
     run = Path(run)
     results = Path(results)
     files = kept_files(row, results)
+    score = _mask_score(run)
     sources = [run / "metrics.json", *(run / f"test_{test}" / "metrics.json" for test in row.tests)]
     for source, path in reversed(list(zip(sources, files, strict=True))):
         content = json.loads(source.read_text())
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_json({**_without_places(content), "provenance": provenance.as_json()}, path)
+        write_json({**_without_places(content), **score, "provenance": provenance.as_json()}, path)
     return files
+
+
+def _mask_score(run: Path) -> dict[str, float]:
+    """Return what the best linear decoder is expected to reach behind the trained mask, in dB; empty without a mask."""
+    import torch
+
+    from sci_lightning.imaging.patches import MaskScore, SensorNoise
+    from sci_lightning.runs.checkpoint import read_checkpoint
+
+    checkpoint = run / "checkpoints" / "last.ckpt"
+    if not checkpoint.is_file():
+        return {}
+    encoder = read_checkpoint(checkpoint).encoder()
+    keys = ("bit_depth", "read_noise", "full_well")
+    stated = {key: getattr(encoder.sensor, key) for key in keys if hasattr(encoder.sensor, key)}
+    noise = SensorNoise(**{"bit_depth": None, **stated})
+    with torch.no_grad():
+        mask = encoder.mask()
+        return {"mask_score": float(MaskScore(len(mask), noise)(mask))}
 
 
 def check_recipe(row: TableRow, results: str | Path, config: Mapping[str, Any]) -> None:

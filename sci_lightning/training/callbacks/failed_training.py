@@ -48,7 +48,8 @@ class FailedTraining(L.Callback):
         if self._warned_at is None:
             self._warned_at = psnr if math.isfinite(psnr) else -1e9
             if trainer.is_global_zero:
-                warn(f"{line} after {done:.0%} of the training; it ends if that stays so")
+                end = "; it ends if that stays so" if self.stop else ""
+                warn(f"{line} after {done:.0%} of the training{end}")
         elif self.stop and done < 1 and not psnr > self._warned_at + RISE:
             raise TrainingFailed(
                 f"{line}, and does not rise: stopped at step {trainer.global_step}, after {done:.0%} of the training; "

@@ -69,38 +69,29 @@ class Camera:
         Returns:
             (N, H, W) float64, 1 at full scale.
         """
+        acquisition = self.happened(acquisition)
         slots = acquisition.sequence.shape[1]
-        surround, world = self.session.surround, acquisition.world
-        border = 0 if world is None else world.border
-        patterns = (acquisition.patterns if world is None else world.patterns).astype(np.float64)
-        scenes = acquisition.scene if world is None else world.scene
-        for target in self._stage(TargetEffect):
-            if target != target.neutral(self.session):
-                shown = [[target.show(frame) for frame in scene] for scene in scenes.astype(np.float64)]
-                scenes = np.array(shown).clip(0)
+        surround, border = self.session.surround, acquisition.border
+        patterns, schedule = self._displayed(acquisition)
+        scenes = self._shown(acquisition)
         height, width = acquisition.patterns.shape[1:]
-        schedule = np.eye(slots)
-        maps = {name: _going_on(values, border) for name, values in self.fixed_maps.items()}
-        for modulator in self._stage(ModulatorEffect):
-            patterns = modulator.display(patterns, maps)
-            schedule = modulator.schedule(slots) @ schedule
         relay = reduce(lambda before, effect: effect.apply(before), self._stage(RelayEffect), Relay())
         timing = reduce(lambda before, effect: effect.apply(before), self._stage(ExposureEffect), Timing())
         images = reduce(lambda before, effect: effect.apply(before), self._stage(OpticsEffect), [Image()])
 
         sharp = images == [Image()]
-        whole = (height + 2 * border, width + 2 * border)
-        rows, columns = relay.cells(whole, self.session.oversampling, sharp_optics=sharp)
-        if sharp:  # no light from beyond the field falls on its pixels
-            rows = rows[(rows >= border) & (rows <= border + height)]
-            columns = columns[(columns >= border) & (columns <= border + width)]
-        transmitted = relay.image(patterns, rows, columns, surround, border)
-        pixel_of_cell = np.ix_(rows[:-1].astype(int), columns[:-1].astype(int))
         slot_light = np.pad(timing.slot_light(slots, height), ((0, 0), (border, border)), mode="edge")
         field = (slice(border, border + height), slice(border, border + width))
-        power = timing.power(len(acquisition.sequence)) * acquisition.aperture
-        light = np.empty((len(acquisition.sequence), height, width))
+        count = len(acquisition.sequence)
+        power = timing.power(count) * acquisition.aperture
+        light = np.empty((count, height, width))
+        relayed: tuple[Relay, np.ndarray, np.ndarray, np.ndarray] | None = None
         for number, (sequence, scene) in enumerate(zip(acquisition.sequence, scenes, strict=True)):
+            now = relay.during(number, count)
+            if relayed is None or relayed[0] != now:
+                relayed = now, *self._relayed(now, patterns, border, sharp)
+            _, rows, columns, transmitted = relayed
+            pixel_of_cell = np.ix_(rows[:-1].astype(int), columns[:-1].astype(int))
             scene_light = np.zeros(scene.shape)
             for slot, row_light in enumerate(slot_light):
                 scene_light[slot % slots] += row_light[:, None] * scene[min(slot, slots - 1)]
@@ -113,6 +104,41 @@ class Camera:
         for effect in self._stage(OpticsEffect):
             light = effect.change_irradiance(light, acquisition.exposure)
         return light
+
+    def happened(self, acquisition: Acquisition) -> Acquisition:
+        """Return the acquisition as it took place, which is not what the file says if something went wrong."""
+        return reduce(lambda before, effect: effect.happened(before), self.effects, acquisition)
+
+    def _displayed(self, acquisition: Acquisition) -> tuple[np.ndarray, np.ndarray]:
+        """Return the patterns (P, H, W) as displayed, beyond the field too, and when (T, T) each one is."""
+        slots, world = acquisition.sequence.shape[1], acquisition.world
+        patterns = (acquisition.patterns if world is None else world.patterns).astype(np.float64)
+        schedule = np.eye(slots)
+        maps = {name: _going_on(values, acquisition.border) for name, values in self.fixed_maps.items()}
+        for modulator in self._stage(ModulatorEffect):
+            patterns = modulator.display(patterns, maps)
+            schedule = modulator.schedule(slots) @ schedule
+        return patterns, schedule
+
+    def _shown(self, acquisition: Acquisition) -> np.ndarray:
+        """Return the scenes (N, T, H, W) as the target shows them, beyond the field too."""
+        scenes = acquisition.scene if acquisition.world is None else acquisition.world.scene
+        for target in self._stage(TargetEffect):
+            if target != target.neutral(self.session):
+                shown = [[target.show(frame) for frame in scene] for scene in scenes.astype(np.float64)]
+                scenes = np.array(shown).clip(0)
+        return scenes
+
+    def _relayed(
+        self, relay: Relay, patterns: np.ndarray, border: int, sharp: bool
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the edges of the cells along y and along x, and the relay's image of every pattern on them."""
+        height, width = patterns.shape[1:]
+        rows, columns = relay.cells((height, width), self.session.oversampling, sharp_optics=sharp)
+        if sharp:  # no light from beyond the field falls on its pixels
+            rows = rows[(rows >= border) & (rows <= height - border)]
+            columns = columns[(columns >= border) & (columns <= width - border)]
+        return rows, columns, relay.image(patterns, rows, columns, self.session.surround, border)
 
     def signal(
         self,

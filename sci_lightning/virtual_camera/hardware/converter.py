@@ -10,6 +10,7 @@ import numpy as np
 from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera.hardware.parameter import parameter
 from sci_lightning.virtual_camera.hardware.sensor import Readout, SensorEffect
+from sci_lightning.virtual_camera.stream import stream
 
 if TYPE_CHECKING:
     from sci_lightning.virtual_camera.session import Session
@@ -35,7 +36,7 @@ class ShotNoise(SensorEffect):
 
     @classmethod
     def is_visible_in(cls, session: Session) -> bool:
-        return session.datasheet  # without a datasheet there is no stated noise to deviate from
+        return session.states_true_noise  # otherwise there is no stated noise to deviate from
 
     def respond(self, signal: np.ndarray, readout: Readout) -> np.ndarray:
         electrons = signal * self.full_well
@@ -64,7 +65,7 @@ class ReadNoise(SensorEffect):
 
     @classmethod
     def is_visible_in(cls, session: Session) -> bool:
-        return session.datasheet
+        return session.states_true_noise
 
     def respond(self, signal: np.ndarray, readout: Readout) -> np.ndarray:
         if readout.random is None:
@@ -84,6 +85,30 @@ class ConverterStep(SensorEffect):
 
     def respond(self, signal: np.ndarray, readout: Readout) -> np.ndarray:
         return signal + self.step * (signal >= 0.5)
+
+
+@dataclass(frozen=True)
+class DifferentialNonlinearity(SensorEffect):
+    """The converter's bits do not weigh what they should, so that some codes are wide and others narrow or missing.
+
+    Bit b weighs 2**b (1 + error), with Gaussian errors of standard deviation ``mismatch``, as in a converter made of
+    capacitors; code k is written for signals from the weight of its bits up. ``course`` is the seed of the errors.
+    Outside the vocabulary.
+    """
+
+    name = "differential_nonlinearity"
+    mismatch: float = parameter("1", 0, 0.2, (0.004, 0.02), neutral=0.0)
+    course: int = parameter("", 0, 2**31 - 1, (0, 2**31 - 1), neutral=0, integer=True)
+
+    def respond(self, signal: np.ndarray, readout: Readout) -> np.ndarray:
+        if not self.mismatch:
+            return signal
+        bits = (readout.full_scale + 1).bit_length() - 1
+        weights = 2.0 ** np.arange(bits) * (1 + self.mismatch * stream(self.course, "bits").standard_normal(bits))
+        codes = np.arange(1, readout.full_scale + 1)
+        weighed = ((codes[:, None] >> np.arange(bits)) & 1) @ weights
+        begins = np.maximum.accumulate(weighed * (readout.full_scale / weighed[-1]) - 0.5)
+        return np.searchsorted(begins, signal * readout.full_scale, side="right") / readout.full_scale
 
 
 @dataclass(frozen=True)

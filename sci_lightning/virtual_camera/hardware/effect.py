@@ -12,6 +12,7 @@ from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera.hardware.parameter import Parameter, Value
 
 if TYPE_CHECKING:
+    from sci_lightning.virtual_camera.acquisition import Acquisition
     from sci_lightning.virtual_camera.session import Session
 
 E = TypeVar("E", bound="Effect")
@@ -27,8 +28,8 @@ class Effect:
 
     Attributes:
         name: the effect's name in truth files and on the command line.
-        stage: where it acts on the light: ``scene``, ``modulator``, ``relay``, ``exposure``, ``optics`` or
-            ``sensor``.
+        stage: where it acts on the light: ``capture``, ``scene``, ``modulator``, ``relay``, ``exposure``,
+            ``optics`` or ``sensor``.
         gaussian_map: whether it has a fixed-pattern map of independent Gaussian values, which a diagnosis has to
             estimate from the captures.
     """
@@ -98,3 +99,12 @@ class Effect:
             size: (H, W) of the field in pixels; the map broadcasts to it.
         """
         return None
+
+    @property
+    def captures(self) -> tuple[int, ...]:
+        """Indices of the captures that alone are changed; none where it is all of them."""
+        return ()
+
+    def happened(self, acquisition: Acquisition) -> Acquisition:
+        """Return what really took place when an acquisition was planned; usually just that."""
+        return acquisition

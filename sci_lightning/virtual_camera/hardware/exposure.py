@@ -62,8 +62,12 @@ class Timing:
         stop = np.maximum(start, stop)
         rate = 2 * np.pi * self.frequency / slots
         swing = np.cos(rate * start + self.phase) - np.cos(rate * stop + self.phase)
-        level = _random_levels(*self.uneven, slots)[slot % slots]
+        level = self.slot_levels(slots)[slot % slots]
         return level * np.maximum(stop - start + self.amplitude / rate * swing, 0)  # rounding may leave -1e-16
+
+    def slot_levels(self, slots: int) -> np.ndarray:
+        """Return the relative light (T,) of the slots, in every repetition of the sequence."""
+        return _random_levels(*self.uneven, slots)
 
     def power(self, captures: int) -> np.ndarray:
         """Return the relative power (N,) of the source during each of N captures."""

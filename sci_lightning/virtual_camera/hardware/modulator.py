@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -15,6 +15,7 @@ from sci_lightning.virtual_camera.hardware.parameter import choice, parameter
 from sci_lightning.virtual_camera.hardware.random_maps import dust_spots
 
 if TYPE_CHECKING:
+    from sci_lightning.virtual_camera.acquisition import Acquisition
     from sci_lightning.virtual_camera.session import Session
 
 
@@ -228,6 +229,38 @@ class ModulatorDust(ModulatorEffect):
 
     def display(self, patterns: np.ndarray, fixed_maps: Mapping[str, np.ndarray]) -> np.ndarray:
         return patterns * fixed_maps[self.name]
+
+
+@dataclass(frozen=True)
+class MirrorHysteresis(ModulatorEffect):
+    """Mirrors open late and close in time: of every rise since the slot before, a part ``share`` is missing.
+
+    displayed_t = commanded_t - share max(commanded_t - commanded_(t-1), 0); before the first slot lies the last one.
+    Outside the vocabulary, whose lag forgets openings and closings alike.
+    """
+
+    name = "mirror_hysteresis"
+    share: float = parameter("1", 0, 1, (0.04, 0.2), neutral=0.0)
+
+    def happened(self, acquisition: Acquisition) -> Acquisition:
+        if not self.share:
+            return acquisition
+        before = np.roll(acquisition.sequence, 1, axis=1)
+        pairs, place = np.unique(
+            np.stack((acquisition.sequence, before), -1).reshape(-1, 2), axis=0, return_inverse=True
+        )
+
+        def displayed(patterns: np.ndarray) -> np.ndarray:
+            now, earlier = patterns[pairs[:, 0]], patterns[pairs[:, 1]]
+            return now - self.share * np.maximum(now - earlier, 0)
+
+        world = acquisition.world
+        return replace(
+            acquisition,
+            patterns=displayed(acquisition.patterns),
+            sequence=place.reshape(acquisition.sequence.shape),
+            world=None if world is None else replace(world, patterns=displayed(world.patterns)),
+        )
 
 
 def _overlap_in_time(offset: float, slots: int) -> np.ndarray:

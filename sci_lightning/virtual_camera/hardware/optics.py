@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from sci_lightning.virtual_camera.hardware.effect import Effect
 from sci_lightning.virtual_camera.hardware.overlap import overlap, with_surround
 from sci_lightning.virtual_camera.hardware.parameter import choice, parameter
+
+if TYPE_CHECKING:
+    from sci_lightning.virtual_camera.session import Session
 
 
 @dataclass(frozen=True)
@@ -182,3 +185,51 @@ class LightLeak(OpticsEffect):
         depth = (np.arange(length) + 0.5) / length
         fade = np.exp(-(depth if self.edge in ("top", "left") else depth[::-1]) / self.reach)
         return light + self.strength * exposure[:, None, None] * (fade[:, None] if axis == 0 else fade)
+
+
+@dataclass(frozen=True)
+class DoorLeak(OpticsEffect):
+    """The door stood open for a while: light reaches the sensor from one side in ``count`` captures from ``first`` on.
+
+    It falls linearly from ``strength`` (fraction of full scale) at the left edge to nothing at the right one, and the
+    mask has no part in it. Outside the vocabulary.
+    """
+
+    name = "door_leak"
+    strength: float = parameter("full scale", 0, 1, (0.01, 0.06), neutral=0.0)
+    first: int = parameter("capture", 0, 100000, neutral=0, integer=True)
+    count: int = parameter("captures", 0, 100000, neutral=3, integer=True)
+
+    @classmethod
+    def draw(cls, random: np.random.Generator, session: Session) -> DoorLeak:
+        count = int(random.integers(2, 5, endpoint=True))
+        first = int(random.integers(max(sum(session.counts.values()) - count, 1)))
+        return replace(super().draw(random, session), first=first, count=count)
+
+    @property
+    def captures(self) -> tuple[int, ...]:
+        return tuple(range(self.first, self.first + self.count))
+
+    def change_irradiance(self, light: np.ndarray, exposure: np.ndarray) -> np.ndarray:
+        width = light.shape[2]
+        open_door = np.isin(np.arange(len(light)), self.captures)
+        return light + self.strength * open_door[:, None, None] * (1 - (np.arange(width) + 0.5) / width)
+
+
+@dataclass(frozen=True)
+class EtalonFringes(OpticsEffect):
+    """Laser light interferes in the sensor's window, a wedge: light * (1 + amplitude cos(fringes)).
+
+    The fringes are straight, ``period`` pixels apart, and turned by ``angle``. Outside the vocabulary.
+    """
+
+    name = "etalon_fringes"
+    amplitude: float = parameter("1", 0, 0.5, (0.01, 0.05), neutral=0.0)
+    period: float = parameter("pixel", 2, 65536, (6, 24), neutral=12.0, magnitude=False)
+    angle: float = parameter("degree", -180, 180, (-90, 90), neutral=0.0, magnitude=False)
+
+    def change_irradiance(self, light: np.ndarray, exposure: np.ndarray) -> np.ndarray:
+        row, column = np.ogrid[: light.shape[1], : light.shape[2]]
+        direction = np.deg2rad(self.angle)
+        turns = (column * np.cos(direction) + row * np.sin(direction)) / self.period
+        return light * (1 + self.amplitude * np.cos(2 * np.pi * turns))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -38,6 +38,7 @@ class Relay:
         tilt_x, tilt_y: relative increase of the magnification from the centre to the right and to the lower edge.
         k: relative radial distance by which what belongs into a corner is seen further out; it grows with the square of
             the radius.
+        drift_x, drift_y: displacement that grows in even steps from the first to the last capture, pixel; none halfway.
     """
 
     angle: float = 0.0
@@ -49,6 +50,14 @@ class Relay:
     tilt_x: float = 0.0
     tilt_y: float = 0.0
     k: float = 0.0
+    drift_x: float = 0.0
+    drift_y: float = 0.0
+
+    def during(self, capture: int, captures: int) -> Relay:
+        """Return the relay as it is during one of so many captures."""
+        time = capture / max(captures - 1, 1) - 0.5
+        moved = {"dx": self.dx + time * self.drift_x, "dy": self.dy + time * self.drift_y}
+        return replace(self, **moved, drift_x=0.0, drift_y=0.0) if self.drift_x or self.drift_y else self
 
     @property
     def is_upright(self) -> bool:

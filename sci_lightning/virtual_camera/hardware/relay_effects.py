@@ -1,6 +1,6 @@
 """Faults of the relay: the image of the mirrors is displaced, turned, magnified, distorted or blurred.
 
-The last one (astigmatism) is outside the vocabulary of a diagnosis.
+The last two (astigmatism and thermal drift) are outside the vocabulary of a diagnosis.
 """
 
 from __future__ import annotations
@@ -95,3 +95,18 @@ class MaskAstigmatism(RelayEffect):
 
     def apply(self, relay: Relay) -> Relay:
         return replace(relay, sigma_x=self.sigma)
+
+
+@dataclass(frozen=True)
+class MaskDrift(RelayEffect):
+    """The mount warms up: the mirrors' image moves evenly by (``dx``, ``dy``) from the first to the last capture.
+
+    Halfway it lies where it should.
+    """
+
+    name = "mask_drift"
+    dx: float = parameter("pixel", -32, 32, (0.2, 0.8), neutral=0.0, signed=True)
+    dy: float = parameter("pixel", -32, 32, (0.2, 0.8), neutral=0.0, signed=True)
+
+    def apply(self, relay: Relay) -> Relay:
+        return replace(relay, drift_x=self.dx, drift_y=self.dy)

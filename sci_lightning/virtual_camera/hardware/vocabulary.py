@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from sci_lightning.virtual_camera.hardware import (
+    charge,
     converter,
     exposure,
     fixed_pattern,
     modulator,
     optics,
+    procedure,
     relay_effects,
     sensor,
     target,
@@ -15,11 +17,15 @@ from sci_lightning.virtual_camera.hardware import (
 from sci_lightning.virtual_camera.hardware.effect import Effect
 
 LIGHT_PATH: tuple[type[Effect], ...] = (
+    procedure.MislabelledCaptures,
+    procedure.MovedCapture,
+    procedure.DroppedSlot,
     target.SceneGamma,
     target.SceneBlur,
     target.SceneScale,
     target.SceneRotation,
     target.SceneShift,
+    modulator.MirrorHysteresis,
     modulator.SwappedPatterns,
     modulator.PatternOrder,
     modulator.MaskOrientation,
@@ -36,6 +42,7 @@ LIGHT_PATH: tuple[type[Effect], ...] = (
     relay_effects.MaskDistortion,
     relay_effects.MaskBlur,
     relay_effects.MaskAstigmatism,
+    relay_effects.MaskDrift,
     exposure.DriftingSource,
     exposure.UnsteadySource,
     exposure.Flicker,
@@ -49,14 +56,18 @@ LIGHT_PATH: tuple[type[Effect], ...] = (
     optics.Vignetting,
     optics.VeilingGlare,
     optics.Flare,
+    optics.EtalonFringes,
     optics.LightLeak,
+    optics.DoorLeak,
     fixed_pattern.SensorDust,
     sensor.ImageLag,
     sensor.Gain,
     fixed_pattern.Prnu,
     fixed_pattern.InterlacedGain,
     fixed_pattern.DeadColumn,
+    charge.BrighterFatter,
     converter.ShotNoise,
+    charge.InterPixelCapacitance,
     sensor.Saturation,
     sensor.ResponseGamma,
     sensor.SShapedResponse,
@@ -68,9 +79,22 @@ LIGHT_PATH: tuple[type[Effect], ...] = (
     sensor.Banding,
     converter.ReadNoise,
     converter.ConverterStep,
+    converter.DifferentialNonlinearity,
     converter.BitDepth,
 )
 
+_OTHER_FIELDS: tuple[type[Effect], ...] = (
+    charge.BrighterFatter,
+    optics.EtalonFringes,
+    charge.InterPixelCapacitance,
+    converter.DifferentialNonlinearity,
+    modulator.MirrorHysteresis,
+    optics.DoorLeak,
+    relay_effects.MaskDrift,
+    procedure.MislabelledCaptures,
+    procedure.MovedCapture,
+    procedure.DroppedSlot,
+)
 EFFECTS: dict[str, type[Effect]] = {effect.name: effect for effect in LIGHT_PATH}
 
 OUTSIDE: dict[str, type[Effect]] = {
@@ -96,9 +120,13 @@ OUTSIDE: dict[str, type[Effect]] = {
         sensor.RowFlutter,
         sensor.Banding,
         converter.ConverterStep,
+        *_OTHER_FIELDS,
     )
 }
 """Effects for which a diagnosis has no name: it should report the stage at which they act, and no other effect."""
+
+OTHER_FIELDS: dict[str, type[Effect]] = {effect.name: effect for effect in _OTHER_FIELDS}
+"""Those of them from the calibration of other instruments, chosen before any diagnosis had seen them."""
 
 VOCABULARY = {name: effect for name, effect in EFFECTS.items() if name not in OUTSIDE}
 """The effects that a diagnosis can name."""

@@ -62,3 +62,12 @@ def test_another_prior_counts() -> None:
     lags[0, :, 7, 7] = 0.05  # still, and no two pixels alike
     still = MaskScore(4, prior=PatchPrior(0.5, torch.ones(1), lags))
     assert float(still(torch.ones(4, 8, 8))) > 20  # one frame of a scene at rest tells all of them
+
+
+def test_pixels_that_never_open_behind_a_sensor_without_noise() -> None:
+    """They measure nothing, which costs decibels and no error."""
+    mask = (torch.rand(4, 16, 16) < 0.5).float()
+    score = MaskScore(4, SensorNoise(bit_depth=None))
+    whole = float(score(mask))
+    mask[:, 3, 5] = 0
+    assert whole - 1 < float(score(mask)) < whole

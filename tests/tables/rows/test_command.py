@@ -53,7 +53,9 @@ def test_a_row_is_trained_once(command: Callable[..., subprocess.CompletedProces
     assert "0 of 1 rows left" in done.stdout
     kept = tmp_path / "kept" / "smoke" / "rbw_osr_1bit_e2e_cnn" / "seed0.json"
     before = kept.stat().st_mtime_ns
-    assert json.loads(kept.read_text())["provenance"]["scale"] == "smoke"
+    content = json.loads(kept.read_text())
+    check("metrics", content)
+    assert content["provenance"]["scale"] == "smoke" and 10 < content["mask_score"] < 40
     assert "| E2E-CNN |" in (tmp_path / "outputs/tables_rows/smoke/smoke/tables/table2.md").read_text()
     again = command("tables.rows", *SMOKE, QUICK)
     assert again.returncode == 0 and "started" not in again.stdout and kept.stat().st_mtime_ns == before

@@ -1,0 +1,108 @@
+"""Paired comparison of two hypotheses by how well they predict the same held-out pixels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from scipy.stats import norm, wilcoxon
+
+from sci_lightning.diagnosis.blind.prediction import HeldOutErrors
+
+BLOCK = 16
+"""Side in pixels of the blocks that count as independent: several times the reach of a reconstruction's errors."""
+FEWEST_BLOCKS = 6
+"""A snapshot with fewer blocks has no vote of its own: with fewer, no p-value falls below 0.02."""
+ASKS_FOR_IT = 0.05
+"""p-value of one snapshot below which it asks for the candidate."""
+
+
+@dataclass(frozen=True)
+class PairedComparison:
+    """What held-out pixels say about a candidate against a reference.
+
+    Attributes:
+        before, after: prediction error of the reference and of the candidate.
+        by_capture: pairs of the two for every snapshot.
+        p_value: probability of such an advantage of the candidate, or a larger one, where both predict equally well;
+            corrected for the number of candidates among which this one was chosen.
+        agree: number of snapshots that ask for the candidate by themselves.
+        snapshots: number of snapshots.
+        blocks: number of blocks that were compared.
+    """
+
+    before: float
+    after: float
+    by_capture: tuple[tuple[float, float], ...]
+    p_value: float
+    agree: int
+    snapshots: int
+    blocks: int
+
+    @property
+    def fall(self) -> float:
+        """The part of the prediction error that the candidate removes; negative where it adds to it."""
+        return 1 - self.after / self.before
+
+    def describe(self) -> dict[str, Any]:
+        """Return this as a report holds it, as plain data."""
+        return {
+            "prediction_error": {"before": self.before, "after": self.after},
+            "by_capture": [{"before": before, "after": after} for before, after in self.by_capture],
+            "p_value": self.p_value,
+            "agree": self.agree,
+            "snapshots": self.snapshots,
+            "blocks": self.blocks,
+        }
+
+
+def compare(
+    reference: HeldOutErrors, candidate: HeldOutErrors, candidates: int = 1, block: int = BLOCK
+) -> PairedComparison:
+    """Compare two hypotheses pixel by pixel, block by block and snapshot by snapshot.
+
+    For every block the logarithm of the ratio of the two mean squared errors is taken. A one-sided signed-rank test of
+    Wilcoxon over the blocks of a snapshot gives its p-value; the snapshots are combined by Stouffer's method, with
+    equal weights. Blocks rather than pixels are compared because neighbouring errors of a reconstruction are not
+    independent.
+
+    Args:
+        reference: errors under the simpler hypothesis.
+        candidate: errors of the same pixels under the other one.
+        candidates: number of hypotheses among which the candidate was chosen by these very pixels; the p-value is
+            multiplied by it (Bonferroni). 1 where it was chosen by other snapshots.
+        block: side of the blocks in pixels.
+    """
+    scores, agree, blocks = [], 0, 0
+    for first, second in zip(reference.squared, candidate.squared, strict=True):
+        ratios = _log_ratios(first, second, block)
+        blocks += len(ratios)
+        if len(ratios) < FEWEST_BLOCKS or not np.any(ratios):
+            continue
+        p_value = float(wilcoxon(ratios, alternative="greater").pvalue)
+        scores.append(float(norm.isf(min(max(p_value, 1e-300), 1 - 1e-15))))
+        agree += p_value < ASKS_FOR_IT
+    p_value = float(norm.sf(sum(scores) / math.sqrt(len(scores)))) if scores else 1.0
+    return PairedComparison(
+        before=reference.prediction_error,
+        after=candidate.prediction_error,
+        by_capture=tuple(zip(reference.by_capture, candidate.by_capture, strict=True)),
+        p_value=min(1.0, candidates * p_value),
+        agree=agree,
+        snapshots=len(reference.squared),
+        blocks=blocks,
+    )
+
+
+def _log_ratios(first: torch.Tensor, second: torch.Tensor, block: int) -> np.ndarray:
+    """Return the logarithm of ``first`` over ``second``, mean squared errors of every block that has any."""
+    sums = []
+    for squared in (first, second):
+        height, width = squared.shape
+        padded = torch.nn.functional.pad(squared.nan_to_num(0).double(), (0, -width % block, 0, -height % block))
+        sums.append(padded.unfold(0, block, block).unfold(1, block, block).sum((-2, -1)).flatten())
+    counted = (sums[0] > 0) & (sums[1] > 0)
+    return np.asarray((sums[0][counted] / sums[1][counted]).log().numpy())

@@ -1,0 +1,70 @@
+"""The verdict of held-out pixels on a diagnosis: does every named effect make them more predictable?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.diagnosis.blind.paired_comparison import PairedComparison, compare
+from sci_lightning.diagnosis.blind.prediction import Predictor, textured_window
+from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera, effects_of
+from sci_lightning.encoder.border import Border
+from sci_lightning.encoder.light_path import LightPath
+
+LARGEST_FIELD = 512
+"""Side in pixels beyond which only the window of this side with the most texture is judged."""
+
+
+@dataclass(frozen=True)
+class PredictionVerdict:
+    """What held-out pixels say about the camera that a diagnosis found.
+
+    Attributes:
+        gap: the ideal camera against the corrected one.
+        by_effect: the corrected camera without one of its effects against the whole one, by effect.
+    """
+
+    gap: PairedComparison
+    by_effect: dict[str, PairedComparison]
+
+    def contradicted(self, max_p_value: float = 0.05) -> tuple[str, ...]:
+        """Return the effects that do not make held-out pixels more predictable."""
+        return tuple(name for name, evidence in self.by_effect.items() if evidence.p_value > max_p_value)
+
+
+def judge_by_prediction(
+    camera: SnapshotCamera,
+    ideal: LightPath,
+    corrected: LightPath,
+    names: tuple[str, ...],
+    decoder: Decoder | None = None,
+    seed: int = 0,
+    folds: int = 2,
+    border: Border | None = None,
+    on_progress: Callable[[str], None] = lambda message: None,
+) -> PredictionVerdict:
+    """Predict held-out pixels by the ideal camera, by the corrected one, and by that without one of its effects.
+
+    Args:
+        camera: the snapshots.
+        ideal, corrected: the effects of the two hypotheses.
+        names: effects that were named.
+        decoder, seed, folds: see :class:`~sci_lightning.diagnosis.blind.prediction.Predictor`.
+        border: pixels along the sides that depend on what lies beyond the field by one of the hypotheses.
+        on_progress: called with a one-line message at the end.
+    """
+    window = None
+    if max(camera.size) > LARGEST_FIELD:
+        window = textured_window(camera.measurement, LARGEST_FIELD)
+    predictor = Predictor(camera.measurement, decoder, folds=folds, seed=seed, border=border, window=window)
+
+    after = predictor.errors(camera.encoder_of(corrected))
+    before = predictor.errors(camera.encoder_of(ideal)) if names else after
+    gap = compare(before, after)
+    by_effect = {}
+    for name in names:
+        others = LightPath(effect for effect in effects_of(corrected) if effect.name != name)
+        by_effect[name] = gap if len(names) == 1 else compare(predictor.errors(camera.encoder_of(others)), after)
+    on_progress(f"held-out pixels: prediction error {gap.before:.4f} to {gap.after:.4f}")
+    return PredictionVerdict(gap, by_effect)

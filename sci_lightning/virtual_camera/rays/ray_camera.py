@@ -1,0 +1,167 @@
+"""The camera of an imperfect set-up: light sampled by rays and instants, in front of a sensor with photon transfer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import reduce
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from sci_lightning.virtual_camera.acquisition import Acquisition
+from sci_lightning.virtual_camera.hardware.camera import Camera
+from sci_lightning.virtual_camera.hardware.converter import ReadNoise, ShotNoise
+from sci_lightning.virtual_camera.hardware.effect import Effect
+from sci_lightning.virtual_camera.hardware.exposure import ExposureEffect, Timing
+from sci_lightning.virtual_camera.hardware.fixed_pattern import Prnu
+from sci_lightning.virtual_camera.hardware.modulator import MaskLag, PatternOrder, SyncOffset
+from sci_lightning.virtual_camera.hardware.optics import Image, OpticsEffect
+from sci_lightning.virtual_camera.hardware.relay import Relay, RelayEffect
+from sci_lightning.virtual_camera.hardware.sensor import Readout, SensorEffect
+from sci_lightning.virtual_camera.rays.imperfections import Imperfections
+from sci_lightning.virtual_camera.rays.instants import settled, slot_shares
+from sci_lightning.virtual_camera.rays.photon_transfer import PhotonTransfer, blotchy
+from sci_lightning.virtual_camera.rays.tracing import gathered, landing, through_the_relay
+from sci_lightning.virtual_camera.session import BEYOND, Session
+from sci_lightning.virtual_camera.stream import stream
+
+PRINTED = ("static", "dynamic", "unknown")
+"""Kinds of captures in front of printed targets; the others look at a lamp."""
+
+
+class RayCamera(Camera):
+    """A camera with its hidden effects in a set-up that is imperfect without them.
+
+    Args:
+        session, effects, seed: as of :class:`.Camera`.
+        imperfections: of the set-up.
+    """
+
+    def __init__(
+        self, session: Session, effects: Mapping[str, Effect], seed: int, imperfections: Imperfections | None = None
+    ) -> None:
+        super().__init__(session, effects, seed)
+        self.imperfections = imperfections or Imperfections()
+        spread = 0.0 if Prnu.name in effects else self.imperfections.prnu  # a hidden one is all that there is
+        self.photon_transfer = PhotonTransfer(
+            response=1 + spread * blotchy(stream(seed, "responses"), session.size, self.imperfections.blotch),
+            offset_e=self.imperfections.dsnu_e
+            * blotchy(stream(seed, "offsets"), session.size, self.imperfections.blotch),
+            dark_current_e=self.imperfections.dark_current_e,
+        )
+
+    def irradiance(self, acquisition: Acquisition) -> np.ndarray:
+        """Return the light that every pixel collects over the exposure, without noise: (N, H, W), 1 at full scale."""
+        acquisition = self.happened(acquisition)
+        count, slots = acquisition.sequence.shape
+        height, width = acquisition.patterns.shape[1:]
+        patterns, _ = self._displayed(acquisition)
+        scenes = self._printed(self._shown(acquisition), acquisition.kind)
+        relay = reduce(lambda before, effect: effect.apply(before), self._stage(RelayEffect), Relay())
+        border = acquisition.border
+        if self.session.surround != "dark":  # where rays come from that a large displacement brings in
+            border = max(border, BEYOND, _farthest(relay, (height, width)))
+            around = [(border - acquisition.border,) * 2] * 2
+            patterns = np.pad(patterns, [(0, 0), *around], mode="edge")
+            scenes = np.pad(scenes, [(0, 0), (0, 0), *around], mode="edge")
+        timing = reduce(lambda before, effect: effect.apply(before), self._stage(ExposureEffect), Timing())
+        images = reduce(lambda before, effect: effect.apply(before), self._stage(OpticsEffect), [Image()])
+        shares = np.pad(self._shares(timing, slots, height), ((border, border), (0, 0), (0, 0)), mode="edge")
+        sharp = images == [Image()]
+        cells = 1 if sharp else self.imperfections.cells
+        shape = (patterns.shape[1] * cells, patterns.shape[2] * cells)
+        onto_pixels = None if sharp else self._gathered("images", images, shape, cells, cells)
+        jitter = 1 + self.imperfections.exposure_jitter * stream(self.seed, "exposure jitter").standard_normal(count)
+        power = timing.power(count) * acquisition.aperture * jitter
+        field = (slice(border, border + height), slice(border, border + width))
+        light = np.empty((count, height, width))
+        relayed: tuple[Relay, np.ndarray] | None = None
+        for number, (sequence, scene) in enumerate(zip(acquisition.sequence, scenes, strict=True)):
+            now = relay.during(number, count)
+            if relayed is None or relayed[0] != now:
+                relayed = now, self._transmitted(now, patterns, (height, width), cells)
+            passed = np.einsum("rsf,frc->src", shares, scene) * power[number]
+            modulated = np.zeros(relayed[1].shape[1:])
+            for pattern in np.unique(sequence):
+                lit = passed[sequence == pattern].sum(0)
+                modulated += relayed[1][pattern] * lit.repeat(cells, 0).repeat(cells, 1)
+            landed = modulated.ravel() if onto_pixels is None else onto_pixels @ modulated.ravel()
+            light[number] = landed.reshape(patterns.shape[1:])[field]
+        for effect in self._stage(OpticsEffect):
+            light = effect.change_irradiance(light, acquisition.exposure)
+        return light
+
+    def signal(
+        self,
+        light: np.ndarray,
+        acquisition: Acquisition,
+        random: np.random.Generator | None = None,
+        shot_noise_sigmas: float = 0.0,
+    ) -> np.ndarray:
+        """Return the signal that reaches the converter, see :meth:`.Camera.signal`."""
+        readout = Readout(self.full_scale, acquisition.exposure, self.fixed_maps, random, shot_noise_sigmas)
+        for step in self._stage(SensorEffect):
+            if isinstance(step, ShotNoise):
+                light = self.photon_transfer.respond(light, readout, step.full_well)
+            elif isinstance(step, ReadNoise):
+                light = self._amplifier(step).respond(light, readout)
+            else:
+                light = step.respond(light, readout)
+        return light
+
+    def _amplifier(self, stated: ReadNoise) -> ReadNoise:
+        """Return the noise that the amplifier adds: the data sheet's without the dark current's shot noise."""
+        dn_per_electron = self.full_scale / self.part(ShotNoise).full_well
+        dark = self.imperfections.dark_current_e * dn_per_electron**2
+        return replace(stated, std=float(np.sqrt(max(stated.std**2 - dark, 0))))
+
+    def _printed(self, scenes: np.ndarray, kinds: tuple[str, ...]) -> np.ndarray:
+        """Return the scenes (N, T, H, W) as printed: at rest one print, in motion one for every frame."""
+        random = stream(self.seed, "prints")
+        printed = scenes.astype(np.float64)
+        for frames, kind in zip(printed, kinds, strict=True):
+            if kind in PRINTED:
+                prints = 1 if kind == "static" else len(frames)
+                size = (prints, *frames.shape[1:])
+                frames *= np.maximum(1 + self.imperfections.print_error * random.standard_normal(size), 0)
+        return printed
+
+    def _shares(self, timing: Timing, slots: int, rows: int) -> np.ndarray:
+        """Return (H, T, T): the light of every frame that passes every commanded pattern, see :func:`.slot_shares`."""
+        order = sum(effect.offset for effect in self._stage(PatternOrder))
+        lag = sum(effect.lag for effect in self._stage(MaskLag))
+        late = sum(effect.offset for effect in self._stage(SyncOffset))
+        return slot_shares(timing, settled(order, lag, slots), late, rows, stream(self.seed, "instants"))
+
+    def _transmitted(self, relay: Relay, patterns: np.ndarray, field: tuple[int, int], cells: int) -> np.ndarray:
+        """Return the irradiance (P, rows, columns) of the cells of the image plane for every pattern."""
+        imperfect, size = self.imperfections, patterns.shape[1:]
+        sigma_y, sigma_x = relay.sigmas
+        finer = imperfect.cells if sigma_y or sigma_x else cells
+        rays = stream(self.seed, "rays")
+        sharp = through_the_relay(relay, size, field, imperfect.fill_factor, imperfect.strata, finer, rays)
+        seen = sharp @ patterns.reshape(len(patterns), -1).T
+        if sigma_y or sigma_x:
+            blurred = Image(sigma=sigma_y, sigma_x=float(np.sqrt(max(sigma_x**2 - sigma_y**2, 0))))
+            shape = (size[0] * finer, size[1] * finer)
+            seen = self._gathered("relay", [blurred], shape, finer, finer // cells) @ seen
+        return seen.T.reshape(len(patterns), size[0] * cells, size[1] * cells)
+
+    def _gathered(
+        self, purpose: str, images: list[Image], shape: tuple[int, int], cells: int, targets: int
+    ) -> csr_matrix:
+        """Return the matrix from cells to targets of all images together, see :func:`.gathered`."""
+        strata = (
+            self.imperfections.strata if targets > 1 else self.imperfections.strata // 2
+        )  # four times as many targets
+        random, dark = stream(self.seed, purpose), self.session.surround == "dark"
+        matrices = [gathered(image, shape, cells, targets, strata, random, dark) for image in images]
+        return sum(matrices[1:], matrices[0])
+
+
+def _farthest(relay: Relay, field: tuple[int, int]) -> int:
+    """Return by how many pixels at most the relay moves what belongs into the field, rounded up."""
+    corners = np.array([(y, x) for y in (-0.5, 0.5) for x in (-0.5, 0.5)]).T * np.array(field)[:, None]
+    y, x, _ = landing(relay, corners[0], corners[1], field)
+    return int(np.ceil(max(np.abs(y - corners[0]).max(), np.abs(x - corners[1]).max()))) + 1

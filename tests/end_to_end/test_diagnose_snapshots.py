@@ -1,0 +1,62 @@
+"""``diagnose measurement=``: files as people have them, with a mask or without one, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from tests.schemas.validation import check
+
+Ran = Callable[..., str]
+Refused = Callable[..., str]
+
+
+@pytest.fixture
+def snapshot(tmp_path: Path) -> np.ndarray:
+    """A snapshot of a smooth scene behind a random mask of four slots; both are written as .mat files."""
+    random = np.random.default_rng(0)
+    mask = random.integers(0, 2, (64, 64, 4)).astype(np.uint8)
+    y, x = np.mgrid[0:64, 0:64]
+    light = 50 * mask.sum(2) * (0.6 + 0.3 * np.sin(x / 9) * np.cos(y / 7))
+    dn = np.clip(np.round(light + 12 + random.standard_normal((64, 64))), 0, 255).astype(np.uint8)
+    savemat(tmp_path / "meas.mat", {"meas": dn})
+    savemat(tmp_path / "mask.mat", {"mask": mask})
+    return dn
+
+
+def test_without_a_mask(snapshot: np.ndarray, tmp_path: Path, ran: Ran) -> None:
+    said = ran("diagnose", "measurement=meas.mat", "out=found")
+    assert "1 snapshot of 64 x 64 pixels, 8 bits" in said and "give mask=FILE" in said
+    content = json.loads((tmp_path / "found" / "snapshots.json").read_text())
+    check("snapshots", content)
+    assert content["file"] == "meas.mat" and content["levels"]["highest"] == snapshot.max()
+    assert not (tmp_path / "found" / "report.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "answer"),
+    [
+        ([], "captures=FILE.h5, or measurement=FILE mask=FILE"),
+        (["captures=a.h5", "measurement=meas.mat"], "one of the two"),
+        (["measurement=nothing.mat"], "nothing.mat: no such file"),
+        (["measurement=meas.mat", "mask=none.mat"], "none.mat: no such file"),
+        (["measurement=meas.mat", "mask=large.mat"], "mask_origin=[5,9]"),
+        (["measurement=meas.mat", "mask=closed.mat"], "never opens"),
+        (["measurement=meas.mat", "bit_depth=4"], "do not fit into 4 bits"),
+        (["measurement=meas.mat", "mask=mask.mat", "verification=[1]"], "numbered from 0 to 0"),
+        (["measurement=meas.mat", "mask=mask.mat", "mask_step=[0,2,1]"], "mask_step"),
+    ],
+)
+def test_bad_input(words: list[str], answer: str, snapshot: np.ndarray, tmp_path: Path, refused: Refused) -> None:
+    mask = np.random.default_rng(0).integers(0, 2, (64, 64, 4))
+    large = np.random.default_rng(1).integers(0, 2, (80, 90, 4))
+    large[5:69, 9:73] = mask
+    savemat(tmp_path / "large.mat", {"mask": large})
+    savemat(tmp_path / "closed.mat", {"mask": np.zeros((64, 64, 4))})
+    assert answer in refused("diagnose", *words, "out=found")
+    assert not (tmp_path / "found" / "report.json").exists()
