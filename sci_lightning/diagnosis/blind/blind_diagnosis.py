@@ -17,8 +17,10 @@ from sci_lightning.captures import Captures
 from sci_lightning.diagnosis import vocabulary as effects_vocabulary
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
+from sci_lightning.diagnosis.blind.prediction_verdict import PredictionVerdict, judge_by_prediction
 from sci_lightning.diagnosis.blind.prior import BLOCK, ScenePrior
 from sci_lightning.diagnosis.blind.search import UNDETERMINED, BlindNamed, BlindSearch
+from sci_lightning.diagnosis.blind.snapshot_camera import snapshots_of
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots
 from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.model.observation import Observation
@@ -74,6 +76,7 @@ class BlindDiagnosis:
         notes: what is unusual about the snapshots, in sentences.
         stated_noise: names of the noise effects whose values the captures file states.
         mask_is_visible: whether the snapshots are likelier with the mask than with none.
+        prediction: what held-out pixels say about the corrected camera; None if they were not asked.
     """
 
     observation: Observation
@@ -88,15 +91,19 @@ class BlindDiagnosis:
     notes: tuple[str, ...]
     stated_noise: tuple[str, ...]
     mask_is_visible: bool = True
+    prediction: PredictionVerdict | None = None
 
     @property
     def verdict(self) -> str:
         """``consistent`` where nothing is asked for, else ``explained``; nobody looked for what has no name.
 
-        Where no mask is to be seen in the snapshots, it is ``unexplained``.
+        Where no mask is to be seen in the snapshots, it is ``unexplained``; where an effect does not make held-out
+        pixels more predictable, ``partly_explained``.
         """
         if not self.mask_is_visible:
             return "unexplained"
+        if self.prediction is not None and self.prediction.contradicted():
+            return "partly_explained"
         return "explained" if self.effects else "consistent"
 
     @property
@@ -144,6 +151,13 @@ def diagnose_blind(
         )
     noise, stated = datasheet_noise(observation)
     explanation = BlindSearch(BlindFitter(likelihood), noise, settings, on_progress).run()
+    prediction = None
+    if explanation.mask_is_visible:
+        named = tuple(one.name for one in explanation.named)
+        paths = model.path(noise), model.path(explanation.fit.hypothesis)
+        border = (model.border(noise) | model.border(explanation.fit.hypothesis)).rounded()
+        camera = snapshots_of(captures.take(observation.number.numpy()), vocabulary)
+        prediction = judge_by_prediction(camera, *paths, named, seed=seed, border=border, on_progress=on_progress)
     return BlindDiagnosis(
         observation=observation,
         model=model,
@@ -156,6 +170,7 @@ def diagnose_blind(
         undetermined={name: why for name, why in UNDETERMINED.items() if name in model.vocabulary},
         notes=_notes(captures, likelihood, explanation.mask_is_visible),
         mask_is_visible=explanation.mask_is_visible,
+        prediction=prediction,
         stated_noise=tuple(effect for effect, _ in stated),
     )
 

@@ -66,9 +66,8 @@ class BlindFitter:
     def fit(self, hypothesis: Hypothesis, blocks: torch.Tensor, iterations: int = 10) -> BlindFit:
         """Maximise the likelihood of some blocks over all parameters but choices and the noise.
 
-        Every iteration differentiates the log-likelihood of every block by every parameter. The curvature in each
-        parameter follows from the same differences, and the correlation between parameters from the blocks' gradients.
-        The step is damped until it does not lower the likelihood (Levenberg and Marquardt).
+        Every iteration differentiates the log-likelihood of every block once and twice by every parameter. The Newton
+        step is damped until it does not lower the likelihood (Levenberg and Marquardt).
 
         Args:
             hypothesis: where to start.
@@ -122,38 +121,46 @@ class BlindFitter:
         return 0.5 * float(offset @ inverse @ offset)
 
     def _differentiate(self, free: FreeParameters, fit: BlindFit) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return the derivatives ``(p, blocks, N)`` of the log-likelihoods, and the information ``(p, p)``."""
-        scores, curvature = [], []
-        for name, parameter in free.names:
-            about = self.model.effects[name].about[parameter]
-            value = float(fit.hypothesis.effects[name][parameter])
-            step = about.step * DIFFERENCE * (value if about.log else 1.0)
-            if value - step >= about.low and value + step <= about.high:
-                places = (-1.0, 1.0)
-            else:
-                places = (1.0, 2.0) if value + 2 * step <= about.high else (-1.0, -2.0)
-            near, far = (
-                self.likelihood.evaluate(
-                    fit.hypothesis.with_effect(name, {**fit.hypothesis.effects[name], parameter: value + place * step}),
-                    fit.blocks,
-                    fit.weights,
-                ).log_likelihood
-                - fit.log_likelihood
-                for place in places
-            )
+        """Return the derivatives ``(p, blocks, N)`` of the log-likelihoods, and the information ``(p, p)``.
+
+        The information is minus the matrix of second differences. Far from the maximum some directions may be curved
+        upwards; their sign is reversed, so that a Newton step still leads uphill.
+        """
+        steps = [self._step(fit, *name) for name in free.names]
+        scores, near_values = [], []
+        curvature = torch.zeros(len(steps), len(steps), dtype=torch.float64)
+        for i, (step, places) in enumerate(steps):
+            near, far = (self._change(fit, {free.names[i]: place * step}) for place in places)
             a, b = places  # a parabola through three places
-            first = (near * b / a - far * a / b) / (b - a)
-            second = 2 * (far / b - near / a) / (b - a)
-            scores.append((first / step).nan_to_num(0.0))
-            curvature.append(-float(second.nansum()) / step**2)
-        derivative = torch.stack(scores)
-        flat = derivative.flatten(1)
-        products = flat @ flat.mT
-        size = products.diagonal().clamp(min=1e-12)
-        diagonal = torch.tensor(curvature, dtype=torch.float64)
-        diagonal = torch.where(diagonal > 1e-3 * size, diagonal, size)  # not curved downwards: the gradients' spread
-        scale = (diagonal / size).sqrt()
-        return derivative, products * scale[:, None] * scale
+            scores.append(((near * b / a - far * a / b) / (b - a)).nan_to_num(0.0))
+            curvature[i, i] = float((2 * (far / b - near / a) / (b - a)).nansum())
+            near_values.append((a, near))
+            for j, (other_step, other_places) in enumerate(steps[:i]):
+                a_other, near_other = near_values[j]
+                both = self._change(fit, {free.names[i]: a * step, free.names[j]: other_places[0] * other_step})
+                curvature[i, j] = curvature[j, i] = float((both - near - near_other).nansum()) / (a * a_other)
+        values, vectors = torch.linalg.eigh(-curvature)
+        least = max(1e-6 * float(values.abs().max()), 1e-9)
+        information = vectors @ torch.diag(values.abs().clamp(min=least)) @ vectors.mT
+        scale = torch.tensor([1 / step for step, _ in steps], dtype=torch.float64)
+        return torch.stack(scores) * scale[:, None, None], information * scale[:, None] * scale
+
+    def _step(self, fit: BlindFit, name: str, parameter: str) -> tuple[float, tuple[float, float]]:
+        """Return a parameter's step for differences, and the two places, in steps, that lie within its bounds."""
+        about = self.model.effects[name].about[parameter]
+        value = float(fit.hypothesis.effects[name][parameter])
+        step = about.step * DIFFERENCE * (value if about.log else 1.0)
+        if value - step >= about.low and value + step <= about.high:
+            return step, (-1.0, 1.0)
+        return step, (1.0, 2.0) if value + 2 * step <= about.high else (-1.0, -2.0)
+
+    def _change(self, fit: BlindFit, moved: dict[ParameterName, float]) -> torch.Tensor:
+        """Return by how much the log-likelihood of every block changes ``(blocks, N)`` if parameters are moved."""
+        hypothesis = fit.hypothesis
+        for (name, parameter), offset in moved.items():
+            setting = hypothesis.effects[name]
+            hypothesis = hypothesis.with_effect(name, {**setting, parameter: float(setting[parameter]) + offset})
+        return self.likelihood.evaluate(hypothesis, fit.blocks, fit.weights).log_likelihood - fit.log_likelihood
 
 
 def parameter_count(hypothesis: Hypothesis) -> int:

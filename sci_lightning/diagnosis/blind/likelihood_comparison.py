@@ -11,6 +11,8 @@ from scipy.stats import t as student
 
 TILE = 2
 """Blocks along the side of a tile; blocks of one tile do not count as independent of each other."""
+FEW_BLOCKS = 64
+"""Of fewer blocks every one counts by itself: tiles would be too few to say anything."""
 FEW = 3
 """Snapshots from which their differences are a measure of the uncertainty."""
 
@@ -66,6 +68,8 @@ def compare(first: torch.Tensor, second: torch.Tensor, columns: int) -> Comparis
 def tiles(scores: torch.Tensor, columns: int) -> torch.Tensor:
     """Return the sums of ``scores`` (p, blocks, N) over the blocks of every tile, ``(p, tiles * N)``."""
     grid = scores.reshape(len(scores), -1, columns, scores.shape[2])
+    if grid[0].numel() < FEW_BLOCKS:
+        return grid.flatten(1)
     down, across = (-(-side // TILE) * TILE for side in grid.shape[1:3])
     grid = torch.nn.functional.pad(grid, (0, 0, 0, across - grid.shape[2], 0, down - grid.shape[1]))
     return grid.unflatten(2, (-1, TILE)).unflatten(1, (-1, TILE)).sum((2, 4)).flatten(1)

@@ -24,6 +24,8 @@ FITTED_BLOCKS = 256
 """Blocks to which candidates are fitted."""
 FINAL_ITERATIONS = 4
 """Iterations of fits that start from a model that was fitted already."""
+STARTS_FITTED = 3
+"""Starts of a promising candidate that are fitted to the screened blocks."""
 WEAK_PART = 0.25
 """Part of a start's distance from the neutral setting at which it is tried as well."""
 MIN_Z = 3.0
@@ -188,28 +190,49 @@ class BlindSearch:
         return Contender(name, fit, comparison, nats, nats - penalty - self.settings.min_gain_nats)
 
     def screen(self, base: BlindFit) -> list[tuple[str, float, Setting]]:
-        """Return (name, nats, start) of every candidate that the model lacks, the most promising first."""
+        """Return (name, nats, start) of every candidate that the model lacks, the most promising first.
+
+        Every start is tried, the best ones at a part of their strength too. The likelihood has local maxima (a mask
+        that is displaced by a whole cell), so that the best starts of the most promising candidates are fitted to a few
+        blocks.
+        """
         model, observation = self.fitter.model, self.fitter.model.observation
         entries = []
         for name in self.candidates:
             if name in base.hypothesis.effects:
                 continue
-            effect = model.effects[name]
-            starts = effect.starts(observation.frames, observation.size, observation.bit_depth)
-            choices = any(about.choices for about in effect.about.values())
+            about = model.effects[name].about
+            starts = model.effects[name].starts(observation.frames, observation.size, observation.bit_depth)
             trials = [(self._screened(base, name, start), start) for start in starts]
-            if not choices and trials:
+            if not any(parameter.choices for parameter in about.values()):
                 trials.sort(key=lambda trial: -trial[0])
-                for start in [start for _, start in trials[:4]]:
-                    weak: Setting = {
-                        parameter: _between(effect.about[parameter].neutral, value)
-                        for parameter, value in start.items()
-                    }
-                    trials.append((self._screened(base, name, weak), weak))
+                weaker: list[Setting] = [
+                    {parameter: _between(about[parameter].neutral, value) for parameter, value in start.items()}
+                    for _, start in trials[:STARTS_FITTED]
+                ]
+                trials += [(self._screened(base, name, start), start) for start in weaker]
+            trials.sort(key=lambda trial: -trial[0])
             if trials:
-                nats, start = max(trials, key=lambda trial: trial[0])
-                entries.append((name, nats, start))
-        return sorted(entries, key=lambda entry: -entry[1])
+                entries.append((name, trials))
+        entries.sort(key=lambda entry: -entry[1][0][0])
+        screened = []
+        for place, (name, trials) in enumerate(entries):
+            promising = place < self.settings.candidates_fitted and trials[0][0] > 0
+            best = self._fitted_start(base, name, trials) if promising else trials[0]
+            screened.append((name, *best))
+        return sorted(screened, key=lambda entry: -entry[1])
+
+    def _fitted_start(self, base: BlindFit, name: str, trials: list[tuple[float, Setting]]) -> tuple[float, Setting]:
+        """Return nats and setting of the best of a few starts after a short fit to the screened blocks."""
+        if any(about.choices for about in self.fitter.model.effects[name].about.values()):
+            return trials[0]
+        fitted = []
+        for _, start in trials[:STARTS_FITTED]:
+            hypothesis = base.hypothesis.with_effect(name, start)
+            fit = self.fitter.fit(hypothesis, self.screened_blocks, FINAL_ITERATIONS)
+            nats = compare(fit.log_likelihood, base.log_likelihood, self.columns).nats
+            fitted.append((nats, fit.hypothesis.effects[name]))
+        return max(fitted, key=lambda trial: trial[0])
 
     def _screened(self, base: BlindFit, name: str, start: Setting) -> float:
         trial = self.fitter.evaluate(base.hypothesis.with_effect(name, start), self.screened_blocks)

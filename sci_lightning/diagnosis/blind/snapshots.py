@@ -15,12 +15,15 @@ SMALLEST = 24
 """Side of the smallest field, in pixels: three blocks, so that one of them is not at the edge."""
 LEAST_LIGHT = 0.5
 """DN: a snapshot whose mean is below this is black."""
+MOST_SATURATED = 0.5
+"""Part of its pixels that may be saturated in a snapshot."""
 
 
 def observe_snapshots(captures: Captures) -> Observation:
     """Prepare the captures with unknown scenes for a diagnosis.
 
-    The observation's scenes are empty: nobody may ask for them. Snapshots that are black are left out.
+    The observation's scenes are empty: nobody may ask for them. Snapshots that are black, even or mostly saturated
+    are left out.
 
     Raises:
         BadInput: no capture with an unknown scene, patterns that never open, no snapshot with light in it, or a field
@@ -41,12 +44,16 @@ def observe_snapshots(captures: Captures) -> Observation:
             f"{captures.name}: the patterns of the {len(unknown)} captures with unknown scenes never open (mean "
             f"transmittance {open_.max():.2g}); expected coding patterns: check 'patterns' and 'sequence'"
         )
-    light = captures.measurement[unknown].mean((1, 2))
-    kept = unknown[(light >= LEAST_LIGHT) & (open_ >= NEVER_OPEN)]
-    if not len(kept):
-        raise BadInput(
-            f"{captures.name}: every snapshot is black (mean {light.max():.2g} DN): change exposure or aperture"
+    dn = captures.measurement[unknown]
+    light, saturated = dn.mean((1, 2)), (dn == captures.full_scale).mean((1, 2))
+    uneven = dn.max((1, 2)) > dn.min((1, 2))
+    usable = (light >= LEAST_LIGHT) & (saturated <= MOST_SATURATED) & uneven
+    if not (usable & (open_ >= NEVER_OPEN)).any():
+        state = (
+            f"saturated ({captures.full_scale} DN)" if saturated.max() > MOST_SATURATED else "black or without detail"
         )
+        raise BadInput(f"{captures.name}: every snapshot is {state}: change exposure or aperture")
+    kept = unknown[usable & (open_ >= NEVER_OPEN)]
     sequences, sequence = torch.unique(torch.from_numpy(captures.sequence[kept]), dim=0, return_inverse=True)
     return Observation(
         patterns=torch.from_numpy(captures.patterns),

@@ -74,6 +74,13 @@ def write_blind_report(diagnosis: BlindDiagnosis, out: str | Path, provenance: P
 def describe_blind(diagnosis: BlindDiagnosis) -> dict[str, Any]:
     """Return the content of ``report.json`` without its provenance, as plain data; the schema describes every field."""
     noise = {name: values for name, values in diagnosis.corrected.hypothesis.effects.items() if name in NOISE_GUESS}
+    predicted: list[dict[str, Any]] = [{}, {}]
+    if diagnosis.prediction is not None:
+        gap = diagnosis.prediction.gap
+        predicted = [
+            {"prediction_error": error, "by_capture": [pair[which] for pair in gap.by_capture]}
+            for which, error in enumerate((gap.before, gap.after))
+        ]
     counted = float(diagnosis.corrected.log_likelihood.isfinite().double().mean())
     return {
         "format": "sci-diagnosis",
@@ -82,8 +89,8 @@ def describe_blind(diagnosis: BlindDiagnosis) -> dict[str, Any]:
         "effects": [effect.describe() for effect in diagnosis.effects],
         "uncertainty": UNCERTAINTY,
         "gap": {
-            "before": _gap(diagnosis.ideal.log_likelihood.numpy()),
-            "after": _gap(diagnosis.corrected.log_likelihood.numpy()),
+            "before": _gap(diagnosis.ideal.log_likelihood.numpy()) | predicted[0],
+            "after": _gap(diagnosis.corrected.log_likelihood.numpy()) | predicted[1],
         },
         "unnamed": [],
         "where": {"before": [], "after": []},
@@ -140,6 +147,12 @@ def print_blind_report(diagnosis: BlindDiagnosis, console: PlainConsole) -> None
         console.say(
             f"{effect.name}: {effect.agree} of {effect.snapshots} snapshots ask for it, "
             f"{effect.delta_nll or 0:,.0f} calibrated nats, p = {effect.p_value:.2g}"
+        )
+    if diagnosis.prediction is not None and diagnosis.effects:
+        gap = diagnosis.prediction.gap
+        console.say(
+            f"held-out pixels: prediction error {gap.before:.3g} before, {gap.after:.3g} after; {gap.agree} of "
+            f"{gap.snapshots} snapshots ask for it, p = {gap.p_value:.2g}"
         )
     for note in diagnosis.notes:
         console.say(note)
