@@ -86,6 +86,11 @@ COMMANDS = (
         "FOLDER out=captures.h5",
     ),
     (
+        "captures register",
+        "find where a modulator's mirrors lie in the field, and write it into the captures file or the folder",
+        "captures.h5",
+    ),
+    (
         "captures info",
         "check a captures file, sum it up and draw its contact sheet",
         "captures.h5",
@@ -102,7 +107,7 @@ COMPLETION = r"""_sci_lightning() {
     choices="$(sci-lightning commands)"
   elif [[ ${words[1]} == captures ]]; then
     choices=""
-    (( COMP_CWORD == 2 )) && choices="pack info"
+    (( COMP_CWORD == 2 )) && choices="plan pack register info"
   else
     choices="$(COMP_LINE="sci-lightning ${COMP_LINE#* * }" sci-lightning "${words[1]}" -sc query=bash 2>/dev/null)"
   fi

@@ -62,7 +62,7 @@ def evaluate(composition: Composition) -> float:
             raise BadInput(f"{error}; {resized(checkpoint, error.size)}") from error
     else:
         captures = read_captures(cfg.captures)
-        loader, test_encoder = DataLoader(CapturedSnapshots(captures, camera.mask())), captures.name
+        loader, test_encoder = DataLoader(CapturedSnapshots(captures, camera.mask(), camera.size)), captures.name
         cfg.data = None
     names = {**trained["names"], "test_encoder": test_encoder}
 

@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.captures``: plan a calibration session, pack what was recorded, see what is in a file."""
+"""``python -m sci_lightning.captures``: plan a session, pack and register what was recorded, see what is in a file."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from sci_lightning.files.plain_text import one_printable_line
 
 USAGE = """python -m sci_lightning.captures plan FOLDER            write a session's shot list and what to display
 python -m sci_lightning.captures pack FOLDER out=FILE   make one captures file of a folder of pictures
+python -m sci_lightning.captures register PLACE         find where the mirrors lie in a file's or folder's field
 python -m sci_lightning.captures info FILE              check a captures file, sum it up and draw its contact sheet
 
 Each takes --help, which lists its settings."""
@@ -59,6 +60,35 @@ def pack(composition: Composition) -> None:
     print_next(console, invocation("diagnose", paths={"captures": cfg.out}))
 
 
+def register(composition: Composition) -> None:
+    """Find the homography of a captures file's patterns, print what it means, and write it into the file.
+
+    Args:
+        composition: of ``conf/captures_register.yaml``.
+    """
+    from sci_lightning.captures.registration import register as find_homography
+    from sci_lightning.captures.registration.homography_file import read_unregistered, write_homography
+    from sci_lightning.imaging.homography import covered, pixels_per_mirror
+
+    cfg, console = composition.cfg, PlainConsole()
+    captures = read_unregistered(cfg.captures, cfg.again)
+    pitch = None if cfg.pitch is None else (float(cfg.pitch[0]), float(cfg.pitch[1]))
+    registration = find_homography(captures, cfg.perspective, pitch, on_progress=console.print)
+    across, down = pixels_per_mirror(registration.matrix, captures.size)
+    part = covered(registration.matrix, captures.size, captures.mirrors).mean()
+    written = write_homography(cfg.captures, registration.matrix)
+    console.print(
+        f"{captures.mirrors[0]} x {captures.mirrors[1]} mirrors of {across:.4g} x {down:.4g} pixels (wide, high) cover "
+        f"{100 * part:.0f} % of the field; residual {registration.residual:.2f} pixels, correlation "
+        f"{registration.correlation:.3f}, from {len(registration.captures)} captures"
+    )
+    console.say(styled(written), ": sensor_to_modulator")
+    if Path(cfg.captures).is_dir():
+        print_next(console, invocation("captures", "pack", nearest(cfg.captures), "out=lab.h5"))
+    else:
+        print_next(console, invocation("diagnose", paths={"captures": cfg.captures}))
+
+
 def info(composition: Composition) -> None:
     """Print the table of a captures file and write its contact sheet.
 
@@ -83,18 +113,25 @@ def info(composition: Composition) -> None:
     print_next(console, invocation("diagnose", paths={"captures": cfg.captures}))
 
 
-COMMANDS = {"plan": (plan, "out"), "pack": (pack, "folder"), "info": (info, "captures")}
+COMMANDS = {
+    "plan": (plan, "out"),
+    "pack": (pack, "folder"),
+    "register": (register, "captures"),
+    "info": (info, "captures"),
+}
 """Function of every command, and the setting that its plain word stands for."""
 
 
 def main() -> None:
-    """Run ``plan``, ``pack`` or ``info`` with the words that follow it."""
+    """Run ``plan``, ``pack``, ``register`` or ``info`` with the words that follow it."""
     program, name, *words = sys.argv if len(sys.argv) > 1 else (*sys.argv, "nothing")
     if name in ("--help", "-h"):
         print(USAGE)
         return
     if name not in COMMANDS:
-        print(f"error: {one_printable_line(name)}: no such command; choose plan, pack or info", file=sys.stderr)
+        print(
+            f"error: {one_printable_line(name)}: no such command; choose plan, pack, register or info", file=sys.stderr
+        )
         sys.exit(2)
     task, key = COMMANDS[name]
     sys.argv = [program, *with_keys(words, [key])]

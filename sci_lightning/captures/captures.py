@@ -21,7 +21,7 @@ class Captures:
     The nominal measurement is ``clip(aperture * sum_t patterns[sequence[t]] * scene[t], 0, 1) * full_scale``.
 
     Attributes:
-        patterns: (P, H, W) float32 in [0, 1], the commanded patterns of the modulator.
+        patterns: (P, H, W) float32 in [0, 1], the commanded patterns of the modulator; (P, Hm, Wm) on its own grid.
         sequence: (N, T) int64, index into ``patterns`` for every slot.
         measurement: (N, H, W) uint8 or uint16, raw DN.
         scene: (N, T, H, W) float32, nominal irradiance, 0 or more; all NaN for a capture whose scene is unknown.
@@ -37,6 +37,8 @@ class Captures:
         verification: numbers of the captures that no fit and no choice of a model may see; None where nobody has chosen
             them, so that a diagnosis does.
         path: the file that was read; None for captures that were never in a file.
+        sensor_to_modulator: (3, 3) float64, nominal homography of patterns on the modulator's own grid, see
+            :mod:`~sci_lightning.imaging.homography`; None where every mirror is a pixel, or nobody has registered them.
     """
 
     patterns: np.ndarray
@@ -53,6 +55,7 @@ class Captures:
     path: Path | None = None
     surround: str = "unknown"
     verification: tuple[int, ...] | None = None
+    sensor_to_modulator: np.ndarray | None = None
 
     def __len__(self) -> int:
         """The number of captures, N."""
@@ -72,6 +75,12 @@ class Captures:
     def size(self) -> tuple[int, int]:
         """Height and width (H, W) in pixels."""
         height, width = self.measurement.shape[1:]
+        return int(height), int(width)
+
+    @property
+    def mirrors(self) -> tuple[int, int]:
+        """Height and width of the patterns, which differ from :attr:`size` on a grid of their own."""
+        height, width = self.patterns.shape[1:]
         return int(height), int(width)
 
     @property

@@ -177,6 +177,23 @@ class Contents:
             raise self.refusal(f"attribute '{name}' is {type(value).__name__}, expected a string or one number")
         return value
 
+    def matrix(self, name: str, shape: tuple[int, int]) -> np.ndarray | None:
+        """Return an attribute that is a float64 matrix of this shape, None if there is none.
+
+        Raises:
+            BadInput: something else.
+        """
+        if name not in self.file.attrs:
+            return None
+        expected = f"{shape[0]} x {shape[1]} numbers"
+        try:
+            stored = self.file.attrs.get_id(name)
+            if stored.shape != shape or stored.dtype.kind not in "uif":
+                raise self.refusal(f"attribute '{name}' is {stored.dtype} of shape {stored.shape}, expected {expected}")
+            return np.array(self.file.attrs[name], np.float64)
+        except (OSError, RuntimeError, TypeError) as error:
+            raise self.refusal(f"attribute '{name}' cannot be read, expected {expected}") from error
+
     def indices(self, name: str, count: int) -> tuple[int, ...] | None:
         """Return an attribute that lists different whole numbers below ``count``; None if there is none.
 

@@ -23,7 +23,7 @@ def infer_kind(patterns: np.ndarray, sequence: np.ndarray, scene: np.ndarray, ap
     - dynamic: anything else.
 
     Args:
-        patterns: (P, H, W) in [0, 1].
+        patterns: (P, H, W) in [0, 1], or (P, Hm, Wm) on a grid of their own.
         sequence: (T,) index into ``patterns`` for every slot.
         scene: (T, H, W) nominal irradiance, NaN where unknown.
         aperture: light scale of the capture, 0 or more.
@@ -38,11 +38,16 @@ def infer_kind(patterns: np.ndarray, sequence: np.ndarray, scene: np.ndarray, ap
     shown = [slot for slot, index in enumerate(sequence) if patterns[index].any()]
     if not shown or (len(shown) == 1 and len(sequence) > 1):
         return "pattern"
-    if not any((patterns[sequence[slot]] * scene[slot]).any() for slot in shown):
+    if not any(_lights(patterns[sequence[slot]], scene[slot]) for slot in shown):
         return "dark"
     if scene.max() - scene.min() <= EQUAL:
         return "flat"
     return "static" if (np.abs(scene - scene[:1]) <= EQUAL).all() else "dynamic"
+
+
+def _lights(pattern: np.ndarray, frame: np.ndarray) -> bool:
+    """Return whether light passes; of a pattern on a grid of its own only whether both have any."""
+    return bool((pattern * frame).any() if pattern.shape == frame.shape else frame.any())
 
 
 def infer_kinds(patterns: np.ndarray, sequence: np.ndarray, scene: np.ndarray, aperture: np.ndarray) -> tuple[str, ...]:

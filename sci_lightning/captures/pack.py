@@ -18,6 +18,7 @@ from sci_lightning.captures.write import write_captures
 from sci_lightning.errors import BadInput
 from sci_lightning.files.memory_bound import check_memory
 from sci_lightning.files.picture_file import read_pictures
+from sci_lightning.imaging.homography import check_homography, nearest_mirrors
 
 MOST_SLOTS = 5_000_000
 """Largest number of slots of all entries together; every one of them is checked."""
@@ -46,6 +47,23 @@ def pack_captures(
         BadInput: a key or a file that cannot be used, or that contradicts the others; the message names the key.
         MachineFailure: the disk is full.
     """
+    return write_captures(out, assemble_captures(folder, on_warning=on_warning))
+
+
+def assemble_captures(
+    folder: str | Path, *, on_warning: Callable[[str], object] = warnings.warn, registered: bool = True
+) -> Captures:
+    """Read the captures of a folder as :func:`pack_captures` does, without writing them.
+
+    Args:
+        folder: holds ``captures.yaml``.
+        on_warning: called with one line for everything that is unlikely.
+        registered: whether patterns of another size than the field's are refused as long as nobody has said where they
+            lie in it. As long as nobody has, nothing is compared with what they predict.
+
+    Raises:
+        BadInput: see :func:`pack_captures`.
+    """
     recipe = read_recipe(folder)
     bit_depth = recipe.top.whole("bit_depth", low=1, high=16)
     if bit_depth is None:
@@ -58,20 +76,26 @@ def pack_captures(
             f"{recipe.top.where}{len(recipe.entries)} entries of {frames} slots, expected at most {MOST_SLOTS:,} slots "
             "in all; several captures can be one entry"
         )
+    homography = recipe.top.matrix("sensor_to_modulator")
+    size = patterns.shape[1:] if homography is None and registered else None
     packed: list[Entry] = []
     for node in recipe.entries:
-        measurement = _measurement(recipe.folder, node, bit_depth, patterns.shape[1:])
+        of_patterns = homography is None and registered
+        measurement = _measurement(recipe.folder, node, bit_depth, size, "the patterns" if of_patterns else "the first")
+        size = (measurement.shape[1], measurement.shape[2])
         packed.append(_pack(recipe.folder, node, measurement, patterns, words, frames))
         taken = sum(entry.measurement.nbytes for entry in packed)
         check_memory(f"{node.where}all measurements so far", COPIES * taken)
     check_entries(packed)
-    for line in suspicions(recipe.top, packed, patterns, len(patterns) - len(words), bit_depth, level):
-        on_warning(line)
+    seen = _in_field(recipe, patterns, homography, packed[0].measurement.shape[1:])
+    if seen is not None:
+        for line in suspicions(recipe.top, packed, seen, len(patterns) - len(words), bit_depth, level):
+            on_warning(line)
     repeats = [len(entry.measurement) for entry in packed]
     check_memory(
         f"{recipe.top.where}{sum(repeats)} captures of {frames} slots", 4 * sum(repeats) * packed[0].scene.size
     )
-    captures = Captures(
+    return Captures(
         patterns=patterns,
         sequence=np.repeat([entry.sequence for entry in packed], repeats, 0),
         measurement=np.concatenate([entry.measurement for entry in packed]),
@@ -85,8 +109,22 @@ def pack_captures(
         verification=_verification(packed),
         surround=recipe.top.text("surround", SURROUNDS) or SURROUNDS[0],
         name=recipe.top.text("name") or Path(folder).resolve().name,
+        sensor_to_modulator=homography,
     )
-    return write_captures(out, captures)
+
+
+def _in_field(
+    recipe: Recipe, patterns: np.ndarray, homography: np.ndarray | None, field: tuple[int, ...]
+) -> np.ndarray | None:
+    """Return the patterns as the pixels of a field see them, (P, H, W); None where nobody has said where they lie."""
+    if homography is None:
+        return patterns if patterns.shape[1:] == field else None
+    size, mirrors = (field[0], field[1]), (patterns.shape[1], patterns.shape[2])
+    try:
+        check_homography(homography, size, mirrors)
+    except BadInput as error:
+        raise BadInput(f"{recipe.top.where}{error}") from error
+    return nearest_mirrors(patterns, homography, size)
 
 
 def _verification(packed: list[Entry]) -> tuple[int, ...] | None:
@@ -99,7 +137,7 @@ def _pack(
     folder: Path, entry: Node, measurement: np.ndarray, patterns: np.ndarray, words: dict[str, int], frames: int
 ) -> Entry:
     sequence = _sequence(entry, len(patterns), words, frames)
-    scene = _scene(folder, entry, (frames, *patterns.shape[1:]))
+    scene = _scene(folder, entry, (frames, *measurement.shape[1:]))
     aperture, exposure = (1.0 if (v := entry.number(k, low=0)) is None else v for k in ("aperture", "exposure"))
     kind = entry.text("kind") or infer_kind(patterns, sequence, scene, aperture)
     return Entry(entry, measurement, sequence, scene, aperture, exposure, kind)
@@ -131,13 +169,14 @@ def _frames(recipe: Recipe, coding: int) -> int:
     return recipe.top.whole("frames", low=1, high=100_000) or (listed[0] if listed else coding)
 
 
-def _measurement(folder: Path, entry: Node, bit_depth: int, size: tuple[int, ...]) -> np.ndarray:
+def _measurement(folder: Path, entry: Node, bit_depth: int, size: tuple[int, ...] | None, whose: str) -> np.ndarray:
     stacks = _stacks(folder, entry, "measurement", entry.files("measurement"), "meas")
     values = np.concatenate(stacks)
     expected = f"raw DN, whole numbers from 0 to {2**bit_depth - 1} ({bit_depth} bits)"
-    if values.shape[1:] != size:
+    if size is not None and values.shape[1:] != size:
         swapped = "; are H and W swapped?" if values.shape[1:] == size[::-1] else ""
-        raise entry.refusal("measurement", f"(H, W) is {values.shape[1:]}, that of the patterns is {size}{swapped}")
+        own = "" if swapped or whose != "the patterns" else "; for mirrors on a grid of their own: captures register"
+        raise entry.refusal("measurement", f"(H, W) is {values.shape[1:]}, that of {whose} is {size}{swapped or own}")
     # MATLAB stores whole numbers as double; fractions mean that the raw DN were divided
     if values.dtype.kind not in "ui" and not np.equal(values, np.round(values)).all():
         raise entry.refusal("measurement", f"{values.dtype} up to {values.max():g}, expected {expected}")

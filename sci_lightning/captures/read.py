@@ -9,20 +9,21 @@ from pathlib import Path
 import numpy as np
 
 from sci_lightning.captures.captures import SURROUNDS, Captures
-from sci_lightning.captures.contents import Contents
+from sci_lightning.captures.contents import Contents, Shape
 from sci_lightning.captures.kind import KINDS, infer_kinds
 from sci_lightning.errors import BadInput
 from sci_lightning.files.hdf5_file import open_hdf5
 from sci_lightning.files.memory_bound import check_memory
+from sci_lightning.imaging.homography import check_homography
 
 FORMAT, FORMAT_VERSION = "sci-captures", 2
 READABLE = (1, 2)
-"""Versions of the format that are read; version 1 knows none of ``surround`` and ``verification``."""
+"""Versions of the format that are read; version 1 has no ``surround``, ``verification``, ``sensor_to_modulator``."""
 MOST_CAPTURES = 100_000
 """Largest number of captures in one file; one per second makes 86,400 a day."""
 
 
-def read_captures(path: str | Path, *, called: str | Path | None = None) -> Captures:
+def read_captures(path: str | Path, *, called: str | Path | None = None, registered: bool = True) -> Captures:
     """Read a captures file (HDF5, ``sci-captures`` 1 or 2) and check all of it.
 
     Defaults for what the file does not state: every capture shows the patterns in their order (T = P), scenes are
@@ -32,6 +33,8 @@ def read_captures(path: str | Path, *, called: str | Path | None = None) -> Capt
     Args:
         path: the file.
         called: its name in error messages; None for the path.
+        registered: whether patterns of another size than the field's are refused as long as nobody has said where they
+            lie in it (``sensor_to_modulator``).
 
     Raises:
         BadInput: missing, unreadable or of another format; a dataset or attribute that is missing, of another type or
@@ -46,14 +49,13 @@ def read_captures(path: str | Path, *, called: str | Path | None = None) -> Capt
     if not path.is_file():
         raise BadInput(f"{name}: no such file")
     with open_hdf5(path, name, "a captures file") as file:
-        return _captures(Contents(file, name), path)
+        return _captures(Contents(file, name), path, registered)
 
 
-def _captures(contents: Contents, path: Path) -> Captures:
+def _captures(contents: Contents, path: Path, registered: bool) -> Captures:
     version = _check_format(contents)
-    if version > 1:
-        _refuse_another_grid(contents)
-    _check_sizes(contents)
+    homography = contents.matrix("sensor_to_modulator", (3, 3)) if version > 1 else None
+    mirrors = _check_sizes(contents, version, registered and homography is None)
     bits = _number(contents, "bit_depth", "a whole number from 1 to 16", lambda v: 1 <= v <= 16 and v == int(v))
     if bits is None:
         raise contents.refusal("no attribute 'bit_depth', expected a whole number from 1 to 16")
@@ -61,7 +63,7 @@ def _captures(contents: Contents, path: Path) -> Captures:
     count, height, width = measurement.shape
     frame = {"H": height, "W": width}
     with np.errstate(over="ignore"):  # beyond float32 is infinite, and refused as that
-        patterns = contents.required_numbers("patterns", "buif", {"P": None, **frame}).astype(np.float32)
+        patterns = contents.required_numbers("patterns", "buif", {"P": None, **mirrors}).astype(np.float32)
         _check_range(contents, "'patterns'", patterns, 1)
         sequence = _sequence(contents, count, len(patterns))
         scene = _scene(contents, {"N": count, "T": sequence.shape[1], **frame})
@@ -70,6 +72,11 @@ def _captures(contents: Contents, path: Path) -> Captures:
     for index, label in enumerate(kind or ()):
         if label not in KINDS:
             raise contents.refusal(f"'kind' of capture {index} is {label!r}, expected one of {', '.join(KINDS)}")
+    if homography is not None:
+        try:
+            check_homography(homography, (height, width), patterns.shape[1:])
+        except BadInput as error:
+            raise contents.refusal(str(error)) from error
     title = contents.attribute("name")
     if not isinstance(title, str | None):
         raise contents.refusal(f"attribute 'name' is {title!r}, expected a string")
@@ -88,6 +95,7 @@ def _captures(contents: Contents, path: Path) -> Captures:
         path=path,
         surround=_surround(contents) if version > 1 else SURROUNDS[0],
         verification=contents.indices("verification", count) if version > 1 else None,
+        sensor_to_modulator=homography,
     )
 
 
@@ -101,15 +109,6 @@ def _check_format(contents: Contents) -> int:
         if content not in readable:
             raise contents.refusal(f"attribute '{name}' is {content!r}, expected {expected}")
     return int(content or 0)
-
-
-def _refuse_another_grid(contents: Contents) -> None:
-    """Refuse patterns on a grid of their own: a diagnosis would take them for patterns of the field."""
-    if "sensor_to_modulator" in contents.file.attrs:
-        raise contents.refusal(
-            "attribute 'sensor_to_modulator' is not supported yet, expected patterns that are resampled to the field's "
-            "pixels, and no such attribute"
-        )
 
 
 def _surround(contents: Contents) -> str:
@@ -131,13 +130,33 @@ def _number(contents: Contents, name: str, expected: str, is_right: Callable[[fl
     return float(value)
 
 
-def _check_sizes(contents: Contents) -> None:
-    """Check the shape of every dataset, and that all of them fit into memory together, before any is read."""
+def _check_sizes(contents: Contents, version: int, one_grid: bool) -> Shape:
+    """Check the shape of every dataset, and that all of them fit into memory together, before any is read.
+
+    Args:
+        contents: the file.
+        version: of its format.
+        one_grid: whether the patterns have to be of the field's size.
+
+    Returns:
+        the size of the patterns.
+    """
     measurement = contents.required_dataset("measurement", {"N": None, "H": None, "W": None})
     count, height, width = measurement.shape
     if count > MOST_CAPTURES:
         raise contents.refusal(f"'measurement' declares {count} captures, expected at most {MOST_CAPTURES}")
-    patterns = contents.required_dataset("patterns", {"P": None, "H": height, "W": width})
+    mirrors: Shape = {"H": height, "W": width}
+    if version > 1:
+        patterns = contents.required_dataset("patterns", {"P": None, "Hm": None, "Wm": None})
+        other = patterns.shape[1:] != (height, width)
+        if other and one_grid:
+            raise contents.refusal(
+                f"'patterns' is {patterns.dtype} of shape {patterns.shape}, expected (P, H, W) = "
+                f"{(len(patterns), height, width)}, or an attribute 'sensor_to_modulator' that says where they lie in "
+                "the field: python -m sci_lightning.captures register finds it"
+            )
+        mirrors = dict(zip(("Hm", "Wm") if other else ("H", "W"), patterns.shape[1:], strict=True))
+    patterns = contents.required_dataset("patterns", {"P": None, **mirrors})
     sequence = contents.dataset("sequence", {"N": count, "T": None})
     slots = len(patterns) if sequence is None else sequence.shape[1]
     contents.dataset("scene", {"N": count, "T": slots, "H": height, "W": width})
@@ -145,8 +164,9 @@ def _check_sizes(contents: Contents) -> None:
         contents.dataset(name, {"N": count})
     pixels = height * width
     declared = measurement.dtype.itemsize * count * pixels + 8 * count * slots
-    declared += 4 * pixels * (len(patterns) + count * slots)  # the scene is NaN where the file has none
+    declared += 4 * (patterns.size + pixels * count * slots)  # the scene is NaN where the file has none
     check_memory(f"{contents.called}: N = {count} captures of {slots} slots, {height} x {width} pixels,", declared)
+    return mirrors
 
 
 def _measurement(contents: Contents, bits: int) -> np.ndarray:

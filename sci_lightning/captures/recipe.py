@@ -4,6 +4,8 @@
     name: lab camera               # optional, as are the next four
     read_noise_dn: 2.1             # datasheet: standard deviation, DN
     full_well_e: 10500             # datasheet: electrons at full scale
+    sensor_to_modulator: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]   # of patterns on the modulator's own grid: homography from
+                                   # a pixel's (x, y, 1) to a mirror's (u, v, 1); `captures register` finds it
     surround: dark                 # what lies beyond the patterns: dark (no light), else unknown
     frames: 8                      # T, slots per capture; else that of the first listed sequence, else the number of
                                    # coding patterns
@@ -33,6 +35,8 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from sci_lightning.captures.kind import KINDS
 from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_text import excerpt
@@ -48,6 +52,7 @@ TOP = (
     "name",
     "read_noise_dn",
     "full_well_e",
+    "sensor_to_modulator",
     "surround",
     "frames",
     "patterns",
@@ -108,6 +113,17 @@ class Node:
         if not isinstance(value, bool):
             raise self.refusal(key, f"expected true or false, got {value!r}")
         return value
+
+    def matrix(self, key: str) -> np.ndarray | None:
+        """Return 3 x 3 numbers as float64, None where the key is absent."""
+        value = self.values.get(key)
+        if value is None:
+            return None
+        rows = value if isinstance(value, list) else []
+        numbers = [[as_number(entry) for entry in row] if isinstance(row, list) else [] for row in rows]
+        if len(numbers) != 3 or any(len(row) != 3 or None in row for row in numbers):
+            raise self.refusal(key, f"expected three rows of three numbers, got {excerpt(value, 60)}")
+        return np.array(numbers, np.float64)
 
     def files(self, key: str) -> list[str]:
         """Return one or more file names or globs."""

@@ -7,6 +7,7 @@ from rich.table import Table
 
 from sci_lightning.captures.captures import Captures
 from sci_lightning.captures.kind import KINDS
+from sci_lightning.imaging.homography import covered, pixels_per_mirror
 
 
 def summary_table(captures: Captures) -> Table:
@@ -46,6 +47,7 @@ def summary_lines(captures: Captures) -> list[str]:
     lines = [
         f"N = {len(captures)} captures, H x W = {height} x {width}, T = {captures.frames} slots, "
         f"P = {patterns} patterns",
+        *([] if captures.sensor_to_modulator is None else [_grid_line(captures)]),
         f"beyond the patterns: {'no light' if captures.surround == 'dark' else 'unknown'}",
         f"{captures.bit_depth} bits (0 to {captures.full_scale} DN); datasheet: {', '.join(datasheet)}",
     ]
@@ -54,6 +56,18 @@ def summary_lines(captures: Captures) -> list[str]:
         if content not in ("unknown", label) and label != "unknown":
             lines.append(f"capture {index} is labelled {label}, its patterns and scene are those of a {content} one")
     return lines
+
+
+def _grid_line(captures: Captures) -> str:
+    """Return what the homography of a modulator on its own grid means."""
+    assert captures.sensor_to_modulator is not None
+    (height, width), (rows, columns) = captures.size, captures.mirrors
+    across, down = pixels_per_mirror(captures.sensor_to_modulator, captures.size)
+    part = covered(captures.sensor_to_modulator, (height, width), (rows, columns)).mean()
+    return (
+        f"patterns of {rows} x {columns} mirrors, {across:.3g} x {down:.3g} pixels each (wide, high); they cover "
+        f"{100 * part:.0f} % of the field"
+    )
 
 
 def _percentage(mask: np.ndarray) -> str:

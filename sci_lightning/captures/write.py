@@ -19,7 +19,8 @@ ENDINGS = (".h5", ".hdf5")
 def write_captures(path: str | Path, captures: Captures) -> Captures:
     """Write a captures file, unless :func:`read_captures` would refuse it.
 
-    Images are compressed without loss. The scene is left out if it is unknown for every capture.
+    Images are compressed without loss. The scene is left out if it is unknown for every capture. Patterns of another
+    size than the field's may wait for their registration.
 
     Args:
         path: the file, .h5 or .hdf5; it is written whole or not at all.
@@ -40,11 +41,13 @@ def write_captures(path: str | Path, captures: Captures) -> Captures:
             attributes[name] = value
     if captures.verification is not None:
         attributes["verification"] = np.array(captures.verification, np.int64)
+    if captures.sensor_to_modulator is not None:
+        attributes["sensor_to_modulator"] = np.array(captures.sensor_to_modulator, np.float64)
     datasets = {name: getattr(captures, name) for name in ("patterns", "sequence", "measurement")}
     if not np.isnan(captures.scene).all():
         datasets["scene"] = captures.scene
     datasets |= {"aperture": captures.aperture, "exposure": captures.exposure}
     with atomic_write(path) as temporary:
         write_hdf5(temporary, attributes, {**datasets, "kind": captures.kind})
-        written = read_captures(temporary, called=path)
+        written = read_captures(temporary, called=path, registered=False)
     return replace(written, name=captures.name or path.stem, path=path)

@@ -49,7 +49,7 @@ class EncoderFile:
     content: dict[str, Any]
 
     def field(self) -> dict[str, Any]:
-        """``frames`` and ``size`` of its mask, as far as the file or the mask file that it names says."""
+        """``frames`` of its mask and ``size`` of its field, as far as the file or the mask file that it names says."""
         mask = self.content.get("mask")
         if not isinstance(mask, Mapping):
             return {}
@@ -59,6 +59,10 @@ class EncoderFile:
 
             frames, *size = read_mask(file, mask.get("key")).shape
             known = {"frames": frames, "size": size, **known}
+        if self.content.get("sensor_to_modulator") is not None:  # the mask's size is that of the modulator
+            known.pop("size", None)
+            field = self.content.get("size")
+            known |= {} if field in (None, REFERENCES["size"]) else {"size": field}
         for key, value in known.items():
             check_value(f"{self.path}: encoder.mask.{key}", value, FIELD[key])
         return known

@@ -126,6 +126,9 @@ SETTINGS: Mapping[str, Any] = {
     "candidates": Annotated[Mapping[str, Name], DocInfo("effects of your own, +candidates.mine=my_module.Mine")],
     # captures, virtual_camera.reveal (the number of captures of a kind: see virtual_camera)
     "folder": Place,
+    "perspective": bool,
+    "pitch": Annotated[Sequence[Positive], Len(2, 2), DocInfo("two positive numbers [ACROSS,DOWN]")],
+    "again": bool,
     "truth": Place,
     "report": Place,
     "long_dark": Count,
@@ -156,7 +159,7 @@ SETTINGS: Mapping[str, Any] = {
     # proving_ground
     "suites": Sequence[Name],
     "seeds": Repeats,
-    "cases": Repeats,
+    "cases": Repeats | None,  # 4 where nothing is said; null for all
     "masks": Sequence[Name],
     "slots": Sequence[Frames],
     "datasheets": Sequence[Name],

@@ -21,19 +21,24 @@ class CapturedSnapshots(Dataset[tuple[int, torch.Tensor, torch.Tensor, torch.Ten
 
     Args:
         captures: of one camera.
-        mask: ``(T, H, W)`` in [0, 1], the patterns that a capture must have been commanded to display, in this order.
+        mask: ``(T, H, W)`` in [0, 1], the patterns that a capture must have been commanded to display, in this order;
+            ``(T, Hm, Wm)`` of a modulator on a grid of its own.
+        size: (H, W) of the field; None for the mask's.
 
     Raises:
         BadInput: the captures have another size or number of slots than the mask; no known scene moves; or none of
             the captures of moving scenes displayed the mask.
     """
 
-    def __init__(self, captures: Captures, mask: torch.Tensor) -> None:
+    def __init__(self, captures: Captures, mask: torch.Tensor, size: tuple[int, int] | None = None) -> None:
         name, needed = captures.path or captures.name, "of a known scene that moves"
-        taken = (captures.frames, *captures.size)
-        if taken != tuple(mask.shape):
+        taken, wanted = (captures.frames, *captures.size), (len(mask), *(size or mask.shape[1:]))
+        displayed = (captures.frames, *captures.patterns.shape[1:])
+        if taken != wanted or displayed != tuple(mask.shape):
+            other = taken if taken != wanted else displayed
+            mine = wanted if taken != wanted else tuple(mask.shape)
             raise BadInput(
-                f"{name}: captures of {_times(taken)}, the mask is {_times(mask.shape)} (T x H x W); they must agree"
+                f"{name}: captures of {_times(other)}, the mask is {_times(mine)} (T x H x W); they must agree"
             )
         moving = [kind == "dynamic" for kind in captures.inferred_kind]
         if not any(moving):

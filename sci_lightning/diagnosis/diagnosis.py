@@ -17,18 +17,20 @@ from typing import TYPE_CHECKING
 
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis import vocabulary as effects_vocabulary
+from sci_lightning.diagnosis.bad_captures.bad_capture import BadCapture
+from sci_lightning.diagnosis.bad_captures.leave_out import bad_verification_captures, explain_without_bad_captures
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.gap import Gap, held_out_gap
-from sci_lightning.diagnosis.fit.split import Split, split
+from sci_lightning.diagnosis.fit.split import Split
 from sci_lightning.diagnosis.fit.verification import Verification, set_aside, verify
 from sci_lightning.diagnosis.laboratory import SceneEffect
-from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
+from sci_lightning.diagnosis.model.camera_model import CameraModel
 from sci_lightning.diagnosis.model.observation import Observation, observe
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
 from sci_lightning.diagnosis.residual_tests.where import ask
 from sci_lightning.diagnosis.search.evidence import ErrorCorrelation, NamedEffect, error_correlation, named_effects
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
-from sci_lightning.diagnosis.search.search import Round, search
+from sci_lightning.diagnosis.search.search import Round
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.verdict import verdict
 from sci_lightning.encoder.effects import Effect
@@ -76,6 +78,7 @@ class Diagnosis:
         remaining: residual tests that find more than noise in what the corrected camera leaves, see
             :func:`remaining_tests`; verdict and headline follow from them.
         verification: the gap on captures that nothing has seen, on which the verdict rests; None where none are kept.
+        bad_captures: captures that do not fit the others and count nowhere.
     """
 
     observation: Observation
@@ -92,6 +95,7 @@ class Diagnosis:
     correlation: ErrorCorrelation
     remaining: tuple[ResidualTest, ...]
     verification: Verification | None = None
+    bad_captures: tuple[BadCapture, ...] = ()
 
     @property
     def judging(self) -> tuple[Gap, Gap]:
@@ -161,22 +165,17 @@ def diagnose(
         BadInput: no capture with a known scene, all saturated, or all black.
     """
     settings = settings or SearchSettings()
-    observation, unseen = set_aside(observe(captures), settings.verification_one_in)
-    model = CameraModel(observation, effects_vocabulary.vocabulary() if vocabulary is None else vocabulary)
-    fitter = Fitter(model, split(observation, settings), settings)
-    noise, stated_by_file = datasheet_noise(observation)
-    ideal = fitter.fit(noise, fixed=stated_by_file, iterations=30)
-    explanation = search(fitter, ideal, noise, on_progress)
-    if explanation.fitter is not fitter:
-        fitter = explanation.fitter
-        ideal = fitter.fit(noise, fixed=stated_by_file, iterations=30)
-    corrected = explanation.fit
-    if explanation.unnamed and not empirical:  # the noise keeps its values: it must not absorb what has no name
-        named = explanation.fit.hypothesis
-        for deviation in explanation.unnamed:
-            named = named.without(deviation.name)
-        fixed = tuple((effect, parameter) for effect in noise.effects for parameter in noise.effects[effect])
-        corrected = fitter.fit(named, fixed=fixed)
+    everything = observe(captures)
+    seen, unseen = set_aside(everything, settings.verification_one_in)
+    names_of_effects = effects_vocabulary.vocabulary() if vocabulary is None else vocabulary
+    agreement = explain_without_bad_captures(CameraModel(seen, names_of_effects), settings, on_progress)
+    explained, bad = agreement.explained, agreement.bad
+    fitter, explanation = explained.fitter, explained.explanation
+    model, observation = fitter.model, fitter.model.observation
+    if unseen is not None and settings.find_bad_captures:
+        odd, worse = bad_verification_captures(explained, observation, unseen, everything)
+        unseen, bad = None if odd.all() else unseen.take(~odd), (*bad, *worse)
+    ideal, corrected = explained.ideal, explained.corrected(empirical)
     before, after = (assess(fitter, fit, seed) for fit in (ideal, corrected))
     names = sorted(explanation.names, key=lambda name: model.vocabulary[name].rank)
     return Diagnosis(
@@ -190,10 +189,11 @@ def diagnose(
         effects=named_effects(fitter, explanation.fit, names),
         unnamed=explanation.unnamed,
         rounds=explanation.rounds,
-        stated_noise=tuple(effect for effect, _ in stated_by_file),
+        stated_noise=tuple(effect for effect, _ in explained.stated),
         correlation=error_correlation(corrected),
         remaining=remaining_tests(fitter, before, after, names),
         verification=None if unseen is None else verify(fitter, before.fit, after.fit, unseen, seed),
+        bad_captures=bad,
     )
 
 

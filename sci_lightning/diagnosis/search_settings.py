@@ -26,6 +26,7 @@ class SearchSettings:
             blocks of the remaining captures; a quarter leaves the fits most of the data.
         verification_one_in: one capture of so many of each kind is kept for verification where the file does not choose
             them; 0 keeps none.
+        find_bad_captures: whether captures that do not fit the others (mislabelled, moved, saturated) are left out.
         border_share: largest part of the field that may be left out on one side, because what lies beyond the patterns
             is unknown and a hypothesis would need it; with both sides at 3/8 a quarter of the field is left.
         contender_share: part of the best candidate's gain from which a candidate takes part in the decision how many
@@ -78,6 +79,7 @@ class SearchSettings:
     held_out_block: Repeats = 16
     held_out_one_in: Repeats = 4
     verification_one_in: Annotated[int, Interval(ge=0, le=10**9)] = 5
+    find_bad_captures: bool = True
     border_share: Annotated[float, Interval(ge=0, le=0.45)] = 0.375
     contender_share: Share = 0.5
     min_progress_nats: Positive = 0.05

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import torch
 from torch import nn
 
+from sci_lightning.configuration.bounds import Size
 from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.stage import OpticsEffect, SensorEffect
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.mask import Mask
+from sci_lightning.encoder.modulator_grid import ModulatorGrid
 from sci_lightning.encoder.physics import deepinv_physics
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput
@@ -39,10 +41,15 @@ class Encoder(nn.Module):
         aperture: a, scale of the light before the sensor, > 0. ``auto`` takes the mask's own ("automatic aperture":
             2/T for binary masks, 1 for structural ones), with which a white scene just fills the sensor on average.
         effects: effects, each name at most once; None is ignored, and of a mapping only the values are used.
+        sensor_to_modulator: nominal homography, 3 x 3, of a mask whose values belong to mirrors on a grid of their own:
+            homogeneous (x, y, 1) of a pixel's centre to (u, v, 1) in mirrors, both from 0 at the first centre. None
+            where every value of the mask is a pixel's.
+        size: (H, W) of the field in pixels, with a homography; the mask's own size is then that of the modulator.
 
     Raises:
         BadInput: an aperture that is neither ``auto`` nor a positive number; an effect given twice; noise stated both
-            by the sensor and as an effect; an effect of fewer bits with a sensor that does not round.
+            by the sensor and as an effect; an effect of fewer bits with a sensor that does not round; a homography
+            that is singular or shows the field too little of the mask, or one without a size.
 
     It is computed in full precision even under ``torch.autocast``.
 
@@ -55,6 +62,8 @@ class Encoder(nn.Module):
         sensor: nn.Module,
         aperture: float | str = "auto",
         effects: Mapping[str, Effect | None] | Iterable[Effect | None] | None = (),
+        sensor_to_modulator: Sequence[Sequence[float]] | None = None,
+        size: Size | None = None,
     ) -> None:
         super().__init__()
         self.mask = mask
@@ -63,7 +72,19 @@ class Encoder(nn.Module):
             raise BadInput(f"encoder aperture must be 'auto' or a positive number, got {aperture!r}")
         self._aperture = aperture
         given = effects.values() if isinstance(effects, Mapping) else effects or ()
-        self.path = LightPath(effect for effect in given if effect is not None)
+        if sensor_to_modulator is not None and size is None:
+            raise BadInput("encoder.sensor_to_modulator needs encoder.size=[H,W], the field in pixels")
+        grid = (
+            None
+            if sensor_to_modulator is None or size is None
+            else ModulatorGrid(sensor_to_modulator, size, self.mask.size)
+        )
+        if grid is None and size is not None and tuple(size) != self.mask.size:
+            raise BadInput(
+                f"encoder.size={list(size)}: the mask is {list(self.mask.size)}; with another size than the field's it "
+                "needs encoder.sensor_to_modulator, which says where its values lie"
+            )
+        self.path = LightPath((effect for effect in given if effect is not None), grid)
         self._refuse_noise_stated_twice()
         self._bits = getattr(sensor, "bit_depth", None)
         if self._bits is None and self.path.effective_bits(16) < 16:
@@ -81,6 +102,11 @@ class Encoder(nn.Module):
                     f"{effect.name.replace('_', ' ')} is stated twice, as encoder.sensor.{argument}="
                     f"{getattr(self.sensor, argument):g} and as the effect {effect.name} with {value:g}: state it once"
                 )
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(H, W) of the field, in pixels."""
+        return self.mask.size if self.path.grid is None else self.path.grid.field
 
     @property
     def aperture(self) -> float:
@@ -185,7 +211,7 @@ class Encoder(nn.Module):
         return deepinv_physics(self.decoder_mask(self.transmittance()), self.aperture)
 
     def _signal(self, light: torch.Tensor, origin: tuple[int, int], cells: int = 1) -> Signal:
-        field, part = self.mask.size, (light.shape[-2] // cells, light.shape[-1] // cells)
+        field, part = self.size, (light.shape[-2] // cells, light.shape[-1] // cells)
         if any(first < 0 or first + side > full for first, side, full in zip(origin, part, field, strict=True)):
             raise BadInput(f"{part} pixels (H, W) from {origin} on are not inside the encoder's field of {field}")
         return Signal(light, light.new_zeros(()), light.new_ones(len(light), 1, 1), self.dn, origin, field, cells)

@@ -19,6 +19,7 @@ from sci_lightning.encoder.effects.stage import (
     SensorEffect,
 )
 from sci_lightning.encoder.exposure import Exposure
+from sci_lightning.encoder.modulator_grid import ModulatorGrid
 from sci_lightning.encoder.relay import Pose
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput
@@ -37,13 +38,15 @@ class LightPath(nn.Module):
 
     Args:
         effects: effects of any stage, each name at most once.
+        grid: where the mirrors nominally lie in the field; None where every mirror is a pixel.
 
     Raises:
         BadInput: a name twice or one that cannot be a key, or something that is not an effect of one of the stages.
     """
 
-    def __init__(self, effects: Iterable[Effect] = ()) -> None:
+    def __init__(self, effects: Iterable[Effect] = (), grid: ModulatorGrid | None = None) -> None:
         super().__init__()
+        self.grid = grid
         given = list(effects)
         for effect in given:
             if not isinstance(effect, Effect):
@@ -71,12 +74,28 @@ class LightPath(nn.Module):
     @property
     def cells(self) -> int:
         """The number of cells along either axis of a pixel: above 1 where a blur has to know where the light falls."""
-        return CELLS if self.of(RelayEffect) and any(effect.subpixel for effect in self.of(OpticsEffect)) else 1
+        displaced = self.grid is not None or self.of(RelayEffect)
+        return CELLS if displaced and any(effect.subpixel for effect in self.of(OpticsEffect)) else 1
 
     def border(self, size: tuple[int, int]) -> Border:
-        """Return how far what lies beyond a field of ``size`` (H, W) reaches into it through all effects together."""
-        borders = (effect.border(size) for effect in self.effects.values() if isinstance(effect, Effect))
-        return sum(borders, Border())
+        """Return how far what lies beyond a field of ``size`` (H, W) reaches into it through all effects together.
+
+        What lies beyond the field may still be on a modulator with a grid of its own, and is then known.
+        """
+        effects = [effect for effect in self.effects.values() if isinstance(effect, Effect)]
+        if self.grid is None:
+            return sum((effect.border(size) for effect in effects), Border())
+        aimed = [relay for relay in self.of(RelayEffect) if type(relay).aim is not RelayEffect.aim]
+        others = (effect.border(size) for effect in effects if effect not in aimed)
+        return sum(others, self.pose.border(self.grid))
+
+    @property
+    def pose(self) -> Pose:
+        """Where the mask's image lies and how sharp it is."""
+        pose = Pose()
+        for relay in self.of(RelayEffect):
+            pose = relay.aim(pose)
+        return pose
 
     def of(self, stage: type[StageEffect]) -> list[StageEffect]:
         """Return the effects of one stage, named by its base class, in order."""
@@ -86,23 +105,27 @@ class LightPath(nn.Module):
     def shows_patterns_as_commanded(self) -> bool:
         """Whether no effect comes between a commanded pattern and what multiplies the frame."""
         between = (ModulatorEffect, RelayEffect, ExposureEffect)
-        return not any(isinstance(effect, between) for effect in self.effects.values())
+        return self.grid is None and not any(isinstance(effect, between) for effect in self.effects.values())
 
     def images(self, patterns: torch.Tensor) -> torch.Tensor:
-        """Modulator and relay: return the images ``(P, qH, qW)`` on the sensor of commanded patterns ``(P, H, W)``."""
-        shown: list[ModulatorEffect | RelayEffect] = [*self.of(ModulatorEffect), *self.of(RelayEffect)]
-        for effect in shown:
+        """Modulator and relay: return the images ``(P, qH, qW)`` on the sensor of commanded patterns ``(P, H, W)``.
+
+        Patterns on a grid of their own are ``(P, Hm, Wm)``. Free-form deviations of the relay are then applied to their
+        nominal image, because they are in pixels.
+        """
+        for effect in self.of(ModulatorEffect):
             patterns = effect.show(patterns)
-        pose = Pose()
+        if self.grid is not None:
+            patterns = self.pose.image(patterns, self.cells, self.grid)
         for relay in self.of(RelayEffect):
-            pose = relay.aim(pose)
-        return pose.image(patterns, self.cells)
+            patterns = relay.show(patterns)
+        return self.pose.image(patterns, self.cells) if self.grid is None else patterns
 
     def transmittance(self, patterns: torch.Tensor, sequence: torch.Tensor | None = None) -> torch.Tensor:
         """Modulator, relay and exposure: return what multiplies each frame of the scene.
 
         Args:
-            patterns: ``(P, H, W)`` commanded patterns.
+            patterns: ``(P, H, W)`` commanded patterns, ``(P, Hm, Wm)`` on a grid of their own.
             sequence: ``(U, T)`` index of the pattern commanded for each slot; None for 0 to P - 1.
 
         Returns:

@@ -6,12 +6,19 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import torch
 
+from sci_lightning.encoder.border import TAIL, Border
+from sci_lightning.encoder.modulator_grid import ModulatorGrid
 from sci_lightning.encoder.square_kernel import reach, square_kernel
 
 NEWTON_STEPS = 6
 """Steps after which the inverse of a radial distortion is exact to rounding, for any in range."""
+FINE_BLUR = 1.1
+"""Standard deviation in mirrors of the second step of a wide blur; the first is done on the mirrors' grid. With as
+much in either step, 1e-5 of the grid's repeated spectra remain: exp(-2 pi^2 a^2 b^2 / (a^2 + b^2)), a and b being
+the two standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -38,19 +45,23 @@ class Pose:
     tilt_y: torch.Tensor | None = None
     k: torch.Tensor | None = None
 
-    def image(self, patterns: torch.Tensor, cells: int = 1) -> torch.Tensor:
+    def image(self, patterns: torch.Tensor, cells: int = 1, grid: ModulatorGrid | None = None) -> torch.Tensor:
         """Return the image of touching square mirrors, integrated over the pixels; it is dark beyond the mirrors.
 
         The integral is exact without rotation, perspective and distortion; with them, a pixel's footprint on the
-        mirrors is taken as an upright rectangle.
+        mirrors is taken as an upright rectangle. On a grid of their own, the mirrors are seen where they nominally lie,
+        and the pose is the deviation from there.
 
         Args:
-            patterns: ``(P, H, W)`` transmittance of the mirrors.
+            patterns: ``(P, H, W)`` transmittance of the mirrors, ``(P, Hm, Wm)`` on a grid of their own.
             cells: q, the number of cells along either axis of a pixel.
+            grid: where the mirrors nominally lie; None where every mirror is a pixel.
 
         Returns:
             ``(P, q H, q W)`` transmittance that each cell sees.
         """
+        if grid is not None:
+            return self._on_own_grid(patterns, cells, grid)
         if all(value is None for value in vars(self).values()):
             return patterns.repeat_interleave(cells, -1).repeat_interleave(cells, -2) if cells > 1 else patterns
         height, width = patterns.shape[-2:]
@@ -59,7 +70,7 @@ class Pose:
         scale = torch.ones((), **options) if self.scale is None else self.scale
         sigma = None if self.sigma is None or float(self.sigma.detach()) < 1e-6 else self.sigma / scale
         if self.k is not None or self.tilt_x is not None:
-            return self._distorted(patterns, cells, sigma, scale)
+            return self._distorted(patterns, cells, sigma)
         y = (_centres(height, cells, options) - (zero if self.dy is None else self.dy)) / scale
         x = (_centres(width, cells, options) - (zero if self.dx is None else self.dx)) / scale
         pixel = 1 / (cells * scale)
@@ -69,26 +80,108 @@ class Pose:
         cos, sin = torch.cos(self.angle), torch.sin(self.angle)
         row = cos * y[:, None] - sin * x + (height - 1) / 2
         column = cos * x + sin * y[:, None] + (width - 1) / 2
-        return _turned(patterns, row, column, sigma, (pixel, pixel))
+        return _turned(patterns, row, column, (sigma, sigma), (pixel, pixel))
 
-    def _distorted(
-        self, patterns: torch.Tensor, cells: int, sigma: torch.Tensor | None, scale: torch.Tensor
-    ) -> torch.Tensor:
+    def _distorted(self, patterns: torch.Tensor, cells: int, sigma: torch.Tensor | None) -> torch.Tensor:
         """Return the image if its magnification differs from place to place."""
         height, width = patterns.shape[-2:]
         options: Any = {"device": patterns.device, "dtype": patterns.dtype}
         y, x = _centres(height, cells, options)[:, None], _centres(width, cells, options)[None]
-        row, column = self._mirror_at(y, x, (height, width), scale)
+        row, column = self.nominal_at(y, x, (height, width))
         half = 0.5 / cells
-        above, below = (self._mirror_at(y + side, x, (height, width), scale)[0] for side in (-half, half))
-        left, right = (self._mirror_at(y, x + side, (height, width), scale)[1] for side in (-half, half))
-        return _turned(patterns, row, column, sigma, ((below - above).abs(), (right - left).abs()))
+        above, below = (self.nominal_at(y + side, x, (height, width))[0] for side in (-half, half))
+        left, right = (self.nominal_at(y, x + side, (height, width))[1] for side in (-half, half))
+        row, column = row + (height - 1) / 2, column + (width - 1) / 2
+        return _turned(patterns, row, column, (sigma, sigma), ((below - above).abs(), (right - left).abs()))
 
-    def _mirror_at(
-        self, y: torch.Tensor, x: torch.Tensor, size: tuple[int, int], scale: torch.Tensor
+    def _on_own_grid(self, patterns: torch.Tensor, cells: int, grid: ModulatorGrid) -> torch.Tensor:
+        """Return the image of mirrors on a grid of their own.
+
+        The footprint of a part of a pixel is the upright rectangle of the same variance along either axis.
+        """
+        parts, sigma = cells * grid.parts, self.sigma
+        if sigma is not None and float(sigma.detach()) < 1e-6:
+            sigma = None
+        if grid.upright and all(value is None for value in (self.angle, self.tilt_x, self.k)):
+            return self._upright_image(patterns, cells, grid, sigma)
+        row, column, pixel = self._footprints(grid, parts, patterns.device)
+        blurs: list[torch.Tensor | None] = [None, None]
+        if sigma is not None:
+            wide = [sigma * parts * side for side in pixel]
+            for axis, side in zip((-2, -1), wide, strict=True):
+                if float(side.detach().amin()) > FINE_BLUR * math.sqrt(2):
+                    first = side.amin().square() - FINE_BLUR**2
+                    patterns = _blurred(patterns, first.sqrt(), axis)
+                    blurs[axis] = (side.square() - first).sqrt()
+                else:
+                    blurs[axis] = side
+        image = _turned(patterns, row, column, (blurs[0], blurs[1]), pixel)
+        return image if grid.parts == 1 else torch.nn.functional.avg_pool2d(image, grid.parts)
+
+    def _upright_image(
+        self, patterns: torch.Tensor, cells: int, grid: ModulatorGrid, sigma: torch.Tensor | None
+    ) -> torch.Tensor:
+        """Return the image of mirrors whose rows and columns are those of the pixels, one axis after the other."""
+        options: Any = {"device": patterns.device, "dtype": torch.float64}
+        scale = torch.ones((), **options) if self.scale is None else self.scale
+        y, x = (_centres(length, cells, options) for length in grid.field)
+        y, x = self.nominal_at(y, x, grid.field, apart=True)
+        kernels = []
+        for place, (pitch, middle), length in zip((y, x), grid.axes(), grid.mirrors, strict=True):
+            blur = None if sigma is None else sigma * abs(pitch) / scale
+            seen = pitch * place + middle
+            kernels.append(_shares(seen, blur, abs(pitch) / (cells * scale), length).to(patterns))
+        return kernels[0] @ patterns @ kernels[1].T
+
+    def _footprints(
+        self, grid: ModulatorGrid, parts: int, device: torch.device | str = "cpu"
+    ) -> tuple[torch.Tensor, torch.Tensor, tuple[torch.Tensor, torch.Tensor]]:
+        """Return row and column of the mirrors that parts of the pixels see, and height and width of their footprints.
+
+        Every one is a field of ``(parts H, parts W)``, in mirrors.
+        """
+        options: Any = {"device": device, "dtype": torch.float64}
+        y, x = (_centres(length, parts, options) for length in grid.field)
+        half = 0.5 / parts
+
+        def seen(down: float, across: float) -> tuple[torch.Tensor, torch.Tensor]:
+            return grid.mirror_at(*self.nominal_at(y[:, None] + down, x[None] + across, grid.field))
+
+        below, above, right, left = seen(half, 0), seen(-half, 0), seen(0, half), seen(0, -half)
+        high, wide = (
+            ((below[axis] - above[axis]).square() + (right[axis] - left[axis]).square()).sqrt() for axis in (0, 1)
+        )
+        row, column = seen(0, 0)
+        return row, column, (high, wide)
+
+    @torch.no_grad()
+    def border(self, grid: ModulatorGrid) -> Border:
+        """Return how far what lies beyond a modulator reaches into the field, in whole pixels from each side.
+
+        Where the modulator's edge crosses the field, the sides are taken off that see most of what lies beyond it.
+        """
+        row, column, (high, wide) = self._footprints(grid, 1)
+        sigma = 0.0 if self.sigma is None else TAIL * float(self.sigma)
+        inside = torch.ones_like(row, dtype=torch.bool)
+        for place, size, length in ((row, high, grid.mirrors[0]), (column, wide, grid.mirrors[1])):
+            reaching = (0.5 + sigma) * size
+            inside &= (place - reaching >= -0.5) & (place + reaching <= length - 0.5)
+        return _cut(inside.numpy())
+
+    def nominal_at(
+        self, y: torch.Tensor, x: torch.Tensor, size: tuple[int, int], apart: bool = False
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return row and column of the mirror that is seen at places y ``(h, 1)`` and x ``(1, w)`` from the centre."""
+        """Return where what is seen at (y, x) would nominally be seen, in pixels from the field's centre.
+
+        Args:
+            y, x: ``(h, 1)`` and ``(1, w)``, or of the same shape.
+            size: (H, W) of the field.
+            apart: whether y and x are ``(h,)`` and ``(w,)`` and stay so, for a pose that neither turns nor distorts.
+        """
         height, width = size
+        scale = 1 if self.scale is None else self.scale
+        if apart:
+            return (y if self.dy is None else y - self.dy) / scale, (x if self.dx is None else x - self.dx) / scale
         y, x = torch.broadcast_tensors(y, x)
         if self.k is not None:
             far = self.k * (y.square() + x.square()) * (4 / (height**2 + width**2))
@@ -104,7 +197,7 @@ class Pose:
         if self.angle is not None:
             cos, sin = torch.cos(self.angle), torch.sin(self.angle)
             y, x = cos * y - sin * x, cos * x + sin * y
-        return y + (height - 1) / 2, x + (width - 1) / 2
+        return y, x
 
 
 def _centres(length: int, cells: int, options: Any) -> torch.Tensor:
@@ -116,7 +209,7 @@ def _taps(
     centre: torch.Tensor, sigma: torch.Tensor | None, pixel: torch.Tensor, length: int
 ) -> list[tuple[torch.Tensor, torch.Tensor]]:
     """Return (index, weight) pairs of all the mirrors that may light the pixels around ``centre``."""
-    radius = reach(0.0 if sigma is None else float(sigma.detach()), float(pixel.detach().max()))
+    radius = reach(0.0 if sigma is None else float(sigma.detach().max()), float(pixel.detach().max()))
     first = torch.floor(centre.detach()).long()
     taps = []
     for step in range(1 - radius, radius + 1):
@@ -136,18 +229,48 @@ def _turned(
     patterns: torch.Tensor,
     row: torch.Tensor,
     column: torch.Tensor,
-    sigma: torch.Tensor | None,
+    sigma: tuple[torch.Tensor | None, torch.Tensor | None],
     pixel: tuple[torch.Tensor, torch.Tensor],
 ) -> torch.Tensor:
-    """Return the image of mirrors seen at fields of rows and columns, of pixels so high and wide in mirrors."""
+    """Return the image of mirrors seen at fields of rows and columns, by pixels and blurs of so many mirrors."""
     height, width = patterns.shape[-2:]
     flat = patterns.flatten(-2)
     image = torch.zeros(())
-    across = _taps(column, sigma, pixel[1], width)
-    for line, down in _taps(row, sigma, pixel[0], height):
+    across = _taps(column, sigma[1], pixel[1], width)
+    for line, down in _taps(row, sigma[0], pixel[0], height):
         for place, over in across:
-            image = image + flat[:, (line * width + place).flatten()].view(-1, *line.shape) * (down * over)
+            weight = (down * over).to(patterns.dtype)
+            image = image + flat[:, (line * width + place).flatten()].view(-1, *line.shape) * weight
     return image
+
+
+def _blurred(patterns: torch.Tensor, sigma: torch.Tensor, axis: int) -> torch.Tensor:
+    """Return patterns blurred along an axis by a Gaussian of ``sigma`` mirrors, dark beyond their edges."""
+    distance = torch.arange(patterns.shape[axis], dtype=torch.float64, device=patterns.device)
+    weight = torch.exp(-((distance[:, None] - distance) / sigma).square() / 2) / (sigma * math.sqrt(2 * math.pi))
+    weight = weight.to(patterns.dtype)
+    return weight @ patterns if axis == -2 else patterns @ weight
+
+
+def _cut(inside: np.ndarray) -> Border:
+    """Return the border around a rectangle of which every pixel is inside, in whole pixels.
+
+    One side after the other is taken off, always that of which the largest part is not inside.
+    """
+    top, left, bottom, right = 0, 0, *inside.shape
+    while top < bottom and left < right:
+        sides = (
+            inside[top, left:right],
+            inside[top:bottom, right - 1],
+            inside[bottom - 1, left:right],
+            inside[top:bottom, left],
+        )
+        shares = [float(side.mean()) for side in sides]
+        worst = int(np.argmin(shares))
+        if shares[worst] == 1:
+            break
+        top, right, bottom, left = top + (worst == 0), right - (worst == 1), bottom - (worst == 2), left + (worst == 3)
+    return Border(top, inside.shape[1] - right, inside.shape[0] - bottom, left)
 
 
 def radians(degrees: torch.Tensor) -> torch.Tensor:

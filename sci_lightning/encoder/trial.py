@@ -22,7 +22,7 @@ def check_recording(encoder: Encoder, where: str) -> None:
     with torch.random.fork_rng(devices=[]):
         try:
             mask = encoder.transmittance()
-            dark = mask.new_zeros(()).expand(1, encoder.mask.frames, *encoder.mask.size)
+            dark = mask.new_zeros(()).expand(1, encoder.mask.frames, *encoder.size)
             encoder.linearise(encoder.record(dark, mask))
         except (BadInput, MachineFailure, OSError, MemoryError):
             raise

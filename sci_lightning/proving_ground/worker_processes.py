@@ -63,9 +63,9 @@ def _receive(receiver: Any, process: Any, case: Case) -> dict[str, Any]:
 
 def _run_in_process(sender: Connection, case: Case, threads: int) -> None:
     """Run one case in the present process and send its record."""
+    Thread(target=_end_with_parent, daemon=True).start()
     import torch
 
-    Thread(target=_end_with_parent, daemon=True).start()
     torch.set_num_threads(threads)
     try:
         from sci_lightning.proving_ground.trial import run_trial

@@ -80,7 +80,6 @@ def run_metrics(system: System, names: Mapping[str, str], config: Mapping[str, A
         names: ``encoder``, ``decoder`` and ``test_encoder`` as the configuration calls them.
         config: the run's plain configuration.
     """
-    mask = system.encoder.mask
     trained = [name for name, effect in (config["encoder"].get("effects") or {}).items() if effect is not None]
     tested: list[str] = [] if config.get("evaluate", {}).get("captures") else system.encoder.path.names
     trained.sort(key=lambda name: tested.index(name) if name in tested else len(tested))  # as the light meets them
@@ -92,7 +91,7 @@ def run_metrics(system: System, names: Mapping[str, str], config: Mapping[str, A
         test_effects=tested,
         **system.tested,
         parameters=count_parameters(system.decoder),
-        macs=count_macs(system.decoder, mask.frames, *mask.size),
+        macs=count_macs(system.decoder, system.encoder.mask.frames, *system.encoder.size),
         config=config,
     )
 

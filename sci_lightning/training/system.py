@@ -263,7 +263,7 @@ class System(L.LightningModule):
         """Return a random window of the mask, of the clip's size, and its origin; ``record`` refuses larger clips."""
         top, left = (
             int(torch.randint(max(1, full - part + 1), ()))
-            for full, part in zip(self.encoder.mask.size, (height, width), strict=True)
+            for full, part in zip(self.encoder.size, (height, width), strict=True)
         )
         return self.encoder.transmittance_window(top, left, height, width), (top, left)
 

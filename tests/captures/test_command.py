@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 import sys
 
 import numpy as np
 import pytest
 
 from sci_lightning.captures import __main__ as command_line
+from sci_lightning.captures import write_captures
 from sci_lightning.virtual_camera import Session, VirtualCamera
+from tests.own_grid_camera import captures, homography
 
 
 @pytest.fixture
@@ -75,11 +78,28 @@ def test_pack(here, tmp_path):
     assert "flat" in here("info", "lab.h5", "out=a.png")
 
 
+def test_register(here, tmp_path):
+    matrix = homography((1.25, 1.25), 1.0, (40, 44), (48, 48))
+    whole = captures(matrix, size=(40, 44), mirrors=(48, 48), sensor_to_modulator=None)
+    write_captures(tmp_path / "own.h5", whole.take(range(8, 12)))
+    printed = here("register", "own.h5", "pitch=[1.2,1.2]")
+    assert re.search(
+        r"48 x 48 mirrors of 1\.25\d? x 1\.25\d? pixels .* cover 100 % of the field; residual 0\.", printed
+    )
+    assert "sci_lightning.diagnose captures=own.h5" in printed
+    assert "mirrors" in here("info", "own.h5", "out=a.png")
+    with pytest.raises(SystemExit):
+        here("register", "own.h5")
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ([], "no such command; choose plan, pack or info"),
-        (["show"], "show: no such command; choose plan, pack or info"),
+        (["register"], "give captures=.."),
+        (["register", "none.h5"], "none.h5: no such file"),
+        (["register", "captures.h5", "pitch=2"], "pitch=2: expected two positive numbers [ACROSS,DOWN]"),
+        ([], "no such command; choose plan, pack, register or info"),
+        (["show"], "show: no such command; choose plan, pack, register or info"),
         (["info"], "give captures=.."),
         (["info", "a.h5", "b.h5"], "b.h5: expected key=value"),
         (["info", "captures=a.h5", "out="], "out=: expected the path of a file or a folder"),
@@ -103,8 +123,8 @@ def test_traceback_on_request(here, monkeypatch):
         here("info", "none.h5")
 
 
-@pytest.mark.parametrize("words", [[], ["pack"], ["info"]])
+@pytest.mark.parametrize("words", [[], ["pack"], ["info"], ["register"]])
 def test_help(here, capsys, words):
     printed = here(*words, "--help")
-    assert "out=" in printed
+    assert ("perspective" if words == ["register"] else "out=") in printed
     assert ("pattern_levels" in printed) == (words == ["pack"])

@@ -357,7 +357,17 @@ def test_strings_that_are_compressed(file):
         ({"verification": [0.5]}, r"attribute 'verification' is float64 of shape \(1,\), expected"),
         ({"verification": np.zeros((2, 2), int)}, r"attribute 'verification' is int64 of shape \(2, 2\), expected"),
         ({"verification": "all"}, "attribute 'verification' is .*, expected a list"),
-        ({"sensor_to_modulator": np.eye(3)}, "attribute 'sensor_to_modulator' is not supported yet"),
+        (
+            {"sensor_to_modulator": np.eye(2)},
+            r"'sensor_to_modulator' is float64 of shape \(2, 2\), expected 3 x 3 numbers",
+        ),
+        ({"sensor_to_modulator": "none"}, "attribute 'sensor_to_modulator' is .*, expected 3 x 3 numbers"),
+        ({"sensor_to_modulator": np.zeros((3, 3))}, "sensor_to_modulator: the homography is singular"),
+        (
+            {"sensor_to_modulator": [[1, 0, 9], [0, 1, 0], [0, 0, 1]]},
+            "maps the field of 4 x 4 pixels off the modulator",
+        ),
+        ({"sensor_to_modulator": np.diag([4, 4, 1])}, "'patterns' of 4 x 4 mirrors are too small for the field"),
     ],
 )
 def test_attributes_of_version_2(attributes: dict[str, Any], message: str, tmp_path: Path) -> None:

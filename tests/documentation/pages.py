@@ -39,6 +39,7 @@ ONLY_COMPOSED = (
     "captures=SESSION.h5",  # likewise: a diagnosis of three effects
     "mask_step=",  # tests/captures/test_snapshots.py
     "out=IDEAL encoder.effects",  # the same training as the command before it on the page, with effects removed
+    "captures register",  # tests/captures/registration and tests/captures/test_command.py run it
     "ckpt_path=IDEAL",  # the same test as the command before it on the page
     "sci_lightning.mismatch",  # tests/mismatch runs the protocol
     "experiment=finetune",  # likewise

@@ -72,6 +72,11 @@ def test_cases_with_a_record_are_not_run_again(ran: Callable[..., str], ran_case
     assert json.loads(file.read_text().splitlines()[2]) == third
 
 
+def test_all_cases(ran: Callable[..., str], ran_cases: list[str]) -> None:
+    ran(NAME, *SMALL, "suites=[nothing]", "cases=null", "seeds=2", "out=a")
+    assert len(set(ran_cases)) == 24
+
+
 def test_a_record_is_kept_when_the_next_case_is_interrupted(
     ran_cases: list[str], record: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -34,7 +34,7 @@ def test_the_vocabulary_is_the_documented_one() -> None:
         "modulator": "pattern_order mask_orientation mask_level_gamma mask_contrast mask_lag sync_offset",
         "relay": "mask_shift mask_rotation mask_scale mask_blur mask_distortion mask_keystone",
         "exposure": "flicker rolling_shutter duty_cycle",
-        "optics": "optical_blur vignetting veiling_glare",
+        "optics": "optical_blur vignetting illumination veiling_glare",
         "sensor": "gain prnu shot_noise saturation response_gamma black_level column_noise row_noise hot_pixels "
         "read_noise bit_depth",
     }

@@ -96,7 +96,7 @@ def test_wrong_wishes(wish, message):
 
 def test_wrong_numbers() -> None:
     for number in (0, 99, 1.5):
-        with pytest.raises(BadInput, match="whole number from 1 to 34"):
+        with pytest.raises(BadInput, match="whole number from 1 to 35"):
             choose_effects("random", SESSION, 0, number=number)
     with pytest.raises(BadInput, match="clear or weak"):
         choose_effects("gain", SESSION, 0, magnitude="huge")

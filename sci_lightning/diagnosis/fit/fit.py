@@ -212,7 +212,7 @@ class Fitter:
             scale = likelihood.mean_information * self.fitted * start.total_variance / prediction.total_variance
             for name, fixed_map in maps.items():
                 squared = self.model.map_jacobian(hypothesis, name, prediction).square()
-                objective -= fixed_map.penalty_of(hypothesis.maps[name], fixed_map.gather(squared * scale).double())
+                objective -= fixed_map.penalty_of(hypothesis.maps[name], (squared * scale).sum(0))
         return objective
 
     def _newton_system(
@@ -273,8 +273,7 @@ class Fitter:
             for fixed_map in maps:
                 if fixed_map.kind != "hot":
                     change = (self.model.map_jacobian(neighbour, fixed_map.name, shifted) - fixed_map.jacobian) / step
-                    cross = fixed_map.cross_information(change[None] * weight)[0]
-                    penalty[i] += float((cross * fixed_map.variance).sum())
+                    penalty[i] += fixed_map.penalty_slope(change * weight)
         return mean, spread, penalty
 
     def _clipped_derivatives(

@@ -130,8 +130,7 @@ def chi2_limit(
         total = fitter.with_map_uncertainty(fit.prediction, fit.maps).deviation.square()
         for one in fit.maps.values():
             part = torch.where(pixels, one.leverage / total, 0.0).double()
-            shared = one.gather(part).square() - one.gather(part.square())
-            variance += 2 * float(shared.sum()) / count**2
+            variance += 2 * one.shared_variance(part) / count**2
     return max(settings.negligible_chi2, largest_by_chance(mean, variance, settings.significance))
 
 

@@ -76,6 +76,8 @@ def datasheet_noise(observation: Observation) -> tuple[Hypothesis, tuple[Paramet
 def free_forms_for(observation: Observation) -> dict[str, type[Effect]]:
     """Return every free-form deviation by name, with as many numbers as these captures can determine."""
     classes = [getattr(empirical, name) for name in empirical.__all__ if name != "Empirical"]
+    if observation.grid is not None:  # a map of the mirrors is not one of the pixels
+        classes = [one for one in classes if not (one.map_kind and issubclass(one, ModulatorEffect))]
     captures, frames = len(observation), observation.frames
     return {one.name: one.of(one.numbers(captures, frames)) if issubclass(one, Empirical) else one for one in classes}
 
@@ -167,7 +169,8 @@ class CameraModel:
         up.
         """
         observation, effect = self.observation, self.effects[name]
-        settings = effect.starts(observation.frames, observation.size, observation.bit_depth)
+        size = tuple(observation.patterns.shape[-2:]) if issubclass(effect, ModulatorEffect) else observation.size
+        settings = effect.starts(observation.frames, (size[0], size[1]), observation.bit_depth)
         if parameter := _limiting_parameter(effect):
             behind = self._behind(self.path(hypothesis), effect)
             levels = (self._signal_recorded_as(behind, level) for level in observation.pile_ups)
@@ -226,7 +229,7 @@ class CameraModel:
             if isinstance(effect, MapEffect):
                 _set_map(effect, hypothesis.maps.get(name), self.observation.size)
             effects.append(effect)
-        return LightPath(effects)
+        return LightPath(effects, self.observation.grid)
 
     def laboratory(self, hypothesis: Hypothesis) -> list[SceneEffect]:
         """Return by which effects the targets of a hypothesis differ from what the file says, in order."""
@@ -287,10 +290,12 @@ class CameraModel:
         neutral_scale: Setting = {
             parameter: 1.0 if parameter == "std" else 0.5 for parameter in self.effects[name].about
         }
-        shifted = self.predict(hypothesis.with_effect(name, neutral_scale, values + MAP_STEP))
+        # The mean light must stay the same behind a smooth map: glare would spread the difference over the image.
+        step = MAP_STEP * _quadrants(values.shape) if self.effects[name].map_kind == "smooth" else MAP_STEP
+        shifted = self.predict(hypothesis.with_effect(name, neutral_scale, values + step))
         if name not in hypothesis.effects or name not in hypothesis.maps:
             prediction = self.predict(hypothesis.with_effect(name, neutral_scale, values))
-        return (shifted.mean - prediction.mean) / MAP_STEP
+        return (shifted.mean - prediction.mean) / step
 
     def map_values(self, hypothesis: Hypothesis, name: str) -> torch.Tensor:
         """Return the values of an effect's map in a hypothesis, 0 where it has none yet.
@@ -354,6 +359,12 @@ class CameraModel:
 def _limiting_parameter(effect: type[Effect]) -> str | None:
     """Return the parameter at which the signal ends, for an effect of the sensor that limits it."""
     return effect.ceiling if issubclass(effect, SensorEffect) else None
+
+
+def _quadrants(size: torch.Size) -> torch.Tensor:
+    """Return +1 in two opposite quadrants of a field ``(H, W)`` and -1 in the others."""
+    down, across = (torch.where(torch.arange(length) < length / 2, 1.0, -1.0) for length in size)
+    return down[:, None] * across
 
 
 def _set_map(effect: MapEffect, values: torch.Tensor | None, size: tuple[int, int]) -> None:

@@ -1,22 +1,26 @@
-"""Fixed-pattern maps: one value for every pixel, column or row, the same in every capture.
+"""Fixed-pattern maps: one value for every pixel, column or row, or a smooth function, the same in every capture.
 
-The values of a map have a Gaussian prior of mean 0, whose standard deviation is the one that makes the captures
-likeliest (empirical Bayes). Of hot pixels few are positive and all others are 0; naming one costs what it takes to say
-which it is. :class:`FixedPatternMap` is the state of one map during a fit; :class:`MapSystem` solves for the values of
-all maps at once.
+A smooth map is described by a few coordinates (:mod:`~sci_lightning.diagnosis.model.smooth_basis`), which are its
+values below; a hypothesis holds the map itself. The values have a Gaussian prior of mean 0, whose standard deviation is
+the one that makes the captures likeliest (empirical Bayes). Of hot pixels few are positive and all others are 0; naming
+one costs what it takes to say which it is. :class:`FixedPatternMap` is the state of one map during a fit;
+:class:`MapSystem` solves for the values of all maps at once.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import torch
 
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Prediction, Setting
 from sci_lightning.diagnosis.model.likelihood import PixelLikelihood
+from sci_lightning.diagnosis.model.smooth_basis import SmoothBasis
 
+DENSE = ("row", "column", "smooth")
+"""Kinds of maps with few values, each of which many pixels share."""
 HOT_PIXEL_PENALTY = 5.0
 """Nats that the value of a hot pixel costs, beside the logarithm of the number of pixels for its place."""
 
@@ -27,8 +31,8 @@ class FixedPatternMap:
 
     Attributes:
         name: of the effect.
-        kind: ``pixel``, ``column``, ``row``, or ``hot``: few values that are positive, the others 0.
-        values: float64 of the map's shape, in the effect's own unit.
+        kind: ``pixel``, ``column``, ``row``, ``smooth``, or ``hot``: few values that are positive, the others 0.
+        values: float64 of the map's shape, in the effect's own unit; ``(K,)`` coordinates of a smooth map.
         jacobian: ``(N, H, W)`` derivative of the mean with respect to the map's value at the pixel.
         likelihood_gradient: derivative of the log-likelihood with respect to each value, over the fitted pixels.
         likelihood_information: minus its second derivative; of the map's shape, as the gradient.
@@ -36,6 +40,8 @@ class FixedPatternMap:
         std_error: standard error of ``std``, from the curvature of the marginal likelihood.
         penalty: nats that prior and uncertainty of the values take off the log-likelihood (marginal likelihood).
         evidence: nats by which the map raises the marginal likelihood, to second order.
+        smooth: of a smooth map, the functions that its coordinates multiply.
+        pixel_gradient, pixel_information: of a smooth map, ``(H, W)`` what the captures say about every pixel alone.
     """
 
     name: str
@@ -48,6 +54,9 @@ class FixedPatternMap:
     std_error: float
     penalty: float
     evidence: float
+    smooth: SmoothBasis | None = None
+    pixel_gradient: torch.Tensor | None = None
+    pixel_information: torch.Tensor | None = None
 
     @property
     def active(self) -> torch.Tensor:
@@ -77,7 +86,12 @@ class FixedPatternMap:
     @property
     def leverage(self) -> torch.Tensor:
         """``(N, H, W)`` variance of the mean, DN squared, that comes from the uncertainty of the map."""
-        return self.jacobian.square() * self.variance.float()
+        return self.jacobian.square() * self.pixel_variance.float()
+
+    @property
+    def pixel_variance(self) -> torch.Tensor:
+        """Variance of the map, of a shape that broadcasts to ``(H, W)``."""
+        return self.variance if self.smooth is None else self.smooth.variance(self.variance)
 
     def gather(self, field: torch.Tensor) -> torch.Tensor:
         """Sum a ``(.., N, H, W)`` field over all pixels that share one value of the map: ``(.., *map)``."""
@@ -85,7 +99,58 @@ class FixedPatternMap:
 
     def reduce(self, field: torch.Tensor) -> torch.Tensor:
         """Sum a ``(.., H, W)`` field over all pixels that share one value of the map: ``(.., *map)``."""
-        return _reduce(self.kind, field)
+        return _reduce(self.kind, field) if self.smooth is None else self.smooth.reduce(field)
+
+    def spread(self, values: torch.Tensor) -> torch.Tensor:
+        """Return the map that values ``(.., *map)`` stand for, which broadcasts to ``(.., H, W)``."""
+        return values if self.smooth is None else self.smooth.spread(values)
+
+    def shared_information(self, other: FixedPatternMap, shared: torch.Tensor) -> torch.Tensor:
+        """Return the information ``(S, S')`` that the values of two maps of rows, columns or smooth functions share.
+
+        Args:
+            other: the second map.
+            shared: ``(H, W)`` information that they share about every pixel.
+        """
+        if self.smooth is not None:
+            return other.reduce(self.smooth.functions * shared).flatten(1)
+        if other.smooth is not None:
+            return other.shared_information(self, shared).T
+        if self.kind == other.kind:
+            return torch.diag(self.reduce(shared).flatten())
+        return shared if self.kind == "row" else shared.T
+
+    def line_information(self, lost: torch.Tensor) -> torch.Tensor:
+        """Return the information ``(S, S)`` about the values of a map of rows, columns or smooth functions.
+
+        Args:
+            lost: ``(H, W)`` information about every pixel that maps of pixels take away.
+        """
+        if self.smooth is None:
+            return torch.diag((self.precision - self.reduce(lost)).flatten())
+        return torch.diag(self.precision) - self.smooth.gram(lost)
+
+    def shared_variance(self, part: torch.Tensor) -> float:
+        """Return the sum over all pairs of different pixels of the squared covariance of their errors by the map.
+
+        Args:
+            part: ``(N, H, W)`` the map's share of a pixel's predicted variance.
+        """
+        if self.smooth is None:
+            return float((self.gather(part).square() - self.gather(part.square())).sum())
+        weight = part.sum(0) / self.pixel_variance.clamp(min=1e-30)
+        pairs = self.smooth.gram(weight).square() * self.variance[:, None] * self.variance
+        return float(pairs.sum() - part.square().sum())
+
+    def penalty_slope(self, change: torch.Tensor) -> float:
+        """Return the derivative of the penalty for the values' uncertainty, nats per unit.
+
+        Args:
+            change: ``(N, H, W)`` derivative of :attr:`jacobian`, times the information about the mean.
+        """
+        if self.smooth is None:
+            return float((self.cross_information(change[None])[0] * self.variance).sum())
+        return float(((change * self.jacobian).sum(0).double() * self.pixel_variance).sum())
 
     def cross_information(self, weighted: torch.Tensor) -> torch.Tensor:
         """Return the information that the values share with changes of the mean, ``(K, *map)``.
@@ -97,6 +162,9 @@ class FixedPatternMap:
 
     def moved(self, step: torch.Tensor) -> tuple[Setting, torch.Tensor]:
         """Return the effect's setting and its map after a step of the values."""
+        if self.smooth is not None:
+            field = self.smooth.spread(self.values + step).float()
+            return {"std": min(float(field.std(correction=0)), 1.0)}, field
         values = torch.where(self.active, self.values + step, 0.0).float()
         if self.kind == "hot":
             values = values.clamp(min=0)
@@ -104,10 +172,17 @@ class FixedPatternMap:
         return {"std": self.std}, values
 
     def penalty_of(self, values: torch.Tensor, information: torch.Tensor) -> float:
-        """Return the penalty, in nats, of other values about which there is other information."""
+        """Return the penalty, in nats, of another map.
+
+        Args:
+            values: the map, as a hypothesis holds it.
+            information: ``(H, W)`` about its value at every pixel.
+        """
         if self.kind == "hot":
             return float((values > 0).sum()) * _hot_penalty(values)
-        return _penalty(values.double(), information, self.std)
+        if self.smooth is not None:
+            return _penalty(self.smooth.coordinates(values), self.smooth.squares(information), self.std)
+        return _penalty(values.double(), self.reduce(information).double(), self.std)
 
 
 def estimate_map(
@@ -131,8 +206,11 @@ def estimate_map(
     kind = model.effects[name].map_kind or ""
     values = model.map_values(hypothesis, name)
     jacobian = model.map_jacobian(hypothesis, name, prediction)
-    gradient = _reduce(kind, (jacobian * likelihood.mean_gradient * fitted).sum(0)).double()
-    information = _reduce(kind, (jacobian.square() * likelihood.mean_information * fitted).sum(0)).double()
+    slope = (jacobian * likelihood.mean_gradient * fitted).sum(0)
+    curvature = (jacobian.square() * likelihood.mean_information * fitted).sum(0)
+    if kind == "smooth":
+        return _smooth_map(name, values, jacobian, slope, curvature)
+    gradient, information = (_reduce(kind, field).double() for field in (slope, curvature))
     values = values.double()
     if kind == "hot":
         hot = _hot(gradient, information, values)
@@ -145,6 +223,27 @@ def estimate_map(
         std, evidence, std_error = _likeliest_prior(gradient + information * values, information)
         penalty = _penalty(values, information, std)
     return FixedPatternMap(name, kind, values, jacobian, gradient, information, std, std_error, penalty, evidence)
+
+
+def _smooth_map(
+    name: str, values: torch.Tensor, jacobian: torch.Tensor, slope: torch.Tensor, curvature: torch.Tensor
+) -> FixedPatternMap:
+    """Return the state of a smooth map ``(H, W)`` from gradient and information about every pixel's value.
+
+    Its standard error is that of the map's standard deviation over the field.
+    """
+    basis = SmoothBasis.of(curvature)
+    coordinates, gradient, information = basis.coordinates(values), basis.reduce(slope), basis.squares(curvature)
+    std, evidence, _ = _likeliest_prior(gradient + information * coordinates, information)
+    factors = basis.mixing @ coordinates
+    direction = basis.mixing.T @ (factors / factors.norm().clamp(min=1e-12))
+    variance = 1 / (information + 1 / max(std, 1e-9) ** 2)
+    std_error = float((direction.square() * variance).sum().sqrt())
+    penalty = _penalty(coordinates, information, std)
+    numbers = std, std_error, penalty, evidence
+    return FixedPatternMap(
+        name, "smooth", coordinates, jacobian, gradient, information, *numbers, basis, slope, curvature
+    )
 
 
 def _reduce(kind: str, field: torch.Tensor) -> torch.Tensor:
@@ -202,8 +301,8 @@ def _likeliest_prior(from_zero: torch.Tensor, information: torch.Tensor) -> tupl
 class MapSystem:
     """The information about the values of all maps, and its inverse.
 
-    Maps of pixels are eliminated one after the other, pixel by pixel; what remains couples rows with columns and is
-    small and dense. The values of all maps stand in one vector, map after map, S in all.
+    Maps of pixels are eliminated one after the other, pixel by pixel; what remains couples rows, columns and smooth
+    functions and is small and dense. The values of all maps stand in one vector, map after map, S in all.
 
     Args:
         maps: any number.
@@ -211,9 +310,9 @@ class MapSystem:
     """
 
     def __init__(self, maps: Sequence[FixedPatternMap], information: torch.Tensor) -> None:
-        self.maps = sorted(maps, key=lambda one: one.kind in ("row", "column"))
-        self._pixels = [i for i, one in enumerate(self.maps) if one.kind not in ("row", "column")]
-        self._lines = [i for i, one in enumerate(self.maps) if one.kind in ("row", "column")]
+        self.maps = sorted(maps, key=lambda one: one.kind in DENSE)
+        self._pixels = [i for i, one in enumerate(self.maps) if one.kind not in DENSE]
+        self._lines = [i for i, one in enumerate(self.maps) if one.kind in DENSE]
         indices = range(len(self.maps))
         self._shared = {
             (i, j): (self.maps[i].jacobian * self.maps[j].jacobian * information).sum(0).double()
@@ -221,32 +320,33 @@ class MapSystem:
             for j in indices[i + 1 :]
         }
         self._inverse: list[torch.Tensor] = []
-        own = [one.precision for one in self.maps]
+        own = {i: self.maps[i].precision for i in self._pixels}
+        lost = {j: torch.zeros(information.shape[1:], dtype=torch.float64) for j in self._lines}
         for i in self._pixels:
             inverse = torch.where(self.maps[i].active, 1 / own[i], 0.0)
             self._inverse.append(inverse)
             later = indices[i + 1 :]
             for j in later:
                 taken = self._shared[i, j] * inverse
-                own[j] = own[j] - self.maps[j].reduce(taken * self._shared[i, j])
+                if j in own:
+                    own[j] = own[j] - taken * self._shared[i, j]
+                else:
+                    lost[j] = lost[j] + taken * self._shared[i, j]
                 for k in indices[j + 1 :]:
                     self._shared[j, k] = self._shared[j, k] - taken * self._shared[i, k]
-        self._dense = self._line_matrix(own)
+        self._dense = self._line_matrix(lost)
 
-    def _line_matrix(self, own: list[torch.Tensor]) -> torch.Tensor:
-        """Return the Cholesky factor of the information about all rows and columns."""
+    def _line_matrix(self, lost: Mapping[int, torch.Tensor]) -> torch.Tensor:
+        """Return the Cholesky factor of the information about all rows, columns and smooth functions."""
         blocks = []
         for i in self._lines:
             across = []
             for j in self._lines:
                 if i == j:
-                    across.append(torch.diag(own[i].flatten()))
+                    across.append(self.maps[i].line_information(lost[i]))
                     continue
                 shared = self._shared[min(i, j), max(i, j)]
-                if self.maps[i].kind == self.maps[j].kind:
-                    across.append(torch.diag(self.maps[i].reduce(shared).flatten()))
-                else:
-                    across.append(shared if self.maps[i].kind == "row" else shared.T)
+                across.append(self.maps[i].shared_information(self.maps[j], shared))
             blocks.append(torch.cat(across, 1))
         return torch.linalg.cholesky(torch.cat(blocks)) if blocks else torch.zeros(0, 0)
 
@@ -287,6 +387,6 @@ class MapSystem:
                 parts[i] = part.unflatten(1, self.maps[i].values.shape)
         for i, inverse in reversed(list(zip(self._pixels, self._inverse, strict=True))):
             for j in range(i + 1, len(parts)):
-                parts[i] = parts[i] - self._shared[i, j] * parts[j]
+                parts[i] = parts[i] - self._shared[i, j] * self.maps[j].spread(parts[j])
             parts[i] = parts[i] * inverse
         return torch.cat([part.flatten(1) for part in parts], 1)

@@ -11,6 +11,7 @@ import torch
 
 from sci_lightning.captures import Captures
 from sci_lightning.encoder.effects import ReadNoise, ShotNoise
+from sci_lightning.encoder.modulator_grid import ModulatorGrid
 from sci_lightning.errors import BadInput
 
 PILE_UP_SHARES = (1e-4, 1e-3, 0.01, 0.05)
@@ -27,7 +28,7 @@ class Observation:
     """The captures whose scenes are known, sorted by their content so that their order in the file does not matter.
 
     Attributes:
-        patterns: ``(P, H, W)`` commanded patterns of the modulator.
+        patterns: ``(P, H, W)`` commanded patterns of the modulator, ``(P, Hm, Wm)`` on a grid of their own.
         sequences: ``(U, T)`` the different sequences of patterns.
         sequence: ``(N,)`` which of them each capture used.
         scene: N tensors that broadcast to ``(T, H, W)``: ``(T, 1, 1)`` for an even scene, ``(1, H, W)`` at rest.
@@ -40,6 +41,7 @@ class Observation:
         position: ``(N,)`` place of each capture in the order in which they were taken, for what depends on time;
             None if they were not taken one after the other.
         verification: ``(N,)`` bool, captures that the file sets aside for verification; None where it does not say.
+        grid: where the mirrors nominally lie in the field; None where every mirror is a pixel.
         dark_surround: whether no light comes from beyond the patterns; False where nobody knows what lies there.
     """
 
@@ -58,6 +60,7 @@ class Observation:
     position: torch.Tensor | None = None
     dark_surround: bool = False
     verification: torch.Tensor | None = None
+    grid: ModulatorGrid | None = None
 
     @property
     def full_scale(self) -> int:
@@ -149,7 +152,20 @@ def observe(captures: Captures) -> Observation:
         position=torch.tensor(order),
         dark_surround=captures.surround == "dark",
         verification=_set_aside(captures, order),
+        grid=grid_of(captures),
     )
+
+
+def grid_of(captures: Captures) -> ModulatorGrid | None:
+    """Return where the mirrors nominally lie; None where every mirror is a pixel."""
+    if captures.sensor_to_modulator is not None:
+        return ModulatorGrid(captures.sensor_to_modulator, captures.size, captures.mirrors)
+    if captures.mirrors != captures.size:
+        raise BadInput(
+            f"{captures.name}: patterns of {captures.mirrors} mirrors, a field of {captures.size} pixels (H, W), no "
+            "sensor_to_modulator that says where the mirrors lie: python -m sci_lightning.captures register finds it"
+        )
+    return None
 
 
 def _set_aside(captures: Captures, order: list[int]) -> torch.Tensor | None:

@@ -93,6 +93,7 @@ def describe(diagnosis: Diagnosis) -> dict[str, Any]:
         "mode": "calibrated",
         "laboratory": [effect.describe() for effect in diagnosis.laboratory],
         "verification": VERIFIED_BY_NONE if diagnosis.verification is None else diagnosis.verification.describe(),
+        "bad_captures": [capture.describe() for capture in diagnosis.bad_captures],
         "split": diagnosis.split.describe(),
         "seed": diagnosis.seed,
         "sci_lightning": __version__,
@@ -124,7 +125,7 @@ def write_corrected_encoder(
     out = Path(out)
     distinct = torch.tensor([len(set(sequence.tolist())) for sequence in observation.sequences])
     patterns = observation.patterns[observation.sequences[distinct.argmax()]].numpy()
-    slots, height, width = patterns.shape
+    slots, (height, width) = len(patterns), observation.size
     _save(out / "patterns.npy", patterns)
     effects: dict[str, Any] = {}
     for name, values in settings.items():
@@ -138,14 +139,17 @@ def write_corrected_encoder(
             scale = float(values["std"]) if "std" in values else 1.0
             _save(out / f"{name}.npy", (maps[name] / max(scale, 1e-12)).numpy())
             effects[name] |= {"file": f"{name}.npy", "size": [height, width]}
-    mask = {"file": "patterns.npy", "key": None, "frames": slots, "size": [height, width]}
-    content = {
+    mask = {"file": "patterns.npy", "key": None, "frames": slots, "size": list(patterns.shape[1:])}
+    content: dict[str, Any] = {
         "_target_": "sci_lightning.encoder.Encoder",
         "aperture": "auto",
         "mask": {"_target_": "sci_lightning.encoder.mask.Measured", **mask},
         "sensor": {"_target_": "sci_lightning.encoder.sensor.ClipQuantise", "bit_depth": observation.bit_depth},
         "effects": effects,
     }
+    if observation.grid is not None:
+        content["sensor_to_modulator"] = observation.grid.sensor_to_modulator.tolist()
+        content["size"] = [height, width]
     with atomic_write(out / "encoder.yaml") as temporary:
         temporary.write_text(yaml.safe_dump(content, sort_keys=False, allow_unicode=True), encoding="utf-8")
 

@@ -105,6 +105,10 @@ def estimated_map(residuals: Residuals, name: str) -> Answer:
     """
     one = residuals.fit.maps[name]
     values = residuals.fit.hypothesis.maps[name].double()
+    if one.kind == "smooth":
+        p_value = map_p_value(one)
+        nats = -math.log(max(p_value, 1e-300))
+        return Answer(nats, p_value, nats, Picture("map", values, "part of the light", axes=PLACE))
     scores = values / (one.std**2 - one.variance).clamp(min=(LEAST_DETERMINED * one.std) ** 2).sqrt()
     if one.kind == "hot":
         picture = Picture("map", values, "part of full scale", axes=PLACE)

@@ -1,4 +1,4 @@
-"""Does an estimated fixed-pattern map agree with the definition of its effect: independent Gaussian values?"""
+"""Does an estimated fixed-pattern map agree with the definition of its effect: independent and Gaussian, or smooth?"""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import torch
 from scipy.stats import chi2, norm
 
 from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap
+from sci_lightning.diagnosis.model.smooth_basis import SmoothBasis, beyond
 
 NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0))
 """Displacements (rows, columns) at which values are correlated with each other."""
@@ -18,10 +19,13 @@ def map_p_value(one: FixedPatternMap) -> float:
 
     The values are maximum-likelihood estimates without the prior, divided by their standard deviation under the
     hypothesis, so that they are standard normal numbers. Hot pixels are few and may have any value; only their places
-    are tested: they should not be neighbours more often than by chance.
+    are tested: they should not be neighbours more often than by chance. Of a smooth map it is tested whether the
+    captures ask for detail just finer than such a map may have.
     """
     if one.kind == "hot":
         return _hot_neighbours(one.values > 0)
+    if one.smooth is not None:
+        return _finer_than_smooth(one, one.smooth)
     raw = one.values + one.likelihood_gradient / one.likelihood_information.clamp(min=1e-12)
     known = one.likelihood_information > 1e-3 * one.likelihood_information.median()
     spread = (one.std**2 + 1 / one.likelihood_information.clamp(min=1e-12)).sqrt()
@@ -78,3 +82,27 @@ def _hot_neighbours(hot: torch.Tensor) -> float:
     pairs = int((hot[1:] & hot[:-1]).sum() + (hot[:, 1:] & hot[:, :-1]).sum())
     expected = 2 * count**2 / pixels + 1e-9
     return float(chi2.cdf(2 * expected, 2 * pairs)) if pairs else 1.0
+
+
+FINE_DETAIL = 0.02
+"""Part of a smooth map's variance that finer detail must have to count: hardly any lamp ends exactly at a frequency."""
+
+
+def _finer_than_smooth(one: FixedPatternMap, basis: SmoothBasis) -> float:
+    """Return the p-value of the detail that a smooth map leaves just beyond the finest that it may have."""
+    if one.pixel_gradient is None or one.pixel_information is None or not len(one.values):
+        return 1.0
+    finer = beyond(*one.pixel_information.shape)
+    if not len(finer):
+        return 1.0
+    weighted = finer * one.pixel_information.flatten().double()
+    shared = weighted @ basis.functions.flatten(1).T  # the smooth functions answer to a change of the finer ones
+    information = weighted @ finer.T - (shared / one.precision) @ shared.T
+    gradient = finer @ one.pixel_gradient.flatten().double() - shared @ (one.gradient / one.precision)
+    values, vectors = torch.linalg.eigh(information)
+    known = values > 0.01 * values.max().clamp(min=1e-30)
+    along = (vectors.T @ gradient)[known]
+    statistic = float((along.square() / values[known]).sum())
+    size = float((along / values[known]).square().sum() - (1 / values[known]).sum())
+    smooth = float((basis.mixing @ one.values).square().sum())
+    return float(chi2.sf(statistic, int(known.sum()))) if size > FINE_DETAIL * smooth else 1.0

@@ -7,6 +7,21 @@ compared, counts for none of them.
 from __future__ import annotations
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter, judged_by
+from sci_lightning.diagnosis.model.camera_model import Hypothesis
+
+
+def room_for_starts(fitter: Fitter, hypothesis: Hypothesis) -> Fitter:
+    """Return a fitter that leaves out what depends on the surround for any candidate at its starts."""
+    model, seen = fitter.model, fitter.model.observation
+    return fitter.covering(
+        hypothesis,
+        *(
+            hypothesis.with_effect(name, start)
+            for name, effect in model.vocabulary.items()
+            if name not in hypothesis.effects and not effect.noise and not effect.map_kind
+            for start in effect.starts(seen.frames, seen.size, seen.bit_depth)
+        ),
+    )
 
 
 def with_room_for_starts(fitter: Fitter, base: Fit) -> tuple[Fitter, Fit]:
@@ -14,16 +29,7 @@ def with_room_for_starts(fitter: Fitter, base: Fit) -> tuple[Fitter, Fit]:
 
     Candidates are screened with that: an effect must not be judged by pixels that its formula cannot know.
     """
-    model, seen = fitter.model, fitter.model.observation
-    wider = fitter.covering(
-        base.hypothesis,
-        *(
-            base.hypothesis.with_effect(name, start)
-            for name, effect in model.vocabulary.items()
-            if name not in base.hypothesis.effects and not effect.noise and not effect.map_kind
-            for start in effect.starts(seen.frames, seen.size, seen.bit_depth)
-        ),
-    )
+    wider = room_for_starts(fitter, base.hypothesis)
     return wider, judged_by(wider, base, fitter)
 
 

@@ -40,7 +40,8 @@ class Effect(nn.Module):
     about: ClassVar[dict[str, Parameter]]
     """Every parameter by name: its unit, its range, its neutral value and where a search for it starts."""
     map_kind: ClassVar[str | None] = None
-    """For an effect with an estimated map: ``pixel``, ``column``, ``row`` or ``hot`` (few pixels, the others 0)."""
+    """For an effect with an estimated map: ``pixel``, ``column``, ``row``, ``hot`` (few pixels, the others 0) or
+    ``smooth`` (no detail finer than an eighth of the field)."""
     noise: ClassVar[bool] = False
     """Whether the effect changes the variance of the signal and not its mean."""
     plainer: ClassVar[str | None] = None

@@ -1,4 +1,4 @@
-"""Effects with a fixed-pattern map: different in every pixel, column or row, the same in every capture."""
+"""Effects with a fixed-pattern map: different from place to place, the same in every capture."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ class Camera:
             formed = sum(image.integrate(modulated, rows, columns, surround) for image in images)
             light[number] = np.asarray(formed)[field]
         for effect in self._stage(OpticsEffect):
-            light = effect.change_irradiance(light, acquisition.exposure)
+            light = effect.change_irradiance(light, acquisition.exposure, self.fixed_maps)
         return light
 
     def happened(self, acquisition: Acquisition) -> Acquisition:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
@@ -13,6 +14,9 @@ from sci_lightning.virtual_camera.hardware.parameter import choice, parameter
 
 if TYPE_CHECKING:
     from sci_lightning.virtual_camera.session import Session
+
+LAMPS = 5
+"""Patches of light that uneven illumination consists of."""
 
 
 @dataclass(frozen=True)
@@ -63,12 +67,15 @@ class OpticsEffect(Effect):
         """Return the images with this fault."""
         return images
 
-    def change_irradiance(self, light: np.ndarray, exposure: np.ndarray) -> np.ndarray:
+    def change_irradiance(
+        self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Mapping[str, np.ndarray]
+    ) -> np.ndarray:
         """Return the irradiance (N, H, W) of the pixels with this fault.
 
         Args:
             light: (N, H, W) irradiance without it, 1 at full scale.
             exposure: (N,) integration time of every capture relative to nominal.
+            fixed_maps: the camera's own maps by the name of their effect.
         """
         return light
 
@@ -126,9 +133,40 @@ class Vignetting(OpticsEffect):
     name = "vignetting"
     strength: float = parameter("1", 0, 1, (0.08, 0.4), neutral=0.0)
 
-    def change_irradiance(self, light: np.ndarray, exposure: np.ndarray) -> np.ndarray:
+    def change_irradiance(
+        self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Mapping[str, np.ndarray]
+    ) -> np.ndarray:
         y, x = (np.arange(length) - (length - 1) / 2 for length in light.shape[1:])
         return light * (1 - self.strength * np.add.outer(y**2, x**2) / (y[-1] ** 2 + x[-1] ** 2))
+
+
+@dataclass(frozen=True)
+class Illumination(OpticsEffect):
+    """A few lamps light the field unevenly: light * map, whose mean is 1 and whose standard deviation is ``std``.
+
+    The lamps are soft patches, Gaussians of a standard deviation of 0.25 to 0.7 of the image's sides, at random places
+    in the image and around it.
+    """
+
+    name = "illumination"
+    std: float = parameter("1", 0, 0.3, (0.02, 0.08), neutral=0.0)
+
+    def draw_map(self, random: np.random.Generator, size: tuple[int, int]) -> np.ndarray:
+        field = np.zeros(size)
+        for _ in range(LAMPS):
+            down, across = (
+                np.exp(-0.5 * (((np.arange(length) + 0.5) / length - centre) / radius) ** 2)
+                for length, centre, radius in zip(
+                    size, random.uniform(-0.2, 1.2, 2), random.uniform(0.25, 0.7, 2), strict=True
+                )
+            )
+            field += random.uniform(0.3, 1) * np.outer(down, across)
+        return np.maximum(1 + self.std * (field - field.mean()) / field.std(), 0)
+
+    def change_irradiance(
+        self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Mapping[str, np.ndarray]
+    ) -> np.ndarray:
+        return light * fixed_maps[self.name]
 
 
 @dataclass(frozen=True)
@@ -138,7 +176,9 @@ class VeilingGlare(OpticsEffect):
     name = "veiling_glare"
     fraction: float = parameter("1", 0, 1, (0.03, 0.2), neutral=0.0)
 
-    def change_irradiance(self, light: np.ndarray, exposure: np.ndarray) -> np.ndarray:
+    def change_irradiance(
+        self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Mapping[str, np.ndarray]
+    ) -> np.ndarray:
         stray = self.fraction * light
         return light - stray + stray.mean((1, 2), keepdims=True)
 
@@ -157,7 +197,9 @@ class Flare(OpticsEffect):
     y: float = parameter("image side", 0, 1, (0.2, 0.8), neutral=0.5, magnitude=False)
     radius: float = parameter("image side", 0.02, 2, (0.08, 0.2), neutral=0.1, magnitude=False)
 
-    def change_irradiance(self, light: np.ndarray, exposure: np.ndarray) -> np.ndarray:
+    def change_irradiance(
+        self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Mapping[str, np.ndarray]
+    ) -> np.ndarray:
         down, across = (
             np.exp(-0.5 * (((np.arange(length) + 0.5) / length - centre) / self.radius) ** 2)
             for length, centre in zip(light.shape[1:], (self.y, self.x), strict=True)
@@ -179,7 +221,9 @@ class LightLeak(OpticsEffect):
     reach: float = parameter("image side", 0.01, 10, (0.1, 0.4), neutral=0.2, magnitude=False)
     edge: str = choice("top", "bottom", "left", "right", neutral="top")
 
-    def change_irradiance(self, light: np.ndarray, exposure: np.ndarray) -> np.ndarray:
+    def change_irradiance(
+        self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Mapping[str, np.ndarray]
+    ) -> np.ndarray:
         axis = 0 if self.edge in ("top", "bottom") else 1
         length = light.shape[1 + axis]
         depth = (np.arange(length) + 0.5) / length
@@ -210,7 +254,9 @@ class DoorLeak(OpticsEffect):
     def captures(self) -> tuple[int, ...]:
         return tuple(range(self.first, self.first + self.count))
 
-    def change_irradiance(self, light: np.ndarray, exposure: np.ndarray) -> np.ndarray:
+    def change_irradiance(
+        self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Mapping[str, np.ndarray]
+    ) -> np.ndarray:
         width = light.shape[2]
         open_door = np.isin(np.arange(len(light)), self.captures)
         return light + self.strength * open_door[:, None, None] * (1 - (np.arange(width) + 0.5) / width)
@@ -228,7 +274,9 @@ class EtalonFringes(OpticsEffect):
     period: float = parameter("pixel", 2, 65536, (6, 24), neutral=12.0, magnitude=False)
     angle: float = parameter("degree", -180, 180, (-90, 90), neutral=0.0, magnitude=False)
 
-    def change_irradiance(self, light: np.ndarray, exposure: np.ndarray) -> np.ndarray:
+    def change_irradiance(
+        self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Mapping[str, np.ndarray]
+    ) -> np.ndarray:
         row, column = np.ogrid[: light.shape[1], : light.shape[2]]
         direction = np.deg2rad(self.angle)
         turns = (column * np.cos(direction) + row * np.sin(direction)) / self.period

@@ -54,6 +54,7 @@ LIGHT_PATH: tuple[type[Effect], ...] = (
     optics.OpticalBlur,
     optics.Astigmatism,
     optics.Vignetting,
+    optics.Illumination,
     optics.VeilingGlare,
     optics.Flare,
     optics.EtalonFringes,

@@ -89,7 +89,7 @@ class RayCamera(Camera):
             landed = modulated.ravel() if onto_pixels is None else onto_pixels @ modulated.ravel()
             light[number] = landed.reshape(patterns.shape[1:])[field]
         for effect in self._stage(OpticsEffect):
-            light = effect.change_irradiance(light, acquisition.exposure)
+            light = effect.change_irradiance(light, acquisition.exposure, self.fixed_maps)
         return light
 
     def signal(

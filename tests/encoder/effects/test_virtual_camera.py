@@ -34,7 +34,7 @@ def test_mean(name: str) -> None:
     effect = build(name, **TURNED.get(name, {}))
     camera = Camera(SESSION, choose_effects({name: effect.values}, SESSION, 0), 0)
     if isinstance(effect, MapEffect):
-        fixed_map = {"prnu": camera.fixed_maps[name] - 1}.get(name, camera.fixed_maps[name])
+        fixed_map = camera.fixed_maps[name] - (name in ("prnu", "illumination"))  # the camera's are 1 + std * map
         effect.map = torch.from_numpy(fixed_map / (1 if name == "hot_pixels" else effect.values["std"])).float()
     if effect.noise:
         effect.respond = lambda signal: signal  # type: ignore[method-assign]  # the mean is what is compared

@@ -1,0 +1,255 @@
+"""The alignment: a homography is improved until the patterns lie on their images, from coarse cells to fine ones."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+from scipy.ndimage import map_coordinates
+
+from sci_lightning.captures.registration.coarse_search import CELLS, band_pass
+from sci_lightning.captures.registration.shown_patterns import ShownPattern
+from sci_lightning.imaging.homography import on_modulator, pixels_per_mirror
+
+MOST_CELLS = 512
+"""Cells along the longer side in which the last steps compare; a finer grid adds digits that nobody needs."""
+STEPS = 12
+"""Steps of one level, at most."""
+CONVERGED = 0.005
+"""Cells by which a step moves the field's corners when a level is finished."""
+LEAST_KEPT = 0.8
+"""Part of what is compared that a level has to keep: fewer cells are easier to match."""
+BLOCKS = 8
+"""Blocks along either side of the field whose displacements make up the residual."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """How finely is compared, and in which part of the field.
+
+    Attributes:
+        cell: pixels along a cell's side.
+        part: largest part of the field that is compared, its middle.
+        blur: standard deviation in cells.
+        perspective: whether perspective is free as well.
+    """
+
+    cell: int
+    part: float
+    blur: float
+    perspective: bool = False
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Patterns as drawn by a homography beside their images.
+
+    Attributes:
+        drawn, image: ``(P, h, w)``, band-passed; 0 where the field is not on the modulator.
+        along_u, along_v: ``(P, h, w)`` derivatives of what is drawn with respect to the place in mirrors.
+        u, v: ``(h, w)`` places in mirrors.
+        x, y: ``(h, w)`` places in pixels.
+        inside: ``(h, w)`` bool.
+        cell: pixels along a cell's side.
+    """
+
+    drawn: np.ndarray
+    image: np.ndarray
+    along_u: np.ndarray
+    along_v: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    inside: np.ndarray
+    cell: int
+
+    @property
+    def gains(self) -> np.ndarray:
+        """(P, 1, 1): how bright every pattern's image is, by least squares."""
+        energy = (self.drawn**2).sum((1, 2), keepdims=True).clip(1e-30)
+        return np.asarray((self.drawn * self.image).sum((1, 2), keepdims=True) / energy)
+
+    @property
+    def correlation(self) -> float:
+        """Normalised cross-correlation of all patterns with their images, -1 to 1."""
+        scale = math.sqrt(float((self.drawn**2).sum() * (self.image**2).sum()))
+        return float((self.drawn * self.image).sum()) / scale if scale > 0 else 0.0
+
+    @property
+    def significance(self) -> float:
+        """The correlation in standard deviations of that of unrelated images with the same spectra (Bartlett)."""
+        variance = sum(
+            float((_autocorrelation(drawn) * _autocorrelation(image)).sum())
+            for drawn, image in zip(self.drawn, self.image, strict=True)
+        )
+        return float((self.drawn * self.image).sum()) / math.sqrt(max(variance, 1e-30))
+
+    def jacobian(self, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the derivatives of (x, y) in pixels along u and v as ``(2, 2, h, w)``: [[u_x, u_y], [v_x, v_y]]."""
+        depth = matrix[2, 0] * self.x + matrix[2, 1] * self.y + matrix[2, 2]
+        rows = [
+            [(matrix[i, j] - place * matrix[2, j]) / depth for j in (0, 1)] for i, place in ((0, self.u), (1, self.v))
+        ]
+        return np.array(rows[0]), np.array(rows[1])
+
+
+def _autocorrelation(image: np.ndarray) -> np.ndarray:
+    """Return the sums of the products of an image with itself, displaced by every distance."""
+    shape = tuple(fft.next_fast_len(2 * length, real=True) for length in image.shape)
+    spectrum = fft.rfft2(image, shape)
+    return np.asarray(fft.irfft2(spectrum * spectrum.conj(), shape)) / math.sqrt(image.size)
+
+
+def levels(field: tuple[int, int], cell: int, perspective: bool) -> list[Level]:
+    """Return the levels of an alignment that starts from a coarse search with cells of ``cell`` pixels."""
+    longest = max(field)
+    part, steps = CELLS * cell / longest, [Level(cell, min(1.0, CELLS * cell / longest), 1.7)]
+    while part < 1:
+        part *= 1.6
+        steps.append(Level(cell, min(part, 1.0), 1.7))
+    while cell > 1 and longest / (cell / 2) <= MOST_CELLS:
+        cell = max(1, cell // 2)
+        steps.append(Level(cell, 1.0, 1.2))
+    steps.append(Level(cell, 1.0, 0.8))
+    return [*steps, Level(cell, 1.0, 0.8, True)] if perspective else steps
+
+
+def align(shown: list[ShownPattern], matrix: np.ndarray, steps: list[Level]) -> np.ndarray:
+    """Return the homography that a start is improved to, level by level, by a damped Gauss-Newton method.
+
+    It minimises the squared difference between images and patterns as drawn, each with its own brightness.
+    """
+    for level in steps:
+        prepared = Prepared(shown, matrix, level)
+        damping, current = 1e-3, prepared.compare(matrix)
+        least = LEAST_KEPT * float(current.inside.mean())
+        for _ in range(STEPS):
+            proposals = (_step(current, matrix, damping * 10.0**more, level.perspective) for more in (0, 1, 2, 3))
+            for more, proposal in enumerate(proposals):  # noqa: B007 used below, where the loop has ended
+                trial = prepared.compare(proposal)
+                if trial.correlation > current.correlation and trial.inside.mean() > least:
+                    break
+            else:
+                break
+            moved = _corner_shift(current, matrix, proposal)
+            matrix, current, damping = proposal, trial, max(damping * 10.0 ** (more - 1), 1e-6)
+            if moved < CONVERGED:
+                break
+    return matrix
+
+
+def _corner_shift(comparison: Comparison, before: np.ndarray, after: np.ndarray) -> float:
+    """Return how far a step moves the corners of what is compared, in cells."""
+    x, y = comparison.x[[0, 0, -1, -1], [0, -1, 0, -1]], comparison.y[[0, 0, -1, -1], [0, -1, 0, -1]]
+    inverse = np.linalg.inv(after) / np.linalg.inv(after)[2, 2]
+    back = on_modulator(inverse, *on_modulator(before, x, y))
+    return float(np.hypot(back[0] - x, back[1] - y).max()) / comparison.cell
+
+
+def _step(comparison: Comparison, matrix: np.ndarray, damping: float, perspective: bool) -> np.ndarray:
+    """Return the homography after one damped Gauss-Newton step."""
+    x, y, inside = comparison.x, comparison.y, comparison.inside
+    centre, half = np.array([x.mean(), y.mean()]), max(float(np.ptp(x)), float(np.ptp(y)), 1.0) / 2
+    normal = np.array([[half, 0, centre[0]], [0, half, centre[1]], [0, 0, 1.0]])
+    local = matrix @ normal
+    local = local / local[2, 2]
+    x, y = (x - centre[0]) / half, (y - centre[1]) / half
+    depth = local[2, 0] * x + local[2, 1] * y + 1
+    gains = comparison.gains
+    along_u, along_v = gains * comparison.along_u / depth, gains * comparison.along_v / depth
+    away = -(along_u * comparison.u + along_v * comparison.v)
+    columns = [along_u * x, along_u * y, along_u, along_v * x, along_v * y, along_v]
+    columns += [away * x, away * y] if perspective else []
+    design = np.stack([column[:, inside].ravel() for column in columns])
+    left = (comparison.image - gains * comparison.drawn)[:, inside].ravel()
+    information = design @ design.T
+    information += damping * np.diag(np.diag(information).clip(1e-12 * max(information.max(), 1e-30)))
+    step = np.linalg.lstsq(information, design @ left, rcond=1e-10)[0]
+    changed = local.copy()
+    changed[0] += step[:3]
+    changed[1] += step[3:6]
+    if perspective:
+        changed[2, :2] += step[6:]
+    moved = changed @ np.linalg.inv(normal)
+    return np.asarray(moved / moved[2, 2])
+
+
+class Prepared:
+    """Images and patterns of a level, blurred alike.
+
+    Args:
+        shown: the patterns and their images.
+        matrix: a homography that is right to some per cent, from which the mirrors' pitch is taken.
+        level: how finely is compared.
+    """
+
+    def __init__(self, shown: list[ShownPattern], matrix: np.ndarray, level: Level) -> None:
+        self._cell = level.cell
+        field = shown[0].image.shape
+        sides = [max(1, int(level.part * length) // level.cell) for length in field]
+        first = [(length - side * level.cell) // 2 for length, side in zip(field, sides, strict=True)]
+        part = tuple(slice(f, f + side * level.cell) for f, side in zip(first, sides, strict=True))
+        y, x = (f + (level.cell - 1) / 2 + level.cell * np.arange(side) for f, side in zip(first, sides, strict=True))
+        self._x, self._y = np.meshgrid(x, y)
+        across, down = pixels_per_mirror(matrix, (field[0], field[1]))
+        pitch = level.cell / down, level.cell / across
+        self._mirrors = [band_pass(pattern.mirrors, pitch, level.blur) for pattern in shown]
+        self._slopes = [np.gradient(mirrors) for mirrors in self._mirrors]
+        shape = (sides[0], level.cell, sides[1], level.cell)
+        binned = (pattern.image[part].reshape(shape).mean((1, 3)) for pattern in shown)
+        self._images = np.stack([band_pass(image, (1.0, 1.0), level.blur, box=False) for image in binned])
+
+    def compare(self, matrix: np.ndarray) -> Comparison:
+        """Return the patterns as a homography draws them beside their images."""
+        u, v = on_modulator(matrix, self._x, self._y)
+        rows, columns = self._mirrors[0].shape
+        inside = (u >= 0) & (u <= columns - 1) & (v >= 0) & (v <= rows - 1)
+        place = [np.where(inside, v, 0.0), np.where(inside, u, 0.0)]
+
+        def drawn(images: list[np.ndarray]) -> np.ndarray:
+            return np.stack([map_coordinates(image, place, order=1) * inside for image in images])
+
+        return Comparison(
+            drawn(self._mirrors),
+            self._images * inside,
+            drawn([slope[1] for slope in self._slopes]),
+            drawn([slope[0] for slope in self._slopes]),
+            place[1],
+            place[0],
+            self._x,
+            self._y,
+            inside,
+            self._cell,
+        )
+
+
+def residual(comparison: Comparison, matrix: np.ndarray) -> float:
+    """Return how far the patterns still lie beside their images, in pixels.
+
+    It is the root mean square of the displacements of blocks of the field, as far as these show a displacement.
+    """
+    gains = comparison.gains
+    (u_x, u_y), (v_x, v_y) = comparison.jacobian(matrix)
+    left = comparison.image - gains * comparison.drawn
+    slope = [gains * (comparison.along_u * a + comparison.along_v * b) for a, b in ((u_x, v_x), (u_y, v_y))]
+    height, width = comparison.inside.shape
+    entries, sides = [], [np.linspace(0, length, BLOCKS + 1).astype(int) for length in (height, width)]
+    for top, bottom in zip(sides[0][:-1], sides[0][1:], strict=True):
+        for first, last in zip(sides[1][:-1], sides[1][1:], strict=True):
+            part = (slice(None), slice(top, bottom), slice(first, last))
+            if bottom == top or last == first or not comparison.inside[part[1:]].all():
+                continue
+            design = np.stack([one[part].ravel() for one in slope])
+            entries.append((design @ design.T, design @ left[part].ravel()))
+    if not entries:
+        return math.inf
+    clear = np.array([np.linalg.eigvalsh(information)[0] for information, _ in entries])
+    shifts = [
+        np.linalg.solve(information, product)
+        for (information, product), least in zip(entries, clear, strict=True)
+        if least > 0.1 * np.median(clear) and least > 0
+    ]
+    return float(np.sqrt(np.mean([shift @ shift for shift in shifts]))) if shifts else math.inf

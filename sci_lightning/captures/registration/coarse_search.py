@@ -1,0 +1,193 @@
+"""The coarse search: pitch, rotation, mirroring and displacement of a modulator, from blurred images of its patterns.
+
+Of every combination of pitch, aspect, rotation and mirroring the patterns are drawn as the sensor would see them, and
+compared with their images at all displacements at once, by the normalised cross-correlation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy import fft
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+from sci_lightning.captures.registration.shown_patterns import ShownPattern
+
+CELLS = 64
+"""Cells along the longer side of the field, in which images are compared."""
+BLUR = 1.7
+"""Standard deviation in cells of the blur on both: mistakes of 5 % in pitch and of 3 degrees then do little harm."""
+BACKGROUND = 9.0
+"""Standard deviation in cells of the background that is taken off both, because the light is uneven."""
+LEAST_OVERLAP = 0.2
+"""Part of the field that a displacement has to leave on the modulator."""
+LARGEST_MODULATOR = 6
+"""Times the field's side that the modulator's image may be long."""
+PITCH_STEP, ANGLE_STEP = 1.1, 6.0
+PATTERNS = 3
+"""Patterns that are compared at all displacements."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A place of the modulator.
+
+    Attributes:
+        matrix: (3, 3) homography from pixels to mirrors.
+        score: correlation times the square root of the number of cells that it rests on.
+    """
+
+    matrix: np.ndarray
+    score: float
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """How the mirrors lie, up to a displacement.
+
+    Attributes:
+        across, down: pixels from one mirror to the next, along its rows and its columns.
+        angle: of the rows, degrees from +x towards +y.
+        mirrored: whether u runs to the left before it is turned.
+    """
+
+    across: float
+    down: float
+    angle: float
+    mirrored: bool
+
+    @property
+    def to_mirrors(self) -> np.ndarray:
+        """(2, 2): a step in pixels (x, y) as a step in mirrors (u, v)."""
+        cos, sin = math.cos(math.radians(self.angle)), math.sin(math.radians(self.angle))
+        turned = np.array([[cos, sin], [-sin, cos]])
+        sign = -1.0 if self.mirrored else 1.0
+        return np.asarray(np.diag([sign / self.across, 1 / self.down]) @ turned)
+
+
+def likely_orientations(pitches: Iterable[tuple[float, float]]) -> Iterator[Orientation]:
+    """Yield orientations whose rows are nearly upright or level, for every pitch (across, down)."""
+    angles = [quarter + tilt for quarter in (0, 90, 180, 270) for tilt in (0, -ANGLE_STEP, ANGLE_STEP)]
+    for (across, down), angle, mirrored in product(pitches, angles, (False, True)):
+        yield Orientation(across, down, angle, mirrored)
+
+
+def other_orientations(pitches: Iterable[tuple[float, float]]) -> Iterator[Orientation]:
+    """Yield the orientations between those of :func:`likely_orientations`."""
+    angles = [angle for angle in np.arange(0, 360, ANGLE_STEP).tolist() if ANGLE_STEP < angle % 90 < 90 - ANGLE_STEP]
+    for (across, down), angle, mirrored in product(pitches, angles, (False, True)):
+        yield Orientation(across, down, angle, mirrored)
+
+
+def likely_pitches(field: tuple[int, int], mirrors: tuple[int, int], aspect: float = 1.0) -> list[tuple[float, float]]:
+    """Return pitches (across, down) in pixels per mirror that show the field a good part of the modulator.
+
+    Args:
+        field: (H, W) in pixels.
+        mirrors: (Hm, Wm).
+        aspect: across over down.
+    """
+    smallest = math.sqrt(0.25 * math.prod(field) / math.prod(mirrors))
+    largest = LARGEST_MODULATOR * max(field) / max(mirrors)
+    largest = max(min(largest, min(field) / 8), smallest)
+    steps = max(1, math.ceil(math.log(largest / smallest) / math.log(PITCH_STEP)))
+    means = [smallest * (largest / smallest) ** (step / steps) for step in range(steps + 1)]
+    return [(mean * math.sqrt(aspect), mean / math.sqrt(aspect)) for mean in means]
+
+
+def band_pass(image: np.ndarray, cell: tuple[float, float], blur: float, box: bool = True) -> np.ndarray:
+    """Return an image blurred by ``blur`` cells, less its background; beyond its edges nothing counts.
+
+    Args:
+        image: any image.
+        cell: height and width of a cell in the image's own pixels.
+        blur: standard deviation in cells.
+        box: whether the mean over a cell is taken as well, which the other image has been through.
+    """
+
+    def blurred(sigma: float) -> np.ndarray:
+        sigmas = [math.hypot(sigma * side, side / math.sqrt(12) if box else 0.0) for side in cell]
+        weight = gaussian_filter(np.ones(image.shape, np.float32), sigmas, mode="constant", truncate=3)
+        return np.asarray(gaussian_filter(image, sigmas, mode="constant", truncate=3) / weight.clip(1e-6))
+
+    return blurred(blur) - blurred(BACKGROUND)
+
+
+class CoarseSearch:
+    """Compares patterns with a square part of their images, in cells of ``size`` pixels.
+
+    Args:
+        shown: the patterns and their images.
+        size: pixels along a cell's side.
+    """
+
+    def __init__(self, shown: list[ShownPattern], size: int) -> None:
+        self._mirrors = [pattern.mirrors for pattern in shown[:PATTERNS]]
+        self._cell = size
+        height, width = shown[0].image.shape
+        rows, columns = (min(CELLS, length // size) for length in (height, width))
+        self._first = (height - rows * size) // 2, (width - columns * size) // 2
+        self._shape = rows, columns
+        (top, left), shape = self._first, (rows, size, columns, size)
+        part = (slice(top, top + rows * size), slice(left, left + columns * size))
+        binned = [pattern.image[part].reshape(shape).mean((1, 3)) for pattern in shown[:PATTERNS]]
+        self._images = [band_pass(image, (1.0, 1.0), BLUR, box=False) for image in binned]
+        self._last: tuple[tuple[float, float], list[np.ndarray]] = ((0.0, 0.0), [])
+        self._energy = np.sum([image**2 for image in self._images], 0)
+
+    def _blurred(self, across: float, down: float) -> list[np.ndarray]:
+        """Return the patterns as blurred as the images, for a pitch in pixels per mirror; the last is remembered."""
+        if self._last[0] != (across, down):
+            scale = self._cell / down, self._cell / across
+            self._last = (across, down), [band_pass(mirrors, scale, BLUR) for mirrors in self._mirrors]
+        return self._last[1]
+
+    def best(self, orientation: Orientation) -> Candidate | None:
+        """Return the best displacement of an orientation; None if the modulator is too small by it."""
+        smooth = self._blurred(orientation.across, orientation.down)
+        to_mirrors = orientation.to_mirrors * self._cell  # a step of one cell
+        rows, columns = self._mirrors[0].shape
+        centre = np.array([(columns - 1) / 2, (rows - 1) / 2])
+        half = np.abs(np.linalg.inv(to_mirrors)) @ (np.array([columns, rows]) / 2)
+        width, height = (max(2, math.ceil(2 * side)) for side in half)
+        x, y = np.arange(width) - (width - 1) / 2, np.arange(height)[:, None] - (height - 1) / 2
+        u = centre[0] + to_mirrors[0, 0] * x + to_mirrors[0, 1] * y
+        v = centre[1] + to_mirrors[1, 0] * x + to_mirrors[1, 1] * y
+        on = ((u >= 0) & (u <= columns - 1) & (v >= 0) & (v <= rows - 1)).astype(np.float64)
+        drawn = [map_coordinates(mirrors, [v, u], order=1, mode="nearest") * on for mirrors in smooth]
+        shape = tuple(fft.next_fast_len(a + b, real=True) for a, b in zip(self._shape, on.shape, strict=True))
+
+        def transformed(array: np.ndarray) -> np.ndarray:
+            return np.asarray(fft.rfft2(array, shape))
+
+        def correlated(fixed: np.ndarray, moved: np.ndarray) -> np.ndarray:
+            return np.asarray(fft.irfft2(fixed * moved.conj(), shape))
+
+        there = transformed(on)
+        cells = correlated(transformed(np.ones(self._shape)), there)
+        energy = correlated(transformed(self._energy), there)
+        drawn_energy = correlated(transformed(np.ones(self._shape)), transformed(np.sum([one**2 for one in drawn], 0)))
+        product_ = sum(
+            correlated(transformed(image), transformed(one)) for image, one in zip(self._images, drawn, strict=True)
+        )
+        enough = cells > LEAST_OVERLAP * math.prod(self._shape)
+        if not enough.any():
+            return None
+        scale = np.sqrt(np.where(enough, energy * drawn_energy, np.inf).clip(1e-30))
+        score = np.where(enough, product_ / scale, -1) * np.sqrt(cells.clip(0))
+        place = np.unravel_index(int(score.argmax()), score.shape)
+        top, left = (  # the second half of the transform's period stands for negative displacements
+            int(step) - length if step >= side else int(step)
+            for step, length, side in zip(place, shape, self._shape, strict=True)
+        )
+        # cell (i, j) of the field shows cell (i - top, j - left) of the drawing
+        matrix = np.eye(3)
+        matrix[:2, :2] = orientation.to_mirrors
+        offset = np.array([-left - (width - 1) / 2, -top - (height - 1) / 2])
+        first = np.array([self._first[1], self._first[0]]) + (self._cell - 1) / 2
+        matrix[:2, 2] = centre + to_mirrors @ offset - orientation.to_mirrors @ first
+        return Candidate(matrix, float(score[place]))

@@ -1,0 +1,125 @@
+r"""Smooth maps: functions of the position on the field without detail finer than a part of its side.
+
+On an axis with n pixels at u from 0 to 1 the functions are :math:`\cos(\pi k u)` for k from 1 to ``DETAIL``, whose half
+period is 1/k of the side, and u and u squared, which meet the edges with any slope. They are made orthonormal in this
+order, so that the last two only add what the cosines leave near the edges. A map is a sum of products of a function of
+the row and one of the column, all but the constant one, so that its mean over the field is 0.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import torch
+
+DETAIL = 8
+"""Parts of the field's side: no detail of a smooth map is finer."""
+BEYOND = 12
+"""The same for the functions that a smooth map must not contain, by which it is tested."""
+LEAST_NORM = 1e-6
+"""Relative norm below which a function is a sum of the others."""
+
+
+@dataclass(frozen=True)
+class SmoothBasis:
+    """Functions on a field, in a basis in which the information about them and their prior are diagonal.
+
+    Attributes:
+        functions: ``(K, H, W)`` float64, the functions that the K coordinates multiply.
+        dual: ``(K, H, W)``; the sum of a map times these gives its coordinates.
+        mixing: ``(K, K)``, from coordinates to factors of orthonormal functions.
+    """
+
+    functions: torch.Tensor
+    dual: torch.Tensor
+    mixing: torch.Tensor
+
+    @staticmethod
+    def of(information: torch.Tensor) -> SmoothBasis:
+        """Return the basis in which the information about the coordinates is diagonal and their prior is even.
+
+        The prior variance of an orthonormal function falls with the square of its spatial frequency, and the variances
+        add up to 1: with coordinates of standard deviation s the map has standard deviation s.
+
+        Args:
+            information: ``(H, W)`` about the map's value at every pixel.
+        """
+        height, width = information.shape
+        flat, spread = _orthonormal(height, width)
+        about = (flat * information.flatten().double()) @ flat.T
+        _, turn = torch.linalg.eigh(spread[:, None] * about * spread)
+        mixing = spread[:, None] * turn
+        functions = (mixing.T @ flat).reshape(-1, height, width)
+        dual = (turn.T @ (flat / spread[:, None])).reshape(-1, height, width) / (height * width)
+        return SmoothBasis(functions, dual, mixing)
+
+    def coordinates(self, field_map: torch.Tensor) -> torch.Tensor:
+        """Return the coordinates ``(K,)`` of a map ``(H, W)``."""
+        return self.dual.flatten(1) @ field_map.flatten().double()
+
+    def spread(self, coordinates: torch.Tensor) -> torch.Tensor:
+        """Return the maps ``(.., H, W)`` of coordinates ``(.., K)``."""
+        flat = coordinates.double() @ self.functions.flatten(1)
+        return flat.unflatten(-1, self.functions.shape[1:])
+
+    def reduce(self, field: torch.Tensor) -> torch.Tensor:
+        """Return the sums ``(.., K)`` of fields ``(.., H, W)`` times every function."""
+        return field.flatten(-2).double() @ self.functions.flatten(1).T
+
+    def squares(self, field: torch.Tensor) -> torch.Tensor:
+        """Return the sum ``(K,)`` of a field ``(H, W)`` times the square of every function."""
+        return self.functions.flatten(1).square() @ field.flatten().double()
+
+    def variance(self, variance: torch.Tensor) -> torch.Tensor:
+        """Return the variance ``(H, W)`` of a map whose coordinates have the variances ``(K,)``."""
+        return (variance @ self.functions.flatten(1).square()).reshape(self.functions.shape[1:])
+
+    def gram(self, field: torch.Tensor) -> torch.Tensor:
+        """Return the sums ``(K, K)`` of a field ``(H, W)`` times every product of two functions."""
+        flat = self.functions.flatten(1)
+        return (flat * field.flatten().double()) @ flat.T
+
+
+@lru_cache(maxsize=4)
+def _orthonormal(height: int, width: int) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return K functions ``(K, H * W)`` of mean square 1 and mean 0, and the standard deviations of their prior."""
+    (down, of_rows), (across, of_columns) = axis_functions(height), axis_functions(width)
+    products = torch.einsum("ih,jw->ijhw", down, across).flatten(0, 1).flatten(1)
+    frequency = (of_rows[:, None].square() + of_columns.square()).flatten()
+    variance = 1 / frequency[1:]
+    return products[1:], (variance / variance.sum().clamp(min=1e-30)).sqrt()
+
+
+def beyond(height: int, width: int) -> torch.Tensor:
+    """Return the functions ``(K, H * W)`` just finer than those of a smooth map, of mean square 1."""
+    (down, of_rows), (across, of_columns) = axis_functions(height, BEYOND, False), axis_functions(width, BEYOND, False)
+    products = torch.einsum("ih,jw->ijhw", down, across).flatten(0, 1).flatten(1)
+    return products[torch.maximum(of_rows[:, None], of_columns).flatten() > DETAIL]
+
+
+def axis_functions(count: int, finest: int = DETAIL, edges: bool = True) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return functions ``(L, n)`` of a place on an axis, the constant first, of mean square 1, and their frequencies.
+
+    Args:
+        count: n, pixels.
+        finest: largest number of half periods.
+        edges: whether u and u squared are among them.
+    """
+    place = (torch.arange(count, dtype=torch.float64) + 0.5) / count
+    raw = [(k, torch.cos(math.pi * k * place)) for k in range(min(finest, (count - 1) // 2) + 1)]
+    if edges:
+        raw += [(finest + 1, place), (finest + 2, place.square())]
+    functions: list[torch.Tensor] = []
+    frequencies = []
+    for frequency, values in raw:
+        size = float(values.square().mean().sqrt())
+        for _ in range(2):  # twice is enough (Gram and Schmidt)
+            for other in functions:
+                values = values - (values * other).mean() * other
+        norm = float(values.square().mean().sqrt())
+        if norm > LEAST_NORM * size:
+            functions.append(values / norm)
+            frequencies.append(max(float(frequency), size / norm if frequency > finest else 0.0))
+    return torch.stack(functions), torch.tensor(frequencies, dtype=torch.float64)
