@@ -92,7 +92,8 @@ class BlindLikelihood:
         """Return ``(blocks,)`` bool: the blocks that lie inside a border."""
         height, width = self.model.observation.size
         counted = torch.zeros(1, height, width)
-        counted[(0, *border.rounded().window((height, width)))] = 1
+        rows, columns = border.rounded().window((height, width))
+        counted[0, rows, columns] = 1
         return self._cut(counted, 0)[0].bool().all(1)
 
     @torch.no_grad()
@@ -143,7 +144,7 @@ class BlindLikelihood:
 
     def _masks(self, path: LightPath, sequence: torch.Tensor, numbers: torch.Tensor) -> torch.Tensor:
         """Return blocks of the relative mask, ``(blocks, T, n)``; with optics, n counts the pixels around them too."""
-        seen = LightPath([*path.of(ModulatorEffect), *path.of(RelayEffect), *path.of(ExposureEffect)])
+        seen = LightPath([*path.of(ModulatorEffect), *path.of(RelayEffect), *path.of(ExposureEffect)], path.grid)
         shown = seen.transmittance(self.model.observation.patterns, sequence[None])[0].double()
         level = shown.sum(0)[self._centre].mean().clamp(min=1e-6)
         return self._cut(shown / level, REACH if path.of(OpticsEffect) else 0)[:, numbers].transpose(0, 1)

@@ -196,13 +196,13 @@ class BlindSearch:
         that is displaced by a whole cell), so that the best starts of the most promising candidates are fitted to a few
         blocks.
         """
-        model, observation = self.fitter.model, self.fitter.model.observation
+        model = self.fitter.model
         entries = []
         for name in self.candidates:
             if name in base.hypothesis.effects:
                 continue
             about = model.effects[name].about
-            starts = model.effects[name].starts(observation.frames, observation.size, observation.bit_depth)
+            starts = model.starts(name, base.hypothesis)
             trials = [(self._screened(base, name, start), start) for start in starts]
             if not any(parameter.choices for parameter in about.values()):
                 trials.sort(key=lambda trial: -trial[0])

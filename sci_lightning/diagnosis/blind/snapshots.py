@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from sci_lightning.captures import Captures
-from sci_lightning.diagnosis.model.observation import Observation
+from sci_lightning.diagnosis.model.observation import Observation, grid_of
 from sci_lightning.errors import BadInput
 
 NEVER_OPEN = 1e-3
@@ -70,4 +70,5 @@ def observe_snapshots(captures: Captures) -> Observation:
         full_well=captures.full_well_e,
         position=torch.from_numpy(kept),
         dark_surround=captures.surround == "dark",
+        grid=grid_of(captures),
     )

@@ -179,7 +179,7 @@ def snapshots_figure(diagnosis: BlindDiagnosis) -> Figure:
 
 def _rows(diagnosis: BlindDiagnosis) -> list[tuple[str, ...]]:
     """Return effect, stage, parameter, value, error, unit and evidence of every parameter."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for effect in diagnosis.effects:
         for name, estimate in effect.parameters.items():
             value = quantity(estimate.value, estimate.std, estimate.systematic).split(" ")[0]
