@@ -268,7 +268,7 @@ def _smooth_map(
 
 
 def _smoothest_prior(slope: torch.Tensor, curvature: torch.Tensor, values: torch.Tensor) -> tuple[float, float, float]:
-    """Return steepness frequency and standard deviation of the prior of the largest marginal likelihood, and its gain."""
+    """Return steepness and standard deviation of the prior of the largest marginal likelihood, and its gain in nats."""
     flat, frequency = orthonormal(*curvature.shape)
     about = (flat * curvature.flatten().double()) @ flat.T
     along = flat @ (slope + curvature * values).flatten().double()
