@@ -17,13 +17,14 @@ from sci_lightning.diagnosis.fit.newton_system import NewtonSystem
 from sci_lightning.diagnosis.fit.parameters import FINE_DIFFERENCE, FreeParameters
 from sci_lightning.diagnosis.fit.split import Split
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, ParameterName
-from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap, MapSystem, estimate_map
+from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap, estimate_map
 from sci_lightning.diagnosis.model.likelihood import (
     ClippedSignal,
     Intervals,
     PixelLikelihood,
     log_likelihood,
 )
+from sci_lightning.diagnosis.model.map_system import MapSystem
 from sci_lightning.diagnosis.model.prediction import Prediction
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.border import Border

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import torch
 
-from sci_lightning.diagnosis.model.fixed_pattern_map import MapSystem
+from sci_lightning.diagnosis.model.map_system import MapSystem
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap, MapSystem
+from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap
+from sci_lightning.diagnosis.model.map_system import MapSystem
 from sci_lightning.diagnosis.search.map_test import map_p_value
 
 N, H, W = 3, 4, 5
