@@ -15,6 +15,7 @@ from sci_lightning.cli.encoder_file import read_encoder_file
 from sci_lightning.configuration.build import build_from_file
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder import Encoder
+from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.mask import Measured
 from sci_lightning.encoder.sensor import ClipQuantise
 from sci_lightning.errors import BadInput
@@ -41,12 +42,17 @@ def true_camera(bench: Bench, mismatch: Mismatch) -> Encoder:
     return _encoder(bench, mismatch)
 
 
-def _encoder(bench: Bench, mismatch: Mismatch) -> Encoder:
+def encoder_effects(mismatch: Mismatch) -> list[Effect]:
+    """Return a mismatch as effects of the encoder; raises BadInput for one that the encoder does not have."""
     classes = vocabulary()
     if unknown := [name for name in mismatch if name not in classes]:
         raise BadInput(f"mismatch.{unknown[0]}: the encoder has no such effect, so that no decoder can know it")
-    effects = [classes[name](**values) for name, values in mismatch.items()]
-    return Encoder(Measured(bench.session.mask), ClipQuantise(bench.session.bit_depth), bench.aperture, effects)
+    return [classes[name](**values) for name, values in mismatch.items()]
+
+
+def _encoder(bench: Bench, mismatch: Mismatch) -> Encoder:
+    mask, sensor = Measured(bench.session.mask), ClipQuantise(bench.session.bit_depth)
+    return Encoder(mask, sensor, bench.aperture, encoder_effects(mismatch))
 
 
 def diagnosed_camera(

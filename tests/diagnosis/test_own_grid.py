@@ -73,6 +73,10 @@ def test_snapshots_of_unknown_scenes_are_seen_through_it() -> None:
     snapshots = snapshots_of(captures(WIDE, size=SIZE, mirrors=MIRRORS, known=False).take(range(12, 18)), vocabulary())
     moved = snapshots.encoder({"mask_shift": {"dx": 0.6, "dy": -0.35}})
     expected = image(snapshots.patterns.numpy(), WIDE, SIZE, Deviation(shift=(0.6, -0.35)))
+    part = snapshots.window(slice(4, 20), slice(6, None)).encoder({})
+    torch.testing.assert_close(
+        part.transmittance(), snapshots.encoder({}).transmittance()[:, 4:20, 6:], atol=1e-5, rtol=0
+    )
     assert moved.size == SIZE and np.sqrt(((moved.transmittance().numpy() - expected) ** 2).mean()) < 0.03
 
 

@@ -53,6 +53,11 @@ class SnapshotCamera:
         """(H, W) of the field in pixels."""
         return int(self.measurement.shape[1]), int(self.measurement.shape[2])
 
+    @property
+    def set_aside(self) -> tuple[int, ...]:
+        """Numbers of the snapshots that only judge."""
+        return tuple(n for n, aside in zip(self.numbers, self.verification.tolist(), strict=True) if aside)
+
     def encoder(self, effects: Mapping[str, Setting]) -> Encoder:
         """Return the camera with these effects: values of their parameters by name, by effect."""
         return self.encoder_of(LightPath(self.vocabulary[name](**setting) for name, setting in effects.items()))
@@ -69,6 +74,13 @@ class SnapshotCamera:
             sensor_to_modulator=homography,
             size=self.size,
         )
+
+    def window(self, rows: slice, columns: slice) -> SnapshotCamera:
+        """Return a part of the field as a camera of its own: its effects count from the centre of that part."""
+        measurement = self.measurement[:, rows, columns]
+        if self.grid is None:
+            return replace(self, measurement=measurement, patterns=self.patterns[:, rows, columns].contiguous())
+        return replace(self, measurement=measurement, grid=self.grid.window(rows, columns))
 
     def take(self, which: torch.Tensor) -> SnapshotCamera:
         """Return some of the snapshots, ``which`` being ``(N,)`` bool."""

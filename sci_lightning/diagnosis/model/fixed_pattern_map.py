@@ -15,8 +15,9 @@ from dataclasses import dataclass
 
 import torch
 
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Prediction, Setting
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting
 from sci_lightning.diagnosis.model.likelihood import PixelLikelihood
+from sci_lightning.diagnosis.model.prediction import Prediction
 from sci_lightning.diagnosis.model.smooth_basis import SmoothBasis
 
 DENSE = ("row", "column", "smooth")
@@ -32,7 +33,8 @@ class FixedPatternMap:
     Attributes:
         name: of the effect.
         kind: ``pixel``, ``column``, ``row``, ``smooth``, or ``hot``: few values that are positive, the others 0.
-        values: float64 of the map's shape, in the effect's own unit; ``(K,)`` coordinates of a smooth map.
+        values: float64 of the map's shape on the pixels that count, in the effect's own unit; ``(K,)`` coordinates of a
+            smooth map, which is one of the whole field.
         jacobian: ``(N, H, W)`` derivative of the mean with respect to the map's value at the pixel.
         likelihood_gradient: derivative of the log-likelihood with respect to each value, over the fitted pixels.
         likelihood_information: minus its second derivative; of the map's shape, as the gradient.
@@ -41,7 +43,8 @@ class FixedPatternMap:
         penalty: nats that prior and uncertainty of the values take off the log-likelihood (marginal likelihood).
         evidence: nats by which the map raises the marginal likelihood, to second order.
         smooth: of a smooth map, the functions that its coordinates multiply.
-        pixel_gradient, pixel_information: of a smooth map, ``(H, W)`` what the captures say about every pixel alone.
+        pixel_gradient, pixel_information: of a smooth map, what the captures say about every pixel of the whole field
+            alone.
     """
 
     name: str
@@ -113,7 +116,7 @@ class FixedPatternMap:
             shared: ``(H, W)`` information that they share about every pixel.
         """
         if self.smooth is not None:
-            return other.reduce(self.smooth.functions * shared).flatten(1)
+            return other.reduce(self.smooth.seen * shared).flatten(1)
         if other.smooth is not None:
             return other.shared_information(self, shared).T
         if self.kind == other.kind:
@@ -160,29 +163,30 @@ class FixedPatternMap:
         """
         return self.gather(weighted * self.jacobian).double()
 
-    def moved(self, step: torch.Tensor) -> tuple[Setting, torch.Tensor]:
-        """Return the effect's setting and its map after a step of the values."""
+    def moved(self, model: CameraModel, step: torch.Tensor) -> tuple[Setting, torch.Tensor]:
+        """Return the effect's setting and its map, of the whole field, after a step of the values."""
         if self.smooth is not None:
-            field = self.smooth.spread(self.values + step).float()
+            field = self.smooth.field(self.values + step).float()
             return {"std": min(float(field.std(correction=0)), 1.0)}, field
         values = torch.where(self.active, self.values + step, 0.0).float()
         if self.kind == "hot":
             values = values.clamp(min=0)
-            return {"fraction": float((values > 0).float().mean())}, values
-        return {"std": self.std}, values
+            return {"fraction": float((values > 0).float().mean())}, model.whole(values)
+        return {"std": self.std}, model.whole(values)
 
-    def penalty_of(self, values: torch.Tensor, information: torch.Tensor) -> float:
+    def penalty_of(self, model: CameraModel, values: torch.Tensor, information: torch.Tensor) -> float:
         """Return the penalty, in nats, of another map.
 
         Args:
+            model: knows which pixels count.
             values: the map, as a hypothesis holds it.
             information: ``(H, W)`` about its value at every pixel.
         """
         if self.kind == "hot":
-            return float((values > 0).sum()) * _hot_penalty(values)
+            return float((values > 0).sum()) * _hot_penalty(self.values)
         if self.smooth is not None:
             return _penalty(self.smooth.coordinates(values), self.smooth.squares(information), self.std)
-        return _penalty(values.double(), self.reduce(information).double(), self.std)
+        return _penalty(model.windowed(values).double(), self.reduce(information).double(), self.std)
 
 
 def estimate_map(
@@ -209,9 +213,9 @@ def estimate_map(
     slope = (jacobian * likelihood.mean_gradient * fitted).sum(0)
     curvature = (jacobian.square() * likelihood.mean_information * fitted).sum(0)
     if kind == "smooth":
-        return _smooth_map(name, values, jacobian, slope, curvature)
+        return _smooth_map(model, name, values, jacobian, slope, curvature)
     gradient, information = (_reduce(kind, field).double() for field in (slope, curvature))
-    values = values.double()
+    values = model.windowed(values).double()
     if kind == "hot":
         hot = _hot(gradient, information, values)
         gains = 0.5 * (gradient + information * values).square() / information.clamp(min=1e-9)
@@ -226,13 +230,18 @@ def estimate_map(
 
 
 def _smooth_map(
-    name: str, values: torch.Tensor, jacobian: torch.Tensor, slope: torch.Tensor, curvature: torch.Tensor
+    model: CameraModel,
+    name: str,
+    values: torch.Tensor,
+    jacobian: torch.Tensor,
+    slope: torch.Tensor,
+    curvature: torch.Tensor,
 ) -> FixedPatternMap:
-    """Return the state of a smooth map ``(H, W)`` from gradient and information about every pixel's value.
+    """Return the state of a smooth map ``(H, W)`` from gradient and information about the value at every counted pixel.
 
     Its standard error is that of the map's standard deviation over the field.
     """
-    basis = SmoothBasis.of(curvature)
+    basis = SmoothBasis.of(model.whole(curvature), model.window)
     coordinates, gradient, information = basis.coordinates(values), basis.reduce(slope), basis.squares(curvature)
     std, evidence, _ = _likeliest_prior(gradient + information * coordinates, information)
     factors = basis.mixing @ coordinates
@@ -241,9 +250,8 @@ def _smooth_map(
     std_error = float((direction.square() * variance).sum().sqrt())
     penalty = _penalty(coordinates, information, std)
     numbers = std, std_error, penalty, evidence
-    return FixedPatternMap(
-        name, "smooth", coordinates, jacobian, gradient, information, *numbers, basis, slope, curvature
-    )
+    of_pixels = model.whole(slope), model.whole(curvature)
+    return FixedPatternMap(name, "smooth", coordinates, jacobian, gradient, information, *numbers, basis, *of_pixels)
 
 
 def _reduce(kind: str, field: torch.Tensor) -> torch.Tensor:
