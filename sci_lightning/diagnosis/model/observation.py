@@ -152,11 +152,11 @@ def observe(captures: Captures) -> Observation:
         position=torch.tensor(order),
         dark_surround=captures.surround == "dark",
         verification=_set_aside(captures, order),
-        grid=_grid(captures),
+        grid=grid_of(captures),
     )
 
 
-def _grid(captures: Captures) -> ModulatorGrid | None:
+def grid_of(captures: Captures) -> ModulatorGrid | None:
     """Return where the mirrors nominally lie; None where every mirror is a pixel."""
     if captures.sensor_to_modulator is not None:
         return ModulatorGrid(captures.sensor_to_modulator, captures.size, captures.mirrors)
