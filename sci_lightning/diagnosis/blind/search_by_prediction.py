@@ -19,8 +19,11 @@ from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera
 from sci_lightning.diagnosis.laboratory import SceneEffect
 from sci_lightning.diagnosis.model.camera_model import Setting
 from sci_lightning.encoder.border import Border
-from sci_lightning.encoder.effects import Effect, MapEffect, OpticsEffect, Parameter, SensorEffect
+from sci_lightning.encoder.effects import Effect, MapEffect, MaskContrast, OpticsEffect, Parameter, SensorEffect
+from sci_lightning.encoder.light_path import LightPath
 
+MASK_HELPS = 0.01
+"""p-value below which the mask helps to predict held-out pixels."""
 LEAST_PROGRESS = 2e-4
 """Part of the prediction error by which a step must lower it for another step of the same length."""
 
@@ -110,6 +113,8 @@ class PredictionResult:
         all_snapshots: the same on both.
         considered: prediction error of every candidate's best setting in every round, by effect.
         seed: of the held-out pixels.
+        without_mask: a camera whose mask is the same everywhere against the one that was found. Where the second is not
+            better, the snapshots do not show that what was found is right: they are as predictable without any mask.
     """
 
     effects: tuple[PredictedEffect, ...]
@@ -118,10 +123,21 @@ class PredictionResult:
     all_snapshots: PairedComparison
     considered: tuple[dict[str, float], ...]
     seed: int
+    without_mask: PairedComparison
+
+    @property
+    def mask_is_visible(self) -> bool:
+        """Whether the mask helps to predict held-out pixels at all."""
+        return self.without_mask.fall > 0 and self.without_mask.p_value < MASK_HELPS
 
     @property
     def verdict(self) -> str:
-        """``consistent`` or ``explained``; ``unexplained`` where verification does not confirm what was named."""
+        """``consistent`` or ``explained``; ``unexplained`` where verification does not confirm what was named.
+
+        It is ``unexplained`` as well where the mask does not help: then whatever weakens it predicts better.
+        """
+        if not self.mask_is_visible:
+            return "unexplained"
         if not self.effects:
             return "consistent"
         return "explained" if (self.verification or self.fitted).fall > 0 else "unexplained"
@@ -251,6 +267,7 @@ def search_by_prediction(
         all_snapshots=compare(before, after),
         considered=tuple(considered),
         seed=seed,
+        without_mask=compare(whole.errors(camera.encoder_of(LightPath([MaskContrast(leak=1.0)]))), after),
     )
 
 

@@ -69,6 +69,11 @@ def prediction_headline(result: PredictionResult, camera: SnapshotCamera) -> str
     """Return the result in one sentence."""
     judged = result.verification or result.fitted
     where = "snapshots that nothing was fitted to" if result.verification else "the snapshots"
+    if not result.mask_is_visible:
+        return (
+            "Held-out pixels are as predictable without any mask: the snapshots do not show whether this mask is "
+            "right, and what seems to be missing only weakens it."
+        )
     if not result.effects:
         return f"Held-out pixels of {where} ask for nothing: they are predicted to {judged.after:.3f} of their spread."
     named = " and ".join(_clause(result, camera, name) for name in result.values)
@@ -106,7 +111,10 @@ def describe_prediction(result: PredictionResult, camera: SnapshotCamera) -> dic
         "mode": "blind",
         "laboratory": [],
         "undetermined": [{"effect": name, "looks_like": "another scene"} for name in UNSEEN],
-        "notes": ["Held-out pixels alone have judged: the statistics of video do not reach over so many slots."],
+        "notes": [
+            "Held-out pixels alone have judged: the statistics of video do not reach over so many slots.",
+            f"Prediction error without any mask: {result.without_mask.before:.4f}.",
+        ],
         "verification": _verification(result, camera),
         "split": {
             "held_out_captures": list(camera.set_aside),

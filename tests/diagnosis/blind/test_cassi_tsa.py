@@ -1,4 +1,4 @@
-"""Real snapshots with a calibrated mask: its image is blurred, which no displacement explains (docs/results)."""
+"""Real snapshots with a calibrated mask that predicts worse than a blurred one, and worse than no mask at all."""
 
 from __future__ import annotations
 
@@ -27,29 +27,32 @@ def cassi(shared_data: Path, side: int) -> SnapshotCamera:
     return snapshots_of(captures, vocabulary()).window(part, part)
 
 
-def test_a_blurred_mask_predicts_better(shared_data: Path) -> None:
+def test_a_weaker_mask_predicts_better(shared_data: Path) -> None:
+    """A blur helps more than a displacement; but so does a mask without contrast, so that nothing is proven."""
     camera = cassi(shared_data, 88)
     camera = camera.take(camera.verification)
     window = (slice(12, 76), slice(12, 76))
     predictor = Predictor(camera.measurement, folds=1, window=window)
-    ideal, blurred, displaced = (
+    ideal, blurred, displaced, flat = (
         predictor.errors(camera.encoder(effects))
-        for effects in ({}, {"mask_blur": {"sigma": 0.8}}, {"mask_shift": {"dx": 0.35, "dy": 0.0}})
+        for effects in (
+            {},
+            {"mask_blur": {"sigma": 0.8}},
+            {"mask_shift": {"dx": 0.35, "dy": 0.0}},
+            {"mask_contrast": {"leak": 1.0}},
+        )
     )
     better = compare(ideal, blurred)
     assert better.agree == 2 and better.p_value < 1e-3
-    for before, after in better.by_capture:  # 30 % on larger parts: a frame is seen over 54 columns
+    for before, after in better.by_capture:
         assert after < 0.85 * before
     assert compare(displaced, blurred).fall > 0.03
+    assert compare(flat, blurred).fall < 0.05
 
 
 @pytest.mark.slow
-def test_the_search_names_it(shared_data: Path) -> None:
-    """Scenes 1 to 3 are fitted, 4 and 5 verify: mask_blur is named first, and no displacement above 0.1 pixel."""
-    settings = PredictionSettings(window=96, window_folds=1, folds=2, most=1, finest=0.2)
+def test_the_search_says_that_nothing_is_proven(shared_data: Path) -> None:
+    settings = PredictionSettings(window=96, window_folds=1, folds=1, most=1, finest=0.2, polished=2)
     result = search_by_prediction(cassi(shared_data, 160), settings=settings)
     assert [effect.name for effect in result.effects] == ["mask_blur"]
-    assert result.verification is not None and result.verification.agree == 2
-    for before, after in result.verification.by_capture:
-        assert after < 0.7 * before
-    assert "mask_shift" not in result.effects[0].alternatives
+    assert result.verdict == "unexplained" and not result.mask_is_visible
