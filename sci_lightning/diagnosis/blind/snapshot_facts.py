@@ -22,9 +22,9 @@ EXPECTED = 20.0
 """Pixels that a code must be expected to have, judging by its neighbours, for its absence to be no chance."""
 DEFECT_SIGMA = 6.0
 """Local standard deviations by which a pixel must differ from its neighbours in every snapshot."""
-MOST_DEFECTS = 0.01
+MOST_DEFECTS = 0.002
 """Larger parts of the pixels are a texture that all snapshots share, and no defects."""
-ALIKE = 0.9
+ALIKE = 0.8
 """Correlation above which snapshots count as taken of one scene."""
 MOST_LISTED = 20
 """Largest number of defects whose places are listed."""
