@@ -49,6 +49,11 @@ class SnapshotCamera:
         """(H, W) of the field in pixels."""
         return int(self.measurement.shape[1]), int(self.measurement.shape[2])
 
+    @property
+    def set_aside(self) -> tuple[int, ...]:
+        """Numbers of the snapshots that only judge."""
+        return tuple(n for n, aside in zip(self.numbers, self.verification.tolist(), strict=True) if aside)
+
     def encoder(self, effects: Mapping[str, Setting]) -> Encoder:
         """Return the camera with these effects: values of their parameters by name, by effect."""
         return self.encoder_of(LightPath(self.vocabulary[name](**setting) for name, setting in effects.items()))
@@ -58,6 +63,14 @@ class SnapshotCamera:
         mask = Measured(None, len(self.patterns), self.size)
         mask.pattern = self.patterns
         return Encoder(mask, ClipQuantise(self.bit_depth), effects=effects_of(path))
+
+    def window(self, rows: slice, columns: slice) -> SnapshotCamera:
+        """Return a part of the field as a camera of its own: its effects count from the centre of that part."""
+        return replace(
+            self,
+            measurement=self.measurement[:, rows, columns],
+            patterns=self.patterns[:, rows, columns].contiguous(),
+        )
 
     def take(self, which: torch.Tensor) -> SnapshotCamera:
         """Return some of the snapshots, ``which`` being ``(N,)`` bool."""
