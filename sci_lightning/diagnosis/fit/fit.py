@@ -383,11 +383,12 @@ class Fitter:
         self, hypothesis: Hypothesis, prediction: Prediction, likelihood: PixelLikelihood
     ) -> list[FixedPatternMap]:
         """Return the state of every fixed-pattern map of a hypothesis."""
-        return [
-            estimate_map(self.model, hypothesis, name, prediction, likelihood, self.fitted)
-            for name in hypothesis.effects
-            if self.model.effects[name].map_kind
-        ]
+        names = [name for name in hypothesis.effects if self.model.effects[name].map_kind]
+        states: dict[str, FixedPatternMap] = {}
+        for name in sorted(names, key=lambda name: self.model.effects[name].map_kind == "smooth"):
+            beside = tuple(states.values())
+            states[name] = estimate_map(self.model, hypothesis, name, prediction, likelihood, self.fitted, beside)
+        return [states[name] for name in names]
 
     def with_map_uncertainty(self, prediction: Prediction, maps: Mapping[str, FixedPatternMap]) -> Prediction:
         """Return the prediction with the maps' uncertainty in its standard deviation, to judge held-out pixels."""

@@ -18,10 +18,13 @@ import torch
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting
 from sci_lightning.diagnosis.model.likelihood import PixelLikelihood
 from sci_lightning.diagnosis.model.prediction import Prediction
-from sci_lightning.diagnosis.model.smooth_basis import SmoothBasis
+from sci_lightning.diagnosis.model.smooth_basis import SmoothBasis, orthonormal, prior
 
 DENSE = ("row", "column", "smooth")
 """Kinds of maps with few values, each of which many pixels share."""
+STEEPNESS = (1.0, 2.0)
+"""Powers of the spatial frequency with which the prior of a smooth map may fall; the most likely one counts. A steeper
+prior would ask for more digits than maps in single precision have."""
 HOT_PIXEL_PENALTY = 5.0
 """Nats that the value of a hot pixel costs, beside the logarithm of the number of pixels for its place."""
 
@@ -196,6 +199,7 @@ def estimate_map(
     prediction: Prediction,
     likelihood: PixelLikelihood,
     fitted: torch.Tensor,
+    beside: Sequence[FixedPatternMap] = (),
 ) -> FixedPatternMap:
     """Return the map of an effect at a hypothesis, with the prior that makes the captures likeliest.
 
@@ -206,6 +210,7 @@ def estimate_map(
         prediction: of the hypothesis.
         likelihood: of the prediction.
         fitted: ``(N, H, W)``, 1 for fitted pixels and 0 for held-out ones.
+        beside: other maps of the hypothesis; those of pixels hold what a smooth map could say with fewer numbers.
     """
     kind = model.effects[name].map_kind or ""
     values = model.map_values(hypothesis, name)
@@ -213,7 +218,12 @@ def estimate_map(
     slope = (jacobian * likelihood.mean_gradient * fitted).sum(0)
     curvature = (jacobian.square() * likelihood.mean_information * fitted).sum(0)
     if kind == "smooth":
-        return _smooth_map(model, name, values, jacobian, slope, curvature)
+        taken = torch.zeros(2, *curvature.shape, dtype=torch.float64)
+        for other in beside:
+            if other.kind == "pixel":
+                shared = (jacobian * other.jacobian * likelihood.mean_information * fitted).sum(0)
+                taken += torch.stack((other.gradient, shared)) * (shared / other.precision)
+        return _smooth_map(model, name, values, jacobian, slope, curvature, (taken[0], taken[1]))
     gradient, information = (_reduce(kind, field).double() for field in (slope, curvature))
     values = model.windowed(values).double()
     if kind == "hot":
@@ -236,14 +246,17 @@ def _smooth_map(
     jacobian: torch.Tensor,
     slope: torch.Tensor,
     curvature: torch.Tensor,
+    taken: tuple[torch.Tensor, torch.Tensor],
 ) -> FixedPatternMap:
     """Return the state of a smooth map ``(H, W)`` from gradient and information about the value at every counted pixel.
 
-    Its standard error is that of the map's standard deviation over the field.
+    Its standard error is that of the map's standard deviation over the field. ``taken`` is the part of gradient and
+    information that maps of pixels can take over: the prior is the one that suits what they leave.
     """
-    basis = SmoothBasis.of(model.whole(curvature), model.window)
+    left = model.whole(slope - taken[0]), model.whole((curvature - taken[1]).clamp(min=0))
+    steepness, std, evidence = _smoothest_prior(*left, values)
+    basis = SmoothBasis.of(model.whole(curvature), steepness, model.window)
     coordinates, gradient, information = basis.coordinates(values), basis.reduce(slope), basis.squares(curvature)
-    std, evidence, _ = _likeliest_prior(gradient + information * coordinates, information)
     factors = basis.mixing @ coordinates
     direction = basis.mixing.T @ (factors / factors.norm().clamp(min=1e-12))
     variance = 1 / (information + 1 / max(std, 1e-9) ** 2)
@@ -252,6 +265,21 @@ def _smooth_map(
     numbers = std, std_error, penalty, evidence
     of_pixels = model.whole(slope), model.whole(curvature)
     return FixedPatternMap(name, "smooth", coordinates, jacobian, gradient, information, *numbers, basis, *of_pixels)
+
+
+def _smoothest_prior(slope: torch.Tensor, curvature: torch.Tensor, values: torch.Tensor) -> tuple[float, float, float]:
+    """Return steepness and standard deviation of the prior of the largest marginal likelihood, and its gain in nats."""
+    flat, frequency = orthonormal(*curvature.shape)
+    about = (flat * curvature.flatten().double()) @ flat.T
+    along = flat @ (slope + curvature * values).flatten().double()
+    best = (STEEPNESS[0], 1e-6, -math.inf)
+    for steepness in STEEPNESS:
+        spread = prior(frequency, steepness)
+        information, turn = torch.linalg.eigh(spread[:, None] * about * spread)
+        std, evidence, _ = _likeliest_prior(turn.T @ (spread * along), information.clamp(min=0))
+        if evidence > best[2]:
+            best = steepness, std, evidence
+    return best
 
 
 def _reduce(kind: str, field: torch.Tensor) -> torch.Tensor:

@@ -39,18 +39,21 @@ class SmoothBasis:
     seen: torch.Tensor
 
     @staticmethod
-    def of(information: torch.Tensor, window: tuple[slice, slice] = (slice(None), slice(None))) -> SmoothBasis:
+    def of(
+        information: torch.Tensor, steepness: float, window: tuple[slice, slice] = (slice(None), slice(None))
+    ) -> SmoothBasis:
         """Return the basis in which the information about the coordinates is diagonal and their prior is even.
 
-        The prior variance of an orthonormal function falls with the square of its spatial frequency, and the variances
-        add up to 1: with coordinates of standard deviation s the map has standard deviation s.
+        With coordinates of standard deviation s the map has standard deviation s.
 
         Args:
             information: ``(H, W)`` about the map's value at every pixel.
+            steepness: power of the spatial frequency with which the prior's standard deviation falls.
             window: rows and columns that count.
         """
         height, width = information.shape
-        flat, spread = _orthonormal(height, width)
+        flat, frequency = orthonormal(height, width)
+        spread = prior(frequency, steepness)
         about = (flat * information.flatten().double()) @ flat.T
         _, turn = torch.linalg.eigh(spread[:, None] * about * spread)
         mixing = spread[:, None] * turn
@@ -89,13 +92,17 @@ class SmoothBasis:
 
 
 @lru_cache(maxsize=4)
-def _orthonormal(height: int, width: int) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return K functions ``(K, H * W)`` of mean square 1 and mean 0, and the standard deviations of their prior."""
+def orthonormal(height: int, width: int) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return K functions ``(K, H * W)`` of mean square 1 and mean 0, and their spatial frequencies, ``(K,)``."""
     (down, of_rows), (across, of_columns) = axis_functions(height), axis_functions(width)
     products = torch.einsum("ih,jw->ijhw", down, across).flatten(0, 1).flatten(1)
-    frequency = (of_rows[:, None].square() + of_columns.square()).flatten()
-    variance = 1 / frequency[1:]
-    return products[1:], (variance / variance.sum().clamp(min=1e-30)).sqrt()
+    return products[1:], torch.hypot(of_rows[:, None], of_columns).flatten()[1:]
+
+
+def prior(frequency: torch.Tensor, steepness: float) -> torch.Tensor:
+    """Return the standard deviations ``(K,)`` of the functions' factors for a map of standard deviation 1."""
+    spread = frequency**-steepness
+    return spread / spread.norm().clamp(min=1e-30)
 
 
 def beyond(height: int, width: int) -> torch.Tensor:

@@ -66,7 +66,8 @@ def _screened(fitter: Fitter, base: Fit, further: Mapping[str, list[Setting]]) -
         if name in base.hypothesis.effects or effect.noise:
             continue
         if effect.map_kind:
-            one = estimate_map(model, base.hypothesis, name, prediction, likelihood, fitter.fitted)
+            beside = fitter.maps(base.hypothesis, prediction, likelihood) if effect.map_kind == "smooth" else []
+            one = estimate_map(model, base.hypothesis, name, prediction, likelihood, fitter.fitted, beside)
             start: Setting = dict.fromkeys(effect.about, one.std)
             candidates.append(Candidate(name, one.evidence, start))
             continue
