@@ -87,7 +87,7 @@ def diagnosed_camera(
         else:
             captures = bench.snapshots(measurement, snapshots)
         about.unlink(missing_ok=True)
-        kept = {"digest": digest, **_diagnose(captures, folder, on_progress)}
+        kept = {"digest": digest, **_diagnose(kind, captures, folder, on_progress)}
         with atomic_write(about) as temporary:  # last: it says that the others are whole
             temporary.write_text(json.dumps(kept, indent=1) + "\n")
     path = folder / "encoder.yaml"
@@ -95,17 +95,23 @@ def diagnosed_camera(
     return encoder, {key: value for key, value in kept.items() if key != "digest"}
 
 
-def _diagnose(captures: Captures, folder: Path, on_progress: Progress) -> dict[str, Any]:
+def _diagnose(kind: str, captures: Captures, folder: Path, on_progress: Progress) -> dict[str, Any]:
     """Diagnose captures, write ``encoder.yaml`` and ``report.json``; return what records say of it."""
     from sci_lightning.diagnosis import diagnose
+    from sci_lightning.diagnosis.blind.blind_diagnosis import diagnose_blind
+    from sci_lightning.diagnosis.report.blind_report import write_blind_report
     from sci_lightning.diagnosis.report.report import describe, write_encoder
 
     start, cpu_start = time.perf_counter(), time.process_time()
-    diagnosis = diagnose(captures, on_progress=on_progress)
-    report = describe(diagnosis)
-    write_encoder(diagnosis, folder)
-    with atomic_write(folder / "report.json") as temporary:
-        temporary.write_text(json.dumps(report, indent=1) + "\n")
+    if kind == "blind":
+        write_blind_report(diagnose_blind(captures, on_progress=on_progress), folder)
+        report: dict[str, Any] = dict(read_json(folder / "report.json").content)
+    else:
+        diagnosis = diagnose(captures, on_progress=on_progress)
+        report = describe(diagnosis)
+        write_encoder(diagnosis, folder)
+        with atomic_write(folder / "report.json") as temporary:
+            temporary.write_text(json.dumps(report, indent=1) + "\n")
     return {
         "verdict": report["verdict"],
         "captures": len(captures),

@@ -14,7 +14,7 @@ from sci_lightning.imaging.patches.prior import read_prior
 BLOCK = 8
 """Side of a block in pixels."""
 MODES = 2
-"""Modes of a patch that are kept, for every pixel of a block; the others count as noise of their own strength."""
+"""Modes of a patch that are kept, times the pixels of a block; the others count as noise of their own strength."""
 ITERATIONS = 8
 """Iterations of expectation-maximisation for the shares; they start from those of many videos, and few are needed."""
 PSEUDO_COUNT = 2.0
@@ -66,7 +66,7 @@ class ScenePrior:
         """Return the covariances of patches of mean 1, factored, for blocks of so many pixels a side."""
         if block not in self._factors:
             covariance = self._statistics.covariance(self.frames, block).double() / self._statistics.level**2
-            self._factors[block] = PatchFactors.of(covariance, MODES * block**2)
+            self._factors[block] = PatchFactors.of(covariance, MODES * BLOCK**2)
         return self._factors[block]
 
     def only(self, components: torch.Tensor) -> ScenePrior:

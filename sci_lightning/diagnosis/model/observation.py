@@ -157,7 +157,11 @@ def observe(captures: Captures) -> Observation:
 
 
 def grid_of(captures: Captures) -> ModulatorGrid | None:
-    """Return where the mirrors nominally lie; None where every mirror is a pixel."""
+    """Return where the mirrors nominally lie; None where every mirror is a pixel.
+
+    Raises:
+        BadInput: patterns of another size than the field's that nobody has registered.
+    """
     if captures.sensor_to_modulator is not None:
         return ModulatorGrid(captures.sensor_to_modulator, captures.size, captures.mirrors)
     if captures.mirrors != captures.size:
