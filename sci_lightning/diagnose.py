@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 import time
+from collections.abc import Callable
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,26 +18,24 @@ if TYPE_CHECKING:
     from omegaconf import DictConfig
 
     from sci_lightning.captures import Captures
+    from sci_lightning.diagnosis.report.report_page import Provenance
+    from sci_lightning.diagnosis.search_settings import SearchSettings
+    from sci_lightning.encoder.effects import Effect
 
 
 def diagnose(composition: Composition) -> None:
     """Write ``report.html``, ``report.json``, ``encoder.yaml`` and pictures, and print what was found.
 
-    Of snapshots without a mask only ``snapshots.json`` is written: what they tell by themselves.
+    Captures of which no scene is known are diagnosed blind. Of snapshots without a mask only ``snapshots.json`` is
+    written: what they tell by themselves.
 
     Args:
         composition: of ``conf/diagnose.yaml``.
     """
     from sci_lightning.cli.next_command import invocation, nearest, print_next
-    from sci_lightning.diagnosis import diagnosis as library
-    from sci_lightning.diagnosis.report.dashboard import log_diagnosis
-    from sci_lightning.diagnosis.report.pictures import figures
-    from sci_lightning.diagnosis.report.report import write_report
     from sci_lightning.diagnosis.report.report_page import Provenance
-    from sci_lightning.diagnosis.report.terminal import print_report, search_progress
     from sci_lightning.diagnosis.search_settings import SearchSettings
     from sci_lightning.diagnosis.vocabulary import vocabulary
-    from sci_lightning.training.loggers import build_loggers
 
     cfg = composition.cfg
     start, out, console = time.perf_counter(), Path(cfg.out), PlainConsole()
@@ -45,26 +44,101 @@ def diagnose(composition: Composition) -> None:
         return
     candidates = vocabulary(cfg.candidates, composition.targets("effect"), cfg.leave_out)
     settings = SearchSettings(max_effects=cfg.most, **cfg.search)
-    with search_progress(console, cfg.most) as on_progress:
-        diagnosis = library.diagnose(captures, candidates, cfg.seed, cfg.empirical, settings, on_progress)
-        on_progress("writing the report")
-        drawn = figures(diagnosis)
-        provenance = Provenance(
+
+    def provenance() -> Provenance:
+        return Provenance(
             file=Path(cfg.captures or cfg.measurement).name,
             name=captures.name,
             date=datetime.now(timezone.utc).isoformat(timespec="seconds"),
             runtime_s=time.perf_counter() - start,
             command=shlex.join(["python", "-m", "sci_lightning.diagnose", *sys.argv[1:]]),
         )
-        write_report(diagnosis, out, provenance, drawn)
-    for logger in build_loggers(plain(cfg.logger) if cfg.get("logger") else None, "diagnosis"):
-        log_diagnosis(logger, diagnosis, drawn)
-    print_report(diagnosis, console)
+
+    if captures.known.any():
+        _calibrated(composition, captures, candidates, settings, console, provenance)
+    else:
+        _blind(composition, captures, candidates, settings, console, provenance)
     console.say(styled(out / "report.html"), "; beside it report.json, encoder.yaml and pictures")
     lines = [invocation("train", "experiment=quickstart", paths={"encoder": out / "encoder.yaml"})]
     if cfg.captures and (truth := Path(cfg.captures).with_suffix(".truth.json")).is_file():
         lines.append(invocation("virtual_camera.reveal", nearest(truth), nearest(out / "report.json")))
     print_next(console, *lines)
+
+
+def _calibrated(
+    composition: Composition,
+    captures: Captures,
+    candidates: dict[str, type[Effect]],
+    settings: SearchSettings,
+    console: PlainConsole,
+    provenance: Callable[[], Provenance],
+) -> None:
+    """Diagnose the captures with known scenes, write the report and print it."""
+    from sci_lightning.diagnosis import diagnosis as library
+    from sci_lightning.diagnosis.report.dashboard import log_diagnosis
+    from sci_lightning.diagnosis.report.pictures import figures
+    from sci_lightning.diagnosis.report.report import write_report
+    from sci_lightning.diagnosis.report.terminal import print_report, search_progress
+    from sci_lightning.training.loggers import build_loggers
+
+    cfg = composition.cfg
+    with search_progress(console, cfg.most) as on_progress:
+        diagnosis = library.diagnose(captures, candidates, cfg.seed, cfg.empirical, settings, on_progress)
+        on_progress("writing the report")
+        drawn = figures(diagnosis)
+        write_report(diagnosis, Path(cfg.out), provenance(), drawn)
+    for logger in build_loggers(plain(cfg.logger) if cfg.get("logger") else None, "diagnosis"):
+        log_diagnosis(logger, diagnosis, drawn)
+    print_report(diagnosis, console)
+
+
+def _blind(
+    composition: Composition,
+    captures: Captures,
+    candidates: dict[str, type[Effect]],
+    settings: SearchSettings,
+    console: PlainConsole,
+    provenance: Callable[[], Provenance],
+) -> None:
+    """Diagnose snapshots of unknown scenes, write the report and print it."""
+    from sci_lightning.diagnosis.blind.blind_diagnosis import diagnose_blind
+    from sci_lightning.diagnosis.blind.prior import scene_statistics
+    from sci_lightning.diagnosis.blind.search_by_prediction import LONGEST_VIDEO
+    from sci_lightning.diagnosis.report.blind_report import print_blind_report, write_blind_report
+    from sci_lightning.diagnosis.report.terminal import search_progress
+
+    cfg = composition.cfg
+    console.say("no scene is known: the diagnosis is blind")
+    if captures.frames > LONGEST_VIDEO:
+        _by_prediction(cfg, captures, candidates, console, provenance)
+        return
+    with search_progress(console, cfg.most) as on_progress:
+        statistics = None if cfg.prior is None else scene_statistics(cfg.prior)
+        diagnosis = diagnose_blind(captures, candidates, cfg.seed, settings, on_progress, statistics)
+        on_progress("writing the report")
+        write_blind_report(diagnosis, Path(cfg.out), provenance())
+    print_blind_report(diagnosis, console)
+
+
+def _by_prediction(
+    cfg: DictConfig,
+    captures: Captures,
+    candidates: dict[str, type[Effect]],
+    console: PlainConsole,
+    provenance: Callable[[], Provenance],
+) -> None:
+    """Diagnose snapshots of more slots than the statistics of video reach over: by held-out pixels alone."""
+    from sci_lightning.diagnosis.blind.search_by_prediction import PredictionSettings, search_by_prediction
+    from sci_lightning.diagnosis.blind.snapshot_camera import snapshots_of
+    from sci_lightning.diagnosis.report.prediction_report import print_prediction, write_prediction_report
+    from sci_lightning.diagnosis.report.terminal import search_progress
+
+    camera, settings = snapshots_of(captures, candidates), PredictionSettings(most=cfg.most)
+    with search_progress(console, cfg.most) as on_progress:
+        result = search_by_prediction(camera, seed=cfg.seed, settings=settings, on_progress=on_progress)
+        on_progress("writing the report")
+        write_prediction_report(result, camera, cfg.out, provenance())
+    print_prediction(result, camera, console)
 
 
 def read_input(cfg: DictConfig, console: PlainConsole) -> Captures | None:

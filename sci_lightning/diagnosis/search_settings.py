@@ -33,8 +33,15 @@ class SearchSettings:
             pixels are left out: a hypothesis that needs the surround gains too little while its border is too narrow.
         min_progress_nats: gain in nats below which a fit has converged; a twentieth of what one standard deviation of
             one parameter changes is far below every threshold of the search.
+        coarse_pixels: pixels, a count, on which fits begin and strong candidates are screened if the captures have more
+            than four times as many; enough that no parameter is undetermined.
+        coarse_nats: gain in nats, on these pixels, from which a candidate is strong: far above what chance gives.
         candidates_fitted: candidates per round, a count, that are fitted jointly after screening; more than one,
             because screening is only accurate to second order, and few, because a joint fit takes most of the time.
+        screened_share: part of the nats that an effect must gain which screening must promise for a joint fit to be
+            made; screening finds at least half of what a fit gains, even between two starts of a flicker.
+        give_up_nats: nats by which a fit may stay behind another one before it is given up as it cannot reach it any
+            more; well above what the criterion's penalty for parameters and held-out pixels make up for.
         min_gain_nats: gain in nats beyond the information criterion's penalty that an effect must bring; 2 nats
             are odds of 7.
         formula_error: part of the log-likelihood that the model explains already which an effect must gain as well;
@@ -83,7 +90,11 @@ class SearchSettings:
     border_share: Annotated[float, Interval(ge=0, le=0.45)] = 0.375
     contender_share: Share = 0.5
     min_progress_nats: Positive = 0.05
+    coarse_pixels: Repeats = 60_000
+    coarse_nats: Positive = 100.0
     candidates_fitted: Repeats = 4
+    screened_share: Share = 0.33
+    give_up_nats: NonNegative = 60.0
     min_gain_nats: NonNegative = 2.0
     formula_error: Share = 1e-6
     rival_nats: NonNegative = 24.0

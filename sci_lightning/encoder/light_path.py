@@ -107,6 +107,11 @@ class LightPath(nn.Module):
         between = (ModulatorEffect, RelayEffect, ExposureEffect)
         return self.grid is None and not any(isinstance(effect, between) for effect in self.effects.values())
 
+    def mixes_slots(self, slots: int) -> bool:
+        """Return whether a slot's mask is other than the image of its own pattern, through schedule or exposure."""
+        mixtures = (effect.schedule(slots) for effect in self.of(ModulatorEffect))
+        return bool(self.of(ExposureEffect)) or any(mixture is not None for mixture in mixtures)
+
     def images(self, patterns: torch.Tensor) -> torch.Tensor:
         """Modulator and relay: return the images ``(P, qH, qW)`` on the sensor of commanded patterns ``(P, H, W)``.
 

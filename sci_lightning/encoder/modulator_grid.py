@@ -41,6 +41,14 @@ class ModulatorGrid:
         self.sensor_to_modulator = matrix
         self._matrix: list[list[float]] = (matrix / (matrix[2] @ centre)).tolist()  # the depth is 1 in the centre
 
+    def window(self, rows: slice, columns: slice) -> ModulatorGrid:
+        """Return the same mirrors in a part of the field; a slice may have no step."""
+        (top, bottom, _), (left, right, _) = (
+            part.indices(side) for part, side in zip((rows, columns), self.field, strict=True)
+        )
+        moved = self.sensor_to_modulator @ np.array([[1, 0, left], [0, 1, top], [0, 0, 1.0]])
+        return ModulatorGrid(moved, (bottom - top, right - left), self.mirrors)
+
     @property
     def upright(self) -> bool:
         """Whether rows and columns of mirrors are rows and columns of pixels, at a constant pitch."""

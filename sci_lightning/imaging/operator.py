@@ -70,7 +70,7 @@ class SnapshotOperator:
 
     def uniform_scene(self, levels: torch.Tensor) -> torch.Tensor:
         """Return the measurement ``(qH, qW)`` of frames without structure, of one brightness each, ``(T,)``."""
-        return torch.einsum("thw,t->hw", self.mask, levels)
+        return (self.mask * levels[:, None, None]).sum(0)
 
     def adjoint(self, measurement: torch.Tensor) -> torch.Tensor:
         """Return ``A^T y``, ``(N, T, H, W)``: the measurement y ``(N, H, W)`` times the mask of every slot."""

@@ -67,10 +67,11 @@ def _decoder(composition: Composition, name: str) -> tuple[Decoder, dict[str, An
     weights = plain(composition.cfg.weights)
     if unknown := sorted(weights.keys() - set(_names(composition))):
         raise BadInput(f"weights.{unknown[0]}: decoder={','.join(_names(composition))} does not name this decoder")
-    if name in weights:
-        return trained_decoder(str(weights[name]), name, tuple(composition.cfg.trusted))
     own = [word for word in composition.overrides if word.lstrip("+~").startswith(("decoder.", "frames="))]
     config = compose("mismatch", [f"decoder={name}", *own]).cfg
+    if name in weights:
+        changed = config if any("decoder." in word for word in own) else None
+        return trained_decoder(str(weights[name]), name, tuple(composition.cfg.trusted), changed)
     decoder: Decoder = built(config, "decoder")
     if parameters := count_parameters(decoder):
         raise BadInput(

@@ -15,6 +15,7 @@ from sci_lightning.cli.encoder_file import read_encoder_file
 from sci_lightning.configuration.build import build_from_file
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder import Encoder
+from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.mask import Measured
 from sci_lightning.encoder.sensor import ClipQuantise
 from sci_lightning.errors import BadInput
@@ -41,12 +42,17 @@ def true_camera(bench: Bench, mismatch: Mismatch) -> Encoder:
     return _encoder(bench, mismatch)
 
 
-def _encoder(bench: Bench, mismatch: Mismatch) -> Encoder:
+def encoder_effects(mismatch: Mismatch) -> list[Effect]:
+    """Return a mismatch as effects of the encoder; raises BadInput for one that the encoder does not have."""
     classes = vocabulary()
     if unknown := [name for name in mismatch if name not in classes]:
         raise BadInput(f"mismatch.{unknown[0]}: the encoder has no such effect, so that no decoder can know it")
-    effects = [classes[name](**values) for name, values in mismatch.items()]
-    return Encoder(Measured(bench.session.mask), ClipQuantise(bench.session.bit_depth), bench.aperture, effects)
+    return [classes[name](**values) for name, values in mismatch.items()]
+
+
+def _encoder(bench: Bench, mismatch: Mismatch) -> Encoder:
+    mask, sensor = Measured(bench.session.mask), ClipQuantise(bench.session.bit_depth)
+    return Encoder(mask, sensor, bench.aperture, encoder_effects(mismatch))
 
 
 def diagnosed_camera(
@@ -81,7 +87,7 @@ def diagnosed_camera(
         else:
             captures = bench.snapshots(measurement, snapshots)
         about.unlink(missing_ok=True)
-        kept = {"digest": digest, **_diagnose(captures, folder, on_progress)}
+        kept = {"digest": digest, **_diagnose(kind, captures, folder, on_progress)}
         with atomic_write(about) as temporary:  # last: it says that the others are whole
             temporary.write_text(json.dumps(kept, indent=1) + "\n")
     path = folder / "encoder.yaml"
@@ -89,17 +95,23 @@ def diagnosed_camera(
     return encoder, {key: value for key, value in kept.items() if key != "digest"}
 
 
-def _diagnose(captures: Captures, folder: Path, on_progress: Progress) -> dict[str, Any]:
+def _diagnose(kind: str, captures: Captures, folder: Path, on_progress: Progress) -> dict[str, Any]:
     """Diagnose captures, write ``encoder.yaml`` and ``report.json``; return what records say of it."""
     from sci_lightning.diagnosis import diagnose
+    from sci_lightning.diagnosis.blind.blind_diagnosis import diagnose_blind
+    from sci_lightning.diagnosis.report.blind_report import write_blind_report
     from sci_lightning.diagnosis.report.report import describe, write_encoder
 
     start, cpu_start = time.perf_counter(), time.process_time()
-    diagnosis = diagnose(captures, on_progress=on_progress)
-    report = describe(diagnosis)
-    write_encoder(diagnosis, folder)
-    with atomic_write(folder / "report.json") as temporary:
-        temporary.write_text(json.dumps(report, indent=1) + "\n")
+    if kind == "blind":
+        write_blind_report(diagnose_blind(captures, on_progress=on_progress), folder)
+        report: dict[str, Any] = dict(read_json(folder / "report.json").content)
+    else:
+        diagnosis = diagnose(captures, on_progress=on_progress)
+        report = describe(diagnosis)
+        write_encoder(diagnosis, folder)
+        with atomic_write(folder / "report.json") as temporary:
+            temporary.write_text(json.dumps(report, indent=1) + "\n")
     return {
         "verdict": report["verdict"],
         "captures": len(captures),

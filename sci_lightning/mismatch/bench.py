@@ -20,7 +20,8 @@ from sci_lightning.errors import BadInput
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.mismatch.cameras import Mismatch
 from sci_lightning.virtual_camera import Acquisition, Session, VirtualCamera, choose_effects
-from sci_lightning.virtual_camera.hardware.camera import Camera
+from sci_lightning.virtual_camera.formulation import build_camera
+from sci_lightning.virtual_camera.hardware.effect import Effect
 from sci_lightning.virtual_camera.patterns import binary
 from sci_lightning.virtual_camera.stream import stream
 
@@ -31,13 +32,15 @@ class Bench:
 
     Attributes:
         session: the datasheet, and the calibration captures that are taken; ``session.mask`` is the file of the coding
-            patterns.
+            patterns, which :meth:`write_patterns` writes.
+        patterns: the coding patterns (T, H, W) in [0, 1].
         names: of the scenes.
         videos: a video ``(N, T, H, W)`` for every scene, in [0, 1].
         seed: of all noise and of the calibration's scenes.
     """
 
     session: Session
+    patterns: np.ndarray
     names: tuple[str, ...]
     videos: tuple[torch.Tensor, ...]
     seed: int
@@ -57,9 +60,18 @@ class Bench:
         """Digest of everything that the measurements depend on besides the camera."""
         settings = asdict(self.session) | {"mask": "", "seed": self.seed, "names": self.names}
         content = hashlib.sha256(json.dumps(settings, sort_keys=True).encode())
-        for array in (np.load(self.session.mask), *(video.numpy() for video in self.videos)):
+        for array in (self.patterns, *(video.numpy() for video in self.videos)):
             content.update(np.ascontiguousarray(array).tobytes())
         return content.hexdigest()[:16]
+
+    def write_patterns(self) -> None:
+        """Write the coding patterns to ``session.mask``, where encoders and calibration captures read them."""
+        with atomic_write(self.session.mask) as temporary:
+            np.save(temporary, self.patterns)
+
+    def effects(self, mismatch: Mismatch) -> dict[str, Effect]:
+        """Return the effects of a camera; raises BadInput for a value out of range."""
+        return choose_effects(mismatch, self.session, self.seed)
 
     def record(self, mismatch: Mismatch, *, noise: bool = True) -> np.ndarray:
         """Return the snapshots of all scenes, one after another: raw DN (N, H, W).
@@ -71,11 +83,11 @@ class Bench:
             noise: whether there is shot noise and read noise; the converter rounds in any case.
         """
         session = self.session
-        camera = Camera(session, choose_effects(mismatch, session, self.seed), self.seed)
+        camera = build_camera(session, self.effects(mismatch), self.seed)
         scene = np.concatenate([video.numpy() for video in self.videos]).astype(np.float32)
         count, slots = scene.shape[:2]
         acquisition = Acquisition(
-            patterns=np.load(session.mask).astype(np.float32),
+            patterns=self.patterns,
             sequence=np.tile(np.arange(slots), (count, 1)),
             scene=scene,
             aperture=np.full(count, self.aperture, np.float32),
@@ -93,12 +105,12 @@ class Bench:
             most: how many at most; they are spread evenly over the scenes.
         """
         chosen = np.unique(np.linspace(0, len(measurement) - 1, min(most, len(measurement))).round().astype(int))
-        patterns, count = np.load(self.session.mask).astype(np.float32), len(chosen)
+        count = len(chosen)
         return Captures(
-            patterns=patterns,
-            sequence=np.tile(np.arange(len(patterns)), (count, 1)),
+            patterns=self.patterns,
+            sequence=np.tile(np.arange(len(self.patterns)), (count, 1)),
             measurement=measurement[chosen],
-            scene=np.full((count, *patterns.shape), np.nan, np.float32),
+            scene=np.full((count, *self.patterns.shape), np.nan, np.float32),
             aperture=np.full(count, self.aperture, np.float32),
             exposure=np.ones(count, np.float32),
             kind=("unknown",) * count,
@@ -125,11 +137,11 @@ def prepare_bench(
     aperture: float | None,
     seed: int,
 ) -> Bench:
-    """Write the coding patterns to ``folder/patterns.npy`` and return the bench.
+    """Return the bench; nothing is written yet.
 
     Args:
         scenes: test scenes of one size.
-        folder: where the patterns are kept.
+        folder: where the patterns are kept, in ``patterns.npy``.
         mask: file of the coding patterns (T, H, W) in [0, 1]; None draws random binary ones.
         middle: (H, W) of the middle of scenes and mask that is used; None for all.
         datasheet: ``bit_depth``, ``full_well_e`` and ``read_noise_dn`` of the camera.
@@ -159,22 +171,20 @@ def prepare_bench(
             raise BadInput(f"middle={list(middle)}: larger than the scenes, which are {size} (H, W)")
         patterns = _middle(patterns, middle)
         videos = tuple(_middle(video, middle) for video in videos)
-    path = Path(folder) / "patterns.npy"
-    with atomic_write(path) as temporary:
-        np.save(temporary, patterns.astype(np.float32))
     known = set(Session.__dataclass_fields__)
     if unknown := [kind for kind in calibration if kind not in known]:
         raise BadInput(f"calibration: no '{unknown[0]}'; it has dark, flat, all_on, all_off, pattern, static, dynamic")
     session = Session(
         size=(int(patterns.shape[1]), int(patterns.shape[2])),
         frames=frames,
-        mask=str(path),
+        mask=str(Path(folder) / "patterns.npy"),
         aperture=1 / frames if aperture is None else aperture,
         surround="dark",
         **datasheet,
         **calibration,
     )
-    return Bench(session, tuple(scene.name for scene in scenes), videos, seed)
+    names = tuple(scene.name for scene in scenes)
+    return Bench(session, patterns.astype(np.float32), names, videos, seed)
 
 
 def _middle(array: Any, size: Sequence[int]) -> Any:

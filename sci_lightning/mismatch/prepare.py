@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from omegaconf import DictConfig
 
 from sci_lightning.cli.composition import Composition, built, plain
 from sci_lightning.decoder import Decoder
 from sci_lightning.errors import BadInput
+from sci_lightning.mismatch.beliefs import encoder_effects
 from sci_lightning.mismatch.bench import Bench, prepare_bench
 from sci_lightning.mismatch.cameras import MismatchedCamera, plan_cameras
 from sci_lightning.mismatch.protocol import Protocol
@@ -108,6 +110,11 @@ def prepare(composition: Composition, folder: str | Path, command: str) -> Prepa
         aperture=cfg.aperture,
         seed=cfg.seed,
     )
+    for camera in cameras:  # what cannot be recorded or believed is refused before anything is written
+        bench.effects(camera.mismatch)
+        if "known" in settings["scenarios"]:
+            encoder_effects(camera.mismatch)
+    bench.write_patterns()
     kept: dict[str, Any] = {
         "data": composition.choice("data"),
         "mask": "random binary" if cfg.mask is None else Path(cfg.mask).name,
@@ -120,12 +127,15 @@ def prepare(composition: Composition, folder: str | Path, command: str) -> Prepa
     return Prepared(bench, cameras, list(settings["scenarios"]), kept, protocol, command)
 
 
-def trained_decoder(path: str | Path, name: str, trusted: tuple[str, ...] = ()) -> tuple[Decoder, dict[str, Any]]:
+def trained_decoder(
+    path: str | Path, name: str, trusted: tuple[str, ...] = (), configured: DictConfig | None = None
+) -> tuple[Decoder, dict[str, Any]]:
     """Return the decoder of a checkpoint, and what identifies it.
 
     Args:
         path: of the checkpoint.
         name: that the decoder must have.
+        configured: settings of the decoder, which is then filled from the checkpoint; None for those of the training.
         trusted: packages beside this one whose modules the checkpoint may name.
 
     Raises:
@@ -136,4 +146,8 @@ def trained_decoder(path: str | Path, name: str, trusted: tuple[str, ...] = ()) 
     if (trained := checkpoint.config["names"]["decoder"]) != name:
         raise BadInput(f"weights.{name}={path}: a checkpoint of decoder={trained}; give one of decoder={name}")
     digest = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
-    return checkpoint.decoder().eval(), {"decoder": checkpoint.config["decoder"], "weights": digest}
+    if configured is None:
+        return checkpoint.decoder().eval(), {"decoder": checkpoint.config["decoder"], "weights": digest}
+    decoder: Decoder = built(configured, "decoder")
+    checkpoint.fill("decoder", decoder, name)
+    return decoder.eval(), {"decoder": plain(configured.decoder), "weights": digest}

@@ -1,19 +1,12 @@
-"""The photograph of a micromirror device's letters: registered, diagnosed, and judged by points that no fit has seen.
+"""The photograph of a micromirror device's letters, and the points by which a model of it is judged.
 
-    python -m tests.diagnosis.dmd_alphabet ../shared/data/real/dmd_alphabet docs/results/dmd-alphabet.json
-
-It starts from an affine nominal map, which the registration finds, and the pixels are means of ``BIN`` x ``BIN`` pixels
-of the photograph. The fiducial points (clicked by hand on the letters) are read only after the fit.
+The fiducial points (clicked by hand on the letters) only judge: no registration and no fit sees them.
 """
 
 from __future__ import annotations
 
-import json
-import sys
-import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -23,11 +16,17 @@ from scipy.optimize import fsolve
 
 from sci_lightning.captures import Captures
 from sci_lightning.captures.registration import Registration, register
-from sci_lightning.diagnosis import Diagnosis, diagnose
+from sci_lightning.diagnosis.fit.fit import Fitter
+from sci_lightning.diagnosis.fit.split import split
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, datasheet_noise
+from sci_lightning.diagnosis.model.observation import observe
+from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder.light_path import LightPath
+from sci_lightning.encoder.modulator_grid import ModulatorGrid
 from sci_lightning.imaging.homography import of_binned_field
 
-BIN = 16
+REGISTERED, FITTED = 4, 16
+"""Pixels of the photograph along the side of a pixel that is registered, and of one that is fitted."""
 THEIR_K = -0.05
 """Of the authors' correction by hand, with which their camera points are given."""
 
@@ -94,29 +93,38 @@ def judged(path: LightPath, folder: Path, factor: int) -> Judged:
     return Judged(float(np.median(errors)), float(np.sqrt(np.mean(np.square(errors)))))
 
 
-def run(folder: Path, factor: int = BIN, **options: Any) -> tuple[Registration, Diagnosis, Captures]:
-    """Register and diagnose the photograph."""
-    image, shown = photograph(folder)
-    whole = as_captures(image, shown, 1)
-    registration = register(whole, perspective=False, on_progress=options.pop("on_progress", lambda line: None))
-    captures = as_captures(image, shown, factor)
-    nominal = Captures(**{**vars(captures), "sensor_to_modulator": of_binned_field(registration.matrix, factor)})
-    return registration, diagnose(nominal, **options), nominal
+def registered(folder: Path) -> tuple[Registration, ModulatorGrid]:
+    """Register means over ``REGISTERED`` x ``REGISTERED`` pixels of the photograph by an affine map, without a hint."""
+    captures = as_captures(*photograph(folder), REGISTERED)
+    registration = register(captures, perspective=False)
+    return registration, ModulatorGrid(registration.matrix, captures.size, captures.mirrors)
 
 
-def main(folder: str, out: str) -> None:
-    """Write the measurements."""
-    start = time.perf_counter()
-    registration, diagnosis, _ = run(Path(folder), on_progress=print)
-    model, nominal = diagnosis.model, diagnosis.model.observation.grid
-    before = judged(LightPath([], nominal), Path(folder), BIN)
-    after = judged(model.path(diagnosis.after.fit.hypothesis), Path(folder), BIN)
-    print(registration, before, after, time.perf_counter() - start)
-    for effect in diagnosis.effects:
-        print(effect.name, effect.parameters)
-    print(diagnosis.verdict, diagnosis.before.gap.chi2, diagnosis.after.gap.chi2)
-    Path(out).write_text(json.dumps({}))
+EXPECTED = (
+    {"mask_contrast": {"leak": 0.3}, "gain": {"factor": 0.5}, "mask_blur": {"sigma": 1.0}},
+    {"illumination": {"std": 0.1}},
+    {
+        "mask_keystone": {"tilt_x": 0.0, "tilt_y": 0.03},
+        "mask_distortion": {"k": -0.03},
+        "mask_shift": {"dx": 0.0, "dy": 0.0},
+        "mask_scale": {"scale": 1.0},
+        "mask_rotation": {"angle": 0.1},
+    },
+)
+"""What is expected by hand (haze, defocus, uneven light, keystone, barrel distortion), and where its fit starts."""
 
 
-if __name__ == "__main__":
-    main(*sys.argv[1:])
+def fitted(folder: Path, matrix: np.ndarray) -> tuple[Hypothesis, LightPath]:
+    """Fit the expected effects to means of ``FITTED`` x ``FITTED`` pixels from a registered map, without a search."""
+    nominal = of_binned_field(matrix, FITTED // REGISTERED)
+    captures = replace(as_captures(*photograph(folder), FITTED), sensor_to_modulator=nominal)
+    observation = observe(captures)
+    model = CameraModel(observation, vocabulary())
+    hypothesis, _ = datasheet_noise(observation)
+    fitter = Fitter(model, split(observation))
+    for settings in EXPECTED:
+        for name, setting in settings.items():
+            hypothesis = hypothesis.with_effect(name, dict(setting), model.zero_map(name))
+        fitter = fitter.covering(hypothesis)
+        hypothesis = fitter.fit(hypothesis, iterations=25).hypothesis
+    return hypothesis, model.path(hypothesis)

@@ -12,6 +12,7 @@ from sci_lightning.captures import read_captures, write_captures
 from sci_lightning.cli.encoder_file import read_encoder_file
 from sci_lightning.configuration.build import build
 from sci_lightning.diagnosis import diagnose
+from sci_lightning.diagnosis.blind.snapshot_camera import snapshots_of
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput
 from tests.own_grid_camera import Deviation, captures, homography, image
@@ -66,6 +67,17 @@ def test_deviations_behind_a_homography(matrix: np.ndarray, deviation: Deviation
     found = diagnose(captures(matrix, deviation, SIZE, mirrors, seed=3))
     assert set(found.names) == set(names) and found.after.gap.chi2 < 1.08
     assert found.verdict == ("explained" if names else "consistent")
+
+
+def test_snapshots_of_unknown_scenes_are_seen_through_it() -> None:
+    snapshots = snapshots_of(captures(WIDE, size=SIZE, mirrors=MIRRORS, known=False).take(range(12, 18)), vocabulary())
+    moved = snapshots.encoder({"mask_shift": {"dx": 0.6, "dy": -0.35}})
+    expected = image(snapshots.patterns.numpy(), WIDE, SIZE, Deviation(shift=(0.6, -0.35)))
+    part = snapshots.window(slice(4, 20), slice(6, None)).encoder({})
+    torch.testing.assert_close(
+        part.transmittance(), snapshots.encoder({}).transmittance()[:, 4:20, 6:], atol=1e-5, rtol=0
+    )
+    assert moved.size == SIZE and np.sqrt(((moved.transmittance().numpy() - expected) ** 2).mean()) < 0.03
 
 
 def test_patterns_that_nobody_registered() -> None:

@@ -17,6 +17,7 @@ from sci_lightning.encoder.effects import Gain, MaskShift, OpticalBlur, Prnu, Sh
 from sci_lightning.encoder.mask import LearnedStructural, RandomStructural
 from sci_lightning.encoder.sensor import ClipQuantise, Ideal
 from sci_lightning.errors import BadInput
+from sci_lightning.imaging.operator import SnapshotOperator
 from sci_lightning.imaging.pipeline import Pipeline
 from sci_lightning.training.system import System
 
@@ -117,3 +118,15 @@ def test_an_effect_of_ones_own(
     assert list(encoder.path.effects) == ["scratch", "gain"]
     seen = encoder(torch.full((1, 8, 16, 16), 0.5))[0, :, 0]
     assert float(seen[3]) == pytest.approx(0.5 * 0.75 * 0.8) and float(seen[4]) == pytest.approx(0.5 * 0.8)
+
+
+def test_a_decoder_sees_no_light_at_the_dark_edge_of_a_displaced_mask() -> None:
+    """A column that sees a fiftieth of a mirror is dark to a decoder, which would divide the noise by a fiftieth."""
+    shifted = camera(MaskShift(dx=0.98))
+    seen, commanded = shifted.transmittance(), camera().transmittance()
+    given = shifted.decoder_mask(seen)
+    assert seen[:, :, 0].max() > 0 and not given[:, :, 0].any()
+    assert torch.equal(given[:, :, 1:], seen[:, :, 1:])
+    assert torch.equal(camera().decoder_mask(commanded), commanded)  # no effect comes between pattern and light
+    noise = 0.01 * torch.randn(1, 16, 16)
+    assert SnapshotOperator(given).pseudo_inverse(noise).abs().max() < 0.2

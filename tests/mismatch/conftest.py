@@ -35,7 +35,9 @@ def made_bench(folder: Path, **changed: object) -> Bench:
     """The bench, with some of its settings changed."""
     settings: dict[str, object] = {"mask": None, "middle": None, "aperture": None, "seed": 0}
     settings |= {"datasheet": DATASHEET, "calibration": FEW}
-    return prepare_bench(made_scenes(), folder, **{**settings, **changed})  # type: ignore[arg-type]
+    bench = prepare_bench(made_scenes(), folder, **{**settings, **changed})  # type: ignore[arg-type]
+    bench.write_patterns()
+    return bench
 
 
 @pytest.fixture

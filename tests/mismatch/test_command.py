@@ -89,6 +89,7 @@ def test_several_decoders(ran: Callable[..., str], tmp_path: Path) -> None:
         ("scenarios=[ideal,oracle]", "scenarios=['ideal', 'oracle']: expected a list of ideal, ideal_noisy"),
         ("cameras=[mine]", "cameras: no 'mine'"),
         ("mismatch.gain.factor=-1", "gain.factor must be a number from 0.01"),
+        ("+mismatch.ghost.fraction=0.1", "mismatch.ghost: the encoder has no such effect"),
         ("mask=mask.npy", "the scenes are (4, 32, 32)"),
         ("middle=[64,64]", "larger than the scenes"),
         ("bit_depth=4", "bit_depth must be a whole number from 8"),
@@ -99,6 +100,7 @@ def test_bad_input(refused: Callable[..., str], override: str, message: str, tmp
     np.save(tmp_path / "mask.npy", np.ones((8, 32, 32)))
     words = [word for word in SMALL if word.split("=")[0] != override.split("=")[0]]
     assert message in refused(NAME, *words, override, "out=a")
+    assert not (tmp_path / "a").exists()
 
 
 def test_a_foreign_file_in_the_place_of_a_record(refused: Callable[..., str], tmp_path: Path) -> None:

@@ -73,6 +73,15 @@ def test_a_diagnosis_wins_the_loss_back_and_is_made_once(tmp_path: Path, monkeyp
     assert made and not (folder / "diagnosis.json").exists()
 
 
+@pytest.mark.slow
+def test_a_blind_diagnosis_sees_the_snapshots_alone(tmp_path: Path) -> None:
+    camera = MismatchedCamera("alone_mask_shift", {"mask_shift": {"dx": 1.5, "dy": 1.0}})
+    protocol = Protocol(made_bench(tmp_path), tmp_path, 8)
+    results = protocol.run(camera, Linear(), "linear", ["mismatched", "known", "blind"])
+    assert results["recovery"]["blind"] > 0.8 and results["diagnosis"]["blind"]["captures"] == 3
+    assert "mask_shift" in [effect["name"] for effect in results["diagnosis"]["blind"]["effects"]]
+
+
 def test_recovery() -> None:
     figures = {"mismatched": 20.0, "known": 30.0, "calibrated": 29.0}
     assert recovery(figures) == {"calibrated": 0.9}

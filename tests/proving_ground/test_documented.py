@@ -40,7 +40,8 @@ def folder(tmp_path: Path, record: Callable[..., Any]) -> Path:
 
 def test_tables(folder: Path) -> None:
     outside = build(folder, "outside")
-    assert outside.rows == [["`brighter_fatter`", "", "sensor, optics", "unexplained", "10", "1"]]
+    camera = "structural, 8 bits"
+    assert outside.rows == [["`brighter_fatter`", camera, "", "sensor, optics", "", "unexplained", "10", "1"]]
     assert [row[0] for row in build(folder, "rays").rows] == ["nothing"]
     summary = build(folder, "summary").as_markdown()
     assert "| outside the vocabulary: any wrong name | 0.0% (0 of 2; 0% to 66%) | at most 5% | yes |" in summary

@@ -14,7 +14,13 @@ from sci_lightning.proving_ground.case import Case
 from sci_lightning.proving_ground.plan import SUITES, plan
 from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY
 
-LATER = ("mask_distortion", "mask_keystone", "duty_cycle", *(name for name in VOCABULARY if name.startswith("scene_")))
+LATER = (
+    "illumination",
+    "mask_distortion",
+    "mask_keystone",
+    "duty_cycle",
+    *(name for name in VOCABULARY if name.startswith("scene_")),
+)
 """Effects that could not be hidden in the first records."""
 FORMER = [name for name in VOCABULARY if name not in LATER]
 

@@ -82,10 +82,9 @@ def _chi2(fitter: Fitter, model: Hypothesis, alternatives: Observation) -> list[
     """Return the mean squared distance, in standard deviations, of every capture from its prediction."""
     judge = judge_of(fitter, alternatives)
     prediction = judge.model.predict(model)
-    rows, columns = fitter.split.window
     mean = prediction.mean.clamp(0, alternatives.full_scale)
-    squares = (alternatives.dn - mean).square() / (prediction.deviation.square() + 1 / 12)
-    return [float(value) for value in squares[:, rows, columns].mean((1, 2), dtype=torch.float64)]
+    squares = (judge.dn - mean).square() / (prediction.deviation.square() + 1 / 12)
+    return [float(value) for value in squares.mean((1, 2), dtype=torch.float64)]
 
 
 def _light(fitter: Fitter, model: Hypothesis, one: Observation) -> Iterator[MixUp]:

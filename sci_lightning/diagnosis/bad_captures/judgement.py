@@ -41,8 +41,7 @@ def misfit_by_capture(fitter: Fitter, fit: Fit, observation: Observation, seed: 
     random = torch.Generator().manual_seed(seed)
     intervals = judge.intervals(prediction.bits)
     residual = quantile_residuals(intervals, prediction.mean, prediction.deviation, random, prediction.clipped)
-    rows, columns = fitter.split.window
-    return residual[:, rows, columns].clamp(-CLIP, CLIP).square().mean((1, 2), dtype=torch.float64)
+    return residual.clamp(-CLIP, CLIP).square().mean((1, 2), dtype=torch.float64)
 
 
 def judge_of(fitter: Fitter, observation: Observation) -> Fitter:

@@ -46,14 +46,11 @@ def suspects(fitter: Fitter, ideal: Fit) -> torch.Tensor:
     if count < LEAST_CAPTURES:
         return nobody
     fitter = room_for_starts(fitter, ideal.hypothesis)
-    rows, columns = fitter.split.window
-    pixels = torch.zeros(observation.size, dtype=torch.bool)
-    pixels[rows, columns] = True
-    inside = pixels.flatten().nonzero()[:, 0]
-    inside = inside[torch.randperm(len(inside), generator=torch.Generator().manual_seed(SEED))[:PIXELS]]
-    deviation = (ideal.prediction.deviation.square() + 1 / 12).sqrt().flatten(1)[:, inside]
+    counted, prediction = fitter.dn[0].numel(), fitter.predicted(ideal)
+    inside = torch.randperm(counted, generator=torch.Generator().manual_seed(SEED))[:PIXELS]
+    deviation = (prediction.deviation.square() + 1 / 12).sqrt().flatten(1)[:, inside]
     full_scale = observation.full_scale
-    mean, dn = (field.flatten(1)[:, inside] for field in (ideal.prediction.mean, observation.dn))
+    mean, dn = (field.flatten(1)[:, inside] for field in (prediction.mean, fitter.dn))
     residual = (dn - mean.clamp(0, full_scale)) / deviation
     misfit = residual.square().mean(1).double()
     if float(misfit.max()) < ALARM * max(1.0, float(misfit.median())):

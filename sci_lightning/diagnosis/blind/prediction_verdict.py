@@ -14,6 +14,8 @@ from sci_lightning.encoder.light_path import LightPath
 
 LARGEST_FIELD = 512
 """Side in pixels beyond which only the window of this side with the most texture is judged."""
+INDIFFERENT = 1e-4
+"""Part of the prediction error below which a change of it is a matter of rounding."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +31,15 @@ class PredictionVerdict:
     by_effect: dict[str, PairedComparison]
 
     def contradicted(self, max_p_value: float = 0.05) -> tuple[str, ...]:
-        """Return the effects that do not make held-out pixels more predictable."""
-        return tuple(name for name, evidence in self.by_effect.items() if evidence.p_value > max_p_value)
+        """Return the effects that change what is predicted and do not make held-out pixels more predictable.
+
+        Effects that a decoder absorbs, such as another order of the patterns, have no vote.
+        """
+        return tuple(
+            name
+            for name, evidence in self.by_effect.items()
+            if abs(evidence.fall) > INDIFFERENT and evidence.p_value > max_p_value
+        )
 
 
 def judge_by_prediction(

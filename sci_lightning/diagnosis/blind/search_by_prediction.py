@@ -19,17 +19,33 @@ from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera
 from sci_lightning.diagnosis.laboratory import SceneEffect
 from sci_lightning.diagnosis.model.camera_model import Setting
 from sci_lightning.encoder.border import Border
-from sci_lightning.encoder.effects import Effect, MapEffect, OpticsEffect, Parameter, SensorEffect
+from sci_lightning.encoder.effects import Effect, MapEffect, MaskContrast, OpticsEffect, Parameter, SensorEffect
+from sci_lightning.encoder.light_path import LightPath
 
+MASK_HELPS = 0.01
+"""p-value below which the mask helps to predict held-out pixels."""
 LEAST_PROGRESS = 2e-4
 """Part of the prediction error by which a step must lower it for another step of the same length."""
 
 Effects = Mapping[str, Setting]
 """Values of the parameters by name, by effect."""
 
-UNSEEN = ("gain", "vignetting", "saturation", "duty_cycle", "flicker", "pattern_order")
+LONGEST_VIDEO = 16
+"""Slots over which the statistics of video reach; snapshots of more are diagnosed by prediction alone."""
+UNSEEN = ("gain", "vignetting", "saturation", "duty_cycle", "flicker", "illumination", "pattern_order")
 """Effects that a reconstruction absorbs: the scene, or a frame of it, may be brighter or darker instead, or its frames
 may come in another order."""
+OF_THE_FIELD = (
+    "mask_rotation",
+    "mask_scale",
+    "mask_keystone",
+    "mask_distortion",
+    "mask_orientation",
+    "rolling_shutter",
+)
+"""Effects that depend on the place in the field, and are not looked for where only a part of it is reconstructed."""
+MARGIN = 16
+"""Pixels around a window that its masks are computed with."""
 SAME_AS = {"mask_blur": ("optical_blur",), "black_level": ("veiling_glare",)}
 """Effects that held-out pixels do not tell from one that was named, without detail of the mask's size in the scene."""
 
@@ -40,6 +56,9 @@ class PredictionSettings:
 
     Attributes:
         window: side in pixels of the textured window on which candidates are fitted.
+        judged: side in pixels of the largest field that is fitted and judged as a whole; of a larger one the window
+            of this side with the most texture is judged, and effects that depend on the place in the field are not
+            looked for.
         window_folds: folds of held-out pixels while candidates are fitted.
         folds: folds of held-out pixels for a decision.
         most: largest number of effects.
@@ -52,6 +71,7 @@ class PredictionSettings:
     """
 
     window: int = 128
+    judged: int = 256
     window_folds: int = 2
     folds: int = 4
     most: int = 3
@@ -90,13 +110,37 @@ class PredictionResult:
         effects: what was named, in the order in which it was found.
         fitted: the ideal camera against the one that was found, on the snapshots that the search has seen.
         verification: the same on snapshots that were set aside; None where there are none.
+        all_snapshots: the same on both.
         considered: prediction error of every candidate's best setting in every round, by effect.
+        seed: of the held-out pixels.
+        without_mask: a camera whose mask is the same everywhere against the one that was found. Where the second is not
+            better, the snapshots do not show that what was found is right: they are as predictable without any mask.
     """
 
     effects: tuple[PredictedEffect, ...]
     fitted: PairedComparison
     verification: PairedComparison | None
+    all_snapshots: PairedComparison
     considered: tuple[dict[str, float], ...]
+    seed: int
+    without_mask: PairedComparison
+
+    @property
+    def mask_is_visible(self) -> bool:
+        """Whether the mask helps to predict held-out pixels at all."""
+        return self.without_mask.fall > 0 and self.without_mask.p_value < MASK_HELPS
+
+    @property
+    def verdict(self) -> str:
+        """``consistent`` or ``explained``; ``unexplained`` where verification does not confirm what was named.
+
+        It is ``unexplained`` as well where the mask does not help: then whatever weakens it predicts better.
+        """
+        if not self.mask_is_visible:
+            return "unexplained"
+        if not self.effects:
+            return "consistent"
+        return "explained" if (self.verification or self.fitted).fall > 0 else "unexplained"
 
     @property
     def values(self) -> dict[str, Setting]:
@@ -178,12 +222,21 @@ def search_by_prediction(
     settings = settings or PredictionSettings()
     seen = camera.take(~camera.verification) if (~camera.verification).any() else camera
     border = Border() if camera.dark_surround else Border.around(settings.border)
+    names = [name for name, effect in camera.vocabulary.items() if acts_on_prediction(effect)]
+    if max(camera.size) > settings.judged:
+        part = textured_window(seen.measurement, settings.judged, settings.border)
+        camera, seen = camera.window(*part), seen.window(*part)
+        names = [name for name in names if name not in OF_THE_FIELD]
+    whole = Predictor(camera.measurement, decoder, folds=settings.folds, seed=seed + 1, border=border)
     window = textured_window(seen.measurement, settings.window, settings.border)
+    near = seen.window(*(slice(max(0, one.start - MARGIN), one.stop + MARGIN) for one in window))
+    if settings.window + 2 * MARGIN < min(seen.size) and not set(names) & set(OF_THE_FIELD):
+        inner = (slice(min(one.start, MARGIN), min(one.start, MARGIN) + settings.window) for one in window)
+        seen, window = near, (next(inner), next(inner))
     predictor = Predictor(
         seen.measurement, decoder, folds=settings.window_folds, seed=seed, border=border, window=window
     )
     fitter = _Fitter(seen, predictor, settings.finest)
-    names = [name for name, effect in camera.vocabulary.items() if acts_on_prediction(effect)]
     current: dict[str, Setting] = {}
     considered: list[dict[str, float]] = []
     for number in range(1, settings.most + 1):
@@ -201,7 +254,6 @@ def search_by_prediction(
         for name in [name for name in current if name != best]:
             if not _is_needed(fitter, current, name, settings):
                 current = fitter.polished(_without(current, name), tuple(_without(current, name)))
-    whole = Predictor(camera.measurement, decoder, folds=settings.folds, seed=seed + 1, border=border)
     before, after = (whole.errors(camera.encoder(effects)) for effects in ({}, current))
     sets = {
         flag: [n for n, aside in enumerate(camera.verification.tolist()) if aside == flag] for flag in (False, True)
@@ -209,7 +261,13 @@ def search_by_prediction(
     judged = {flag: compare(before.take(members), after.take(members)) for flag, members in sets.items() if members}
     effects = tuple(_described(fitter, current, name, considered, settings) for name in current)
     return PredictionResult(
-        effects, judged.get(False, next(iter(judged.values()))), judged.get(True), tuple(considered)
+        effects=effects,
+        fitted=judged.get(False, next(iter(judged.values()))),
+        verification=judged.get(True),
+        all_snapshots=compare(before, after),
+        considered=tuple(considered),
+        seed=seed,
+        without_mask=compare(whole.errors(camera.encoder_of(LightPath([MaskContrast(leak=1.0)]))), after),
     )
 
 

@@ -11,10 +11,12 @@ import torch
 
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis.model.camera_model import Setting
+from sci_lightning.diagnosis.model.observation import grid_of
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.mask import Measured
+from sci_lightning.encoder.modulator_grid import ModulatorGrid
 from sci_lightning.encoder.sensor import ClipQuantise
 from sci_lightning.errors import BadInput
 
@@ -25,12 +27,13 @@ class SnapshotCamera:
 
     Attributes:
         measurement: float32 ``(N, H, W)``, normalised by full scale.
-        patterns: float32 ``(T, H, W)`` commanded patterns, slot by slot.
+        patterns: float32 ``(T, H, W)`` commanded patterns, slot by slot; ``(T, Hm, Wm)`` on a grid of their own.
         bit_depth: of the converter.
         numbers: N numbers of the snapshots in their file.
         verification: ``(N,)`` bool, snapshots that only judge.
         vocabulary: classes of effects by name.
         dark_surround: whether no light comes from beyond the patterns.
+        grid: where the mirrors nominally lie; None where every mirror is a pixel.
     """
 
     measurement: torch.Tensor
@@ -40,6 +43,7 @@ class SnapshotCamera:
     verification: torch.Tensor
     vocabulary: Mapping[str, type[Effect]]
     dark_surround: bool = False
+    grid: ModulatorGrid | None = None
 
     def __len__(self) -> int:
         return len(self.measurement)
@@ -49,15 +53,34 @@ class SnapshotCamera:
         """(H, W) of the field in pixels."""
         return int(self.measurement.shape[1]), int(self.measurement.shape[2])
 
+    @property
+    def set_aside(self) -> tuple[int, ...]:
+        """Numbers of the snapshots that only judge."""
+        return tuple(n for n, aside in zip(self.numbers, self.verification.tolist(), strict=True) if aside)
+
     def encoder(self, effects: Mapping[str, Setting]) -> Encoder:
         """Return the camera with these effects: values of their parameters by name, by effect."""
         return self.encoder_of(LightPath(self.vocabulary[name](**setting) for name, setting in effects.items()))
 
     def encoder_of(self, path: LightPath) -> Encoder:
         """Return the camera with the effects of a light path, maps included."""
-        mask = Measured(None, len(self.patterns), self.size)
+        mask = Measured(None, len(self.patterns), (self.patterns.shape[1], self.patterns.shape[2]))
         mask.pattern = self.patterns
-        return Encoder(mask, ClipQuantise(self.bit_depth), effects=effects_of(path))
+        homography = None if self.grid is None else self.grid.sensor_to_modulator.tolist()
+        return Encoder(
+            mask,
+            ClipQuantise(self.bit_depth),
+            effects=effects_of(path),
+            sensor_to_modulator=homography,
+            size=self.size,
+        )
+
+    def window(self, rows: slice, columns: slice) -> SnapshotCamera:
+        """Return a part of the field as a camera of its own: its effects count from the centre of that part."""
+        measurement = self.measurement[:, rows, columns]
+        if self.grid is None:
+            return replace(self, measurement=measurement, patterns=self.patterns[:, rows, columns].contiguous())
+        return replace(self, measurement=measurement, grid=self.grid.window(rows, columns))
 
     def take(self, which: torch.Tensor) -> SnapshotCamera:
         """Return some of the snapshots, ``which`` being ``(N,)`` bool."""
@@ -105,4 +128,5 @@ def snapshots_of(captures: Captures, vocabulary: Mapping[str, type[Effect]]) -> 
         verification=torch.tensor(verification),
         vocabulary=vocabulary,
         dark_surround=captures.surround == "dark",
+        grid=grid_of(captures),
     )

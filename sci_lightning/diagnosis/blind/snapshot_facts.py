@@ -12,8 +12,8 @@ from scipy.ndimage import uniform_filter
 from sci_lightning.diagnosis.blind.snapshot_noise import NoiseFacts, noise_facts
 from sci_lightning.errors import BadInput
 
-DARK_END = 0.08
-"""Part of the range in which a black level is looked for."""
+DARK_END = 0.02
+"""Part of the range above the darkest pixel in which a black level is looked for: further up it may be a dim scene."""
 PILE_UP = 0.005
 """Least part of all pixels in a peak at the dark end that counts as the black level."""
 CLIPPED = 1e-4
@@ -22,8 +22,10 @@ EXPECTED = 20.0
 """Pixels that a code must be expected to have, judging by its neighbours, for its absence to be no chance."""
 DEFECT_SIGMA = 6.0
 """Local standard deviations by which a pixel must differ from its neighbours in every snapshot."""
-MOST_DEFECTS = 0.01
+MOST_DEFECTS = 0.002
 """Larger parts of the pixels are a texture that all snapshots share, and no defects."""
+ALIKE = 0.8
+"""Correlation above which snapshots count as taken of one scene."""
 MOST_LISTED = 20
 """Largest number of defects whose places are listed."""
 SHARED_SIGMA = 5.0
@@ -236,12 +238,18 @@ def _defects(dn: np.ndarray) -> Defects:
         bound = 4 * np.median(np.abs(residual)) + 1
         scale = 1.25 * uniform_filter(np.minimum(np.abs(residual), bound), 15) + 1
         bright, dark = np.minimum(bright, residual / scale), np.maximum(dark, residual / scale)
-    decided = len(dn) > 1
+    decided = len(dn) > 1 and not _all_alike(dn)
     hot, low = ((place & decided) for place in (bright > DEFECT_SIGMA, dark < -DEFECT_SIGMA))
     places = [tuple(place) for mask in (hot, low) for place in np.argwhere(mask).tolist()]
     if max(hot.mean(), low.mean()) > MOST_DEFECTS:
         return Defects(0, 0, (), decided=False)
     return Defects(int(hot.sum()), int(low.sum()), tuple((int(r), int(c)) for r, c in places[:MOST_LISTED]), decided)
+
+
+def _all_alike(dn: np.ndarray) -> bool:
+    """Return whether all snapshots show nearly the same scene, whose details are then in every one of them."""
+    first, *others = (image[::2, ::2].ravel().astype(np.float32) for image in dn)
+    return all(np.corrcoef(first, other)[0, 1] > ALIKE for other in others if other.std() and first.std())
 
 
 def _median_of_neighbours(image: np.ndarray) -> np.ndarray:
@@ -323,7 +331,7 @@ def _pixels(facts: SnapshotFacts) -> list[str]:
     defects = facts.defects
     names = {
         "hot pixel": defects.hot,
-        "pixel that stays dark (dead, or the mask never opens there)": defects.dark,
+        "permanently dark pixel (dead, or the mask never opens there)": defects.dark,
     }
     said = [
         f"{count} {name.replace('pixel', 'pixels', 1) if count > 1 else name}" for name, count in names.items() if count

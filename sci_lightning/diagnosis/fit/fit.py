@@ -9,25 +9,32 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import torch
 
+from sci_lightning.diagnosis.fit.newton_system import NewtonSystem
 from sci_lightning.diagnosis.fit.parameters import FINE_DIFFERENCE, FreeParameters
 from sci_lightning.diagnosis.fit.split import Split
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, ParameterName, Prediction
-from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap, MapSystem, estimate_map
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, ParameterName
+from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap, estimate_map
 from sci_lightning.diagnosis.model.likelihood import (
     ClippedSignal,
     Intervals,
     PixelLikelihood,
     log_likelihood,
-    pixel_likelihood,
 )
+from sci_lightning.diagnosis.model.map_system import MapSystem
+from sci_lightning.diagnosis.model.prediction import Prediction
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.border import Border
 
 ATTEMPTS = 6
 """Steps that one iteration tries, each more cautious than the one before, until one does not lower the objective."""
+HOPE = 20.0
+"""A fit that has to reach some log-likelihood is given up when it lacks more than so many times what its next step, by
+the quadratic approximation, would gain: near the maximum of such a fit every step gains a small part of the one before,
+far from it the approximation is wrong by a small factor."""
 SHORTER = 0.4
 """Part of the maps' step that is tried next when a step was too long."""
 
@@ -45,6 +52,7 @@ class Fit:
         information: ``(p, p)`` Fisher information about them (about logarithms, where these are fitted), the maps
             eliminated.
         maps: state of the fixed-pattern maps by effect.
+        given_up: whether it could not reach the log-likelihood asked for.
     """
 
     hypothesis: Hypothesis
@@ -54,6 +62,7 @@ class Fit:
     free: tuple[ParameterName, ...] = ()
     information: torch.Tensor = field(default_factory=lambda: torch.zeros(0, 0))
     maps: Mapping[str, FixedPatternMap] = field(default_factory=dict)
+    given_up: bool = False
 
     @property
     def log_likelihood(self) -> float:
@@ -61,42 +70,50 @@ class Fit:
         return self.fitted_log_likelihood + self.held_out_log_likelihood
 
 
-@dataclass(frozen=True)
-class _NewtonSystem:
-    """The quadratic approximation of the objective at a hypothesis, the maps eliminated from it.
-
-    Attributes:
-        gradient: ``(p,)`` with respect to the free parameters.
-        information: ``(p, p)`` about them.
-        maps: the fixed-pattern maps, all at once.
-        map_step: ``(1, S)`` Newton step of the map values if no parameter moves.
-        map_response: ``(p, S)`` derivative of the best map step with respect to every parameter, sign reversed: after a
-            step d of the parameters the maps move by ``map_step - d @ map_response``.
-    """
-
-    gradient: torch.Tensor
-    information: torch.Tensor
-    maps: MapSystem
-    map_step: torch.Tensor
-    map_response: torch.Tensor
-
-
 class Fitter:
     """Fits hypotheses to the fitted pixels of the captures.
+
+    Only pixels inside the split's border are predicted and compared: every ``(N, H, W)`` below is of these.
 
     Args:
         model: predicts the captures.
         split: which pixels are fitted and which are held out.
         settings: thresholds and budgets; None for the defaults.
+        stride: every so many rows and columns are compared.
     """
 
-    def __init__(self, model: CameraModel, split: Split, settings: SearchSettings | None = None) -> None:
-        self.model = model
+    def __init__(
+        self, model: CameraModel, split: Split, settings: SearchSettings | None = None, stride: int = 1
+    ) -> None:
+        self.model = model.inside(split.border, stride)
         self.split = split
         self.settings = settings or SearchSettings()
-        self.fitted = split.fitted.float()
-        self.held_out = split.held_out.float()
+        self.dn = self.model.windowed(model.observation.dn)
+        self.fitted = self.model.windowed(split.fitted).float()
+        self.held_out = self.model.windowed(split.held_out).float()
         self._intervals: dict[int, Intervals] = {}
+
+    @cached_property
+    def coarse(self) -> Fitter | None:
+        """A fitter of the same model that compares every second capture, and of these some rows and columns.
+
+        It has at most ``SearchSettings.coarse_pixels`` pixels to fit. None where there are less than four times as many
+        anyway.
+        """
+        surplus = float(self.fitted.sum()) / self.settings.coarse_pixels
+        if surplus < 4:
+            return None
+        observation, split = self.model.observation, self.split
+        some = torch.zeros(len(observation), dtype=torch.bool)
+        for kind in set(observation.kinds):
+            members = [
+                n for n, other in enumerate(observation.kinds) if other == kind and not split.held_out_capture[n]
+            ]
+            some[members[::2]] = True
+        nobody = torch.zeros(int(some.sum()), dtype=torch.bool)
+        subset = replace(split, assigned=split.assigned[some], held_out_captures=(), held_out_capture=nobody)
+        stride = math.ceil(math.sqrt(surplus / 2))
+        return Fitter(self.model.of_captures(observation.take(some)), subset, self.settings, stride)
 
     @property
     def pixels(self) -> int:
@@ -112,6 +129,15 @@ class Fitter:
         border = Border()
         for hypothesis in hypotheses:
             border = border | self.model.border(hypothesis)
+        return self.leaving_out(border)
+
+    def covers(self, hypothesis: Hypothesis) -> bool:
+        """Return whether no pixel that counts depends on the unknown surround by a hypothesis."""
+        border = self.model.border(hypothesis).rounded()
+        return self.split.border.contains(border.limited(self.model.observation.size, self.settings.border_share))
+
+    def leaving_out(self, border: Border) -> Fitter:
+        """Return a fitter that leaves out a border of any width as well; see :meth:`covering`."""
         border = border.rounded().limited(self.model.observation.size, self.settings.border_share)
         return self if self.split.border.contains(border) else self.with_border(self.split.border | border)
 
@@ -119,9 +145,7 @@ class Fitter:
         """Return a fitter for which other pixels count: those inside a border of whole pixels."""
         if border == self.split.border:
             return self
-        other = Fitter(self.model, replace(self.split, border=border), self.settings)
-        other._intervals = self._intervals
-        return other
+        return Fitter(self.model, replace(self.split, border=border), self.settings)
 
     def again(self, fit: Fit) -> Fit:
         """Return a fit of another fitter, which counted other pixels, repeated with this one's."""
@@ -135,6 +159,8 @@ class Fitter:
         iterations: int = 12,
         fixed: tuple[ParameterName, ...] = (),
         fit_maps: bool = True,
+        to_reach: float = -math.inf,
+        from_afar: bool = False,
     ) -> Fit:
         """Run a maximum-likelihood fit by maximising the penalised log-likelihood of the fitted pixels.
 
@@ -149,14 +175,21 @@ class Fitter:
             iterations: at most.
             fixed: parameters that keep their values.
             fit_maps: whether fixed-pattern maps are fitted too.
+            to_reach: log-likelihood of the fitted pixels below which the result is of no use; once it is clear that the
+                fit cannot get there, it is given up. A hypothesis that depends on the surround, and would gain if fewer
+                pixels counted, never is.
+            from_afar: whether the start may be far from the maximum; :attr:`coarse` then goes most of the way.
         """
+        if from_afar and self.coarse is not None:
+            nearer = self.coarse.fit(hypothesis, iterations, fixed, fit_maps).hypothesis
+            hypothesis = Hypothesis(nearer.effects, hypothesis.maps)
         free = FreeParameters.of(self.model, hypothesis, fixed)
         prediction = self.model.predict(hypothesis)
         objective, damping = -math.inf, 1e-3
         maps: dict[str, FixedPatternMap] = {}
         information = torch.zeros(len(free), len(free))
+        likelihood = self.pixel_likelihood(prediction)
         for _ in range(iterations):
-            likelihood = self.pixel_likelihood(prediction)
             if fit_maps:
                 maps = {fixed_map.name: fixed_map for fixed_map in self.maps(hypothesis, prediction, likelihood)}
             newton = self._newton_system(hypothesis, free, prediction, likelihood, maps)
@@ -164,33 +197,41 @@ class Fitter:
             if not math.isfinite(objective):  # afterwards the accepted step says it, with the priors of its iteration
                 objective = self._sum(likelihood.log_likelihood) - sum(fixed_map.penalty for fixed_map in maps.values())
             before = objective
+            if objective < to_reach:
+                promised = newton.gain(free.movable(hypothesis, newton.gradient))
+                if objective + HOPE * promised < to_reach and self.covers(hypothesis):
+                    break
             for attempt in range(ATTEMPTS):
                 moved = self._step(hypothesis, free, newton, damping, SHORTER**attempt)
                 trial = self.model.predict(moved)
-                reached = self._objective(moved, trial, maps, likelihood, prediction)
+                judged = self.pixel_likelihood(trial)
+                reached = self._sum(judged.log_likelihood) - self._penalty(moved, trial, maps, likelihood, prediction)
                 if reached >= objective:
-                    hypothesis, prediction, objective = moved, trial, reached
+                    hypothesis, prediction, likelihood, objective = moved, trial, judged, reached
                     damping = max(damping / 10, 1e-6)
                     break
                 damping = max(damping * 20, 1e-2)
             if objective - before < self.settings.min_progress_nats:
                 break
-        uncertain = self.log_likelihood(self.with_map_uncertainty(prediction, maps))
+        uncertain = likelihood.log_likelihood
+        if maps:
+            uncertain = self.log_likelihood(self.with_map_uncertainty(prediction, maps))
         held_out = float((uncertain * self.held_out).sum(dtype=torch.float64))
-        return Fit(hypothesis, prediction, objective, held_out, free.names, information, maps)
+        given_up = objective < to_reach and self.covers(hypothesis)
+        return Fit(hypothesis, prediction, objective, held_out, free.names, information, maps, given_up)
 
     def _step(
-        self, hypothesis: Hypothesis, free: FreeParameters, newton: _NewtonSystem, damping: float, part: float
+        self, hypothesis: Hypothesis, free: FreeParameters, newton: NewtonSystem, damping: float, part: float
     ) -> Hypothesis:
         """Take a Newton step of the free parameters, damped, and the given part of the step of the maps."""
         moved, step = free.newton_step(hypothesis, newton.gradient, newton.information, damping)
         map_steps = newton.maps.split((newton.map_step - step @ newton.map_response) * part)
         for fixed_map, map_step in zip(newton.maps.maps, map_steps, strict=True):
-            setting, values = fixed_map.moved(map_step[0])
+            setting, values = fixed_map.moved(self.model, map_step[0])
             moved = moved.with_effect(fixed_map.name, setting, values)
         return moved
 
-    def _objective(
+    def _penalty(
         self,
         hypothesis: Hypothesis,
         prediction: Prediction,
@@ -198,7 +239,7 @@ class Fitter:
         likelihood: PixelLikelihood,
         start: Prediction,
     ) -> float:
-        """Return the penalised log-likelihood of the fitted pixels after a step, in nats.
+        """Return what the maps take off the log-likelihood of the fitted pixels after a step, in nats.
 
         Args:
             hypothesis: after the step.
@@ -207,13 +248,13 @@ class Fitter:
             likelihood: before the step; its Fisher information is rescaled by the change of every pixel's variance.
             start: the prediction before the step.
         """
-        objective = self._sum(self.log_likelihood(prediction))
+        penalty = 0.0
         if maps:
             scale = likelihood.mean_information * self.fitted * start.total_variance / prediction.total_variance
             for name, fixed_map in maps.items():
                 squared = self.model.map_jacobian(hypothesis, name, prediction).square()
-                objective -= fixed_map.penalty_of(hypothesis.maps[name], (squared * scale).sum(0))
-        return objective
+                penalty += fixed_map.penalty_of(self.model, hypothesis.maps[name], (squared * scale).sum(0))
+        return penalty
 
     def _newton_system(
         self,
@@ -222,7 +263,7 @@ class Fitter:
         prediction: Prediction,
         likelihood: PixelLikelihood,
         maps: Mapping[str, FixedPatternMap],
-    ) -> _NewtonSystem:
+    ) -> NewtonSystem:
         """Approximate the objective by a quadratic function of the free parameters, the maps eliminated.
 
         With m the mean and s the logarithm of the standard deviation of a pixel, the information about the parameters
@@ -248,7 +289,7 @@ class Fitter:
         response = system.solve(cross)
         map_step = system.solve(system.gradient[None])
         gradient, information = gradient - response @ system.gradient, information - response @ cross.T
-        return _NewtonSystem(gradient, information, system, map_step, response)
+        return NewtonSystem(gradient, information, system, map_step, response)
 
     def _derivatives(
         self,
@@ -301,14 +342,13 @@ class Fitter:
     def intervals(self, bits: int) -> Intervals:
         """Return the signal intervals of the captures' DN for a converter of so many effective bits."""
         if bits not in self._intervals:
-            observation = self.model.observation
-            self._intervals[bits] = Intervals.of(observation.dn, observation.bit_depth, bits)
+            self._intervals[bits] = Intervals.of(self.dn, self.model.observation.bit_depth, bits)
         return self._intervals[bits]
 
     def pixel_likelihood(self, prediction: Prediction) -> PixelLikelihood:
         """Return the log-likelihood of every pixel with its derivatives."""
         intervals = self.intervals(prediction.bits)
-        return pixel_likelihood(intervals, prediction.mean, prediction.deviation, prediction.clipped)
+        return PixelLikelihood(intervals, prediction.mean, prediction.deviation, prediction.clipped)
 
     def log_likelihood(self, prediction: Prediction) -> torch.Tensor:
         """Return the log-likelihood ``(N, H, W)`` of every pixel, nats."""
@@ -324,21 +364,32 @@ class Fitter:
 
         Both use the standard deviation of the fit ``noise``, so that a change of noise alone does not count as a gain.
         """
-        deviation, bits = noise.prediction.deviation, fit.prediction.bits
-        after, before = (Prediction(judged.prediction.mean, deviation, bits) for judged in (fit, baseline))
-        rows, columns = self.split.window
-        gain = (self.log_likelihood(after) - self.log_likelihood(before))[:, rows, columns]
+        deviation, bits = self.predicted(noise).deviation, fit.prediction.bits
+        after, before = (Prediction(self.predicted(judged).mean, deviation, bits) for judged in (fit, baseline))
+        gain = self.log_likelihood(after) - self.log_likelihood(before)
         return max(0.0, float(gain.sum(dtype=torch.float64)))
+
+    def predicted(self, fit: Fit) -> Prediction:
+        """Return what a fit predicts for the pixels that count here, which may be others than for its maker."""
+        prediction = fit.prediction
+        return prediction if prediction.window == self.model.window else self.model.predict(fit.hypothesis)
+
+    def seen_coarsely(self, fit: Fit) -> tuple[Fitter, Fit]:
+        """Return :attr:`coarse`, and a fit as it predicts the pixels that count there; both as they are without one."""
+        if self.coarse is None:
+            return self, fit
+        return self.coarse, replace(fit, prediction=self.coarse.model.predict(fit.hypothesis))
 
     def maps(
         self, hypothesis: Hypothesis, prediction: Prediction, likelihood: PixelLikelihood
     ) -> list[FixedPatternMap]:
         """Return the state of every fixed-pattern map of a hypothesis."""
-        return [
-            estimate_map(self.model, hypothesis, name, prediction, likelihood, self.fitted)
-            for name in hypothesis.effects
-            if self.model.effects[name].map_kind
-        ]
+        names = [name for name in hypothesis.effects if self.model.effects[name].map_kind]
+        states: dict[str, FixedPatternMap] = {}
+        for name in sorted(names, key=lambda name: self.model.effects[name].map_kind == "smooth"):
+            beside = tuple(states.values())
+            states[name] = estimate_map(self.model, hypothesis, name, prediction, likelihood, self.fitted, beside)
+        return [states[name] for name in names]
 
     def with_map_uncertainty(self, prediction: Prediction, maps: Mapping[str, FixedPatternMap]) -> Prediction:
         """Return the prediction with the maps' uncertainty in its standard deviation, to judge held-out pixels."""
@@ -346,19 +397,3 @@ class Fitter:
         for fixed_map in maps.values():
             variance = variance + fixed_map.leverage
         return replace(prediction, deviation=variance.sqrt()) if maps else prediction
-
-
-def judged_by(judge: Fitter, fit: Fit, maker: Fitter) -> Fit:
-    """Return a fit as ``judge`` makes it, for which other pixels may count than for its maker."""
-    return fit if judge.split.border == maker.split.border else judge.again(fit)
-
-
-def compared_alike(fitter: Fitter, *fits: Fit) -> tuple[Fitter, list[Fit]]:
-    """Return a fitter whose border suffices for several fits, and the fits with the pixels that count for it.
-
-    Args:
-        fitter: made all the fits.
-        fits: to be compared.
-    """
-    wider = fitter.covering(*(fit.hypothesis for fit in fits))
-    return wider, list(fits) if wider is fitter else [judged_by(wider, fit, fitter) for fit in fits]

@@ -75,8 +75,8 @@ def held_out_gap(fitter: Fitter, fit: Fit, seed: int, estimated_from: float | No
     intervals = fitter.intervals(prediction.bits)
     residual = quantile_residuals(intervals, prediction.mean, prediction.deviation, random, prediction.clipped)
     log_likelihood = fitter.log_likelihood(prediction)
-    error = (observation.dn - prediction.mean.clamp(0, observation.full_scale)).square()
-    judging = fitter.split.held_out if fitter.split.held_out.any() else fitter.split.fitted
+    error = (fitter.dn - prediction.mean.clamp(0, observation.full_scale)).square()
+    judging = (fitter.held_out if fitter.held_out.any() else fitter.fitted) > 0
 
     def misfit(pixels: torch.Tensor) -> Misfit:
         return Misfit(

@@ -12,7 +12,7 @@ import torch
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
-from sci_lightning.diagnosis.model.fixed_pattern_map import MapSystem
+from sci_lightning.diagnosis.model.map_system import MapSystem
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import torch
 
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, ParameterName, Prediction
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, ParameterName
+from sci_lightning.diagnosis.model.prediction import Prediction
 
 DIFFERENCE = 0.1
 """Part of a parameter's step over which the prediction is differentiated; the prediction is smooth."""
@@ -21,6 +22,8 @@ LONGEST_STEP = 20
 """Steps of a parameter that one iteration may move it by: further, its derivative says nothing."""
 LONGEST_LOG_STEP = 1.5
 """The same for a logarithm, in natural units."""
+SMALLEST_STEP = 1e-9
+"""A step that leads out of the bounds only where a parameter is at one of them."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,12 @@ class FreeParameters:
         for i, (step, _, neighbour) in enumerate(self.neighbours(hypothesis)):
             derivatives[i] = (neighbour.mean - prediction.mean) / step
         return derivatives
+
+    def movable(self, hypothesis: Hypothesis, gradient: torch.Tensor) -> torch.Tensor:
+        """Return the indices of the parameters that a gradient ``(p,)`` does not press against a bound."""
+        steps = (math.copysign(SMALLEST_STEP, float(slope)) for slope in gradient)
+        free = [self._limit(hypothesis, name, step) is None for name, step in zip(self.names, steps, strict=True)]
+        return torch.tensor(free, dtype=torch.bool).nonzero()[:, 0]
 
     def newton_step(
         self, hypothesis: Hypothesis, gradient: torch.Tensor, information: torch.Tensor, damping: float

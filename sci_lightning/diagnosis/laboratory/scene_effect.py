@@ -6,13 +6,15 @@ which keep its sharpness; beyond the field its edge is repeated.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import torch
 
 from sci_lightning.encoder.effects.effect import Effect
 
 
 class SceneEffect(Effect):
-    """What the target shows, as a function of what the file says it shows."""
+    """What the target shows, as a function of what the file says it shows; every frame by itself."""
 
     stage = "scene"
 
@@ -91,5 +93,9 @@ def _weights(place: torch.Tensor, length: int) -> torch.Tensor:
 
 def _coefficients(length: int, like: torch.Tensor) -> torch.Tensor:
     """Return the matrix from values at the pixels to the spline's coefficients."""
-    values = _weights(torch.arange(length, dtype=torch.float64), length)
-    return torch.linalg.inv(values).to(like)
+    return _inverse(length).to(like)
+
+
+@lru_cache(maxsize=8)
+def _inverse(length: int) -> torch.Tensor:
+    return torch.linalg.inv(_weights(torch.arange(length, dtype=torch.float64), length))

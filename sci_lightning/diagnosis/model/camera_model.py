@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Callable, Hashable, Mapping
+import copy
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Generic, TypeVar
 
 import torch
 
 from sci_lightning.diagnosis.laboratory import SceneEffect
+from sci_lightning.diagnosis.model.free_forms import free_forms_for
 from sci_lightning.diagnosis.model.likelihood import LEAST_DEVIATION, ClippedSignal
 from sci_lightning.diagnosis.model.observation import Observation
-from sci_lightning.encoder import empirical
+from sci_lightning.diagnosis.model.prediction import Prediction
+from sci_lightning.diagnosis.model.recent import Recent
+from sci_lightning.diagnosis.model.scenes import changed_scenes, lit_scenes
+from sci_lightning.diagnosis.model.smooth_basis import quadrants
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import Effect, MapEffect, OpticsEffect, SensorEffect
 from sci_lightning.encoder.effects.parameter import Value
 from sci_lightning.encoder.effects.stage import ExposureEffect, ModulatorEffect, RelayEffect
-from sci_lightning.encoder.empirical import Empirical
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.imaging.operator import SnapshotOperator
@@ -31,10 +33,10 @@ ParameterName = tuple[str, str]
 NOISE_GUESS = {"shot_noise": ("full_well", 1e4), "read_noise": ("std", 1.0)}
 """Noise effects of every camera, their parameter, and where a fit of it starts if the datasheet is silent."""
 
+MODULES = 1000
+"""Effects with their parameters that are kept as modules: a search tries the same ones again and again."""
 MAP_STEP = 1e-3
 """Change of a map's values over which the derivative of the mean is taken."""
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -73,58 +75,6 @@ def datasheet_noise(observation: Observation) -> tuple[Hypothesis, tuple[Paramet
     return Hypothesis(effects), fixed
 
 
-def free_forms_for(observation: Observation) -> dict[str, type[Effect]]:
-    """Return every free-form deviation by name, with as many numbers as these captures can determine."""
-    classes = [getattr(empirical, name) for name in empirical.__all__ if name != "Empirical"]
-    if observation.grid is not None:  # a map of the mirrors is not one of the pixels
-        classes = [one for one in classes if not (one.map_kind and issubclass(one, ModulatorEffect))]
-    captures, frames = len(observation), observation.frames
-    return {one.name: one.of(one.numbers(captures, frames)) if issubclass(one, Empirical) else one for one in classes}
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """What a hypothesis predicts for every pixel before the converter.
-
-    Attributes:
-        mean: ``(N, H, W)`` expected signal, DN.
-        deviation: ``(N, H, W)`` its standard deviation, DN.
-        bits: effective bits of the converter.
-        clipped: the distribution where the signal saturates before the converter does; None if it does not.
-    """
-
-    mean: torch.Tensor
-    deviation: torch.Tensor
-    bits: int
-    clipped: ClippedSignal | None = None
-
-    @property
-    def total_variance(self) -> torch.Tensor:
-        """``(N, H, W)`` variance of a pixel's DN, DN squared, quantisation counted as noise."""
-        return self.deviation.square() + 1 / 12
-
-
-class Recent(Generic[T]):
-    """The last few results of a slow computation, by key.
-
-    Args:
-        size: how many results to remember.
-    """
-
-    def __init__(self, size: int) -> None:
-        self._size = size
-        self._results: OrderedDict[Hashable, T] = OrderedDict()
-
-    def get(self, key: Hashable, compute: Callable[[], T]) -> T:
-        """Return the result for a key; it is computed if it is not remembered."""
-        if key not in self._results:
-            self._results[key] = compute()
-            if len(self._results) > self._size:
-                self._results.popitem(last=False)
-        self._results.move_to_end(key)
-        return self._results[key]
-
-
 class CameraModel:
     """Predicts captures from hypotheses.
 
@@ -150,7 +100,11 @@ class CameraModel:
         self.vocabulary = dict(vocabulary)
         self.free_forms = free_forms_for(observation) if free_forms is None else dict(free_forms)
         self.effects: Mapping[str, type[Effect]] = {**self.free_forms, **self.vocabulary}
+        self.window = Border().window(observation.size)
+        self._lit = lit_scenes(observation.scene)
+        self._modules: Recent[Effect] = Recent(MODULES)
         self._scenes: Recent[list[torch.Tensor]] = Recent(memory)
+        self._images: Recent[torch.Tensor] = Recent(1)
         self._modulated: Recent[Signal] = Recent(memory)
         self._formed: Recent[Signal] = Recent(memory)
 
@@ -161,6 +115,39 @@ class CameraModel:
     def of_captures(self, observation: Observation) -> CameraModel:
         """Return a new model of the same camera for other captures."""
         return CameraModel(observation, self.vocabulary, self.free_forms)
+
+    def inside(self, border: Border, stride: int = 1) -> CameraModel:
+        """Return the same model whose predictions are those of the pixels inside a border of whole pixels.
+
+        Light is predicted for the whole field and remembered by both models alike.
+
+        Args:
+            border: pixels along the sides that are left out.
+            stride: every so many rows and columns are predicted.
+        """
+        view = copy.copy(self)
+        view.window = border.window(self.observation.size)
+        if stride > 1:
+            rows, columns = (slice(part.start, part.stop, stride) for part in view.window)
+            view.window = rows, columns
+        return view
+
+    def windowed(self, field: torch.Tensor) -> torch.Tensor:
+        """Return the predicted pixels' part of a field ``(.., H, W)``, ``(.., 1, W)`` or ``(.., H, 1)``."""
+        rows, columns = self._parts(field.shape[-2:])
+        return field[..., rows, columns].contiguous()
+
+    def whole(self, values: torch.Tensor) -> torch.Tensor:
+        """Return a field like that of :meth:`windowed` as one of the whole field, 0 at all other pixels."""
+        size = [full if part > 1 else 1 for part, full in zip(values.shape[-2:], self.observation.size, strict=True)]
+        rows, columns = self._parts(size)
+        padded = torch.zeros(*values.shape[:-2], *size, dtype=values.dtype)
+        padded[..., rows, columns] = values
+        return padded
+
+    def _parts(self, size: Sequence[int]) -> list[slice]:
+        """Return the window's rows and columns; all of an axis along which a field of this size is the same."""
+        return [part if length > 1 else slice(None) for part, length in zip(self.window, size, strict=True)]
 
     def starts(self, name: str, hypothesis: Hypothesis) -> list[Setting]:
         """Return the settings from which a fit of an effect may start.
@@ -219,25 +206,45 @@ class CameraModel:
         effect = self.effects[name]
         return torch.zeros(effect.shape(self.observation.size)) if issubclass(effect, MapEffect) else None
 
+    @property
+    def _origin(self) -> tuple[int, int]:
+        """(row, column) of the first predicted pixel in the maps of the sensor's effects, see :meth:`path`."""
+        rows, columns = self.window
+        return (0, 0) if rows.step or columns.step else (rows.start, columns.start)
+
     def path(self, hypothesis: Hypothesis) -> LightPath:
-        """Return the camera of a hypothesis as modules, in the order in which light meets them."""
+        """Return the camera of a hypothesis as modules, in the order in which light meets them.
+
+        Maps of the sensor's effects are those of the predicted pixels where these do not lie side by side.
+        """
         effects = []
         for name, setting in hypothesis.effects.items():
             if issubclass(self.effects[name], SceneEffect):
                 continue
-            effect = self.effects[name](**setting)
+            effect = self._module(name, setting)
             if isinstance(effect, MapEffect):
-                _set_map(effect, hypothesis.maps.get(name), self.observation.size)
+                values = hypothesis.maps.get(name)
+                if values is not None and isinstance(effect, SensorEffect) and self.window[0].step:
+                    values = self.windowed(values)
+                _set_map(effect, values, self.observation.size)
             effects.append(effect)
         return LightPath(effects, self.observation.grid)
 
     def laboratory(self, hypothesis: Hypothesis) -> list[SceneEffect]:
         """Return by which effects the targets of a hypothesis differ from what the file says, in order."""
-        classes = {name: self.effects[name] for name in hypothesis.effects}
         effects = [
-            effect(**hypothesis.effects[name]) for name, effect in classes.items() if issubclass(effect, SceneEffect)
+            self._module(name, setting)
+            for name, setting in hypothesis.effects.items()
+            if issubclass(self.effects[name], SceneEffect)
         ]
-        return sorted(effects, key=lambda effect: effect.rank)
+        return sorted((effect for effect in effects if isinstance(effect, SceneEffect)), key=lambda effect: effect.rank)
+
+    def _module(self, name: str, setting: Setting) -> Effect:
+        """Return an effect with its parameters; a new one if it has a map, which changes."""
+        effect = self.effects[name]
+        if effect.map_kind:
+            return effect(**setting)
+        return self._modules.get((name, tuple(setting.items())), lambda: effect(**setting))
 
     @torch.no_grad()
     def scenes(self, hypothesis: Hypothesis) -> list[torch.Tensor]:
@@ -249,7 +256,7 @@ class CameraModel:
         def change() -> list[torch.Tensor]:
             scenes = self.observation.scene
             for effect in effects:
-                scenes = [effect.change(scene) for scene in scenes]
+                scenes = changed_scenes(effect, scenes)
             return scenes
 
         return self._scenes.get(tuple(_key(effect) for effect in effects), change)
@@ -263,7 +270,7 @@ class CameraModel:
 
     @torch.no_grad()
     def predict(self, hypothesis: Hypothesis) -> Prediction:
-        """Predict mean and standard deviation of every pixel of every capture."""
+        """Predict mean and standard deviation of every pixel of every capture, of those in the window."""
         path = self.path(hypothesis)
         before_lens = (*path.of(ModulatorEffect), *path.of(RelayEffect), *path.of(ExposureEffect))
         shown = tuple(_key(effect) for effect in self.laboratory(hypothesis))
@@ -273,10 +280,11 @@ class CameraModel:
         def form() -> Signal:
             return path.form(self._modulated.get(modulation, lambda: self._modulate(path, self.scenes(hypothesis))))
 
-        light = replace(self._formed.get((modulation, optics), form), variance=torch.zeros(()))
+        light = self._formed.get((modulation, optics), form)
+        light = replace(light, mean=self.windowed(light.mean), variance=torch.zeros(()), origin=self._origin)
         mean, deviation = self._in_dn(path.respond(light))
         bits = path.effective_bits(self.observation.bit_depth)
-        return Prediction(mean, deviation, bits, self._clipped(path, light))
+        return Prediction(mean, deviation, bits, self._clipped(path, light), self.window)
 
     def map_jacobian(self, hypothesis: Hypothesis, name: str, prediction: Prediction) -> torch.Tensor:
         """Return the derivative ``(N, H, W)`` of the mean with respect to an effect's map, at each pixel's own value.
@@ -291,11 +299,12 @@ class CameraModel:
             parameter: 1.0 if parameter == "std" else 0.5 for parameter in self.effects[name].about
         }
         # The mean light must stay the same behind a smooth map: glare would spread the difference over the image.
-        step = MAP_STEP * _quadrants(values.shape) if self.effects[name].map_kind == "smooth" else MAP_STEP
+        smooth = self.effects[name].map_kind == "smooth"
+        step = MAP_STEP * quadrants(values.shape) if smooth else MAP_STEP
         shifted = self.predict(hypothesis.with_effect(name, neutral_scale, values + step))
         if name not in hypothesis.effects or name not in hypothesis.maps:
             prediction = self.predict(hypothesis.with_effect(name, neutral_scale, values))
-        return (shifted.mean - prediction.mean) / step
+        return (shifted.mean - prediction.mean) / (self.windowed(step) if isinstance(step, torch.Tensor) else step)
 
     def map_values(self, hypothesis: Hypothesis, name: str) -> torch.Tensor:
         """Return the values of an effect's map in a hypothesis, 0 where it has none yet.
@@ -329,12 +338,20 @@ class CameraModel:
     def _modulate(self, path: LightPath, scenes: list[torch.Tensor]) -> Signal:
         """Return the light of every capture behind the modulator: the sum over the slots of mask times scene."""
         observation, cells = self.observation, path.cells
-        shown = path.images(observation.patterns)
-        images: list[torch.Tensor] = [torch.zeros(())] * len(observation)
+        displayed = (*path.of(ModulatorEffect), *path.of(RelayEffect))
+        key = tuple(_key(effect) for effect in displayed), cells
+        shown = self._images.get(key, lambda: path.images(observation.patterns))
+        images: list[torch.Tensor] = [torch.zeros(shown.shape[-2:])] * len(observation)
+        lit = self._lit if scenes is observation.scene else lit_scenes(scenes)
+        timed = path.mixes_slots(observation.frames)
         for which, sequence in enumerate(observation.sequences):  # one by one: the masks of all do not fit in memory
-            operator = SnapshotOperator(path.during(shown, sequence[None])[0], cells)
-            total = None
-            for number in (observation.sequence == which).nonzero()[:, 0].tolist():
+            numbers = ((observation.sequence == which) & lit).nonzero()[:, 0].tolist()
+            if not numbers:
+                continue
+            masks = path.during(shown, sequence[None])[0] if timed else shown[sequence]
+            # cells are many: they are added up slot by slot, without memory for every slot's product
+            operator, total = SnapshotOperator(masks, cells, slot_by_slot=cells > 1), None
+            for number in numbers:
                 scene = scenes[number]
                 if scene.shape[0] == 1:  # the scene is at rest, so that the masks may be summed first
                     total = operator.total() if total is None else total
@@ -359,12 +376,6 @@ class CameraModel:
 def _limiting_parameter(effect: type[Effect]) -> str | None:
     """Return the parameter at which the signal ends, for an effect of the sensor that limits it."""
     return effect.ceiling if issubclass(effect, SensorEffect) else None
-
-
-def _quadrants(size: torch.Size) -> torch.Tensor:
-    """Return +1 in two opposite quadrants of a field ``(H, W)`` and -1 in the others."""
-    down, across = (torch.where(torch.arange(length) < length / 2, 1.0, -1.0) for length in size)
-    return down[:, None] * across
 
 
 def _set_map(effect: MapEffect, values: torch.Tensor | None, size: tuple[int, int]) -> None:

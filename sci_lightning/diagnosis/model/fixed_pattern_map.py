@@ -4,23 +4,25 @@ A smooth map is described by a few coordinates (:mod:`~sci_lightning.diagnosis.m
 values below; a hypothesis holds the map itself. The values have a Gaussian prior of mean 0, whose standard deviation is
 the one that makes the captures likeliest (empirical Bayes). Of hot pixels few are positive and all others are 0; naming
 one costs what it takes to say which it is. :class:`FixedPatternMap` is the state of one map during a fit;
-:class:`MapSystem` solves for the values of all maps at once.
+:class:`~sci_lightning.diagnosis.model.map_system.MapSystem` solves for the values of all maps at once.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
 
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Prediction, Setting
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting
 from sci_lightning.diagnosis.model.likelihood import PixelLikelihood
-from sci_lightning.diagnosis.model.smooth_basis import SmoothBasis
+from sci_lightning.diagnosis.model.prediction import Prediction
+from sci_lightning.diagnosis.model.smooth_basis import SmoothBasis, orthonormal, prior
 
-DENSE = ("row", "column", "smooth")
-"""Kinds of maps with few values, each of which many pixels share."""
+STEEPNESS = (1.0, 2.0)
+"""Powers of the spatial frequency with which the prior of a smooth map may fall; the most likely one counts. A steeper
+prior would ask for more digits than maps in single precision have."""
 HOT_PIXEL_PENALTY = 5.0
 """Nats that the value of a hot pixel costs, beside the logarithm of the number of pixels for its place."""
 
@@ -32,7 +34,8 @@ class FixedPatternMap:
     Attributes:
         name: of the effect.
         kind: ``pixel``, ``column``, ``row``, ``smooth``, or ``hot``: few values that are positive, the others 0.
-        values: float64 of the map's shape, in the effect's own unit; ``(K,)`` coordinates of a smooth map.
+        values: float64 of the map's shape on the pixels that count, in the effect's own unit; ``(K,)`` coordinates of a
+            smooth map, which is one of the whole field.
         jacobian: ``(N, H, W)`` derivative of the mean with respect to the map's value at the pixel.
         likelihood_gradient: derivative of the log-likelihood with respect to each value, over the fitted pixels.
         likelihood_information: minus its second derivative; of the map's shape, as the gradient.
@@ -41,7 +44,8 @@ class FixedPatternMap:
         penalty: nats that prior and uncertainty of the values take off the log-likelihood (marginal likelihood).
         evidence: nats by which the map raises the marginal likelihood, to second order.
         smooth: of a smooth map, the functions that its coordinates multiply.
-        pixel_gradient, pixel_information: of a smooth map, ``(H, W)`` what the captures say about every pixel alone.
+        pixel_gradient, pixel_information: of a smooth map, what the captures say about every pixel of the whole field
+            alone.
     """
 
     name: str
@@ -113,7 +117,7 @@ class FixedPatternMap:
             shared: ``(H, W)`` information that they share about every pixel.
         """
         if self.smooth is not None:
-            return other.reduce(self.smooth.functions * shared).flatten(1)
+            return other.reduce(self.smooth.seen * shared).flatten(1)
         if other.smooth is not None:
             return other.shared_information(self, shared).T
         if self.kind == other.kind:
@@ -160,29 +164,30 @@ class FixedPatternMap:
         """
         return self.gather(weighted * self.jacobian).double()
 
-    def moved(self, step: torch.Tensor) -> tuple[Setting, torch.Tensor]:
-        """Return the effect's setting and its map after a step of the values."""
+    def moved(self, model: CameraModel, step: torch.Tensor) -> tuple[Setting, torch.Tensor]:
+        """Return the effect's setting and its map, of the whole field, after a step of the values."""
         if self.smooth is not None:
-            field = self.smooth.spread(self.values + step).float()
+            field = self.smooth.field(self.values + step).float()
             return {"std": min(float(field.std(correction=0)), 1.0)}, field
         values = torch.where(self.active, self.values + step, 0.0).float()
         if self.kind == "hot":
             values = values.clamp(min=0)
-            return {"fraction": float((values > 0).float().mean())}, values
-        return {"std": self.std}, values
+            return {"fraction": float((values > 0).float().mean())}, model.whole(values)
+        return {"std": self.std}, model.whole(values)
 
-    def penalty_of(self, values: torch.Tensor, information: torch.Tensor) -> float:
+    def penalty_of(self, model: CameraModel, values: torch.Tensor, information: torch.Tensor) -> float:
         """Return the penalty, in nats, of another map.
 
         Args:
+            model: knows which pixels count.
             values: the map, as a hypothesis holds it.
             information: ``(H, W)`` about its value at every pixel.
         """
         if self.kind == "hot":
-            return float((values > 0).sum()) * _hot_penalty(values)
+            return float((values > 0).sum()) * _hot_penalty(self.values)
         if self.smooth is not None:
             return _penalty(self.smooth.coordinates(values), self.smooth.squares(information), self.std)
-        return _penalty(values.double(), self.reduce(information).double(), self.std)
+        return _penalty(model.windowed(values).double(), self.reduce(information).double(), self.std)
 
 
 def estimate_map(
@@ -192,6 +197,7 @@ def estimate_map(
     prediction: Prediction,
     likelihood: PixelLikelihood,
     fitted: torch.Tensor,
+    beside: Sequence[FixedPatternMap] = (),
 ) -> FixedPatternMap:
     """Return the map of an effect at a hypothesis, with the prior that makes the captures likeliest.
 
@@ -202,6 +208,7 @@ def estimate_map(
         prediction: of the hypothesis.
         likelihood: of the prediction.
         fitted: ``(N, H, W)``, 1 for fitted pixels and 0 for held-out ones.
+        beside: other maps of the hypothesis; those of pixels hold what a smooth map could say with fewer numbers.
     """
     kind = model.effects[name].map_kind or ""
     values = model.map_values(hypothesis, name)
@@ -209,9 +216,14 @@ def estimate_map(
     slope = (jacobian * likelihood.mean_gradient * fitted).sum(0)
     curvature = (jacobian.square() * likelihood.mean_information * fitted).sum(0)
     if kind == "smooth":
-        return _smooth_map(name, values, jacobian, slope, curvature)
+        taken = torch.zeros(2, *curvature.shape, dtype=torch.float64)
+        for other in beside:
+            if other.kind == "pixel":
+                shared = (jacobian * other.jacobian * likelihood.mean_information * fitted).sum(0)
+                taken += torch.stack((other.gradient, shared)) * (shared / other.precision)
+        return _smooth_map(model, name, values, jacobian, slope, curvature, (taken[0], taken[1]))
     gradient, information = (_reduce(kind, field).double() for field in (slope, curvature))
-    values = values.double()
+    values = model.windowed(values).double()
     if kind == "hot":
         hot = _hot(gradient, information, values)
         gains = 0.5 * (gradient + information * values).square() / information.clamp(min=1e-9)
@@ -226,24 +238,46 @@ def estimate_map(
 
 
 def _smooth_map(
-    name: str, values: torch.Tensor, jacobian: torch.Tensor, slope: torch.Tensor, curvature: torch.Tensor
+    model: CameraModel,
+    name: str,
+    values: torch.Tensor,
+    jacobian: torch.Tensor,
+    slope: torch.Tensor,
+    curvature: torch.Tensor,
+    taken: tuple[torch.Tensor, torch.Tensor],
 ) -> FixedPatternMap:
-    """Return the state of a smooth map ``(H, W)`` from gradient and information about every pixel's value.
+    """Return the state of a smooth map ``(H, W)`` from gradient and information about the value at every counted pixel.
 
-    Its standard error is that of the map's standard deviation over the field.
+    Its standard error is that of the map's standard deviation over the field. ``taken`` is the part of gradient and
+    information that maps of pixels can take over: the prior is the one that suits what they leave.
     """
-    basis = SmoothBasis.of(curvature)
+    left = model.whole(slope - taken[0]), model.whole((curvature - taken[1]).clamp(min=0))
+    steepness, std, evidence = _smoothest_prior(*left, values)
+    basis = SmoothBasis.of(model.whole(curvature), steepness, model.window)
     coordinates, gradient, information = basis.coordinates(values), basis.reduce(slope), basis.squares(curvature)
-    std, evidence, _ = _likeliest_prior(gradient + information * coordinates, information)
     factors = basis.mixing @ coordinates
     direction = basis.mixing.T @ (factors / factors.norm().clamp(min=1e-12))
     variance = 1 / (information + 1 / max(std, 1e-9) ** 2)
     std_error = float((direction.square() * variance).sum().sqrt())
     penalty = _penalty(coordinates, information, std)
     numbers = std, std_error, penalty, evidence
-    return FixedPatternMap(
-        name, "smooth", coordinates, jacobian, gradient, information, *numbers, basis, slope, curvature
-    )
+    of_pixels = model.whole(slope), model.whole(curvature)
+    return FixedPatternMap(name, "smooth", coordinates, jacobian, gradient, information, *numbers, basis, *of_pixels)
+
+
+def _smoothest_prior(slope: torch.Tensor, curvature: torch.Tensor, values: torch.Tensor) -> tuple[float, float, float]:
+    """Return steepness and standard deviation of the prior of the largest marginal likelihood, and its gain in nats."""
+    flat, frequency = orthonormal(*curvature.shape)
+    about = (flat * curvature.flatten().double()) @ flat.T
+    along = flat @ (slope + curvature * values).flatten().double()
+    best = (STEEPNESS[0], 1e-6, -math.inf)
+    for steepness in STEEPNESS:
+        spread = prior(frequency, steepness)
+        information, turn = torch.linalg.eigh(spread[:, None] * about * spread)
+        std, evidence, _ = _likeliest_prior(turn.T @ (spread * along), information.clamp(min=0))
+        if evidence > best[2]:
+            best = steepness, std, evidence
+    return best
 
 
 def _reduce(kind: str, field: torch.Tensor) -> torch.Tensor:
@@ -296,97 +330,3 @@ def _likeliest_prior(from_zero: torch.Tensor, information: torch.Tensor) -> tupl
     below, above = (_marginal_gain(from_zero, information, std + way * step) for way in (-1, 1))
     curvature = -(above - 2 * gain + below) / step**2
     return std, gain, 1 / math.sqrt(curvature) if curvature > 0 else std
-
-
-class MapSystem:
-    """The information about the values of all maps, and its inverse.
-
-    Maps of pixels are eliminated one after the other, pixel by pixel; what remains couples rows, columns and smooth
-    functions and is small and dense. The values of all maps stand in one vector, map after map, S in all.
-
-    Args:
-        maps: any number.
-        information: ``(N, H, W)`` about the mean of every fitted pixel, 0 for held-out ones.
-    """
-
-    def __init__(self, maps: Sequence[FixedPatternMap], information: torch.Tensor) -> None:
-        self.maps = sorted(maps, key=lambda one: one.kind in DENSE)
-        self._pixels = [i for i, one in enumerate(self.maps) if one.kind not in DENSE]
-        self._lines = [i for i, one in enumerate(self.maps) if one.kind in DENSE]
-        indices = range(len(self.maps))
-        self._shared = {
-            (i, j): (self.maps[i].jacobian * self.maps[j].jacobian * information).sum(0).double()
-            for i in indices
-            for j in indices[i + 1 :]
-        }
-        self._inverse: list[torch.Tensor] = []
-        own = {i: self.maps[i].precision for i in self._pixels}
-        lost = {j: torch.zeros(information.shape[1:], dtype=torch.float64) for j in self._lines}
-        for i in self._pixels:
-            inverse = torch.where(self.maps[i].active, 1 / own[i], 0.0)
-            self._inverse.append(inverse)
-            later = indices[i + 1 :]
-            for j in later:
-                taken = self._shared[i, j] * inverse
-                if j in own:
-                    own[j] = own[j] - taken * self._shared[i, j]
-                else:
-                    lost[j] = lost[j] + taken * self._shared[i, j]
-                for k in indices[j + 1 :]:
-                    self._shared[j, k] = self._shared[j, k] - taken * self._shared[i, k]
-        self._dense = self._line_matrix(lost)
-
-    def _line_matrix(self, lost: Mapping[int, torch.Tensor]) -> torch.Tensor:
-        """Return the Cholesky factor of the information about all rows, columns and smooth functions."""
-        blocks = []
-        for i in self._lines:
-            across = []
-            for j in self._lines:
-                if i == j:
-                    across.append(self.maps[i].line_information(lost[i]))
-                    continue
-                shared = self._shared[min(i, j), max(i, j)]
-                across.append(self.maps[i].shared_information(self.maps[j], shared))
-            blocks.append(torch.cat(across, 1))
-        return torch.linalg.cholesky(torch.cat(blocks)) if blocks else torch.zeros(0, 0)
-
-    @property
-    def gradient(self) -> torch.Tensor:
-        """``(S,)`` gradient of the penalised log-likelihood with respect to every value."""
-        return torch.cat([one.gradient.flatten() for one in self.maps]) if self.maps else torch.zeros(0).double()
-
-    def cross_information(self, weighted: torch.Tensor) -> torch.Tensor:
-        """Return the information that the values share with changes of the mean, ``(K, S)``.
-
-        Args:
-            weighted: ``(K, N, H, W)`` changes of the mean times the information about it.
-        """
-        shared = [one.cross_information(weighted).flatten(1) for one in self.maps]
-        return torch.cat(shared, 1) if shared else torch.zeros(len(weighted), 0, dtype=torch.float64)
-
-    def split(self, values: torch.Tensor) -> list[torch.Tensor]:
-        """Split ``(K, S)`` into one ``(K, *map)`` for each map."""
-        sizes = [one.values.numel() for one in self.maps]
-        return [
-            part.unflatten(1, one.values.shape) for one, part in zip(self.maps, values.split(sizes, 1), strict=True)
-        ]
-
-    def solve(self, right: torch.Tensor) -> torch.Tensor:
-        """Return the inverse information times ``(K, S)``."""
-        if not self.maps:
-            return right
-        parts = self.split(right)
-        for i, inverse in zip(self._pixels, self._inverse, strict=True):
-            for j in range(i + 1, len(parts)):
-                parts[j] = parts[j] - self.maps[j].reduce(self._shared[i, j] * inverse * parts[i])
-        if self._lines:
-            stacked = torch.cat([parts[i].flatten(1) for i in self._lines], 1)
-            solved = torch.cholesky_solve(stacked.T, self._dense).T
-            sizes = [self.maps[i].values.numel() for i in self._lines]
-            for i, part in zip(self._lines, solved.split(sizes, 1), strict=True):
-                parts[i] = part.unflatten(1, self.maps[i].values.shape)
-        for i, inverse in reversed(list(zip(self._pixels, self._inverse, strict=True))):
-            for j in range(i + 1, len(parts)):
-                parts[i] = parts[i] - self._shared[i, j] * self.maps[j].spread(parts[j])
-            parts[i] = parts[i] * inverse
-        return torch.cat([part.flatten(1) for part in parts], 1)

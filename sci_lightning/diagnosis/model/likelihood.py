@@ -119,23 +119,73 @@ class Intervals:
         return Intervals(low, high, possible)
 
 
-@dataclass(frozen=True)
 class PixelLikelihood:
-    """Log-likelihood of every pixel and its derivatives, ``(N, H, W)`` each.
+    """Log-likelihood of every pixel with its derivatives; these are computed when they are first asked for.
 
-    Attributes:
-        log_likelihood: nats.
-        mean_gradient: first derivative with respect to the mean, 1 / DN.
-        mean_information: minus the second derivative with respect to the mean, 1 / DN squared; never negative.
-        spread_gradient: first derivative with respect to the logarithm of the standard deviation.
-        spread_information: Fisher information about that logarithm.
+    A fit asks for the derivatives only where it stays, which is not known before the log-likelihood is.
+
+    Args:
+        intervals: what the DN stand for.
+        mean, deviation: ``(N, H, W)`` DN, of the signal before the converter.
+        clipped: the signal's distribution where it saturates before the converter does.
     """
 
-    log_likelihood: torch.Tensor
-    mean_gradient: torch.Tensor
-    mean_information: torch.Tensor
-    spread_gradient: torch.Tensor
-    spread_information: torch.Tensor
+    def __init__(
+        self,
+        intervals: Intervals,
+        mean: torch.Tensor,
+        deviation: torch.Tensor,
+        clipped: ClippedSignal | None = None,
+    ) -> None:
+        self._intervals, self._mean, self._deviation, self._clipped = intervals, mean, deviation, clipped
+        self._low, self._high, self._sign = _standardise(intervals, mean, deviation, clipped)
+        self._value = _log_probability(self._low, self._high)
+
+    @cached_property
+    def log_likelihood(self) -> torch.Tensor:
+        """``(N, H, W)``, nats."""
+        possible = self._intervals.possible
+        return self._value if possible is None else torch.where(possible, self._value, IMPOSSIBLE)
+
+    @property
+    def mean_gradient(self) -> torch.Tensor:
+        """``(N, H, W)`` first derivative with respect to the mean, 1 / DN.
+
+        Near saturation it is the derivative with respect to the light, scaled to the mean.
+        """
+        return self._derivatives[0]
+
+    @property
+    def mean_information(self) -> torch.Tensor:
+        """``(N, H, W)`` minus the second derivative with respect to the mean, 1 / DN squared; never negative."""
+        return self._derivatives[1]
+
+    @property
+    def spread_gradient(self) -> torch.Tensor:
+        """``(N, H, W)`` first derivative with respect to the logarithm of the standard deviation."""
+        return self._derivatives[2]
+
+    @cached_property
+    def spread_information(self) -> torch.Tensor:
+        """``(N, H, W)`` Fisher information about the logarithm of the standard deviation."""
+        quantised = self._deviation.square() / (self._deviation.square() + 1 / 12)
+        return 2 * quantised.square()
+
+    @cached_property
+    def _derivatives(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Gradient and information with respect to the mean, and gradient with respect to the logarithmic spread."""
+        low, high, value, deviation, clipped = self._low, self._high, self._value, self._deviation, self._clipped
+        at_low, at_high = (_density_ratio(edge, value) for edge in (low, high))
+        first = at_low - at_high
+        second = _product(low, at_low) - _product(high, at_high)
+        information = (first.square() - second).clamp(0, 1) / deviation.square()
+        gradient = self._sign * first / deviation
+        if clipped is not None and clipped.mixed.any():
+            brighter = log_likelihood(self._intervals, self._mean, deviation, clipped.brighter(BRIGHTER))
+            kept, spread = clipped.kept.clamp(min=LEAST_KEPT), clipped.deviation
+            gradient = torch.where(clipped.mixed, (brighter - value) / (BRIGHTER * spread * kept), gradient)
+            information = torch.where(clipped.mixed, 1 / (spread.square() * kept), information)
+        return gradient, information, second.clamp(-1, 1e4)
 
 
 def log_likelihood(
@@ -151,31 +201,6 @@ def log_likelihood(
     low, high = _standardise(intervals, mean, deviation, clipped)[:2]
     value = _log_probability(low, high)
     return value if intervals.possible is None else torch.where(intervals.possible, value, IMPOSSIBLE)
-
-
-def pixel_likelihood(
-    intervals: Intervals, mean: torch.Tensor, deviation: torch.Tensor, clipped: ClippedSignal | None = None
-) -> PixelLikelihood:
-    """Return the log-likelihood of every pixel with its derivatives; arguments as for :func:`log_likelihood`.
-
-    Near saturation the derivatives with respect to the mean are those with respect to the light, scaled to the mean.
-    """
-    low, high, sign = _standardise(intervals, mean, deviation, clipped)
-    value = _log_probability(low, high)
-    at_low, at_high = (_density_ratio(edge, value) for edge in (low, high))
-    first = at_low - at_high
-    second = _product(low, at_low) - _product(high, at_high)
-    information = (first.square() - second).clamp(0, 1) / deviation.square()
-    gradient = sign * first / deviation
-    if clipped is not None and clipped.mixed.any():
-        brighter = log_likelihood(intervals, mean, deviation, clipped.brighter(BRIGHTER))
-        kept, spread = clipped.kept.clamp(min=LEAST_KEPT), clipped.deviation
-        gradient = torch.where(clipped.mixed, (brighter - value) / (BRIGHTER * spread * kept), gradient)
-        information = torch.where(clipped.mixed, 1 / (spread.square() * kept), information)
-    quantised = deviation.square() / (deviation.square() + 1 / 12)
-    if intervals.possible is not None:
-        value = torch.where(intervals.possible, value, IMPOSSIBLE)
-    return PixelLikelihood(value, gradient, information, second.clamp(-1, 1e4), 2 * quantised.square())
 
 
 def quantile_residuals(
@@ -219,12 +244,15 @@ def _log_probability(low: torch.Tensor, high: torch.Tensor) -> torch.Tensor:
     """Return the logarithm of the normal probability between two standardised ends, ``high`` being the nearer to 0.
 
     In the lower tail the complementary error function is precise, and a difference of two of its values much faster
-    than one of their logarithms; beyond its range the tail's asymptote is used.
+    than one of their logarithms; beyond its range, where few pixels are, the tail's asymptote is used.
     """
     between = 0.5 * (torch.special.erfc(high * -math.sqrt(0.5)) - torch.special.erfc(low * -math.sqrt(0.5)))
-    larger, smaller = _log_tail(high), _log_tail(low)
-    far = larger + torch.log(-torch.expm1((smaller - larger).clamp(max=-1e-7)))
-    return torch.where(high > FAR_TAIL, torch.log(between.clamp(min=1e-37)), far)
+    value = torch.log(between.clamp(min=1e-37))
+    far = ~(high > FAR_TAIL)
+    if not far.any():
+        return value
+    larger, smaller = _log_tail(high[far]), _log_tail(low[far])
+    return value.masked_scatter(far, larger + torch.log(-torch.expm1((smaller - larger).clamp(max=-1e-7))))
 
 
 def _log_tail(z: torch.Tensor) -> torch.Tensor:

@@ -152,12 +152,16 @@ def observe(captures: Captures) -> Observation:
         position=torch.tensor(order),
         dark_surround=captures.surround == "dark",
         verification=_set_aside(captures, order),
-        grid=_grid(captures),
+        grid=grid_of(captures),
     )
 
 
-def _grid(captures: Captures) -> ModulatorGrid | None:
-    """Return where the mirrors nominally lie; None where every mirror is a pixel."""
+def grid_of(captures: Captures) -> ModulatorGrid | None:
+    """Return where the mirrors nominally lie; None where every mirror is a pixel.
+
+    Raises:
+        BadInput: patterns of another size than the field's that nobody has registered.
+    """
     if captures.sensor_to_modulator is not None:
         return ModulatorGrid(captures.sensor_to_modulator, captures.size, captures.mirrors)
     if captures.mirrors != captures.size:

@@ -30,66 +30,79 @@ class SmoothBasis:
         functions: ``(K, H, W)`` float64, the functions that the K coordinates multiply.
         dual: ``(K, H, W)``; the sum of a map times these gives its coordinates.
         mixing: ``(K, K)``, from coordinates to factors of orthonormal functions.
+        seen: ``(K, h, w)``, the functions at the pixels that count.
     """
 
     functions: torch.Tensor
     dual: torch.Tensor
     mixing: torch.Tensor
+    seen: torch.Tensor
 
     @staticmethod
-    def of(information: torch.Tensor) -> SmoothBasis:
+    def of(
+        information: torch.Tensor, steepness: float, window: tuple[slice, slice] = (slice(None), slice(None))
+    ) -> SmoothBasis:
         """Return the basis in which the information about the coordinates is diagonal and their prior is even.
 
-        The prior variance of an orthonormal function falls with the square of its spatial frequency, and the variances
-        add up to 1: with coordinates of standard deviation s the map has standard deviation s.
+        With coordinates of standard deviation s the map has standard deviation s.
 
         Args:
             information: ``(H, W)`` about the map's value at every pixel.
+            steepness: power of the spatial frequency with which the prior's standard deviation falls.
+            window: rows and columns that count.
         """
         height, width = information.shape
-        flat, spread = _orthonormal(height, width)
+        flat, frequency = orthonormal(height, width)
+        spread = prior(frequency, steepness)
         about = (flat * information.flatten().double()) @ flat.T
         _, turn = torch.linalg.eigh(spread[:, None] * about * spread)
         mixing = spread[:, None] * turn
         functions = (mixing.T @ flat).reshape(-1, height, width)
         dual = (turn.T @ (flat / spread[:, None])).reshape(-1, height, width) / (height * width)
-        return SmoothBasis(functions, dual, mixing)
+        return SmoothBasis(functions, dual, mixing, functions[:, window[0], window[1]].contiguous())
 
     def coordinates(self, field_map: torch.Tensor) -> torch.Tensor:
         """Return the coordinates ``(K,)`` of a map ``(H, W)``."""
         return self.dual.flatten(1) @ field_map.flatten().double()
 
+    def field(self, coordinates: torch.Tensor) -> torch.Tensor:
+        """Return the map ``(H, W)`` of coordinates ``(K,)``, on the whole field."""
+        return (coordinates.double() @ self.functions.flatten(1)).unflatten(-1, self.functions.shape[1:])
+
     def spread(self, coordinates: torch.Tensor) -> torch.Tensor:
-        """Return the maps ``(.., H, W)`` of coordinates ``(.., K)``."""
-        flat = coordinates.double() @ self.functions.flatten(1)
-        return flat.unflatten(-1, self.functions.shape[1:])
+        """Return the maps ``(.., h, w)`` of coordinates ``(.., K)`` at the pixels that count."""
+        return (coordinates.double() @ self.seen.flatten(1)).unflatten(-1, self.seen.shape[1:])
 
     def reduce(self, field: torch.Tensor) -> torch.Tensor:
-        """Return the sums ``(.., K)`` of fields ``(.., H, W)`` times every function."""
-        return field.flatten(-2).double() @ self.functions.flatten(1).T
+        """Return the sums ``(.., K)`` of fields ``(.., h, w)`` times every function."""
+        return field.flatten(-2).double() @ self.seen.flatten(1).T
 
     def squares(self, field: torch.Tensor) -> torch.Tensor:
-        """Return the sum ``(K,)`` of a field ``(H, W)`` times the square of every function."""
-        return self.functions.flatten(1).square() @ field.flatten().double()
+        """Return the sum ``(K,)`` of a field ``(h, w)`` times the square of every function."""
+        return self.seen.flatten(1).square() @ field.flatten().double()
 
     def variance(self, variance: torch.Tensor) -> torch.Tensor:
-        """Return the variance ``(H, W)`` of a map whose coordinates have the variances ``(K,)``."""
-        return (variance @ self.functions.flatten(1).square()).reshape(self.functions.shape[1:])
+        """Return the variance ``(h, w)`` of a map whose coordinates have the variances ``(K,)``."""
+        return (variance @ self.seen.flatten(1).square()).reshape(self.seen.shape[1:])
 
     def gram(self, field: torch.Tensor) -> torch.Tensor:
-        """Return the sums ``(K, K)`` of a field ``(H, W)`` times every product of two functions."""
-        flat = self.functions.flatten(1)
+        """Return the sums ``(K, K)`` of a field ``(h, w)`` times every product of two functions."""
+        flat = self.seen.flatten(1)
         return (flat * field.flatten().double()) @ flat.T
 
 
 @lru_cache(maxsize=4)
-def _orthonormal(height: int, width: int) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return K functions ``(K, H * W)`` of mean square 1 and mean 0, and the standard deviations of their prior."""
+def orthonormal(height: int, width: int) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return K functions ``(K, H * W)`` of mean square 1 and mean 0, and their spatial frequencies, ``(K,)``."""
     (down, of_rows), (across, of_columns) = axis_functions(height), axis_functions(width)
     products = torch.einsum("ih,jw->ijhw", down, across).flatten(0, 1).flatten(1)
-    frequency = (of_rows[:, None].square() + of_columns.square()).flatten()
-    variance = 1 / frequency[1:]
-    return products[1:], (variance / variance.sum().clamp(min=1e-30)).sqrt()
+    return products[1:], torch.hypot(of_rows[:, None], of_columns).flatten()[1:]
+
+
+def prior(frequency: torch.Tensor, steepness: float) -> torch.Tensor:
+    """Return the standard deviations ``(K,)`` of the functions' factors for a map of standard deviation 1."""
+    spread = frequency**-steepness
+    return spread / spread.norm().clamp(min=1e-30)
 
 
 def beyond(height: int, width: int) -> torch.Tensor:
@@ -123,3 +136,9 @@ def axis_functions(count: int, finest: int = DETAIL, edges: bool = True) -> tupl
             functions.append(values / norm)
             frequencies.append(max(float(frequency), size / norm if frequency > finest else 0.0))
     return torch.stack(functions), torch.tensor(frequencies, dtype=torch.float64)
+
+
+def quadrants(size: torch.Size) -> torch.Tensor:
+    """Return +1 in two opposite quadrants of a field ``(H, W)`` and -1 in the others."""
+    down, across = (torch.where(torch.arange(length) < length / 2, 1.0, -1.0) for length in size)
+    return down[:, None] * across

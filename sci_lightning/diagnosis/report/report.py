@@ -18,6 +18,8 @@ from matplotlib.figure import Figure
 from sci_lightning import __version__
 from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.laboratory import SceneEffect
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Setting
+from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.report.pictures import figures
 from sci_lightning.diagnosis.report.report_page import Provenance, report_page
 from sci_lightning.encoder.empirical import Empirical
@@ -100,23 +102,42 @@ def describe(diagnosis: Diagnosis) -> dict[str, Any]:
 
 def write_encoder(diagnosis: Diagnosis, out: str | Path) -> None:
     """Write the corrected encoder: ``encoder.yaml``, and beside it the patterns and maps that it names."""
+    hypothesis = diagnosis.after.fit.hypothesis
+    write_corrected_encoder(diagnosis.observation, diagnosis.model, hypothesis.effects, hypothesis.maps, out)
+
+
+def write_corrected_encoder(
+    observation: Observation,
+    model: CameraModel,
+    settings: Mapping[str, Setting],
+    maps: Mapping[str, torch.Tensor],
+    out: str | Path,
+) -> None:
+    """Write an encoder with the effects of a hypothesis: ``encoder.yaml``, and the patterns and maps that it names.
+
+    Args:
+        observation: captures, of which the patterns are taken.
+        model: knows the effects' classes.
+        settings: values by parameter, by effect.
+        maps: fixed-pattern maps by effect.
+        out: the folder.
+    """
     out = Path(out)
-    observation, fit = diagnosis.observation, diagnosis.after.fit
     distinct = torch.tensor([len(set(sequence.tolist())) for sequence in observation.sequences])
     patterns = observation.patterns[observation.sequences[distinct.argmax()]].numpy()
     slots, (height, width) = len(patterns), observation.size
     _save(out / "patterns.npy", patterns)
     effects: dict[str, Any] = {}
-    for name, values in fit.hypothesis.effects.items():
-        effect = diagnosis.model.effects[name]
+    for name, values in settings.items():
+        effect = model.effects[name]
         if (issubclass(effect, Empirical) and effect.of_captures) or issubclass(effect, SceneEffect):
             continue
         effects[name] = {"_target_": f"{effect.__module__}.{effect.__qualname__}", **values}
         if issubclass(effect, Empirical):
             effects[name]["count"] = effect.count
-        if effect.map_kind and name in fit.hypothesis.maps:
+        if effect.map_kind and name in maps:
             scale = float(values["std"]) if "std" in values else 1.0
-            _save(out / f"{name}.npy", (fit.hypothesis.maps[name] / max(scale, 1e-12)).numpy())
+            _save(out / f"{name}.npy", (maps[name] / max(scale, 1e-12)).numpy())
             effects[name] |= {"file": f"{name}.npy", "size": [height, width]}
     mask = {"file": "patterns.npy", "key": None, "frames": slots, "size": list(patterns.shape[1:])}
     content: dict[str, Any] = {

@@ -94,7 +94,7 @@ def report_page(
     significant = _significant_tests(diagnosis)
     drawn_tests = significant[:MAX_TEST_FIGURES]
     return (
-        _environment()
+        environment()
         .get_template("report_page.html")
         .render(
             diagnosis=diagnosis,
@@ -123,7 +123,7 @@ def report_page(
     )
 
 
-def _environment() -> Environment:
+def environment() -> Environment:
     """Return Jinja2's environment: every text is escaped and has no control characters, whoever contributes it."""
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),

@@ -109,6 +109,7 @@ def estimated_map(residuals: Residuals, name: str) -> Answer:
         p_value = map_p_value(one)
         nats = -math.log(max(p_value, 1e-300))
         return Answer(nats, p_value, nats, Picture("map", values, "part of the light", axes=PLACE))
+    values = residuals.fitter.model.windowed(values)
     scores = values / (one.std**2 - one.variance).clamp(min=(LEAST_DETERMINED * one.std) ** 2).sqrt()
     if one.kind == "hot":
         picture = Picture("map", values, "part of full scale", axes=PLACE)

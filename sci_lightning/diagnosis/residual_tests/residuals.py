@@ -8,9 +8,9 @@ from functools import cached_property
 import torch
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.model.camera_model import Prediction
 from sci_lightning.diagnosis.model.likelihood import quantile_residuals
 from sci_lightning.diagnosis.model.observation import Observation
+from sci_lightning.diagnosis.model.prediction import Prediction
 
 CLIP = 6.0
 """Standard deviations at which residuals are clipped, so that a few pixels do not hide all the others."""
@@ -51,14 +51,7 @@ class Residuals:
         random = torch.Generator().manual_seed(seed)
         intervals = fitter.intervals(prediction.bits)
         raw = quantile_residuals(intervals, prediction.mean, prediction.deviation, random, prediction.clipped)
-        rows, columns = fitter.split.window
-        counted = replace(
-            prediction,
-            mean=prediction.mean[:, rows, columns].contiguous(),
-            deviation=prediction.deviation[:, rows, columns].contiguous(),
-            clipped=None,
-        )
-        return Residuals(fitter, fit, raw[:, rows, columns].contiguous(), counted, seed)
+        return Residuals(fitter, fit, raw, replace(prediction, clipped=None), seed)
 
     @cached_property
     def observation(self) -> Observation:
@@ -176,7 +169,7 @@ def predict_ahead(fitter: Fitter, fit: Fit) -> Prediction:
     likelihood = fitter.pixel_likelihood(fit.prediction)
     order = (fit.prediction.mean / fitter.model.observation.full_scale - 0.5).abs().mean((1, 2)).argsort()
     jacobian = torch.stack([one.jacobian for one in pixel.values()], -1)  # (N, H, W, K maps)
-    values = torch.stack([fit.hypothesis.maps[name] for name in pixel], -1)
+    values = torch.stack([fitter.model.windowed(fit.hypothesis.maps[name]) for name in pixel], -1)
     prior = torch.tensor([1 / max(one.std, 1e-9) ** 2 for one in pixel.values()]).diag()
     information = torch.zeros(*values.shape, len(pixel)) + prior  # (H, W, K, K)
     gradient = torch.zeros_like(values)

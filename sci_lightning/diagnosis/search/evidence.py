@@ -117,7 +117,7 @@ def named_effects(fitter: Fitter, fit: Fit, names: Sequence[str]) -> tuple[Named
         if effect.noise:
             effects.append(NamedEffect(effect, parameters))
             continue
-        without = fitter.fit(fit.hypothesis.without(name))
+        without = fitter.fit(fit.hypothesis.without(name), from_afar=True)
         other, lost = alternatives(fitter, fit, without, name), fit.log_likelihood - without.log_likelihood
         delta_bic = 2 * lost - len(parameters) * float(np.log(fitter.pixels))
         effects.append(NamedEffect(effect, parameters, lost, delta_bic, other.names, other.tell_apart))

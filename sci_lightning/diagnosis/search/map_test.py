@@ -6,10 +6,15 @@ import math
 
 import torch
 from scipy.stats import chi2, norm
+from scipy.stats import f as fisher
 
 from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap
 from sci_lightning.diagnosis.model.smooth_basis import SmoothBasis, beyond
 
+FEWEST = 16
+"""Values below which only a trend can be told from chance, because the other distributions hold for many values."""
+TREND = 3
+"""Degree of the polynomial that a trend over rows or columns is taken for."""
 NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0))
 """Displacements (rows, columns) at which values are correlated with each other."""
 
@@ -31,11 +36,13 @@ def map_p_value(one: FixedPatternMap) -> float:
     spread = (one.std**2 + 1 / one.likelihood_information.clamp(min=1e-12)).sqrt()
     values = torch.where(known, raw / spread, 0.0)
     count = int(known.sum())
-    if count < 16:
-        return 1.0
+    lines = one.kind in ("row", "column")
+    trend = [_trend(values.flatten(), known.flatten())] if lines else []
+    if count < FEWEST:
+        return min([1.0, *trend])
     values = torch.where(known, (values - values[known].mean()) / values[known].std(), 0.0)
-    p_values = [_neighbours(values), _largest(values[known])]
-    if one.kind not in ("row", "column"):
+    p_values = [_neighbours(values), _largest(values[known]), *trend]
+    if not lines:
         p_values += [_sums(values.sum(0), known.sum(0)), _sums(values.sum(1), known.sum(1)), _blocks(values, known)]
     if count >= 200:
         kurtosis = float((values[known] ** 4).mean()) - 3
@@ -54,6 +61,18 @@ def _neighbours(values: torch.Tensor) -> float:
                 squares += float(moved.sum() ** 2 / (moved != 0).sum().clamp(min=1))
                 count += 1
     return float(chi2.sf(squares, count)) if count else 1.0
+
+
+def _trend(values: torch.Tensor, known: torch.Tensor) -> float:
+    """Return the p-value of a polynomial over the place, of degree ``TREND``, by Fisher's F; exact for few values."""
+    left = int(known.sum()) - TREND - 1
+    if left < 1:
+        return 1.0
+    place = torch.linspace(-1, 1, len(values), dtype=torch.float64)[known]
+    basis = torch.linalg.qr(torch.stack([place**power for power in range(TREND + 1)], 1)).Q
+    along = basis.T @ values[known].double()
+    trend, total = float(along[1:].square().sum()), float((values[known] - basis[:, 0] * along[0]).square().sum())
+    return float(fisher.sf(trend / TREND / max((total - trend) / left, 1e-30), TREND, left))
 
 
 def _largest(values: torch.Tensor) -> float:

@@ -13,10 +13,12 @@ from dataclasses import dataclass, replace
 import torch
 from scipy.stats import chi2
 
-from sci_lightning.diagnosis.fit.fit import Fit, Fitter, compared_alike
+from sci_lightning.diagnosis.fit.comparison import compared_alike
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import bic_gain, prune
 from sci_lightning.diagnosis.fit.local_gain import LocalGain
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
+from sci_lightning.diagnosis.fit.split import NO_BORDER
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 from sci_lightning.diagnosis.model.fixed_pattern_map import estimate_map
 from sci_lightning.diagnosis.search.map_test import map_p_value
@@ -165,9 +167,14 @@ def best_free_form(
     for deviation in promising[: fitter.settings.probes_fitted]:
         start = deviation.added(fitter, fit.hypothesis)
         judge = fitter.covering(start)
-        judge, (smaller, trial) = compared_alike(
-            judge, fit if judge is fitter else judge.again(fit), judge.fit(start, iterations=15)
-        )
+        smaller = fit if judge is fitter else judge.again(fit)
+        # held-out pixels may gain as much as the fitted ones, but hardly more
+        needed = 0.5 * (largest + deviation.choice_penalty) - fitter.settings.give_up_nats
+        to_reach = smaller.fitted_log_likelihood + needed
+        trial = judge.fit(start, iterations=15, to_reach=to_reach, from_afar=True)
+        if trial.given_up:
+            continue
+        judge, (smaller, trial) = compared_alike(judge, smaller, trial)
         value = bic_gain(judge, smaller, trial) - deviation.choice_penalty
         if deviation.name in (maps or {}):  # a map with structure can imitate much
             value *= 1 - fitter.settings.surrogate_fraction
@@ -185,6 +192,8 @@ def screen_free_forms(fitter: Fitter, base: Fit, maps: Mapping[str, type[Effect]
         maps: effects of the vocabulary whose maps may serve as free forms too.
     """
     local, likelihood = LocalGain(fitter, base), fitter.pixel_likelihood(base.prediction)
+    light = fitter.model.inside(NO_BORDER).predict(base.hypothesis).mean
+    fields = light, fitter.model.whole(local.gradient), fitter.model.whole(local.information)
     tried = [*fitter.model.free_forms, *(name for name in maps if name not in fitter.model.free_forms)]
     significant = []
     for name in tried:
@@ -196,7 +205,7 @@ def screen_free_forms(fitter: Fitter, base: Fit, maps: Mapping[str, type[Effect]
             p_value = float(chi2.sf(2 * max(one.evidence, 0.0), 1))
             significant.append(FreeForm(name, one.evidence, 1, p_value, dict.fromkeys(effect.about, one.std), effect))
         elif issubclass(effect, Empirical):
-            groups = effect.proposals(base.prediction.mean, local.gradient, local.information)
+            groups = effect.proposals(*fields)
             if groups:
                 deviation = _screen_proposals(fitter, base, effect, local, groups)
             else:
@@ -252,8 +261,7 @@ def _unnamed(fitter: Fitter, fit: Fit, deviation: FreeForm, contradicted: Mappin
     without = fitter.fit(fit.hypothesis.without(deviation.name), iterations=8)
     nats = fit.log_likelihood - without.log_likelihood
     rows, columns = fitter.split.window
-    change = torch.full(fit.prediction.mean.shape[1:], torch.nan)
-    difference = fit.prediction.mean - without.prediction.mean
-    change[rows, columns] = difference[:, rows, columns].square().mean(0).sqrt()
+    change = torch.full(fitter.model.observation.size, torch.nan)
+    change[rows, columns] = (fit.prediction.mean - without.prediction.mean).square().mean(0).sqrt()
     p_value = min(deviation.p_value, contradicted.get(deviation.name, 1.0))
     return Unnamed(deviation.name, deviation.effect.stage, deviation.where, p_value, nats, change)

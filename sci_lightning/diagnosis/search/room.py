@@ -6,12 +6,23 @@ compared, counts for none of them.
 
 from __future__ import annotations
 
-from sci_lightning.diagnosis.fit.fit import Fit, Fitter, judged_by
-from sci_lightning.diagnosis.model.camera_model import Hypothesis
+from collections.abc import Mapping
+
+from sci_lightning.diagnosis.fit.comparison import judged_by
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 
 
-def room_for_starts(fitter: Fitter, hypothesis: Hypothesis) -> Fitter:
-    """Return a fitter that leaves out what depends on the surround for any candidate at its starts."""
+def room_for_starts(
+    fitter: Fitter, hypothesis: Hypothesis, further: Mapping[str, list[Setting]] | None = None
+) -> Fitter:
+    """Return a fitter that leaves out what depends on the surround for any candidate at its starts.
+
+    Args:
+        fitter: fits hypotheses to the captures.
+        hypothesis: the model without the candidates.
+        further: starts by effect beside those that the effect always has.
+    """
     model, seen = fitter.model, fitter.model.observation
     return fitter.covering(
         hypothesis,
@@ -19,17 +30,24 @@ def room_for_starts(fitter: Fitter, hypothesis: Hypothesis) -> Fitter:
             hypothesis.with_effect(name, start)
             for name, effect in model.vocabulary.items()
             if name not in hypothesis.effects and not effect.noise and not effect.map_kind
-            for start in effect.starts(seen.frames, seen.size, seen.bit_depth)
+            for start in [*effect.starts(seen.frames, seen.size, seen.bit_depth), *(further or {}).get(name, [])]
         ),
     )
 
 
-def with_room_for_starts(fitter: Fitter, base: Fit) -> tuple[Fitter, Fit]:
+def with_room_for_starts(
+    fitter: Fitter, base: Fit, further: Mapping[str, list[Setting]] | None = None
+) -> tuple[Fitter, Fit]:
     """Return a fitter that leaves out what depends on the surround for any candidate at its starts, and its base fit.
 
     Candidates are screened with that: an effect must not be judged by pixels that its formula cannot know.
+
+    Args:
+        fitter: fits hypotheses to the captures.
+        base: the model without the candidates.
+        further: starts by effect beside those that the effect always has.
     """
-    wider = room_for_starts(fitter, base.hypothesis)
+    wider = room_for_starts(fitter, base.hypothesis, further)
     return wider, judged_by(wider, base, fitter)
 
 

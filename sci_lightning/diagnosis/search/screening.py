@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import torch
 
@@ -35,11 +36,28 @@ class Candidate:
         return model.adding(hypothesis, self.name, self.start, model.zero_map(self.name))
 
 
-def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
+def screen(fitter: Fitter, base: Fit, further: Mapping[str, list[Setting]] | None = None) -> list[Candidate]:
     """Estimate the gain of every effect of the vocabulary that the model lacks; the most promising comes first.
 
-    Noise is left out: it explains variance, and must not be asked about the mean.
+    Noise is left out: it explains variance, and must not be asked about the mean. Where pixels are many, a part of them
+    is looked at first. That suffices as long as one of the candidates is strong.
+
+    Args:
+        fitter: holds captures, split and model.
+        base: the fitted model.
+        further: starts by effect beside those that the effect always has.
     """
+    coarse, seen = fitter.seen_coarsely(base)
+    if coarse is not fitter:
+        candidates = _screened(coarse, seen, further or {})
+        if candidates and candidates[0].gain > fitter.settings.coarse_nats:
+            surplus = float(fitter.fitted.sum() / coarse.fitted.sum())
+            return [replace(candidate, gain=candidate.gain * surplus) for candidate in candidates]
+    return _screened(fitter, base, further or {})
+
+
+def _screened(fitter: Fitter, base: Fit, further: Mapping[str, list[Setting]]) -> list[Candidate]:
+    """Estimate the gain of every candidate on the pixels that count for a fitter."""
     model, prediction = fitter.model, base.prediction
     likelihood, local = fitter.pixel_likelihood(prediction), LocalGain(fitter, base)
     chi2 = _chi2(fitter, prediction.mean, prediction.deviation)
@@ -48,11 +66,12 @@ def screen(fitter: Fitter, base: Fit) -> list[Candidate]:
         if name in base.hypothesis.effects or effect.noise:
             continue
         if effect.map_kind:
-            one = estimate_map(model, base.hypothesis, name, prediction, likelihood, fitter.fitted)
+            beside = fitter.maps(base.hypothesis, prediction, likelihood) if effect.map_kind == "smooth" else []
+            one = estimate_map(model, base.hypothesis, name, prediction, likelihood, fitter.fitted, beside)
             start: Setting = dict.fromkeys(effect.about, one.std)
             candidates.append(Candidate(name, one.evidence, start))
             continue
-        starts = model.starts(name, base.hypothesis)
+        starts = model.starts(name, base.hypothesis) + further.get(name, [])
         if not starts:  # a converter of one bit can lose none, a single slot cannot come late
             continue
         screened = (
@@ -107,8 +126,9 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
     model, settings = fitter.model, fitter.settings
     if model.effects[name].noise or any(parameter.choices for parameter in model.effects[name].about.values()):
         return []
-    local = LocalGain(fitter, without)
-    change = fit.prediction.mean - without.prediction.mean
+    coarse, seen = fitter.seen_coarsely(without)
+    local = LocalGain(coarse, seen)
+    change = coarse.predicted(fit).mean - seen.prediction.mean
     evidence = fit.log_likelihood - without.log_likelihood
     allowed = max(settings.rival_fraction, settings.rival_nats / max(evidence, 1.0))
     close = []
@@ -116,10 +136,10 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
         if other in fit.hypothesis.effects or effect.noise or effect.map_kind:
             continue
         starts = model.starts(other, without.hypothesis)[: settings.rival_starts]
-        trials = [model.predict(model.adding(without.hypothesis, other, start)) for start in starts]
-        if not trials or any(trial.bits != without.prediction.bits for trial in trials):
+        trials = [coarse.model.predict(model.adding(without.hypothesis, other, start)) for start in starts]
+        if not trials or any(trial.bits != seen.prediction.bits for trial in trials):
             continue
-        changes = torch.stack([change, *(trial.mean - without.prediction.mean for trial in trials)])
+        changes = torch.stack([change, *(trial.mean - seen.prediction.mean for trial in trials)])
         information = local.joint_gain(changes).information
         unexplained = _unexplained(information)
         if unexplained < allowed:
@@ -128,11 +148,12 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
             factor = min(max(float(information[0, 1 + best] / size[best]), 1e-3), 1.0)
             close.append((unexplained, other, _scaled(starts[best], effect.about, factor)))
     close.sort(key=lambda rival: rival[0])
+    to_reach = fit.fitted_log_likelihood - settings.give_up_nats
     same = [rival for rival in close if model.effects[rival[1]].plainer == name]  # takes no other rival's place
     chosen = same + [rival for rival in close if rival not in same][: settings.rivals_fitted]
-    return [
-        (other, fitter.fit(model.adding(without.hypothesis, other, start), iterations=20)) for _, other, start in chosen
-    ]
+    added = {other: model.adding(without.hypothesis, other, start) for _, other, start in chosen}
+    fits = [(other, fitter.fit(begin, 20, to_reach=to_reach, from_afar=True)) for other, begin in added.items()]
+    return [(other, rival) for other, rival in fits if not rival.given_up]
 
 
 def _unexplained(information: torch.Tensor) -> float:
@@ -160,5 +181,5 @@ def _chi2(fitter: Fitter, mean: torch.Tensor, deviation: torch.Tensor) -> torch.
     """Return the mean squared distance of the fitted pixels from their DN's interval, quantisation counted as noise."""
     intervals = fitter.intervals(fitter.model.observation.bit_depth)
     outside = (intervals.low - mean).clamp(min=0) + (mean - intervals.high).clamp(min=0)
-    distance = torch.where(intervals.low.isinf() | intervals.high.isinf(), outside, fitter.model.observation.dn - mean)
+    distance = torch.where(intervals.low.isinf() | intervals.high.isinf(), outside, fitter.dn - mean)
     return (distance.square() / (deviation.square() + 1 / 12) * fitter.fitted).sum() / fitter.fitted.sum()

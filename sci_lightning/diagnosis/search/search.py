@@ -6,9 +6,11 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from sci_lightning.diagnosis.fit.fit import Fit, Fitter, judged_by
+from sci_lightning.diagnosis.fit.comparison import judged_by
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, prune
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, datasheet_noise
+from sci_lightning.diagnosis.search.displacement import far_displacements
 from sci_lightning.diagnosis.search.remaining_misfit import (
     Unnamed,
     best_free_form,
@@ -16,7 +18,7 @@ from sci_lightning.diagnosis.search.remaining_misfit import (
     unnamed_threshold,
 )
 from sci_lightning.diagnosis.search.room import with_room_for_contenders, with_room_for_starts
-from sci_lightning.diagnosis.search.screening import rivals, screen
+from sci_lightning.diagnosis.search.screening import Candidate, rivals, screen
 
 OnProgress = Callable[[str], None]
 """Called with a one-line message after every step of the search."""
@@ -117,16 +119,10 @@ def select_effects(
     best = ideal = fitter.fit(start, iterations=30)
     rounds, settings = [], fitter.settings
     for _ in range(settings.max_effects):
-        fitter, best = with_room_for_starts(fitter, best)
-        screened = screen(fitter, best)
-        narrow, fits = (
-            fitter,
-            {
-                candidate.name: fitter.fit(candidate.added(fitter.model, best.hypothesis), iterations=20)
-                for candidate in screened[: settings.candidates_fitted]
-                if candidate.gain > settings.min_gain_nats
-            },
-        )
+        far = far_displacements(fitter, best)
+        fitter, best = with_room_for_starts(fitter, best, far)
+        screened = screen(fitter, best, far)
+        narrow, fits = fitter, fit_candidates(fitter, best, screened)
         fitter, best, fits = with_room_for_contenders(fitter, best, fits)
         gains = {
             name: (
@@ -151,6 +147,29 @@ def select_effects(
         best = prune(fitter, larger, start, settings.formula_error * fitter.explained_nats(larger, ideal, larger))
     fitter, best = exchange(fitter, best, start)
     return fitter, best, rounds
+
+
+def fit_candidates(fitter: Fitter, best: Fit, screened: list[Candidate]) -> dict[str, Fit]:
+    """Fit the most promising candidates jointly with everything in the model, by name.
+
+    A candidate whose screened gain is a small part of what it must gain is left out, and so is one whose fit cannot
+    reach what another one has reached.
+
+    Args:
+        fitter: fits hypotheses to the captures.
+        best: the model without them.
+        screened: candidates, the most promising first.
+    """
+    settings, fits, reached = fitter.settings, dict[str, Fit](), -math.inf
+    for candidate in screened[: settings.candidates_fitted]:
+        price = settings.min_gain_nats + 0.5 * len(candidate.start) * math.log(fitter.pixels)
+        if candidate.gain > max(settings.min_gain_nats, settings.screened_share * price):
+            start = candidate.added(fitter.model, best.hypothesis)
+            fit = fitter.fit(start, 20, to_reach=reached - settings.give_up_nats, from_afar=True)
+            if not fit.given_up:
+                fits[candidate.name] = fit
+                reached = max(reached, fit.fitted_log_likelihood)
+    return fits
 
 
 def exchange(fitter: Fitter, fit: Fit, keep: Hypothesis) -> tuple[Fitter, Fit]:

@@ -7,8 +7,17 @@ estimate is expected to make, and the likelihood of the snapshot when the scene 
 
 from sci_lightning.imaging.patches.estimator import LinearEstimator
 from sci_lightning.imaging.patches.grid import BlockGrid
-from sci_lightning.imaging.patches.moments import BlockMoments, block_covariance
+from sci_lightning.imaging.patches.moments import BlockMoments, PatchFactors, block_covariance
 from sci_lightning.imaging.patches.prior import PatchPrior
 from sci_lightning.imaging.patches.score import MaskScore, SensorNoise
 
-__all__ = ["BlockGrid", "BlockMoments", "LinearEstimator", "MaskScore", "PatchPrior", "SensorNoise", "block_covariance"]
+__all__ = [
+    "BlockGrid",
+    "BlockMoments",
+    "LinearEstimator",
+    "MaskScore",
+    "PatchFactors",
+    "PatchPrior",
+    "SensorNoise",
+    "block_covariance",
+]

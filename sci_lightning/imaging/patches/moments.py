@@ -38,6 +38,54 @@ def block_covariance(mask: torch.Tensor, covariance: torch.Tensor) -> torch.Tens
 
 
 @dataclass(frozen=True)
+class PatchFactors:
+    r"""Covariances of patches as :math:`C \approx F F^\top + \mathrm{diag}(d)`: the strongest modes, and what is left.
+
+    The covariance of a snapshot's blocks then costs a few small products instead of one for every pair of values.
+
+    Attributes:
+        factors: F, ``(K, n, T, r)``.
+        rest: d, ``(K, T, n)``.
+    """
+
+    factors: torch.Tensor
+    rest: torch.Tensor
+
+    @classmethod
+    def of(cls, covariance: torch.Tensor, rank: int) -> PatchFactors:
+        """Factor covariances C, ``(K, T, n, T, n)``, keeping ``rank`` modes at most."""
+        slots, pixels = covariance.shape[1:3]
+        eigenvalues, vectors = torch.linalg.eigh(covariance.reshape(-1, slots * pixels, slots * pixels))
+        rank = min(rank, slots * pixels)
+        factors = vectors[..., -rank:] * eigenvalues[:, None, -rank:].clamp(min=0).sqrt()
+        left = (vectors[..., :-rank].square() * eigenvalues[:, None, :-rank].clamp(min=0)).sum(2)
+        shape = (-1, slots, pixels)
+        return cls(factors.unflatten(1, shape[1:]).transpose(1, 2).contiguous(), left.reshape(shape))
+
+    def block_covariance(self, mask: torch.Tensor, operator: torch.Tensor | None = None) -> torch.Tensor:
+        """Return :func:`block_covariance` of these covariances, seen through optics if there are any.
+
+        Args:
+            mask: blocks of a mask, ``(blocks, T, n)``.
+            operator: how much of the light of every pixel reaches every pixel of the image, ``(m, n)``; None: its own.
+
+        Returns:
+            ``(K, blocks, m, m)``.
+        """
+        by_pixel = mask.permute(2, 0, 1)
+        left = torch.einsum("btn,ktn->kbn", mask.square(), self.rest)
+        parts = []
+        for factor, own in zip(self.factors, left, strict=True):
+            seen = (by_pixel @ factor).transpose(0, 1)  # (blocks, n, r)
+            if operator is None:
+                parts.append(seen @ seen.mT + torch.diag_embed(own))
+            else:
+                formed = operator @ seen
+                parts.append(formed @ formed.mT + (operator * own[:, None]) @ operator.mT)
+        return torch.stack(parts)
+
+
+@dataclass(frozen=True)
 class BlockMoments:
     r"""The first two moments of blocks of a snapshot, for a prior with K components.
 

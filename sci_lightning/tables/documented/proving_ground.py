@@ -43,7 +43,16 @@ def build(path: str | Path, part: str) -> DocumentedTable:
     else:
         shown = [outcome for outcome in outcomes if outcome.formulation == "rays"]
     return DocumentedTable(
-        ["hidden", "named", "unnamed, the strongest first", "verdict", "held-out chi2 before", "after"],
+        [
+            "hidden",
+            "camera",
+            "named",
+            "unnamed, the strongest first",
+            "captures left out",
+            "verdict",
+            "chi2 before",
+            "after",
+        ],
         [_line(outcome) for outcome in shown],
         provenance,
     )
@@ -53,8 +62,11 @@ def _line(outcome: Outcome) -> list[str]:
     named = ", ".join(f"`{effect.name}`" for effect in outcome.named)
     unnamed = ", ".join(stage.removeprefix("unnamed:") for stage in outcome.unnamed)
     hidden = ", ".join(f"`{name}`" for name in outcome.hidden_names) or "nothing"
+    camera = f"{outcome.mask}, {outcome.bit_depth} bits"
+    left_out = ", ".join(map(str, outcome.bad_captures)) + (" (right)" if outcome.captures_right else "")
     figures = (f"{outcome.chi2_before:.3g}", f"{outcome.chi2_after:.3g}")
-    return [hidden, named, unnamed, outcome.verdict.replace("_", " "), *figures]
+    verdict = outcome.verdict.replace("_", " ")
+    return [hidden, camera, named, unnamed, left_out if outcome.bad_captures else "", verdict, *figures]
 
 
 def _provenance(path: Path) -> Provenance:

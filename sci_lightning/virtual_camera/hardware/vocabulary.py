@@ -98,32 +98,31 @@ _OTHER_FIELDS: tuple[type[Effect], ...] = (
 )
 EFFECTS: dict[str, type[Effect]] = {effect.name: effect for effect in LIGHT_PATH}
 
-OUTSIDE: dict[str, type[Effect]] = {
-    effect.name: effect
-    for effect in (
-        modulator.SwappedPatterns,
-        modulator.StuckMirrors,
-        modulator.ModulatorDust,
-        relay_effects.MaskAstigmatism,
-        exposure.DriftingSource,
-        exposure.UnsteadySource,
-        exposure.ShortSlot,
-        exposure.UnevenSlots,
-        optics.Ghost,
-        optics.Astigmatism,
-        optics.Flare,
-        optics.LightLeak,
-        fixed_pattern.SensorDust,
-        fixed_pattern.InterlacedGain,
-        fixed_pattern.DeadColumn,
-        sensor.ImageLag,
-        sensor.SShapedResponse,
-        sensor.RowFlutter,
-        sensor.Banding,
-        converter.ConverterStep,
-        *_OTHER_FIELDS,
-    )
-}
+_OUTSIDE: tuple[type[Effect], ...] = (
+    modulator.SwappedPatterns,
+    modulator.StuckMirrors,
+    modulator.ModulatorDust,
+    relay_effects.MaskAstigmatism,
+    exposure.DriftingSource,
+    exposure.UnsteadySource,
+    exposure.ShortSlot,
+    exposure.UnevenSlots,
+    optics.Ghost,
+    optics.Astigmatism,
+    optics.Flare,
+    optics.LightLeak,
+    fixed_pattern.SensorDust,
+    fixed_pattern.InterlacedGain,
+    fixed_pattern.DeadColumn,
+    sensor.ImageLag,
+    sensor.SShapedResponse,
+    sensor.RowFlutter,
+    sensor.Banding,
+    converter.ConverterStep,
+    *_OTHER_FIELDS,
+)
+
+OUTSIDE: dict[str, type[Effect]] = {effect.name: effect for effect in _OUTSIDE}
 """Effects for which a diagnosis has no name: it should report the stage at which they act, and no other effect."""
 
 OTHER_FIELDS: dict[str, type[Effect]] = {effect.name: effect for effect in _OTHER_FIELDS}

@@ -93,8 +93,8 @@ def test_it_can_be_switched_off(captures: Captures) -> None:
     ("what", "looks"),
     [
         ("saturated", "its light looks 3"),
-        ("no light", "as if no light had come in"),
-        ("other", "capture 24"),
+        pytest.param("no light", "as if no light had come in", marks=pytest.mark.slow),
+        pytest.param("other", "capture 24", marks=pytest.mark.slow),
         pytest.param("moved", "looks displaced by", marks=pytest.mark.slow),
     ],
 )

@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap, MapSystem
+from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap
+from sci_lightning.diagnosis.model.map_system import MapSystem
 from sci_lightning.diagnosis.search.map_test import map_p_value
 
 N, H, W = 3, 4, 5
@@ -61,3 +62,12 @@ def test_white_maps_pass_and_others_do_not() -> None:
     rows = white + torch.tensor([0.5, -0.5], dtype=torch.float64).repeat(24)[:, None]
     for unlike in (smooth, spots, rows):
         assert map_p_value(estimated(unlike)) < 1e-5
+
+
+def test_a_trend_over_few_columns_is_none_of_chance() -> None:
+    """So few columns may be left of a small field whose surround is unknown: light that leaks in fades smoothly."""
+    random = torch.Generator().manual_seed(0)
+    white = [torch.randn(1, 12, generator=random, dtype=torch.float64) for _ in range(20)]
+    assert min(map_p_value(replace(estimated(values), kind="column")) for values in white) > 1e-3
+    fading = torch.exp(-torch.linspace(1, 3, 12, dtype=torch.float64))[None] * 10 + 0.05 * white[0]
+    assert map_p_value(replace(estimated(fading), kind="column")) < 1e-5

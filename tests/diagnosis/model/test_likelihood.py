@@ -8,8 +8,8 @@ import torch
 from sci_lightning.diagnosis.model.likelihood import (
     IMPOSSIBLE,
     Intervals,
+    PixelLikelihood,
     log_likelihood,
-    pixel_likelihood,
     quantile_residuals,
 )
 
@@ -37,7 +37,7 @@ def test_derivatives_are_those_of_the_log_likelihood() -> None:
     def value(by_mean: float, by_spread: float) -> torch.Tensor:
         return log_likelihood(intervals, mean + by_mean, deviation * torch.tensor(by_spread).double().exp())
 
-    likelihood = pixel_likelihood(intervals, mean, deviation)
+    likelihood = PixelLikelihood(intervals, mean, deviation)
     by_mean = (value(step, 0) - value(-step, 0)) / (2 * step)
     by_spread = (value(0, step) - value(0, -step)) / (2 * step)
     torch.testing.assert_close(likelihood.mean_gradient, by_mean, rtol=1e-4, atol=1e-4)

@@ -20,7 +20,7 @@ def test_functions_of_an_axis_are_orthonormal() -> None:
 def test_coordinates(size: tuple[int, int]) -> None:
     random = torch.Generator().manual_seed(0)
     information = torch.rand(size, generator=random, dtype=torch.float64) + 0.1
-    basis = SmoothBasis.of(information)
+    basis = SmoothBasis.of(information, 2.0)
     count = len(basis.functions)
     coordinates = torch.randn(count, generator=random, dtype=torch.float64)
     torch.testing.assert_close(basis.coordinates(basis.spread(coordinates)), coordinates)
@@ -32,7 +32,7 @@ def test_coordinates(size: tuple[int, int]) -> None:
 
 
 def test_a_slope_is_smooth_and_stripes_are_not() -> None:
-    basis = SmoothBasis.of(torch.ones(48, 48))
+    basis = SmoothBasis.of(torch.ones(48, 48), 1.0)
     x = torch.linspace(-1, 1, 48)[None].expand(48, 48).double()
     for smooth in (x, x**2 - (x**2).mean(), x * x.T):
         torch.testing.assert_close(basis.spread(basis.coordinates(smooth)), smooth, rtol=0, atol=2e-3)

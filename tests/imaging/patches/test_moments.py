@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging.patches import BlockGrid, BlockMoments, block_covariance
+from sci_lightning.imaging.patches import BlockGrid, BlockMoments, PatchFactors, block_covariance
 from sci_lightning.imaging.patches.moments import estimated_patches
 
 SLOTS, PIXELS = 3, 4
@@ -26,6 +26,22 @@ def test_covariance_of_blocks() -> None:
     mask, dense, covariance = matrices()
     whole = covariance.reshape(2, 1, SLOTS * PIXELS, -1)
     torch.testing.assert_close(block_covariance(mask, covariance), dense @ whole @ dense.mT)
+
+
+def test_factored_covariance_of_blocks() -> None:
+    """All modes give the exact covariance, also through optics; with fewer modes the variances stay as they are."""
+    mask, _, covariance = matrices()
+    exact = block_covariance(mask, covariance)
+    every = PatchFactors.of(covariance, SLOTS * PIXELS)
+    torch.testing.assert_close(every.block_covariance(mask), exact)
+    optics = torch.rand(3, PIXELS, generator=torch.Generator().manual_seed(3))
+    torch.testing.assert_close(every.block_covariance(mask, optics), optics @ exact @ optics.T)
+    fewer = PatchFactors.of(covariance, 6)
+    whole = covariance.reshape(2, SLOTS * PIXELS, -1).diagonal(dim1=-2, dim2=-1).reshape(2, SLOTS, PIXELS)
+    kept = fewer.factors.square().sum(3).transpose(1, 2)
+    torch.testing.assert_close(kept + fewer.rest, whole)
+    left = fewer.block_covariance(mask, optics) - optics @ fewer.block_covariance(mask) @ optics.T
+    assert float(left.abs().max()) < 1e-5
 
 
 def test_likelihood_and_estimate_of_gaussian_patches() -> None:

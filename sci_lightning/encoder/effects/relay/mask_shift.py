@@ -11,7 +11,7 @@ from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import RelayEffect
 from sci_lightning.encoder.relay import Pose
 
-STARTS = (-2.4, -1.2, -0.4, 0.0, 0.4, 1.2, 2.4)
+STARTS = (-1.2, -0.4, 0.0, 0.4, 1.2)
 
 
 class MaskShift(RelayEffect):
@@ -23,6 +23,7 @@ class MaskShift(RelayEffect):
 
     name = "mask_shift"
     rank = 20
+    displacement = ("dx", "dy")
     about = {name: Parameter("pixel", 0.0, -32, 32, step=0.1, starts=STARTS) for name in ("dx", "dy")}
     sentence = "the mask's image is displaced by ({dx}, {dy}) pixel"
     dx: torch.Tensor

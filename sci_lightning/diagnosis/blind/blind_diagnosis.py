@@ -1,0 +1,220 @@
+"""A diagnosis from snapshots alone: which effects does the model of an ideal camera lack, whatever the scenes are?
+
+The scenes are integrated out: patches of video have known statistics (:mod:`~sci_lightning.diagnosis.blind.prior`), so
+that a hypothesis about the camera has a likelihood (:mod:`~sci_lightning.diagnosis.blind.likelihood`). The search is
+that of a calibrated diagnosis in short (:mod:`~sci_lightning.diagnosis.blind.search`). The prior is only roughly right;
+how far to trust a difference in likelihood follows from how much blocks and snapshots agree about it
+(:mod:`~sci_lightning.diagnosis.blind.likelihood_comparison`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from sci_lightning.captures import Captures
+from sci_lightning.diagnosis import vocabulary as effects_vocabulary
+from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter
+from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
+from sci_lightning.diagnosis.blind.prediction_verdict import PredictionVerdict, judge_by_prediction
+from sci_lightning.diagnosis.blind.prior import BLOCK, ScenePrior
+from sci_lightning.diagnosis.blind.search import UNDETERMINED, BlindNamed, BlindSearch
+from sci_lightning.diagnosis.blind.snapshot_camera import snapshots_of
+from sci_lightning.diagnosis.blind.snapshots import observe_snapshots
+from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
+from sci_lightning.diagnosis.model.observation import Observation
+from sci_lightning.diagnosis.search.evidence import Estimate, NamedEffect, systematic_limit
+from sci_lightning.diagnosis.search_settings import SearchSettings
+from sci_lightning.encoder.effects import Effect, MaskContrast
+from sci_lightning.errors import BadInput
+from sci_lightning.imaging.patches import PatchPrior
+
+LEAST_USABLE = 0.05
+"""Part of the blocks without a saturated pixel below which nothing can be said."""
+FEW_SNAPSHOTS = 3
+"""Fewer snapshots say little about how scenes differ, so that uncertainties are widened."""
+RECORD = "a flat field behind the coding patterns, and an even scene behind one open pattern in one slot only"
+"""What tells effects apart that snapshots of unknown scenes do not."""
+
+
+@dataclass(frozen=True)
+class BlindEffect(NamedEffect):
+    """An effect that snapshots of unknown scenes ask for; ``delta_nll`` counts calibrated nats.
+
+    Attributes:
+        agree: snapshots that ask for it.
+        snapshots: of how many.
+        p_value: probability that chance alone prefers it so clearly, paired over snapshots.
+    """
+
+    agree: int = 0
+    snapshots: int = 0
+    p_value: float = 1.0
+
+    def describe(self) -> dict[str, Any]:
+        """Return the effect as it stands in ``report.json``."""
+        content = super().describe()
+        content["evidence"] |= {"agree": [self.agree, self.snapshots], "p_value": self.p_value}
+        return content
+
+
+@dataclass(frozen=True)
+class BlindDiagnosis:
+    """The result of a blind diagnosis, computed once; reports only read it.
+
+    Attributes:
+        observation: the snapshots.
+        model: builds the light path of any hypothesis.
+        settings: thresholds and budgets that were used.
+        seed: as it was given; nothing here is random.
+        ideal: fit of the ideal camera.
+        corrected: fit of the corrected camera.
+        effects: the named effects in the order in which light meets them.
+        rounds: calibrated nats of the candidates that were fitted, by name, round by round.
+        undetermined: what these snapshots cannot tell: the name of an effect, and what about the scenes looks alike.
+        notes: what is unusual about the snapshots, in sentences.
+        stated_noise: names of the noise effects whose values the captures file states.
+        mask_is_visible: whether the snapshots are likelier with the mask than with none.
+        prediction: what held-out pixels say about the corrected camera; None if they were not asked.
+    """
+
+    observation: Observation
+    model: CameraModel
+    settings: SearchSettings
+    seed: int
+    ideal: BlindFit
+    corrected: BlindFit
+    effects: tuple[BlindEffect, ...]
+    rounds: tuple[dict[str, float], ...]
+    undetermined: Mapping[str, str]
+    notes: tuple[str, ...]
+    stated_noise: tuple[str, ...]
+    mask_is_visible: bool = True
+    prediction: PredictionVerdict | None = None
+
+    @property
+    def verdict(self) -> str:
+        """``consistent`` where nothing is asked for, else ``explained``; nobody looked for what has no name.
+
+        Where no mask is to be seen in the snapshots, it is ``unexplained``; where an effect does not make held-out
+        pixels more predictable, ``partly_explained``.
+        """
+        if not self.mask_is_visible:
+            return "unexplained"
+        if self.prediction is not None and self.prediction.contradicted():
+            return "partly_explained"
+        return "explained" if self.effects else "consistent"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of :attr:`effects`."""
+        return tuple(effect.name for effect in self.effects)
+
+    @property
+    def next_captures(self) -> tuple[str, ...]:
+        """Captures that would tell the named effects from their alternatives, a sentence for each."""
+        return tuple(dict.fromkeys(effect.tell_apart for effect in self.effects if effect.tell_apart))
+
+
+def diagnose_blind(
+    captures: Captures,
+    vocabulary: Mapping[str, type[Effect]] | None = None,
+    seed: int = 0,
+    settings: SearchSettings | None = None,
+    on_progress: Callable[[str], None] = lambda message: None,
+    statistics: PatchPrior | None = None,
+) -> BlindDiagnosis:
+    """Find the effects that the model of an ideal camera lacks to explain snapshots of unknown scenes.
+
+    Args:
+        captures: of one camera; only those with unknown scenes are used.
+        vocabulary: effects that may be named, by name; None for every effect of the package.
+        seed: for the report; nothing here is random.
+        settings: thresholds and budgets; None for the defaults.
+        on_progress: called with a one-line message after every step of the search.
+        statistics: of patches of video; None for those that come with the package.
+
+    Raises:
+        BadInput: see :func:`~sci_lightning.diagnosis.blind.snapshots.observe_snapshots`; or nearly every block of the
+            snapshots has a saturated pixel.
+    """
+    settings = settings or SearchSettings()
+    observation = observe_snapshots(captures)
+    vocabulary = effects_vocabulary.vocabulary() if vocabulary is None else vocabulary
+    model = CameraModel(observation, vocabulary, {"mask_contrast": MaskContrast})
+    likelihood = BlindLikelihood(model, ScenePrior(observation.frames, statistics))
+    if (usable := float(likelihood.usable.double().mean())) < LEAST_USABLE:
+        raise BadInput(
+            f"{captures.name}: {100 * (1 - usable):.0f} % of the blocks of {BLOCK} x {BLOCK} pixels are saturated "
+            f"({observation.full_scale} DN): reduce exposure or aperture"
+        )
+    noise, stated = datasheet_noise(observation)
+    explanation = BlindSearch(BlindFitter(likelihood), noise, settings, on_progress).run()
+    prediction = None
+    if explanation.mask_is_visible:
+        named = tuple(one.name for one in explanation.named)
+        paths = model.path(noise), model.path(explanation.fit.hypothesis)
+        border = (model.border(noise) | model.border(explanation.fit.hypothesis)).rounded()
+        camera = snapshots_of(captures.take(observation.number.numpy()), vocabulary)
+        prediction = judge_by_prediction(camera, *paths, named, seed=seed, border=border, on_progress=on_progress)
+    return BlindDiagnosis(
+        observation=observation,
+        model=model,
+        settings=settings,
+        seed=seed,
+        ideal=explanation.ideal,
+        corrected=explanation.fit,
+        effects=tuple(_named(model, explanation.fit, one) for one in explanation.named),
+        rounds=explanation.rounds,
+        undetermined={name: why for name, why in UNDETERMINED.items() if name in model.vocabulary},
+        notes=_notes(captures, likelihood, explanation.mask_is_visible),
+        mask_is_visible=explanation.mask_is_visible,
+        prediction=prediction,
+        stated_noise=tuple(effect for effect, _ in stated),
+    )
+
+
+def _named(model: CameraModel, fit: BlindFit, named: BlindNamed) -> BlindEffect:
+    """Return an effect with its parameters, their errors, and what speaks for it."""
+    effect = model.effects[named.name]
+    deviations = dict(zip(fit.free, fit.covariance.diagonal().clamp(min=0).sqrt().tolist(), strict=True))
+    parameters = {}
+    for parameter, about in effect.about.items():
+        value = fit.hypothesis.effects[named.name][parameter]
+        std = deviations.get((named.name, parameter), 0.0)
+        parameters[parameter] = Estimate(value, std, systematic_limit(value, about), about.unit)
+    others = " or ".join(named.alternatives)
+    advice = f"To tell {named.name} from {others}, record captures of something known: {RECORD}." if others else ""
+    return BlindEffect(
+        effect,
+        parameters,
+        named.nats,
+        2 * (named.nats - named.penalty),
+        named.alternatives,
+        advice,
+        named.comparison.agree,
+        named.comparison.snapshots,
+        named.comparison.p_value,
+    )
+
+
+def _notes(captures: Captures, likelihood: BlindLikelihood, mask_is_visible: bool) -> tuple[str, ...]:
+    """Say what is unusual about the snapshots."""
+    notes, count = [], len(likelihood.model.observation)
+    if not mask_is_visible:
+        notes.append(
+            "No mask is to be seen in the snapshots: they have no texture, or other patterns were shown than the file "
+            "says, or these were displaced further than the search looks."
+        )
+    if count < FEW_SNAPSHOTS:
+        what = "One snapshot says" if count == 1 else "Two snapshots say"
+        notes.append(f"{what} little about how scenes differ: uncertainties are widened.")
+    if (black := int((~captures.known).sum()) - count) > 0:
+        notes.append(f"{black} snapshots are black or were taken behind closed patterns, and are left out.")
+    saturated = 1 - float(likelihood.usable.double().mean())
+    if saturated > 0.01:
+        notes.append(f"{100 * saturated:.0f} % of the blocks have a saturated pixel and are left out.")
+    if known := int(captures.known.sum()):
+        notes.append(f"{known} captures with known scenes are not used.")
+    return tuple(notes)

@@ -1,0 +1,174 @@
+"""Fits of a hypothesis to snapshots of unknown scenes, and how precisely its parameters are known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import torch
+
+from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
+from sci_lightning.diagnosis.blind.likelihood_comparison import clustered
+from sci_lightning.diagnosis.fit.parameters import FreeParameters
+from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS, Hypothesis, ParameterName
+
+PROGRESS = 0.05
+"""Nats below which a fit has converged."""
+ATTEMPTS = 5
+"""Steps that one iteration tries, each more cautious, until one does not lower the likelihood."""
+DIFFERENCE = 0.5
+"""Part of a parameter's step over which the likelihood is differentiated."""
+
+
+@dataclass(frozen=True)
+class BlindFit:
+    """A fitted hypothesis.
+
+    Attributes:
+        hypothesis: with its most likely parameters.
+        log_likelihood: ``(blocks, N)`` nats; NaN for blocks that were not evaluated or that do not count.
+        blocks: ``(blocks,)`` bool, the blocks that were fitted.
+        free: names of the fitted parameters.
+        covariance: ``(p, p)`` of their errors, from the differences between blocks and snapshots.
+        weights: ``(K,)`` shares of the prior's components.
+    """
+
+    hypothesis: Hypothesis
+    log_likelihood: torch.Tensor
+    blocks: torch.Tensor
+    free: tuple[ParameterName, ...] = ()
+    covariance: torch.Tensor = field(default_factory=lambda: torch.zeros(0, 0))
+    weights: torch.Tensor = field(default_factory=lambda: torch.zeros(0))
+
+    @property
+    def nats(self) -> float:
+        """Log-likelihood of all blocks that count."""
+        return float(self.log_likelihood.nansum())
+
+
+class BlindFitter:
+    """Fits hypotheses to snapshots.
+
+    Args:
+        likelihood: of a hypothesis.
+    """
+
+    def __init__(self, likelihood: BlindLikelihood) -> None:
+        self.likelihood = likelihood
+        self.model = likelihood.model
+        self._fixed = tuple((name, parameter) for name, (parameter, _) in NOISE_GUESS.items())
+
+    def evaluate(self, hypothesis: Hypothesis, blocks: torch.Tensor, weights: torch.Tensor | None = None) -> BlindFit:
+        """Return a hypothesis as it stands, without fitting anything but the prior's shares."""
+        scores = self.likelihood.evaluate(hypothesis, blocks, weights)
+        return BlindFit(hypothesis, scores.log_likelihood, blocks, weights=scores.weights)
+
+    def fit(self, hypothesis: Hypothesis, blocks: torch.Tensor, iterations: int = 10) -> BlindFit:
+        """Maximise the likelihood of some blocks over all parameters but choices and the noise.
+
+        Every iteration differentiates the log-likelihood of every block once and twice by every parameter. The Newton
+        step is damped until it does not lower the likelihood (Levenberg and Marquardt).
+
+        Args:
+            hypothesis: where to start.
+            blocks: ``(blocks,)`` bool: blocks to be fitted.
+            iterations: at most.
+        """
+        free = FreeParameters.of(self.model, hypothesis, self._fixed)
+        best = self.evaluate(hypothesis, blocks)
+        damping = 1e-3
+        information, scores = torch.zeros(len(free), len(free)), None
+        for _ in range(iterations if len(free) else 0):
+            scores, information = self._differentiate(free, best)
+            gradient = scores.sum((1, 2))
+            gained = 0.0
+            for _ in range(ATTEMPTS):
+                moved, _ = free.newton_step(best.hypothesis, gradient, information, damping)
+                trial = self.evaluate(moved, blocks)
+                gained = float((trial.log_likelihood - best.log_likelihood).nansum())
+                lost = best.log_likelihood.isfinite() & ~trial.log_likelihood.isfinite()
+                if lost.any():
+                    blocks = blocks & ~lost.any(1)
+                if gained >= 0:
+                    damping = max(damping / 10, 1e-6)
+                    best = trial
+                    break
+                damping = max(damping * 20, 1e-2)
+            if gained < PROGRESS:
+                break
+        covariance = torch.zeros(len(free), len(free), dtype=torch.float64)
+        if scores is not None:
+            inverse = torch.linalg.pinv(information, hermitian=True)
+            covariance = inverse @ clustered(scores, self.likelihood.columns) @ inverse
+        return BlindFit(best.hypothesis, best.log_likelihood, blocks, free.names, covariance, best.weights)
+
+    def distance(self, fit: BlindFit, name: str) -> float:
+        """Return how far an effect is from doing nothing, in nats: half its squared distance in standard deviations.
+
+        It is infinite for a choice, and for parameters without a neutral value.
+        """
+        about, setting = self.model.effects[name].about, fit.hypothesis.effects[name]
+        offsets = {
+            (name, parameter): float(setting[parameter]) - neutral
+            for parameter, one in about.items()
+            if isinstance(neutral := one.neutral, (int, float)) and not one.choices and not one.log
+        }
+        places = [place for place, parameter in enumerate(fit.free) if parameter in offsets]
+        if not places:
+            return math.inf
+        offset = torch.tensor([offsets[fit.free[place]] for place in places], dtype=torch.float64)
+        inverse = torch.linalg.pinv(fit.covariance[places][:, places], hermitian=True)
+        return 0.5 * float(offset @ inverse @ offset)
+
+    def _differentiate(self, free: FreeParameters, fit: BlindFit) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return the derivatives ``(p, blocks, N)`` of the log-likelihoods, and the information ``(p, p)``.
+
+        The information is minus the matrix of second differences. Far from the maximum some directions may be curved
+        upwards; their sign is reversed, so that a Newton step still leads uphill.
+        """
+        steps = [self._step(fit, *name) for name in free.names]
+        scores, near_values = [], []
+        curvature = torch.zeros(len(steps), len(steps), dtype=torch.float64)
+        for i, (step, places) in enumerate(steps):
+            near, far = (self._change(fit, {free.names[i]: place * step}) for place in places)
+            a, b = places  # a parabola through three places
+            scores.append(((near * b / a - far * a / b) / (b - a)).nan_to_num(0.0))
+            curvature[i, i] = float((2 * (far / b - near / a) / (b - a)).nansum())
+            near_values.append((a, near))
+            for j, (other_step, other_places) in enumerate(steps[:i]):
+                a_other, near_other = near_values[j]
+                both = self._change(fit, {free.names[i]: a * step, free.names[j]: other_places[0] * other_step})
+                curvature[i, j] = curvature[j, i] = float((both - near - near_other).nansum()) / (a * a_other)
+        values, vectors = torch.linalg.eigh(-curvature)
+        least = max(1e-6 * float(values.abs().max()), 1e-9)
+        information = vectors @ torch.diag(values.abs().clamp(min=least)) @ vectors.mT
+        scale = torch.tensor([1 / step for step, _ in steps], dtype=torch.float64)
+        return torch.stack(scores) * scale[:, None, None], information * scale[:, None] * scale
+
+    def _step(self, fit: BlindFit, name: str, parameter: str) -> tuple[float, tuple[float, float]]:
+        """Return a parameter's step for differences, and the two places, in steps, that lie within its bounds."""
+        about = self.model.effects[name].about[parameter]
+        value = float(fit.hypothesis.effects[name][parameter])
+        step = about.step * DIFFERENCE * (value if about.log else 1.0)
+        if value - step >= about.low and value + step <= about.high:
+            return step, (-1.0, 1.0)
+        return step, (1.0, 2.0) if value + 2 * step <= about.high else (-1.0, -2.0)
+
+    def _change(self, fit: BlindFit, moved: dict[ParameterName, float]) -> torch.Tensor:
+        """Return by how much the log-likelihood of every block changes ``(blocks, N)`` if parameters are moved."""
+        hypothesis = fit.hypothesis
+        for (name, parameter), offset in moved.items():
+            setting = hypothesis.effects[name]
+            hypothesis = hypothesis.with_effect(name, {**setting, parameter: float(setting[parameter]) + offset})
+        return self.likelihood.evaluate(hypothesis, fit.blocks, fit.weights).log_likelihood - fit.log_likelihood
+
+
+def parameter_count(hypothesis: Hypothesis) -> int:
+    """Return how many parameters a hypothesis has beside the noise."""
+    return sum(len(setting) for name, setting in hypothesis.effects.items() if name not in NOISE_GUESS)
+
+
+def price(hypothesis: Hypothesis, fit: BlindFit) -> float:
+    """Return the penalty of the Bayesian information criterion for the parameters of a hypothesis, in nats."""
+    values = float(fit.log_likelihood.isfinite().sum()) * 64
+    return 0.5 * parameter_count(hypothesis) * math.log(max(values, 2.0))

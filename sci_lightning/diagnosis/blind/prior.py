@@ -1,0 +1,88 @@
+"""The prior of a scene in relative brightness, and its nuisance parameters."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+
+from sci_lightning.data.reader import find_clips, read_clip
+from sci_lightning.imaging.patches import PatchFactors, PatchPrior
+from sci_lightning.imaging.patches.fit import fit_prior
+from sci_lightning.imaging.patches.prior import read_prior
+
+BLOCK = 8
+"""Side of a block in pixels."""
+MODES = 2
+"""Modes of a patch that are kept, times the pixels of a block; the others count as noise of their own strength."""
+ITERATIONS = 8
+"""Iterations of expectation-maximisation for the shares; they start from those of many videos, and few are needed."""
+PSEUDO_COUNT = 2.0
+"""Blocks by which the shares of many videos hold on: a component that nothing asks for keeps a small share."""
+
+
+def scene_statistics(place: str | Path) -> PatchPrior:
+    """Return statistics of patches of video: estimated from a folder of clips, or read from a file.
+
+    Args:
+        place: a folder of clips, or statistics that :meth:`PatchPrior.save` wrote.
+
+    Raises:
+        BadInput: the place cannot be read, or clips are too small or too short.
+    """
+    if not Path(place).is_dir():
+        return read_prior(place)
+    return fit_prior([torch.from_numpy(read_clip(path)) for path in find_clips(place)])
+
+
+class ScenePrior:
+    """A mixture of Gaussians for patches of a scene whose mean brightness is 1.
+
+    The components differ in texture, contrast and motion; which share of the blocks each of them explains is the
+    prior's nuisance parameter, and is estimated anew for every hypothesis about the camera.
+
+    Args:
+        frames: T.
+        statistics: of patches of video; None for those that come with the package.
+        components: how many components are kept, those with the largest shares; None for all.
+
+    Attributes:
+        weights: ``(K,)`` shares of the components in many videos.
+    """
+
+    def __init__(self, frames: int, statistics: PatchPrior | None = None, components: int | None = None) -> None:
+        statistics = read_prior() if statistics is None else statistics
+        order = statistics.weights.argsort(descending=True)[:components]
+        self._statistics = PatchPrior(
+            statistics.level,
+            statistics.weights[order] / statistics.weights[order].sum(),
+            statistics.autocovariance[order],
+        )
+        self.frames = frames
+        self.weights = self._statistics.weights.double()
+        self._factors: dict[int, PatchFactors] = {}
+
+    def factors(self, block: int = BLOCK) -> PatchFactors:
+        """Return the covariances of patches of mean 1, factored, for blocks of so many pixels a side."""
+        if block not in self._factors:
+            covariance = self._statistics.covariance(self.frames, block).double() / self._statistics.level**2
+            self._factors[block] = PatchFactors.of(covariance, MODES * BLOCK**2)
+        return self._factors[block]
+
+    def only(self, components: torch.Tensor) -> ScenePrior:
+        """Return the prior with some of its components only, ``components`` being their numbers."""
+        chosen = PatchPrior(
+            self._statistics.level,
+            self._statistics.weights[components] / self._statistics.weights[components].sum(),
+            self._statistics.autocovariance[components],
+        )
+        return ScenePrior(self.frames, chosen)
+
+    def estimate_weights(self, log_likelihood: torch.Tensor) -> torch.Tensor:
+        """Return the shares of the components, ``(K,)``, from the log-likelihoods ``(K, blocks)`` of blocks."""
+        weights = self.weights
+        for _ in range(ITERATIONS):
+            shares = (log_likelihood + weights.log()[:, None]).softmax(0)
+            weights = shares.sum(1) + PSEUDO_COUNT * self.weights
+            weights = weights / weights.sum()
+        return weights

@@ -1,0 +1,296 @@
+"""The search for missing effects in snapshots of unknown scenes: screening, joint fits, competition and pruning."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+
+from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price
+from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
+from sci_lightning.diagnosis.laboratory import SceneEffect
+from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
+from sci_lightning.diagnosis.search_settings import SearchSettings
+from sci_lightning.encoder.effects import SensorEffect
+from sci_lightning.encoder.effects.parameter import Value
+
+OnProgress = Callable[[str], None]
+"""Called with a one-line message after every step of the search."""
+
+SCREENED_BLOCKS = 64
+"""Blocks on which candidates are screened, spread evenly over the field."""
+FITTED_BLOCKS = 256
+"""Blocks to which candidates are fitted."""
+FINAL_ITERATIONS = 4
+"""Iterations of fits that start from a model that was fitted already."""
+STARTS_FITTED = 3
+"""Starts of a promising candidate that are fitted to the screened blocks."""
+WEAK_PART = 0.25
+"""Part of a start's distance from the neutral setting at which it is tried as well."""
+MIN_Z = 3.0
+"""Standard deviations by which an effect must make the snapshots likelier."""
+MIN_AGREE = 0.75
+"""Part of the snapshots that must ask for an effect."""
+SURE_Z = 3.0
+"""Standard deviations below which two hypotheses are not told apart."""
+
+UNDETERMINED = {
+    "gain": "the brightness of the scenes",
+    "duty_cycle": "the brightness of the scenes",
+    "vignetting": "scenes that are darker towards the corners",
+    "illumination": "scenes that are lit unevenly",
+    "saturation": "the brightest parts of the scenes; saturated pixels are left out",
+}
+"""Effects that snapshots of unknown scenes cannot tell from something about the scenes."""
+
+
+@dataclass(frozen=True)
+class Contender:
+    """An effect that was fitted beside a model.
+
+    Attributes:
+        name: of the effect.
+        fit: of the model with it.
+        comparison: with the model without it.
+        nats: calibrated nats that it gains.
+        gain: the same beyond the penalty for its parameters.
+    """
+
+    name: str
+    fit: BlindFit
+    comparison: Comparison
+    nats: float
+    gain: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether the effect is so well supported that it may be named."""
+        agree = self.comparison.agree >= MIN_AGREE * self.comparison.snapshots
+        return self.gain > 0 and self.comparison.z > MIN_Z and agree
+
+
+@dataclass(frozen=True)
+class BlindNamed:
+    """An effect that the search named, with what speaks for it.
+
+    Attributes:
+        name: of the effect.
+        comparison: of the final model with the same without it.
+        nats: calibrated nats that it gains.
+        penalty: nats that its parameters cost.
+        alternatives: effects that explain the snapshots as well in its place.
+    """
+
+    name: str
+    comparison: Comparison
+    nats: float
+    penalty: float
+    alternatives: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class BlindExplanation:
+    """What the search found.
+
+    Attributes:
+        ideal: the ideal camera.
+        fit: the final model.
+        named: its effects, in the order in which light meets them.
+        rounds: calibrated nats of the candidates that were fitted, by name, round by round.
+        mask_is_visible: whether the snapshots are likelier with the mask than with none; if not, nothing is named.
+    """
+
+    ideal: BlindFit
+    fit: BlindFit
+    named: tuple[BlindNamed, ...]
+    rounds: tuple[dict[str, float], ...]
+    mask_is_visible: bool = True
+
+
+class BlindSearch:
+    """Searches for the effects that snapshots of unknown scenes ask for.
+
+    Args:
+        fitter: fits hypotheses.
+        noise: the ideal camera with its noise.
+        settings: thresholds and budgets.
+        on_progress: called with a one-line message after every step.
+    """
+
+    def __init__(
+        self, fitter: BlindFitter, noise: Hypothesis, settings: SearchSettings, on_progress: OnProgress
+    ) -> None:
+        self.fitter, self.noise, self.settings, self.on_progress = fitter, noise, settings, on_progress
+        likelihood = fitter.likelihood
+        self.columns = likelihood.columns
+        self.all_blocks = likelihood.usable.any(1)
+        self.screened_blocks = _spread(self.all_blocks & self._inner(), SCREENED_BLOCKS)
+        self.fitted_blocks = _spread(self.all_blocks, FITTED_BLOCKS)
+        self._contenders: dict[frozenset[str], list[Contender]] = {}
+        self.candidates = [
+            name
+            for name, effect in fitter.model.vocabulary.items()
+            if not (effect.noise or effect.map_kind or issubclass(effect, SceneEffect) or name in UNDETERMINED)
+            and not (issubclass(effect, SensorEffect) and any(about.choices for about in effect.about.values()))
+        ]
+
+    def _inner(self) -> torch.Tensor:
+        """Return the blocks that are not at the edge of the field: most candidates leave them all."""
+        likelihood = self.fitter.likelihood
+        rows, columns = likelihood.rows, likelihood.columns
+        inner = torch.zeros(rows, columns, dtype=torch.bool)
+        inner[1 : rows - 1, 1 : columns - 1] = True
+        return inner.flatten()
+
+    def run(self) -> BlindExplanation:
+        """Find the most likely model: forward selection, pruning, and what else would explain the snapshots."""
+        ideal = best = self.fitter.evaluate(self.noise, self.fitted_blocks)
+        rounds = []
+        for _ in range(self.settings.max_effects):
+            contenders = self.contenders(best)
+            rounds.append({one.name: one.nats for one in contenders})
+            clear = [one for one in contenders if one.clear]
+            if not clear:
+                break
+            winner = self._winner(clear)
+            self.on_progress(f"{winner.name}: {winner.nats:.0f} nats")
+            best = self.prune(winner.fit)
+            if winner.name not in best.hypothesis.effects:  # the same would be added again
+                break
+        without_mask = self.fitter.evaluate(self.noise.with_effect("mask_contrast", {"leak": 1.0}), self.fitted_blocks)
+        visible = compare(best.log_likelihood, without_mask.log_likelihood, self.columns).nats > 0
+        if bool((self.all_blocks & ~self.fitted_blocks).any()):
+            ideal = self.fitter.evaluate(self.noise, self.all_blocks)
+            best = self.fitter.fit(best.hypothesis, self.all_blocks, iterations=FINAL_ITERATIONS)
+        if not visible:
+            return BlindExplanation(ideal, ideal, (), tuple(rounds), mask_is_visible=False)
+        return BlindExplanation(ideal, best, self.evidence(best), tuple(rounds))
+
+    def contenders(self, base: BlindFit) -> list[Contender]:
+        """Screen every candidate beside a model and fit the most promising; the best comes first.
+
+        Candidates beside a model with the same effects are remembered, wherever its parameters were.
+        """
+        key = frozenset(base.hypothesis.effects)
+        if key in self._contenders:
+            return self._contenders[key]
+        screened = self.screen(base)
+        kept = [entry for entry in screened if entry[1] > 0][: self.settings.candidates_fitted]
+        contenders = [self._contender(base, name, start) for name, _, start in kept]
+        self._contenders[key] = sorted(contenders, key=lambda one: -one.gain)
+        return self._contenders[key]
+
+    def _contender(self, base: BlindFit, name: str, start: Setting) -> Contender:
+        hypothesis = base.hypothesis.with_effect(name, start)
+        fit = self.fitter.fit(hypothesis, self.fitted_blocks)
+        comparison = compare(fit.log_likelihood, base.log_likelihood, self.columns)
+        penalty = price(hypothesis, fit) - price(base.hypothesis, base)
+        nats = min(comparison.calibrated, self.fitter.distance(fit, name))
+        return Contender(name, fit, comparison, nats, nats - penalty - self.settings.min_gain_nats)
+
+    def screen(self, base: BlindFit) -> list[tuple[str, float, Setting]]:
+        """Return (name, nats, start) of every candidate that the model lacks, the most promising first.
+
+        Every start is tried, the best ones at a part of their strength too. The likelihood has local maxima (a mask
+        that is displaced by a whole cell), so that the best starts of the most promising candidates are fitted to a few
+        blocks.
+        """
+        model = self.fitter.model
+        entries = []
+        for name in self.candidates:
+            if name in base.hypothesis.effects:
+                continue
+            about = model.effects[name].about
+            starts = model.starts(name, base.hypothesis)
+            trials = [(self._screened(base, name, start), start) for start in starts]
+            if not any(parameter.choices for parameter in about.values()):
+                trials.sort(key=lambda trial: -trial[0])
+                weaker: list[Setting] = [
+                    {parameter: _between(about[parameter].neutral, value) for parameter, value in start.items()}
+                    for _, start in trials[:STARTS_FITTED]
+                ]
+                trials += [(self._screened(base, name, start), start) for start in weaker]
+            trials.sort(key=lambda trial: -trial[0])
+            if trials:
+                entries.append((name, trials))
+        entries.sort(key=lambda entry: -entry[1][0][0])
+        screened = []
+        for place, (name, trials) in enumerate(entries):
+            promising = place < self.settings.candidates_fitted and trials[0][0] > 0
+            best = self._fitted_start(base, name, trials) if promising else trials[0]
+            screened.append((name, *best))
+        return sorted(screened, key=lambda entry: -entry[1])
+
+    def _fitted_start(self, base: BlindFit, name: str, trials: list[tuple[float, Setting]]) -> tuple[float, Setting]:
+        """Return nats and setting of the best of a few starts after a short fit to the screened blocks."""
+        if any(about.choices for about in self.fitter.model.effects[name].about.values()):
+            return trials[0]
+        fitted = []
+        for _, start in trials[:STARTS_FITTED]:
+            hypothesis = base.hypothesis.with_effect(name, start)
+            fit = self.fitter.fit(hypothesis, self.screened_blocks, FINAL_ITERATIONS)
+            nats = compare(fit.log_likelihood, base.log_likelihood, self.columns).nats
+            fitted.append((nats, fit.hypothesis.effects[name]))
+        return max(fitted, key=lambda trial: trial[0])
+
+    def _screened(self, base: BlindFit, name: str, start: Setting) -> float:
+        trial = self.fitter.evaluate(base.hypothesis.with_effect(name, start), self.screened_blocks)
+        return compare(trial.log_likelihood, base.log_likelihood, self.columns).nats
+
+    def _winner(self, clear: list[Contender]) -> Contender:
+        """Return the most likely contender: the one that all others are compared with in vain."""
+        best = clear[0]
+        for other in clear[1:]:
+            direct = compare(other.fit.log_likelihood, best.fit.log_likelihood, self.columns)
+            plainer = self.fitter.model.effects[best.name].plainer == other.name
+            if direct.nats > 0 or (plainer and direct.z > -SURE_Z):
+                best = other
+        return best
+
+    def prune(self, fit: BlindFit) -> BlindFit:
+        """Drop every effect that the others make superfluous."""
+        names = [name for name in fit.hypothesis.effects if name not in self.noise.effects]
+        for name in names if len(names) > 1 else []:
+            without = self.fitter.fit(fit.hypothesis.without(name), fit.blocks, FINAL_ITERATIONS)
+            comparison = compare(fit.log_likelihood, without.log_likelihood, self.columns)
+            cost = price(fit.hypothesis, fit) - price(without.hypothesis, without)
+            nats = min(comparison.calibrated, self.fitter.distance(fit, name))
+            if nats < cost + self.settings.min_gain_nats or comparison.z < MIN_Z:
+                fit = without
+        return fit
+
+    def evidence(self, fit: BlindFit) -> tuple[BlindNamed, ...]:
+        """Return what speaks for every effect of a model, and what might stand in its place."""
+        effects = self.fitter.model.effects
+        names = [name for name in fit.hypothesis.effects if name not in self.noise.effects]
+        named = []
+        for name in sorted(names, key=lambda one: effects[one].rank):
+            without = self.fitter.fit(fit.hypothesis.without(name), fit.blocks, FINAL_ITERATIONS)
+            comparison = compare(fit.log_likelihood, without.log_likelihood, self.columns)
+            cost = price(fit.hypothesis, fit) - price(without.hypothesis, without)
+            rivals = []
+            for rival in self.contenders(without):
+                direct = compare(fit.log_likelihood, rival.fit.log_likelihood, self.columns)
+                if rival.name != name and (direct.z < SURE_Z or direct.calibrated < self.settings.indistinct_nats):
+                    rivals.append(rival.name)
+            nats = min(comparison.calibrated, self.fitter.distance(fit, name))
+            named.append(BlindNamed(name, comparison, nats, cost, tuple(rivals)))
+        return tuple(named)
+
+
+def _between(neutral: Value | None, value: Value) -> Value:
+    """Return the value at a part of a start's distance from the neutral one."""
+    if not isinstance(neutral, (int, float)) or not isinstance(value, (int, float)):
+        return value
+    return neutral + WEAK_PART * (value - neutral)
+
+
+def _spread(blocks: torch.Tensor, count: int) -> torch.Tensor:
+    """Return so many of the blocks, spread evenly."""
+    numbers = blocks.nonzero()[:, 0]
+    if len(numbers) > count:
+        numbers = numbers[torch.linspace(0, len(numbers) - 1, count).round().long()]
+    spread = torch.zeros_like(blocks)
+    spread[numbers] = True
+    return spread

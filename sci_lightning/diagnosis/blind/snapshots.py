@@ -1,0 +1,74 @@
+"""Snapshots of unknown scenes in the form in which a model is compared with them."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from sci_lightning.captures import Captures
+from sci_lightning.diagnosis.model.observation import Observation, grid_of
+from sci_lightning.errors import BadInput
+
+NEVER_OPEN = 1e-3
+"""Mean transmittance, summed over the slots, below which patterns count as closed."""
+SMALLEST = 24
+"""Side of the smallest field, in pixels: three blocks, so that one of them is not at the edge."""
+LEAST_LIGHT = 0.5
+"""DN: a snapshot whose mean is below this is black."""
+MOST_SATURATED = 0.5
+"""Part of its pixels that may be saturated in a snapshot."""
+
+
+def observe_snapshots(captures: Captures) -> Observation:
+    """Prepare the captures with unknown scenes for a diagnosis.
+
+    The observation's scenes are empty: nobody may ask for them. Snapshots that are black, even or mostly saturated
+    are left out.
+
+    Raises:
+        BadInput: no capture with an unknown scene, patterns that never open, no snapshot with light in it, or a field
+            smaller than three blocks of 8 pixels.
+    """
+    unknown = np.flatnonzero(~captures.known)
+    if not len(unknown):
+        raise BadInput(f"{captures.name}: the scenes of all captures are known; nothing is to be diagnosed blind")
+    if min(captures.size) < SMALLEST:
+        raise BadInput(
+            f"{captures.name}: none of the {len(captures)} captures has a known scene, and snapshots of "
+            f"{captures.size[0]} x {captures.size[1]} pixels are too small without; expected at least {SMALLEST} x "
+            f"{SMALLEST}, or captures of something known: dark frames, flat fields, single patterns"
+        )
+    open_ = captures.patterns[captures.sequence[unknown]].sum(1).mean((1, 2))
+    if (open_ < NEVER_OPEN).all():
+        raise BadInput(
+            f"{captures.name}: the patterns of the {len(unknown)} captures with unknown scenes never open (mean "
+            f"transmittance {open_.max():.2g}); expected coding patterns: check 'patterns' and 'sequence'"
+        )
+    dn = captures.measurement[unknown]
+    light, saturated = dn.mean((1, 2)), (dn == captures.full_scale).mean((1, 2))
+    uneven = dn.max((1, 2)) > dn.min((1, 2))
+    usable = (light >= LEAST_LIGHT) & (saturated <= MOST_SATURATED) & uneven
+    if not (usable & (open_ >= NEVER_OPEN)).any():
+        state = (
+            f"saturated ({captures.full_scale} DN)" if saturated.max() > MOST_SATURATED else "black or without detail"
+        )
+        raise BadInput(f"{captures.name}: every snapshot is {state}: change exposure or aperture")
+    kept = unknown[usable & (open_ >= NEVER_OPEN)]
+    sequences, sequence = torch.unique(torch.from_numpy(captures.sequence[kept]), dim=0, return_inverse=True)
+    return Observation(
+        patterns=torch.from_numpy(captures.patterns),
+        sequences=sequences,
+        sequence=sequence,
+        scene=[torch.empty(0)] * len(kept),
+        aperture=torch.from_numpy(captures.aperture[kept])[:, None, None],
+        exposure=torch.from_numpy(captures.exposure[kept])[:, None, None],
+        dn=torch.from_numpy(captures.measurement[kept].astype(np.float32)),
+        bit_depth=captures.bit_depth,
+        kinds=("unknown",) * len(kept),
+        number=torch.from_numpy(kept),
+        read_noise=captures.read_noise_dn,
+        full_well=captures.full_well_e,
+        position=torch.from_numpy(kept),
+        dark_surround=captures.surround == "dark",
+        grid=grid_of(captures),
+    )

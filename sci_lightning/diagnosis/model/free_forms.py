@@ -1,0 +1,17 @@
+"""Free-form deviations with as many numbers as captures can determine."""
+
+from __future__ import annotations
+
+from sci_lightning.diagnosis.model.observation import Observation
+from sci_lightning.encoder import empirical
+from sci_lightning.encoder.effects import Effect, ModulatorEffect
+from sci_lightning.encoder.empirical import Empirical
+
+
+def free_forms_for(observation: Observation) -> dict[str, type[Effect]]:
+    """Return every free-form deviation by name, with as many numbers as these captures can determine."""
+    classes = [getattr(empirical, name) for name in empirical.__all__ if name != "Empirical"]
+    if observation.grid is not None:  # a map of the mirrors is not one of the pixels
+        classes = [one for one in classes if not (one.map_kind and issubclass(one, ModulatorEffect))]
+    captures, frames = len(observation), observation.frames
+    return {one.name: one.of(one.numbers(captures, frames)) if issubclass(one, Empirical) else one for one in classes}

@@ -1,0 +1,199 @@
+"""The files of a blind diagnosis: ``report.json``, ``report.html``, a picture and ``encoder.yaml``.
+
+Everything here reads a :class:`~sci_lightning.diagnosis.blind.blind_diagnosis.BlindDiagnosis`; nothing is computed.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from sci_lightning import __version__
+from sci_lightning.cli.console import PlainConsole, styled
+from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
+from sci_lightning.diagnosis.blind.prior import BLOCK
+from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS
+from sci_lightning.diagnosis.report.digits import quantity, uncertainty
+from sci_lightning.diagnosis.report.report import VERIFIED_BY_NONE, write_corrected_encoder
+from sci_lightning.diagnosis.report.report_page import Provenance, environment
+from sci_lightning.diagnosis.report.sentences import clause
+from sci_lightning.diagnosis.report.svg import AFTER, FAINT, style
+from sci_lightning.diagnosis.report.terminal import COLOURS
+from sci_lightning.files.atomic_file import atomic_write
+
+UNCERTAINTY = (
+    "Uncertainties are one standard deviation, from the differences between blocks and between snapshots, because the "
+    "statistics of the scenes are only roughly right. What is the same for all scenes, such as an error of the "
+    "patterns, comes on top."
+)
+"""What ``std`` of the report means, for people."""
+
+
+def write_blind_report(diagnosis: BlindDiagnosis, out: str | Path, provenance: Provenance | None = None) -> None:
+    """Write all files of a blind diagnosis into the folder ``out``; none is ever half written.
+
+    Args:
+        diagnosis: the result.
+        out: the folder; created if it does not exist.
+        provenance: what was diagnosed, when and how; None if the report is to say nothing about that.
+    """
+    out, provenance = Path(out), provenance or Provenance()
+    content = describe_blind(diagnosis)
+    with atomic_write(out / "report.json") as temporary:
+        temporary.write_text(json.dumps(content | provenance.describe(), indent=1) + "\n")
+    effects = {
+        name: values
+        for name, values in diagnosis.corrected.hypothesis.effects.items()
+        if name not in NOISE_GUESS or name in diagnosis.stated_noise
+    }
+    write_corrected_encoder(diagnosis.observation, diagnosis.model, effects, {}, out)
+    figure = snapshots_figure(diagnosis)
+    with atomic_write(out / "evidence.png") as temporary:
+        figure.savefig(temporary, dpi=150, facecolor="white", bbox_inches="tight")
+    page = (
+        environment()
+        .get_template("blind_page.html")
+        .render(
+            diagnosis=diagnosis,
+            provenance=provenance,
+            headline=blind_headline(diagnosis),
+            rows=_rows(diagnosis),
+            uncertainty=UNCERTAINTY,
+            figure=figure,
+            version=__version__,
+        )
+    )
+    with atomic_write(out / "report.html") as temporary:
+        temporary.write_text(page, encoding="utf-8")
+
+
+def describe_blind(diagnosis: BlindDiagnosis) -> dict[str, Any]:
+    """Return the content of ``report.json`` without its provenance, as plain data; the schema describes every field."""
+    noise = {name: values for name, values in diagnosis.corrected.hypothesis.effects.items() if name in NOISE_GUESS}
+    predicted: list[dict[str, Any]] = [{}, {}]
+    if diagnosis.prediction is not None:
+        gap = diagnosis.prediction.gap
+        predicted = [
+            {"prediction_error": error, "by_capture": [pair[which] for pair in gap.by_capture]}
+            for which, error in enumerate((gap.before, gap.after))
+        ]
+    counted = float(diagnosis.corrected.log_likelihood.isfinite().double().mean())
+    return {
+        "format": "sci-diagnosis",
+        "format_version": 2,
+        "verdict": diagnosis.verdict,
+        "effects": [effect.describe() for effect in diagnosis.effects],
+        "uncertainty": UNCERTAINTY,
+        "gap": {
+            "before": _gap(diagnosis.ideal.log_likelihood.numpy()) | predicted[0],
+            "after": _gap(diagnosis.corrected.log_likelihood.numpy()) | predicted[1],
+        },
+        "unnamed": [],
+        "where": {"before": [], "after": []},
+        "noise": {**noise, "stated_by_the_file": list(diagnosis.stated_noise)},
+        "next_captures": list(diagnosis.next_captures),
+        "mode": "blind",
+        "laboratory": [],
+        "undetermined": [{"effect": name, "looks_like": why} for name, why in diagnosis.undetermined.items()],
+        "notes": list(diagnosis.notes),
+        "verification": VERIFIED_BY_NONE,
+        "split": {
+            "held_out_captures": [],
+            "fitted_captures": len(diagnosis.observation),
+            "held_out_blocks": "none: the scenes are integrated out",
+            "held_out_fraction": 0.0,
+            "held_out": False,
+            "counted_fraction": round(counted, 4),
+        },
+        "seed": diagnosis.seed,
+        "sci_lightning": __version__,
+    }
+
+
+def _gap(log_likelihood: np.ndarray) -> dict[str, Any]:
+    """Return nats per pixel of all snapshots and of every one; NaN for a snapshot of which no block counts."""
+    by_capture = [
+        float("nan") if np.isnan(values).all() else float(-np.nanmean(values) / BLOCK**2) for values in log_likelihood.T
+    ]
+    pixels = int(np.isfinite(log_likelihood).sum()) * BLOCK**2
+    return {"nll": float(-np.nanmean(log_likelihood) / BLOCK**2), "pixels": pixels, "nll_by_capture": by_capture}
+
+
+def blind_headline(diagnosis: BlindDiagnosis) -> str:
+    """Return the result in one sentence."""
+    if not diagnosis.mask_is_visible:
+        return diagnosis.notes[0]
+    count = len(diagnosis.observation)
+    snapshots = "The snapshot agrees" if count == 1 else f"The {count} snapshots agree"
+    if not diagnosis.effects:
+        return f"{snapshots} with the ideal camera, as far as unknown scenes can tell."
+    clauses = []
+    for effect in diagnosis.effects:
+        either = f" (or it is {' or '.join(effect.alternatives)}, which these snapshots cannot tell from it)"
+        clauses.append(clause(effect) + (either if effect.alternatives else ""))
+    named = " and ".join(filter(None, (", ".join(clauses[:-1]), clauses[-1])))
+    return f"{named[0].upper()}{named[1:]}: that makes snapshots of unknown scenes most likely."
+
+
+def print_blind_report(diagnosis: BlindDiagnosis, console: PlainConsole) -> None:
+    """Print the verdict, the named effects with what speaks for them, and what cannot be told."""
+    verdict = styled(diagnosis.verdict, f"bold {COLOURS[diagnosis.verdict]}")
+    console.say(verdict, f" (scenes unknown): {blind_headline(diagnosis)}")
+    for effect in diagnosis.effects:
+        console.say(
+            f"{effect.name}: {effect.agree} of {effect.snapshots} snapshots ask for it, "
+            f"{effect.delta_nll or 0:,.0f} calibrated nats, p = {effect.p_value:.2g}"
+        )
+    if diagnosis.prediction is not None and diagnosis.effects:
+        gap = diagnosis.prediction.gap
+        console.say(
+            f"held-out pixels: prediction error {gap.before:.3g} before, {gap.after:.3g} after; {gap.agree} of "
+            f"{gap.snapshots} snapshots ask for it, p = {gap.p_value:.2g}"
+        )
+    for note in diagnosis.notes:
+        console.say(note)
+    console.say(f"unknown scenes cannot tell: {', '.join(diagnosis.undetermined)}; report.json says why")
+    for advice in diagnosis.next_captures:
+        console.say(styled("record next"), f": {advice}")
+
+
+def snapshots_figure(diagnosis: BlindDiagnosis) -> Figure:
+    """Draw how many nats per pixel every snapshot gains by the corrected camera, and what the candidates would gain."""
+    gained = (diagnosis.corrected.log_likelihood - diagnosis.ideal.log_likelihood).nanmean(0) / BLOCK**2
+    gained = gained.nan_to_num(0.0)
+    with style():
+        figure = Figure(figsize=(8.8, 3.2), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        left.bar([str(number) for number in diagnosis.observation.number.tolist()], gained.numpy(), color=AFTER)
+        left.set(xlabel="snapshot", ylabel="nats per pixel gained", title="by snapshot")
+        first = sorted(diagnosis.rounds[0].items(), key=lambda entry: entry[1]) if diagnosis.rounds else []
+        colours = [AFTER if name in diagnosis.names else FAINT for name, _ in first]
+        right.barh([name for name, _ in first], [max(nats, 0.0) for _, nats in first], color=colours)
+        right.set(xlabel="calibrated nats", title="candidates beside the ideal camera")
+    return figure
+
+
+def _rows(diagnosis: BlindDiagnosis) -> list[tuple[str, ...]]:
+    """Return effect, stage, parameter, value, error, unit and evidence of every parameter."""
+    rows: list[tuple[str, ...]] = []
+    for effect in diagnosis.effects:
+        for name, estimate in effect.parameters.items():
+            value = quantity(estimate.value, estimate.std, estimate.systematic).split(" ")[0]
+            error = uncertainty(estimate.std)
+            rows.append(
+                (
+                    effect.name,
+                    effect.effect.stage,
+                    name,
+                    value,
+                    error and f"\u00b1 {error}",
+                    "" if estimate.unit == "1" else estimate.unit,
+                    f"{effect.agree} of {effect.snapshots}",
+                    ", ".join(effect.alternatives),
+                )
+            )
+    return rows

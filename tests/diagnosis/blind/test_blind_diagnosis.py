@@ -1,0 +1,118 @@
+"""Snapshots of unknown scenes, taken by a camera that shares no code with the encoder, are diagnosed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sci_lightning.captures import Captures, write_captures
+from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis, diagnose_blind
+from sci_lightning.diagnosis.vocabulary import vocabulary
+from sci_lightning.errors import BadInput
+from sci_lightning.virtual_camera import Session, VirtualCamera
+from tests.schemas.validation import check
+
+NO_CALIBRATION = {"dark": 0, "flat": 0, "all_on": 0, "all_off": 0, "pattern": 0, "static": 0, "dynamic": 0}
+FEW = ("mask_shift", "mask_contrast", "pattern_order")
+
+
+def snapshots(hidden: dict[str, Any] | None = None, count: int = 6, **session: Any) -> Captures:
+    """Return snapshots of moving scenes that the captures do not state."""
+    settings: dict[str, Any] = {"size": (32, 32), "frames": 4, "mask": "binary", "unknown": count, "aperture": 0.28}
+    camera = VirtualCamera(Session(**NO_CALIBRATION, **(settings | session)), hidden)
+    return camera.capture(seed=5)
+
+
+def diagnosed(captures: Captures, names: tuple[str, ...] = FEW) -> BlindDiagnosis:
+    whole = vocabulary()
+    return diagnose_blind(captures, {name: whole[name] for name in (*names, "shot_noise", "read_noise", "gain")})
+
+
+@pytest.mark.parametrize(
+    ("hidden", "expected"),
+    [
+        ({}, {}),
+        ({"mask_shift": {"dx": 0.7, "dy": -0.4}}, {"mask_shift": {"dx": 0.7, "dy": -0.4}}),
+        pytest.param({"mask_contrast": {"leak": 0.15}}, {"mask_contrast": {"leak": 0.15}}, marks=pytest.mark.slow),
+        pytest.param({"mask_blur": {"sigma": 0.7}}, {"mask_blur": {"sigma": 0.7}}, marks=pytest.mark.slow),
+        pytest.param({"pattern_order": {"offset": 1}}, {"pattern_order": {"offset": 1}}, marks=pytest.mark.slow),
+        pytest.param(
+            {"mask_orientation": {"operation": "flip_lr"}},
+            {"mask_orientation": {"operation": "flip_lr"}},
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_what_is_hidden_is_named(hidden: dict[str, Any], expected: dict[str, Any]) -> None:
+    found = diagnosed(snapshots(hidden, size=(40, 40)), (*FEW, "mask_blur", "mask_orientation") if expected else FEW)
+    assert found.names == tuple(expected)
+    assert found.verdict == ("explained" if expected else "consistent")
+    for effect in found.effects:
+        assert effect.agree == effect.snapshots == 6 and effect.p_value < 0.01
+        for name, value in expected[effect.name].items():
+            estimate = effect.parameters[name]
+            assert estimate.value == value or abs(float(estimate.value) - value) < max(4 * estimate.std, 0.02)
+
+
+def test_the_command_and_its_report(tmp_path: Path, command: Callable[..., Any]) -> None:
+    write_captures(tmp_path / "a.h5", snapshots({"mask_contrast": {"leak": 0.2}}, 3))
+    kept = ",".join(name for name in vocabulary() if name not in ("mask_contrast", "shot_noise", "read_noise", "gain"))
+    done = command("diagnose", f"captures={tmp_path}/a.h5", f"out={tmp_path}/out", f"leave_out=[{kept}]")
+    assert "the diagnosis is blind" in done.stdout and "unknown scenes cannot tell: gain" in done.stdout
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    check("report", report)
+    assert report["mode"] == "blind" and [effect["name"] for effect in report["effects"]] == ["mask_contrast"]
+    assert report["undetermined"] == [{"effect": "gain", "looks_like": "the brightness of the scenes"}]
+    assert "MaskContrast" in (tmp_path / "out" / "encoder.yaml").read_text()
+    assert "What unknown scenes cannot tell" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_one_snapshot_says_so_and_is_less_sure() -> None:
+    hidden = {"mask_contrast": {"leak": 0.2}}
+    one, six = (diagnosed(snapshots(hidden, count, size=(48, 48)), ("mask_contrast",)) for count in (1, 6))
+    assert any("uncertainties are widened" in note for note in one.notes)
+    assert not any("widened" in note for note in six.notes)
+    (alone,), (together,) = one.effects, six.effects
+    assert alone.parameters["leak"].std > 1.5 * together.parameters["leak"].std
+
+
+def test_saturated_blocks_are_left_out_and_say_so() -> None:
+    captures = snapshots({"mask_contrast": {"leak": 0.2}})
+    bright = np.minimum(captures.measurement.astype(float) * 1.6, 255).astype(np.uint8)
+    found = diagnosed(replace(captures, measurement=bright), ("mask_contrast",))
+    assert any("saturated pixel" in note for note in found.notes) and found.names == ("mask_contrast",)
+
+
+def test_two_slots() -> None:
+    found = diagnosed(snapshots({"mask_contrast": {"leak": 0.2}}, frames=2, aperture=0.45), ("mask_contrast",))
+    assert found.names == ("mask_contrast",)
+
+
+def test_no_texture_names_nothing() -> None:
+    """Snapshots in which no mask is to be seen: the same everywhere but for noise."""
+    captures = snapshots(count=3)
+    random = np.random.default_rng(0)
+    even = np.round(random.normal(100, 1, captures.measurement.shape)).astype(np.uint8)
+    found = diagnosed(replace(captures, measurement=even), ("mask_contrast", "pattern_order"))
+    assert not found.names and found.verdict == "unexplained" and "No mask is to be seen" in found.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"patterns": 0}, "never open"),
+        ({"measurement": 0}, "every snapshot is black or without detail"),
+        ({"measurement": 255}, "saturated"),
+    ],
+)
+def test_bad_input(change: dict[str, int], message: str) -> None:
+    captures = snapshots(count=2, size=(24, 24))
+    arrays = {name: np.full_like(getattr(captures, name), value) for name, value in change.items()}
+    with pytest.raises(BadInput, match=message):
+        diagnosed(replace(captures, **arrays))

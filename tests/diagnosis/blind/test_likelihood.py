@@ -1,0 +1,110 @@
+"""The likelihood of snapshots of unknown scenes is that of a Gaussian, and blind to the brightness of the scenes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from sci_lightning.captures import Captures
+from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
+from sci_lightning.diagnosis.blind.likelihood_comparison import clustered, compare
+from sci_lightning.diagnosis.blind.prior import ScenePrior
+from sci_lightning.diagnosis.blind.sensor_response import SensorResponse
+from sci_lightning.diagnosis.blind.snapshots import observe_snapshots
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, datasheet_noise
+from sci_lightning.diagnosis.vocabulary import vocabulary
+from sci_lightning.encoder.effects import BlackLevel, ReadNoise, ResponseGamma
+from sci_lightning.encoder.light_path import LightPath
+
+SIZE, FRAMES, COUNT = 32, 3, 4
+
+
+def snapshots(seed: int = 0, brightness: float = 1.0) -> Captures:
+    """Return snapshots of smooth scenes behind random masks."""
+    random = np.random.default_rng(seed)
+    patterns = random.integers(0, 2, (FRAMES, SIZE, SIZE)).astype(np.float32)
+    y, x = np.indices((SIZE, SIZE)) / SIZE
+    phase = random.uniform(0, 6, (COUNT, FRAMES, 1, 1))
+    scene = 0.3 + 0.2 * np.sin(5 * x + phase) * np.cos(4 * y + phase)
+    light = brightness * (patterns * scene).sum(1) / 2
+    dn = np.floor(255 * (light + random.normal(0, 0.002, light.shape)).clip(0, 1) + 0.5).astype(np.uint8)
+    return Captures(
+        patterns,
+        np.tile(np.arange(FRAMES), (COUNT, 1)),
+        dn,
+        np.full((COUNT, FRAMES, SIZE, SIZE), np.nan, np.float32),
+        np.ones(COUNT, np.float32),
+        np.ones(COUNT, np.float32),
+        ("unknown",) * COUNT,
+        8,
+        name="test",
+    )
+
+
+def likelihood_of(captures: Captures) -> tuple[BlindLikelihood, Hypothesis]:
+    observation = observe_snapshots(captures)
+    model = CameraModel(observation, vocabulary(), {})
+    return BlindLikelihood(model, ScenePrior(FRAMES)), datasheet_noise(observation)[0]
+
+
+def test_a_block_is_gaussian() -> None:
+    """With one component, the likelihood of a block is that of the multivariate normal distribution."""
+    likelihood, ideal = likelihood_of(snapshots())
+    one = torch.zeros(len(likelihood.prior.weights))
+    one[2] = 1
+    nats = likelihood.evaluate(ideal, weights=one.double()).log_likelihood
+    patterns = likelihood.model.observation.patterns.double()
+    relative = patterns / patterns.sum(0)[4:-4, 4:-4].mean()
+    signal = likelihood.model.observation.dn[1].double() / 255
+    brightness = torch.stack([dn[4:-4, 4:-4].double().mean() / 255 for dn in likelihood.model.observation.dn])
+    block = slice(8, 16), slice(16, 24)
+    matrix = torch.cat([torch.diag(frame[block].flatten()) for frame in relative], 1)
+    factors, rest = likelihood.prior.factors().factors[2], likelihood.prior.factors().rest[2]
+    flat = factors.transpose(0, 1).reshape(64 * FRAMES, -1)
+    covariance = matrix @ (flat @ flat.T + torch.diag(rest.flatten())) @ matrix.T
+    response = SensorResponse.of(likelihood.model.path(ideal), 255)
+    noise = response.noise(matrix.sum(1) * brightness.mean()) / brightness.mean() ** 2
+    normal = torch.distributions.MultivariateNormal(matrix.sum(1), covariance + torch.diag(noise))
+    expected = normal.log_prob(signal[block].flatten() / brightness[1]) - 64 * brightness[1].log()
+    assert float(nats[4 + 2, 1]) == pytest.approx(float(expected), abs=1e-3)
+
+
+def test_brightness_cannot_be_told_and_says_nothing() -> None:
+    likelihood, ideal = likelihood_of(snapshots())
+    reference = likelihood.evaluate(ideal).log_likelihood
+    other = likelihood.evaluate(ideal.with_effect("duty_cycle", {"fraction": 0.7})).log_likelihood
+    assert torch.allclose(other, reference, atol=1e-6)
+    wrong = likelihood.evaluate(ideal.with_effect("mask_orientation", {"operation": "flip_lr"})).log_likelihood
+    assert float((reference - wrong).nansum()) > 100
+
+
+def test_blocks_at_the_edge_do_not_count() -> None:
+    likelihood, ideal = likelihood_of(snapshots())
+    counted = likelihood.evaluate(ideal.with_effect("mask_shift", {"dx": 1.2, "dy": 0.0})).log_likelihood.isfinite()
+    assert not counted[::4].any() and counted[1::4].all()
+
+
+def test_the_response_is_inverted() -> None:
+    light = torch.linspace(0.02, 0.9, 50).double()
+    path = LightPath([ReadNoise(std=2.0), ResponseGamma(gamma=0.8), BlackLevel(offset=0.03)])
+    response = SensorResponse.of(path, 255)
+    inverse, log_slope = response.light(light**0.8 + 0.03)
+    assert torch.allclose(inverse, light, atol=1e-4)
+    assert torch.allclose(log_slope[5:].exp(), (0.8 * light**-0.2)[5:], rtol=0.02)
+    assert torch.allclose(
+        response.noise(light).sqrt()[5:] * log_slope[5:].exp() * 255, torch.tensor(2.02).double(), rtol=0.02
+    )
+
+
+def test_nats_are_calibrated_by_how_much_snapshots_agree() -> None:
+    random = torch.Generator().manual_seed(0)
+    noise = torch.randn(64, 8, generator=random, dtype=torch.float64)
+    zero = torch.zeros(64, 8, dtype=torch.float64)
+    sure = compare(0.5 + noise, zero, 8)
+    assert sure.z > 5 and sure.agree == sure.snapshots == 8 and sure.p_value < 1e-3
+    doubtful = compare(0.5 + noise + 3 * torch.randn(1, 8, generator=random, dtype=torch.float64), zero, 8)
+    assert doubtful.calibrated < 0.2 * sure.calibrated and doubtful.p_value > 1e-3
+    one = compare(0.5 + noise[:, :1], zero[:, :1], 8)
+    assert one.snapshots == 1 and one.z < sure.z
+    assert clustered(torch.stack([noise, noise]), 8).shape == (2, 2)
