@@ -179,6 +179,7 @@ def _comparable(config: Mapping[str, Any]) -> dict[str, Any]:
         "core_minutes": None,
         "first_estimate": "published",
         "muon_lr": None,
+        "muon_decay": 0,
         "warmup": 0,
     }
     return {key: value for key, value in flat if not any(key.endswith(k) and value == unsaid[k] for k in unsaid)}

@@ -6,6 +6,7 @@ import math
 import statistics
 import time
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import lightning as L
@@ -54,6 +55,7 @@ class System(L.LightningModule):
         mask_lr: learning rate of the mask at the start (same cosine); None for ``lr``.
         muon_lr: learning rate at the start (same cosine) of :class:`~sci_lightning.training.muon.Muon`, which then
             trains the decoder's large weights in Adam's place; None for Adam alone.
+        muon_decay: by which part of its learning rate Muon shrinks those weights in every step.
         warmup: part of the run, 0 to below 1, in which all learning rates rise from 0.
         compile: compile the decoder with ``torch.compile``.
         tile: in a test, how large fields are decoded, see :meth:`Pipeline.decode`.
@@ -79,6 +81,7 @@ class System(L.LightningModule):
         final_lr: NonNegative = 1e-5,
         mask_lr: NonNegative | None = None,
         muon_lr: Positive | None = None,
+        muon_decay: NonNegative = 0.0,
         warmup: Share = 0.0,
         compile: bool = False,
         tile: TileChoice | str = "none",
@@ -103,7 +106,7 @@ class System(L.LightningModule):
         self.stage_weights = tuple(stage_weights)
         self.stages = torch.compile(decoder.stages) if compile else decoder.stages
         self.lr, self.final_lr, self.mask_lr = lr, final_lr, lr if mask_lr is None else mask_lr
-        self.muon_lr, self.warmup = muon_lr, warmup
+        self.muon_lr, self.muon_decay, self.warmup = muon_lr, muon_decay, warmup
         self.tile = tile
         self.seed = seed
         self.run_config = run_config or {}
@@ -154,7 +157,7 @@ class System(L.LightningModule):
         if large:
             groups.append({"params": large, "lr": self.muon_lr, "name": "large weights", "muon": True})
         # the fused one is twice as fast and differs in the last bits; scaled gradients of float16 it would not clip
-        kind = Muon if large else torch.optim.Adam
+        kind = partial(Muon, decay=self.muon_decay) if large else torch.optim.Adam
         fused = self._trainer is not None and self.trainer.precision == "bf16-mixed"
         optimizer = kind(groups, fused=fused)
         floor = self.final_lr / self.lr

@@ -48,6 +48,19 @@ def test_small_weights_get_adams_steps() -> None:
     assert torch.equal(one.bias, other.bias) and not torch.equal(one.weight, other.weight)
 
 
+def test_decay_keeps_norms_below_one_over_it() -> None:
+    """A gradient that always points the same way: without decay the norm grows with every step."""
+    norms = []
+    for decay in (0.0, 0.5):
+        layer = torch.nn.Linear(16, 16, bias=False)
+        muon = Muon([{"params": [layer.weight], "muon": True}], lr=0.1, decay=decay)
+        for _ in range(100):
+            layer.weight.grad = -torch.eye(16)
+            muon.step()
+        norms.append(float(torch.linalg.matrix_norm(layer.weight.detach(), 2)))
+    assert norms[0] > 6 and norms[1] < 1.4 / 0.5  # a step is orthogonal to within 40 %
+
+
 def test_a_killed_training_with_muon_ends_as_one_that_never_was(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
