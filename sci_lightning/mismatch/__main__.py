@@ -68,9 +68,10 @@ def _decoder(composition: Composition, name: str) -> tuple[Decoder, dict[str, An
     if unknown := sorted(weights.keys() - set(_names(composition))):
         raise BadInput(f"weights.{unknown[0]}: decoder={','.join(_names(composition))} does not name this decoder")
     own = [word for word in composition.overrides if word.lstrip("+~").startswith(("decoder.", "frames="))]
-    config = compose("mismatch", [f"decoder={name}", *own]).cfg
+    own_composition = compose("mismatch", [f"decoder={name}", *own])
+    config = own_composition.cfg
     if name in weights:
-        changed = config if any("decoder." in word for word in own) else None
+        changed = own_composition if any("decoder." in word for word in own) else None
         return trained_decoder(str(weights[name]), name, tuple(composition.cfg.trusted), changed)
     decoder: Decoder = built(config, "decoder")
     if parameters := count_parameters(decoder):

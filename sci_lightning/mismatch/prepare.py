@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from omegaconf import DictConfig
 
 from sci_lightning.cli.composition import Composition, built, plain
 from sci_lightning.decoder import Decoder
@@ -128,14 +127,14 @@ def prepare(composition: Composition, folder: str | Path, command: str) -> Prepa
 
 
 def trained_decoder(
-    path: str | Path, name: str, trusted: tuple[str, ...] = (), configured: DictConfig | None = None
+    path: str | Path, name: str, trusted: tuple[str, ...] = (), configured: Composition | None = None
 ) -> tuple[Decoder, dict[str, Any]]:
     """Return the decoder of a checkpoint, and what identifies it.
 
     Args:
         path: of the checkpoint.
         name: that the decoder must have.
-        configured: settings of the decoder, which is then filled from the checkpoint; None for those of the training.
+        configured: with settings of the decoder, which is then filled from the checkpoint; None for those of the training.
         trusted: packages beside this one whose modules the checkpoint may name.
 
     Raises:
@@ -148,6 +147,6 @@ def trained_decoder(
     digest = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     if configured is None:
         return checkpoint.decoder().eval(), {"decoder": checkpoint.config["decoder"], "weights": digest}
-    decoder: Decoder = built(configured, "decoder")
+    decoder: Decoder = built(configured.cfg, "decoder")
     checkpoint.fill("decoder", decoder, name)
-    return decoder.eval(), {"decoder": plain(configured.decoder), "weights": digest}
+    return decoder.eval(), {"decoder": plain(configured.cfg.decoder), "weights": digest}
