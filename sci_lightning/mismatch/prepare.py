@@ -134,7 +134,7 @@ def trained_decoder(
     Args:
         path: of the checkpoint.
         name: that the decoder must have.
-        configured: with settings of the decoder, which is then filled from the checkpoint; None for those of the training.
+        configured: with the decoder's settings, which is then filled from the checkpoint; None: as it was trained.
         trusted: packages beside this one whose modules the checkpoint may name.
 
     Raises:
