@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.split import split
 from sci_lightning.diagnosis.model.camera_model import CameraModel, ParameterName, datasheet_noise
+from sci_lightning.diagnosis.search.map_test import map_p_value
 from sci_lightning.diagnosis.search.search import Explanation, OnProgress, search
 from sci_lightning.diagnosis.search_settings import SearchSettings
 
@@ -61,4 +62,21 @@ def explain(fitter: Fitter, ideal: Fit, on_progress: OnProgress) -> Explained:
     if explanation.fitter is not fitter:
         fitter = explanation.fitter
         ideal = fitter.fit(noise, fixed=stated, iterations=30)
-    return Explained(fitter, ideal, explanation, stated)
+    return _without_contradicted_maps(Explained(fitter, ideal, explanation, stated), on_progress)
+
+
+def _without_contradicted_maps(explained: Explained, on_progress: OnProgress) -> Explained:
+    """Take the names of maps back that are not what their effects are once deviations without a name are left out.
+
+    Beside such a deviation, which takes what does not fit, any map looks right.
+    """
+    settings = explained.fitter.settings
+    maps = explained.corrected(empirical=False).maps if explained.explanation.unnamed else {}
+    for name in [name for name in explained.explanation.names if name in maps]:
+        if map_p_value(maps[name]) < settings.max_map_p_value:
+            on_progress(f"the map of {name} is not what its name says, so {name} is rejected")
+            explanation = explained.explanation
+            fit = explained.fitter.fit(explanation.fit.hypothesis.without(name), iterations=20)
+            names = tuple(other for other in explanation.names if other != name)
+            explained = replace(explained, explanation=replace(explanation, fit=fit, names=names))
+    return explained

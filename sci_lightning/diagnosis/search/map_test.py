@@ -123,5 +123,5 @@ def _finer_than_smooth(one: FixedPatternMap, basis: SmoothBasis) -> float:
     along = (vectors.T @ gradient)[known]
     statistic = float((along.square() / values[known]).sum())
     size = float((along / values[known]).square().sum() - (1 / values[known]).sum())
-    smooth = float((basis.mixing @ one.values).square().sum())
+    smooth = float(torch.einsum("k,khw->hw", one.values, basis.seen).square().mean())  # beyond, it is extrapolated
     return float(chi2.sf(statistic, int(known.sum()))) if size > FINE_DETAIL * smooth else 1.0
