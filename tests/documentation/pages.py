@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import ROOT
+from tests.conftest import ROOT, members
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 """README.md and every page under docs/, whatever its folder."""
@@ -102,6 +102,13 @@ def reduced(arguments: list[str]) -> list[str]:
             algorithm += ["decoder.iterations=[2]"] if algorithm and "decoder=linear" not in line else []
             quick = ["metrics.qscore=null", "pictures=1"] if "evaluate" in module and "qscore" not in line else []
             return [module, *overrides, *algorithm, *quick]
+        case "diagnose" if "mask=MASK" in line or "SNAPSHOTS" in line:  # tests/diagnosis/blind has all effects
+            few = {"mask_contrast", "mask_shift", "read_noise", "shot_noise"}
+            return [
+                module,
+                *overrides,
+                f"leave_out=[{','.join(name for name in members('effect') if name not in few)}]",
+            ]
         case "virtual_camera":
             return [module, *overrides, "size=[32,32]", *FEW_CAPTURES]
         case "train" if "ckpt_path=" not in line:

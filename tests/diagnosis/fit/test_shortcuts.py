@@ -57,6 +57,7 @@ def test_a_part_of_the_pixels_is_predicted_as_in_the_whole(fitter: Fitter) -> No
     assert torch.equal(view.windowed(view.whole(part.mean)), part.mean)
 
 
+@pytest.mark.slow
 def test_the_way_begins_on_a_part_of_the_pixels_and_ends_on_all() -> None:
     captures = VirtualCamera(Session(size=(32, 32)), HIDDEN).capture(3)
     few = {name: vocabulary()[name] for name in FEW}
