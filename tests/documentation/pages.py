@@ -103,12 +103,8 @@ def reduced(arguments: list[str]) -> list[str]:
             quick = ["metrics.qscore=null", "pictures=1"] if "evaluate" in module and "qscore" not in line else []
             return [module, *overrides, *algorithm, *quick]
         case "diagnose" if "mask=MASK" in line or "SNAPSHOTS" in line:  # tests/diagnosis/blind has all effects
-            few = {"mask_contrast", "mask_shift", "read_noise", "shot_noise"}
-            return [
-                module,
-                *overrides,
-                f"leave_out=[{','.join(name for name in members('effect') if name not in few)}]",
-            ]
+            left_out = set(members("effect")) - {"mask_contrast", "mask_shift", "read_noise", "shot_noise"}
+            return [module, *overrides, f"leave_out=[{','.join(sorted(left_out))}]"]
         case "virtual_camera":
             return [module, *overrides, "size=[32,32]", *FEW_CAPTURES]
         case "train" if "ckpt_path=" not in line:

@@ -73,9 +73,6 @@ def test_mosaics_of_trained_runs(ran: Callable[..., str], tmp_path: Path) -> Non
         assert picture.height > 400
     with Image.open(tmp_path / "out" / "retrained_own.png") as picture:
         assert picture.width > 2 * picture.height  # the truth and two networks
-    ran("tables", "runs=runs", "out=none", "mosaic=0")
-    assert not list((tmp_path / "none").glob("retrained*"))
-    assert not list((tmp_path / "none").glob("mosaic*"))
 
 
 def test_a_network_stands_beside_its_own_circle() -> None:

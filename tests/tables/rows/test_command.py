@@ -57,6 +57,8 @@ def test_a_row_is_trained_once(command: Callable[..., subprocess.CompletedProces
     check("metrics", content)
     assert content["provenance"]["scale"] == "smoke" and 10 < content["mask_score"] < 40
     assert "| E2E-CNN |" in (tmp_path / "outputs/tables_rows/smoke/smoke/tables/table2.md").read_text()
+    written = tmp_path / "outputs/tables_rows/smoke/smoke/tables"
+    assert not [*written.glob("mosaic*"), *written.glob("retrained*")]  # mosaic=0: no checkpoint is needed
     again = command("tables.rows", *SMOKE, QUICK)
     assert again.returncode == 0 and "started" not in again.stdout and kept.stat().st_mtime_ns == before
 
