@@ -7,6 +7,8 @@ from torch import nn
 from torch.func import functional_call
 from torch.utils.flop_counter import FlopCounterMode
 
+from sci_lightning.decoder.decoder import Decoder
+
 
 def count_parameters(decoder: nn.Module) -> int:
     """Return the number of values in all parameters of a decoder."""
@@ -30,6 +32,7 @@ def count_macs(decoder: nn.Module, frames: int, height: int, width: int) -> int:
 @torch.no_grad()
 def call_without_data(decoder: nn.Module, frames: int, height: int, width: int) -> None:
     """Decode one measurement of T = ``frames`` on tensors that have a shape but no values (device ``meta``)."""
+    decoder = decoder.counted() if isinstance(decoder, Decoder) else decoder
     state = {name: value.to("meta") for name, value in (*decoder.named_parameters(), *decoder.named_buffers())}
     measurement = torch.empty(1, height, width, device="meta")
     mask = torch.empty(frames, height, width, device="meta")

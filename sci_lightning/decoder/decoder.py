@@ -177,6 +177,10 @@ class Decoder(nn.Module):
                     ) from seam
                 halo = int(min(2 * halo, field, WIDEST_HALO))
 
+    def counted(self) -> Decoder:
+        """Return a decoder with the same multiply-accumulates, which may leave out what has none."""
+        return self
+
     def abridged(self) -> Decoder:
         """Return a decoder that needs as much memory in less time, by which :mod:`..imaging.decoding_memory` judges."""
         return self

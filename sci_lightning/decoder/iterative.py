@@ -115,6 +115,16 @@ class Iterative(Decoder):
             decoder.start = self.start.abridged()
         return decoder
 
+    def counted(self) -> Decoder:
+        """Return the decoder without its motion filter, which only compares and averages."""
+        decoder = copy(self)
+        decoder.watch = None
+        decoder._modules = dict(self._modules)
+        decoder.motion = None
+        if self.start is not None:
+            decoder.start = self.start.counted()
+        return decoder
+
     def first_estimate(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """Return the video ``(N, T, H, W)`` from which the iteration starts."""
         if self.start is None:

@@ -142,3 +142,13 @@ def test_res2former_takes_any_number_of_frames() -> None:
         assert decoder(torch.rand(1, 8, 8), torch.rand(frames, 8, 8)).shape == (1, frames, 8, 8)
     with pytest.raises(BadInput, match="does not divide"):
         Res2former(10)
+
+
+@pytest.mark.parametrize("name", ["gap_tv", "pnp_ffdnet"])
+def test_what_is_left_out_of_the_count_has_no_products(
+    name: str, small: Callable[..., Decoder], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    decoder = small(name, 2)
+    counted = count_macs(decoder, 2, 16, 16)
+    monkeypatch.setattr(type(decoder), "counted", lambda self: self)
+    assert counted == count_macs(decoder, 2, 16, 16)
