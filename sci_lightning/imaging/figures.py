@@ -85,6 +85,7 @@ def show_picture(axes: Axes, image: np.ndarray, title: str, high: float = 1.0, c
     """Draw an image ``(H, W)`` from 0 (black) to ``high`` under a title, without interpolation."""
     axes.imshow(image, cmap=colours, vmin=0, vmax=high, interpolation="nearest")
     axes.set_title(in_figure(title), fontsize=10)
+    axes.set(xticks=[], yticks=[])  # hidden ones would take time
     axes.set_axis_off()
 
 

@@ -6,9 +6,11 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import lightning as L
+import numpy as np
 import torch
 from lightning.pytorch.loggers import TensorBoardLogger
 from matplotlib.figure import Figure
+from PIL import Image
 
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.imaging.figures import mask_figure, reconstruction_figure
@@ -43,9 +45,11 @@ class Pictures(L.Callback):
         boards = [logger.experiment for logger in trainer.loggers if isinstance(logger, TensorBoardLogger)]
         for name, figure in figures:
             with atomic_write(self.folder / f"{name.replace('/', '_')}.png") as temporary:  # never through a link
-                figure.savefig(temporary, dpi=110)
+                figure.savefig(temporary, dpi=110, format="png")
+                with Image.open(temporary) as picture:  # drawing it a second time takes as long as the first
+                    pixels = np.asarray(picture.convert("RGB"))
             for board in boards:
-                board.add_figure(name, figure, trainer.global_step)
+                board.add_image(name, pixels, trainer.global_step, dataformats="HWC")
 
     @torch.no_grad()
     def _mask(self, trainer: L.Trainer, system: System) -> Figure:
