@@ -73,7 +73,7 @@ def diagnosed_camera(
         measurement: the camera's snapshots of the scenes, raw DN (N, H, W).
         snapshots: how many of them a blind diagnosis sees at most.
         folder: of all cameras; the diagnosis is kept in ``<camera>/<kind>/``.
-        on_progress: is told what the search does.
+        on_progress: called with a one-line message about what the search does.
     """
     folder = Path(folder) / camera.name / kind
     about = folder / "diagnosis.json"

@@ -131,11 +131,19 @@ def test_one_capture(tmp_path: Path) -> None:
     }
 
 
-def test_order_does_not_matter(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("mask_contrast", "mask_blur", "gain", "shot_noise", "read_noise"),
+        pytest.param(tuple(vocabulary()), marks=pytest.mark.slow),
+    ],
+    ids=["few", "all"],
+)
+def test_order_does_not_matter(names: tuple[str, ...], tmp_path: Path) -> None:
     captures = captured(tmp_path, {"mask_contrast": {"leak": 0.05}})
     backwards = captures.take(list(range(len(captures.measurement)))[::-1])
-    few = {name: vocabulary()[name] for name in ("mask_contrast", "mask_blur", "gain", "shot_noise", "read_noise")}
-    one, other = (diagnose(each, few) for each in (captures, backwards))
+    effects = {name: vocabulary()[name] for name in names}
+    one, other = (diagnose(taken, effects) for taken in (captures, backwards))
     assert one.names == other.names == ("mask_contrast",)
     leaks = [float(each.after.fit.hypothesis.effects["mask_contrast"]["leak"]) for each in (one, other)]
     assert leaks[0] == pytest.approx(leaks[1], abs=1e-5)

@@ -127,8 +127,8 @@ def align(shown: list[ShownPattern], matrix: np.ndarray, steps: list[Level]) -> 
         damping, current = 1e-3, prepared.compare(matrix)
         least = LEAST_KEPT * float(current.inside.mean())
         for _ in range(STEPS):
-            proposals = (_step(current, matrix, damping * 10.0**more, level.perspective) for more in (0, 1, 2, 3))
-            for more, proposal in enumerate(proposals):  # noqa: B007 used below, where the loop has ended
+            for more in range(4):
+                proposal = _step(current, matrix, damping * 10.0**more, level.perspective)
                 trial = prepared.compare(proposal)
                 if trial.correlation > current.correlation and trial.inside.mean() > least:
                     break

@@ -33,7 +33,7 @@ MIN_Z = 3.0
 MIN_AGREE = 0.75
 """Part of the snapshots that must ask for an effect."""
 SURE_Z = 3.0
-"""Standard deviations below which two hypotheses are not told apart."""
+"""Standard deviations below which two hypotheses are not distinguished."""
 
 UNDETERMINED = {
     "gain": "the brightness of the scenes",

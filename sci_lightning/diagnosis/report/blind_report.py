@@ -140,7 +140,7 @@ def blind_headline(diagnosis: BlindDiagnosis) -> str:
 
 
 def print_blind_report(diagnosis: BlindDiagnosis, console: PlainConsole) -> None:
-    """Print the verdict, the named effects with what speaks for them, and what cannot be told."""
+    """Print the verdict, the named effects with what speaks for them, and what the snapshots leave undetermined."""
     verdict = styled(diagnosis.verdict, f"bold {COLOURS[diagnosis.verdict]}")
     console.say(verdict, f" (scenes unknown): {blind_headline(diagnosis)}")
     for effect in diagnosis.effects:
