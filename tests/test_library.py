@@ -38,6 +38,14 @@ def test_importing_it_loads_neither_torch_nor_hydra() -> None:
     assert python(program) == "['sci_lightning']"
 
 
+def test_commands_that_train_nothing_start_without_lightning() -> None:
+    """Together with torch's compiler it takes longer to import than a small reconstruction."""
+    modules = ["cli.encoder_and_decoder", "diagnosis.diagnosis", "tables.mosaic", "training.loggers", "virtual_camera"]
+    program = f"import sys, {', '.join(f'sci_lightning.{module}' for module in modules)}\n"
+    program += "print(*({'lightning', 'torch._dynamo', 'torchmetrics'} & set(sys.modules)))"
+    assert python(program) == ""
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_every_name_is_there_and_documented(name: str) -> None:
     value = getattr(sci, name)

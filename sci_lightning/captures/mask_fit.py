@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.ndimage import uniform_filter
-from scipy.signal import fftconvolve
 
 FINE = 7
 """Side in pixels of the mean that is subtracted: what is finer is the mask's, what is coarser the scene's."""
@@ -80,6 +79,8 @@ def place_of_mask(patterns: np.ndarray, dn: np.ndarray) -> tuple[tuple[int, int]
     snapshot = np.mean([_fine(image.astype(np.float64)) for image in dn], 0)
     if mask.std() == 0 or snapshot.std() == 0:
         return None
+    from scipy.signal import fftconvolve  # half a second to import
+
     product = fftconvolve(mask, snapshot[::-1, ::-1], mode="full")
     common = fftconvolve(np.ones(mask.shape), np.ones(snapshot.shape), mode="full")
     least = LEAST_COMMON**2 * min(mask.size, snapshot.size)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import ClassVar, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, TypeAlias
 
 import torch
 from torch import nn
@@ -13,8 +13,10 @@ from torch.nn import functional as F
 from sci_lightning.decoder.kernels.switch import are_plain
 from sci_lightning.errors import BadInput
 from sci_lightning.imaging.operator import SnapshotOperator
-from sci_lightning.imaging.patches import LinearEstimator
 from sci_lightning.imaging.tiling import SeamsDiffer, Tiling
+
+if TYPE_CHECKING:
+    from sci_lightning.imaging.patches.estimator import LinearEstimator
 
 HALO = 16
 """Pixels around a tile that are decoded with it to begin with, where the receptive field is larger."""
@@ -82,7 +84,11 @@ class Decoder(nn.Module):
         super().__init__()
         if first_estimate not in ("published", "linear"):
             raise BadInput(f"decoder.first_estimate={first_estimate}: choose published or linear")
-        self.linear_estimator = LinearEstimator(mixture=False) if first_estimate == "linear" else None
+        self.linear_estimator: LinearEstimator | None = None
+        if first_estimate == "linear":
+            from sci_lightning.imaging.patches.estimator import LinearEstimator  # and with it torch's compiler
+
+            self.linear_estimator = LinearEstimator(mixture=False)
 
     @torch.no_grad()
     def begin_at_first_video(self, *networks: nn.Module) -> None:

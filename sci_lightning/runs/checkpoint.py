@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from lightning.fabric.plugins.io.torch_io import TorchCheckpointIO
 from torch import nn
 
 from sci_lightning.configuration.build import build_from_file
@@ -150,16 +149,16 @@ def write_weights(path: str | Path, config: Mapping[str, Any], state: Mapping[st
             torch.save({"config": dict(config), "state_dict": dict(state), "digest": digest}, temporary)
 
 
-class SafeCheckpointIO(TorchCheckpointIO):
-    """Lightning's file access: a checkpoint replaces the previous one only once it is whole, and is never unpickled."""
+def write_checkpoint(path: str | Path, checkpoint: Mapping[str, Any]) -> None:
+    """Write a training's checkpoint and its digest; an existing file is replaced only by a complete one.
 
-    def save_checkpoint(self, checkpoint: dict[str, Any], path: Any, storage_options: Any = None) -> None:
-        digest = checkpoint_digest(checkpoint["config"], checkpoint["state_dict"])
-        with atomic_write(path) as temporary:
-            torch.save({**checkpoint, "digest": digest}, temporary)
-
-    def load_checkpoint(self, path: Any, map_location: Any = None, weights_only: bool | None = None) -> dict[str, Any]:
-        return load_file(Path(path))
+    Args:
+        path: of the file.
+        checkpoint: tensors and plain values, among them ``config`` and ``state_dict``.
+    """
+    digest = checkpoint_digest(checkpoint["config"], checkpoint["state_dict"])
+    with atomic_write(path) as temporary:
+        torch.save({**checkpoint, "digest": digest}, temporary)
 
 
 def load_file(path: Path) -> dict[str, Any]:

@@ -7,14 +7,16 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
 from sci_lightning.cli.console import PlainConsole
 from sci_lightning.decoder.complexity import count_macs, count_parameters
 from sci_lightning.files.atomic_file import atomic_write
-from sci_lightning.training.system import System
+
+if TYPE_CHECKING:  # tables of runs are read without Lightning
+    from sci_lightning.training.system import System
 
 UNITS = {"psnr": "PSNR (dB)", "ssim": "SSIM", "qscore": "Q-Score"}
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
-
-from lightning.pytorch.loggers import Logger
+from typing import TYPE_CHECKING, Any
 
 from sci_lightning.configuration.build import build
 from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_text import with_article
+
+if TYPE_CHECKING:  # a command without a logger starts without Lightning, which takes seconds to import
+    from lightning.pytorch.loggers import Logger
 
 RUN_NAME = {"tensorboard": "version", "wandb": "name", "mlflow": "run_name"}
 """What the loggers call a run's name."""
@@ -42,6 +43,8 @@ def run_name(config: Mapping[str, Any]) -> str:
 
 
 def _built(name: str, settings: Mapping[str, Any], run_name: str) -> Logger:
+    from lightning.pytorch.loggers import Logger
+
     key = RUN_NAME.get(name, "")
     named = {key: run_name} if key in settings and settings[key] is None else {}
     try:

@@ -10,12 +10,13 @@ from typing import Any
 
 import lightning as L
 import torch
+from lightning.fabric.plugins.io.torch_io import TorchCheckpointIO
 from lightning.pytorch.callbacks import Timer
 
 from sci_lightning.data.loader import ClipLoader
 from sci_lightning.encoder.light_path import name_numbered_effects
 from sci_lightning.errors import BadInput
-from sci_lightning.runs.checkpoint import SafeCheckpointIO
+from sci_lightning.runs.checkpoint import load_file, write_checkpoint
 from sci_lightning.training.system import System
 from sci_lightning.training.training_position import TrainingPosition
 
@@ -33,7 +34,7 @@ ADAM_TENSORS = {"step", "exp_avg", "exp_avg_sq"}
 MUON_TENSORS = {"step", "momentum_buffer"}
 
 
-class TrainingCheckpointIO(SafeCheckpointIO):
+class TrainingCheckpointIO(TorchCheckpointIO):
     """Lightning's file access in a training: the only way from a checkpoint into the trainer.
 
     Lightning trusts what it reads: it would remove the files that a checkpoint calls the previous best ones, set any
@@ -54,9 +55,9 @@ class TrainingCheckpointIO(SafeCheckpointIO):
         self.clips = clips
 
     def save_checkpoint(self, checkpoint: dict[str, Any], path: Any, storage_options: Any = None) -> None:
-        super().save_checkpoint(checkpoint, path, storage_options)
+        write_checkpoint(path, checkpoint)
         if Path(path).name.startswith(SLURM):  # Lightning's, before Slurm queues a job again: the last one as well
-            super().save_checkpoint(checkpoint, Path(path).parent / "checkpoints" / "last.ckpt", storage_options)
+            write_checkpoint(Path(path).parent / "checkpoints" / "last.ckpt", checkpoint)
 
     def load_checkpoint(self, path: Any, map_location: Any = None, weights_only: bool | None = None) -> dict[str, Any]:
         """Read a checkpoint.
@@ -65,7 +66,7 @@ class TrainingCheckpointIO(SafeCheckpointIO):
             BadInput: something in it is not as a training of this system writes it.
             ValueError: ``clips`` was not set.
         """
-        content = super().load_checkpoint(path, map_location, weights_only)
+        content = load_file(Path(path))
         if self.clips is None:
             raise ValueError("set clips, the training data, before a checkpoint is read")
         trainer = self.system.trainer

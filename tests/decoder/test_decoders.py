@@ -6,8 +6,6 @@ from collections.abc import Callable
 
 import pytest
 import torch
-from hydra.utils import instantiate
-from omegaconf import DictConfig
 
 from sci_lightning.decoder import Decoder, Res2former
 from sci_lightning.decoder.complexity import count_macs, count_parameters
@@ -36,20 +34,6 @@ SMALL = {
     "revsci": ["decoder.blocks=2", "decoder.channels=16"],
     "sci3d": ["decoder.phases=3", "decoder.channels=[4,6,8]", "decoder.inner=3"],
     "stformer": ["decoder.dim=8", "decoder.units=1"],
-}
-PUBLISHED = {  # parameters, exact multiply-accumulates at 256 x 256 x 8
-    "admm_net": (4_213_809, 58_284_048_384),
-    "birnat": (4_131_640, 421_051_498_496),
-    "e2e_cnn": (817_608, 53_485_764_608),
-    "efficientsci": (8_824_321, 1_425_325_162_496),
-    "elp_unfolding": (565_733_402, 4_634_940_801_024),
-    "gap_net": (5_618_400, 77_712_064_512),
-    "metasci": (2_066_968, 36_230_397_952),
-    "res2former": (11_022_625, 864_597_049_344),
-    "res2former_l": (17_697_153, 1_368_618_172_416),
-    "revsci": (5_655_393, 758_263_054_336),
-    "sci3d": (61_951_477, 3_974_106_710_016),
-    "stformer": (19_490_177, 2_972_060_123_136),
 }
 UNTRAINED = {"sci3d": 4, "elp_unfolding": 2}  # parameters that the published networks hold and do not use, of SMALL
 
@@ -115,15 +99,6 @@ def test_shapes_that_do_not_fit(name: str, small: Callable[..., Decoder]) -> Non
     for measurement, mask in (((1, 16, 16), (4, 16, 17)), ((16, 16), (4, 16, 16)), ((1, 16, 16), (1, 4, 16, 16))):
         with pytest.raises(BadInput, match="same H and W"):
             small(name, 4)(torch.rand(measurement), torch.rand(mask))
-
-
-@pytest.mark.parametrize("name", PUBLISHED)
-def test_published_size(name: str, configuration: Callable[..., DictConfig]) -> None:
-    with torch.device("meta"):  # without memory for the weights
-        decoder = instantiate(configuration("train", f"decoder={name}").decoder, _convert_="all")
-    parameters, macs = PUBLISHED[name]
-    assert count_parameters(decoder) == parameters
-    assert count_macs(decoder, 8, 256, 256) == macs
 
 
 @pytest.mark.parametrize("name", members("decoder"))

@@ -7,6 +7,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from runpy import run_module
 
@@ -22,7 +23,7 @@ from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.cli.test_encoder_file import encoder_file
 from tests.conftest import ROOT
 from tests.decoder.test_published import as_published
-from tests.documentation.pages import SMALL, SMALL_DECODER, reduced, split
+from tests.documentation.pages import ONLY_IMPORTED, SMALL, SMALL_DECODER, reduced, split
 from tests.test_configs import clips
 
 Run = Callable[[str], None]
@@ -92,6 +93,8 @@ def run_command(stand_ins: Path) -> Run:
             assert done.returncode == 0, command
         elif program == "source":
             assert arguments == [".venv/bin/activate"], "the environment that `make` creates"
+        elif (module := split(command)[0]) in ONLY_IMPORTED:
+            assert callable(import_module(module).main), command
         else:
             in_this_process(*reduced(split(command)))
 

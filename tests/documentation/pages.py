@@ -45,6 +45,8 @@ ONLY_COMPOSED = (
     "experiment=finetune",  # likewise
 )
 """Commands with one of these words are composed with ``--cfg job`` and not run: other tests run the same code."""
+ONLY_IMPORTED = ("sci_lightning.benchmark.convolutions",)
+"""Commands without settings, which tests of the same name run on small data."""
 
 
 def name(page: Path) -> str:

@@ -62,16 +62,16 @@ def test_killed_while_a_checkpoint_is_written(tmp_path: Path) -> None:
     path = tmp_path / "last.ckpt"
     script = f"""
 import os, signal, torch
-from sci_lightning.runs.checkpoint import SafeCheckpointIO
+from sci_lightning.runs.checkpoint import write_checkpoint
 first = {{"config": {{}}, "state_dict": {{"x": torch.ones(1000)}}}}
-SafeCheckpointIO().save_checkpoint(first, {str(path)!r})
+write_checkpoint({str(path)!r}, first)
 whole = torch.save
 def killed(content, file):
     whole(content, file)
     os.truncate(file, os.path.getsize(file) // 2)
     os.kill(os.getpid(), signal.SIGKILL)
 torch.save = killed
-SafeCheckpointIO().save_checkpoint(first, {str(path)!r})
+write_checkpoint({str(path)!r}, first)
 """
     done = subprocess.run([sys.executable, "-c", script])
     assert done.returncode == -signal.SIGKILL

@@ -14,6 +14,7 @@ from tifffile import TiffWriter, imwrite
 from sci_lightning.errors import BadInput
 from sci_lightning.files.picture_file import read_pictures
 from tests import hostile_files
+from tests.hostile_files import deflated
 
 RANDOM = np.random.default_rng(0)
 STACK = RANDOM.integers(0, 200, (3, 32, 48))
@@ -111,17 +112,17 @@ def test_pages_in_a_circle(tmp_path: Path) -> None:
     assert "pages that follow each other in a circle" in hostile_files.refusal(READ, path)
 
 
-def zeros(mebibytes: int) -> bytes:
-    deflate = zlib.compressobj(1)
-    return b"".join(deflate.compress(bytes(2**20)) for _ in range(mebibytes)) + deflate.flush()
-
-
 @pytest.mark.parametrize(
     ("size", "content", "compression", "message"),
     [
         ((2**16, 2**16), b"abc", 1, "declares 4294967296 bytes, the file holds 125 of them"),
-        ((2**16, 2**16), zeros(1), 8, "declares 4.0 GiB, but the file stores only"),
-        ((64, 64), zeros(600), 8, "a part of the picture inflates to more than its shape (64, 64)"),
+        ((2**16, 2**16), deflated(b"", zeros=1), 8, "declares 4.0 GiB, but the file stores only"),
+        (
+            (64, 64),
+            deflated(b"", zeros=600),
+            8,
+            "a part of the picture inflates to more than its shape (64, 64)",
+        ),
     ],
 )
 def test_tiff_that_declares_too_much(
@@ -168,7 +169,7 @@ def test_png_that_declares_too_much(tmp_path: Path) -> None:
 
 
 def test_pictures_that_are_stored_in_next_to_nothing(tmp_path: Path) -> None:
-    path = tiff(tmp_path / "a.tif", 2**14, 2**15, zeros(512), 8)
+    path = tiff(tmp_path / "a.tif", 2**14, 2**15, deflated(b"", zeros=512), 8)
     assert "pictures of 512.0 MiB are stored in" in hostile_files.refusal(READ, path)
 
 

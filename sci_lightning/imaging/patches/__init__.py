@@ -3,9 +3,11 @@
 A patch of B x B pixels and T frames has a mean and a covariance C. A snapshot of it behind the mask matrix A then has
 mean A m and covariance A C A' + noise, from which follow the best linear estimate of the patch, the error that this
 estimate is expected to make, and the likelihood of the snapshot when the scene is unknown.
+
+The estimate itself is imported from ``estimator`` by those who need it: it imports torch's compiler, which takes
+a second.
 """
 
-from sci_lightning.imaging.patches.estimator import LinearEstimator
 from sci_lightning.imaging.patches.grid import BlockGrid
 from sci_lightning.imaging.patches.moments import BlockMoments, PatchFactors, block_covariance
 from sci_lightning.imaging.patches.prior import PatchPrior
@@ -14,7 +16,6 @@ from sci_lightning.imaging.patches.score import MaskScore, SensorNoise
 __all__ = [
     "BlockGrid",
     "BlockMoments",
-    "LinearEstimator",
     "MaskScore",
     "PatchFactors",
     "PatchPrior",
