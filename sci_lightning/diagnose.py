@@ -6,6 +6,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +22,27 @@ if TYPE_CHECKING:
     from sci_lightning.diagnosis.report.report_page import Provenance
     from sci_lightning.diagnosis.search_settings import SearchSettings
     from sci_lightning.encoder.effects import Effect
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is to be diagnosed, and how.
+
+    Attributes:
+        cfg: of the command.
+        captures: of the camera.
+        candidates: effects that may be named, by name.
+        settings: thresholds and budgets of the search.
+        console: the terminal.
+        provenance: says where a report comes from, once it is written.
+    """
+
+    cfg: DictConfig
+    captures: Captures
+    candidates: dict[str, type[Effect]]
+    settings: SearchSettings
+    console: PlainConsole
+    provenance: Callable[[], Provenance]
 
 
 def diagnose(composition: Composition) -> None:
@@ -54,10 +76,11 @@ def diagnose(composition: Composition) -> None:
             command=shlex.join(["python", "-m", "sci_lightning.diagnose", *sys.argv[1:]]),
         )
 
+    task = Task(cfg, captures, candidates, settings, console, provenance)
     if captures.known.any():
-        _calibrated(composition, captures, candidates, settings, console, provenance)
+        _calibrated(task)
     else:
-        _blind(composition, captures, candidates, settings, console, provenance)
+        _blind(task)
     console.say(styled(out / "report.html"), "; beside it report.json, encoder.yaml and pictures")
     lines = [invocation("train", "experiment=quickstart", paths={"encoder": out / "encoder.yaml"})]
     if cfg.captures and (truth := Path(cfg.captures).with_suffix(".truth.json")).is_file():
@@ -65,14 +88,7 @@ def diagnose(composition: Composition) -> None:
     print_next(console, *lines)
 
 
-def _calibrated(
-    composition: Composition,
-    captures: Captures,
-    candidates: dict[str, type[Effect]],
-    settings: SearchSettings,
-    console: PlainConsole,
-    provenance: Callable[[], Provenance],
-) -> None:
+def _calibrated(task: Task) -> None:
     """Diagnose the captures with known scenes, write the report and print it."""
     from sci_lightning.diagnosis import diagnosis as library
     from sci_lightning.diagnosis.report.dashboard import log_diagnosis
@@ -81,25 +97,20 @@ def _calibrated(
     from sci_lightning.diagnosis.report.terminal import print_report, search_progress
     from sci_lightning.training.loggers import build_loggers
 
-    cfg = composition.cfg
-    with search_progress(console, cfg.most) as on_progress:
-        diagnosis = library.diagnose(captures, candidates, cfg.seed, cfg.empirical, settings, on_progress)
+    cfg = task.cfg
+    with search_progress(task.console, cfg.most) as on_progress:
+        diagnosis = library.diagnose(
+            task.captures, task.candidates, cfg.seed, cfg.empirical, task.settings, on_progress
+        )
         on_progress("writing the report")
         drawn = figures(diagnosis)
-        write_report(diagnosis, Path(cfg.out), provenance(), drawn)
+        write_report(diagnosis, Path(cfg.out), task.provenance(), drawn)
     for logger in build_loggers(plain(cfg.logger) if cfg.get("logger") else None, "diagnosis"):
         log_diagnosis(logger, diagnosis, drawn)
-    print_report(diagnosis, console)
+    print_report(diagnosis, task.console)
 
 
-def _blind(
-    composition: Composition,
-    captures: Captures,
-    candidates: dict[str, type[Effect]],
-    settings: SearchSettings,
-    console: PlainConsole,
-    provenance: Callable[[], Provenance],
-) -> None:
+def _blind(task: Task) -> None:
     """Diagnose snapshots of unknown scenes, write the report and print it."""
     from sci_lightning.diagnosis.blind.blind_diagnosis import diagnose_blind
     from sci_lightning.diagnosis.blind.prior import scene_statistics
@@ -107,38 +118,33 @@ def _blind(
     from sci_lightning.diagnosis.report.blind_report import print_blind_report, write_blind_report
     from sci_lightning.diagnosis.report.terminal import search_progress
 
-    cfg = composition.cfg
-    console.say("no scene is known: the diagnosis is blind")
-    if captures.frames > LONGEST_VIDEO:
-        _by_prediction(cfg, captures, candidates, console, provenance)
+    cfg = task.cfg
+    task.console.say("no scene is known: the diagnosis is blind")
+    if task.captures.frames > LONGEST_VIDEO:
+        _by_prediction(task)
         return
-    with search_progress(console, cfg.most) as on_progress:
+    with search_progress(task.console, cfg.most) as on_progress:
         statistics = None if cfg.prior is None else scene_statistics(cfg.prior)
-        diagnosis = diagnose_blind(captures, candidates, cfg.seed, settings, on_progress, statistics)
+        diagnosis = diagnose_blind(task.captures, task.candidates, cfg.seed, task.settings, on_progress, statistics)
         on_progress("writing the report")
-        write_blind_report(diagnosis, Path(cfg.out), provenance())
-    print_blind_report(diagnosis, console)
+        write_blind_report(diagnosis, Path(cfg.out), task.provenance())
+    print_blind_report(diagnosis, task.console)
 
 
-def _by_prediction(
-    cfg: DictConfig,
-    captures: Captures,
-    candidates: dict[str, type[Effect]],
-    console: PlainConsole,
-    provenance: Callable[[], Provenance],
-) -> None:
+def _by_prediction(task: Task) -> None:
     """Diagnose snapshots of more slots than the statistics of video reach over: by held-out pixels alone."""
     from sci_lightning.diagnosis.blind.search_by_prediction import PredictionSettings, search_by_prediction
     from sci_lightning.diagnosis.blind.snapshot_camera import snapshots_of
     from sci_lightning.diagnosis.report.prediction_report import print_prediction, write_prediction_report
     from sci_lightning.diagnosis.report.terminal import search_progress
 
-    camera, settings = snapshots_of(captures, candidates), PredictionSettings(most=cfg.most)
-    with search_progress(console, cfg.most) as on_progress:
+    cfg = task.cfg
+    camera, settings = snapshots_of(task.captures, task.candidates), PredictionSettings(most=cfg.most)
+    with search_progress(task.console, cfg.most) as on_progress:
         result = search_by_prediction(camera, seed=cfg.seed, settings=settings, on_progress=on_progress)
         on_progress("writing the report")
-        write_prediction_report(result, camera, cfg.out, provenance())
-    print_prediction(result, camera, console)
+        write_prediction_report(result, camera, cfg.out, task.provenance())
+    print_prediction(result, camera, task.console)
 
 
 def read_input(cfg: DictConfig, console: PlainConsole) -> Captures | None:

@@ -43,7 +43,8 @@ DIAGNOSES: dict[str, list[str]] = {
 }
 
 LATER = (
-    "leave_out=[scene_shift,scene_rotation,scene_scale,scene_blur,scene_gamma,mask_distortion,mask_keystone,duty_cycle]"
+    "leave_out=[scene_shift,scene_rotation,scene_scale,scene_blur,scene_gamma,mask_distortion,mask_keystone,"
+    "duty_cycle,illumination]"
 )
 """Effects that had no name when the diagnoses were recorded."""
 
@@ -97,12 +98,12 @@ def diagnose(name: str, folder: Path) -> dict[str, Any]:
 
 
 def numbers(content: Any, path: str = "") -> dict[str, Any]:
-    """Every number and word in nested data by its place, without the names of pictures."""
+    """Every number and word in nested data by its place, without names of pictures and what reports say only now."""
     if isinstance(content, dict):
         return {
             key: value
             for part, inner in content.items()
-            if part != "picture"
+            if part not in ("picture", "nats")
             for key, value in numbers(inner, f"{path}/{part}").items()
         }
     if isinstance(content, list):

@@ -13,6 +13,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis import vocabulary as effects_vocabulary
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter
@@ -34,6 +36,10 @@ LEAST_USABLE = 0.05
 """Part of the blocks without a saturated pixel below which nothing can be said."""
 FEW_SNAPSHOTS = 3
 """Fewer snapshots say little about how scenes differ, so that uncertainties are widened."""
+NO_MASK_IS_AS_GOOD = (
+    "A camera without any mask predicts held-out pixels as well as the one that was named: the snapshots do not show "
+    "that their mask is the one of the file."
+)
 RECORD = "a flat field behind the coding patterns, and an even scene behind one open pattern in one slot only"
 """What tells effects apart that snapshots of unknown scenes do not."""
 
@@ -77,6 +83,7 @@ class BlindDiagnosis:
         stated_noise: names of the noise effects whose values the captures file states.
         mask_is_visible: whether the snapshots are likelier with the mask than with none.
         prediction: what held-out pixels say about the corrected camera; None if they were not asked.
+        verification: numbers of the snapshots that were set aside: the search has not seen them.
     """
 
     observation: Observation
@@ -92,15 +99,19 @@ class BlindDiagnosis:
     stated_noise: tuple[str, ...]
     mask_is_visible: bool = True
     prediction: PredictionVerdict | None = None
+    verification: tuple[int, ...] = ()
 
     @property
     def verdict(self) -> str:
         """``consistent`` where nothing is asked for, else ``explained``; nobody looked for what has no name.
 
-        Where no mask is to be seen in the snapshots, it is ``unexplained``; where an effect does not make held-out
-        pixels more predictable, ``partly_explained``.
+        Where no mask is to be seen in the snapshots, it is ``unexplained``, and where a camera without any mask
+        predicts held-out pixels as well as the one that was named; where an effect does not make them more
+        predictable, or snapshots that were set aside do not confirm what was named, ``partly_explained``.
         """
         if not self.mask_is_visible:
+            return "unexplained"
+        if self.effects and self.prediction is not None and not self.prediction.mask_helps():
             return "unexplained"
         if self.prediction is not None and self.prediction.contradicted():
             return "partly_explained"
@@ -140,7 +151,10 @@ def diagnose_blind(
             snapshots has a saturated pixel.
     """
     settings = settings or SearchSettings()
-    observation = observe_snapshots(captures)
+    unknown = [int(number) for number in np.flatnonzero(~captures.known)]
+    aside = [number for number in unknown if number in (captures.verification or ())]
+    aside = aside if len(aside) < len(unknown) else []
+    observation = observe_snapshots(captures, leave_out=aside)
     vocabulary = effects_vocabulary.vocabulary() if vocabulary is None else vocabulary
     model = CameraModel(observation, vocabulary, {"mask_contrast": MaskContrast})
     likelihood = BlindLikelihood(model, ScenePrior(observation.frames, statistics))
@@ -156,7 +170,7 @@ def diagnose_blind(
         named = tuple(one.name for one in explanation.named)
         paths = model.path(noise), model.path(explanation.fit.hypothesis)
         border = (model.border(noise) | model.border(explanation.fit.hypothesis)).rounded()
-        camera = snapshots_of(captures.take(observation.number.numpy()), vocabulary)
+        camera = snapshots_of(captures.take([*observation.number.tolist(), *aside]), vocabulary)
         prediction = judge_by_prediction(camera, *paths, named, seed=seed, border=border, on_progress=on_progress)
     return BlindDiagnosis(
         observation=observation,
@@ -168,9 +182,10 @@ def diagnose_blind(
         effects=tuple(_named(model, explanation.fit, one) for one in explanation.named),
         rounds=explanation.rounds,
         undetermined={name: why for name, why in UNDETERMINED.items() if name in model.vocabulary},
-        notes=_notes(captures, likelihood, explanation.mask_is_visible),
+        notes=_notes(captures, likelihood, len(aside), explanation.mask_is_visible, prediction),
         mask_is_visible=explanation.mask_is_visible,
         prediction=prediction,
+        verification=tuple(aside),
         stated_noise=tuple(effect for effect, _ in stated),
     )
 
@@ -199,18 +214,26 @@ def _named(model: CameraModel, fit: BlindFit, named: BlindNamed) -> BlindEffect:
     )
 
 
-def _notes(captures: Captures, likelihood: BlindLikelihood, mask_is_visible: bool) -> tuple[str, ...]:
-    """Say what is unusual about the snapshots."""
+def _notes(
+    captures: Captures,
+    likelihood: BlindLikelihood,
+    aside: int,
+    mask_is_visible: bool,
+    prediction: PredictionVerdict | None,
+) -> tuple[str, ...]:
+    """Say what is unusual about the snapshots, of which some are set aside."""
     notes, count = [], len(likelihood.model.observation)
     if not mask_is_visible:
         notes.append(
             "No mask is to be seen in the snapshots: they have no texture, or other patterns were shown than the file "
             "says, or these were displaced further than the search looks."
         )
+    elif prediction is not None and not prediction.mask_helps():
+        notes.append(NO_MASK_IS_AS_GOOD)
     if count < FEW_SNAPSHOTS:
         what = "One snapshot says" if count == 1 else "Two snapshots say"
         notes.append(f"{what} little about how scenes differ: uncertainties are widened.")
-    if (black := int((~captures.known).sum()) - count) > 0:
+    if (black := int((~captures.known).sum()) - count - aside) > 0:
         notes.append(f"{black} snapshots are black or were taken behind closed patterns, and are left out.")
     saturated = 1 - float(likelihood.usable.double().mean())
     if saturated > 0.01:

@@ -10,10 +10,15 @@ from sci_lightning.diagnosis.blind.paired_comparison import PairedComparison, co
 from sci_lightning.diagnosis.blind.prediction import Predictor, textured_window
 from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera, effects_of
 from sci_lightning.encoder.border import Border
+from sci_lightning.encoder.effects import MaskContrast
 from sci_lightning.encoder.light_path import LightPath
 
 LARGEST_FIELD = 512
 """Side in pixels beyond which only the window of this side with the most texture is judged."""
+MASK_HELPS = 0.01
+"""p-value below which the mask helps to predict held-out pixels."""
+WITHOUT_MASK = LightPath([MaskContrast(leak=1.0)])
+"""A camera whose mask is the same everywhere."""
 INDIFFERENT = 1e-4
 """Part of the prediction error below which a change of it is a matter of rounding."""
 
@@ -25,21 +30,33 @@ class PredictionVerdict:
     Attributes:
         gap: the ideal camera against the corrected one.
         by_effect: the corrected camera without one of its effects against the whole one, by effect.
+        without_mask: a camera whose mask is the same everywhere against the corrected one. Whatever weakens a wrong
+            mask makes held-out pixels more predictable; only what is better than no mask at all speaks for a camera.
+        verification: ``gap`` on the snapshots that were set aside; None where there are none.
     """
 
     gap: PairedComparison
     by_effect: dict[str, PairedComparison]
+    without_mask: PairedComparison
+    verification: PairedComparison | None = None
+
+    def mask_helps(self) -> bool:
+        """Return whether the corrected camera predicts held-out pixels better than one without any mask."""
+        return self.without_mask.fall > 0 and self.without_mask.p_value < MASK_HELPS
 
     def contradicted(self, max_p_value: float = 0.05) -> tuple[str, ...]:
         """Return the effects that change what is predicted and do not make held-out pixels more predictable.
 
-        Effects that a decoder absorbs, such as another order of the patterns, have no vote.
+        Effects that a decoder absorbs, such as another order of the patterns, have no vote. Where snapshots that were
+        set aside do not confirm the whole camera, all of its effects are contradicted.
         """
-        return tuple(
-            name
-            for name, evidence in self.by_effect.items()
-            if abs(evidence.fall) > INDIFFERENT and evidence.p_value > max_p_value
-        )
+        if self.verification is not None and _speaks_against(self.verification, max_p_value):
+            return tuple(self.by_effect)
+        return tuple(name for name, evidence in self.by_effect.items() if _speaks_against(evidence, max_p_value))
+
+
+def _speaks_against(evidence: PairedComparison, max_p_value: float) -> bool:
+    return abs(evidence.fall) > INDIFFERENT and evidence.p_value > max_p_value
 
 
 def judge_by_prediction(
@@ -75,5 +92,11 @@ def judge_by_prediction(
     for name in names:
         others = LightPath(effect for effect in effects_of(corrected) if effect.name != name)
         by_effect[name] = gap if len(names) == 1 else compare(predictor.errors(camera.encoder_of(others)), after)
+    aside = camera.verification.nonzero()[:, 0].tolist()
     on_progress(f"held-out pixels: prediction error {gap.before:.4f} to {gap.after:.4f}")
-    return PredictionVerdict(gap, by_effect)
+    return PredictionVerdict(
+        gap=gap,
+        by_effect=by_effect,
+        without_mask=compare(predictor.errors(camera.encoder_of(WITHOUT_MASK)), after),
+        verification=compare(before.take(aside), after.take(aside)) if aside else None,
+    )

@@ -15,15 +15,13 @@ import torch
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.diagnosis.blind.paired_comparison import PairedComparison, compare
 from sci_lightning.diagnosis.blind.prediction import HeldOutErrors, Predictor, textured_window
+from sci_lightning.diagnosis.blind.prediction_verdict import MASK_HELPS, WITHOUT_MASK
 from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera
 from sci_lightning.diagnosis.laboratory import SceneEffect
 from sci_lightning.diagnosis.model.camera_model import Setting
 from sci_lightning.encoder.border import Border
-from sci_lightning.encoder.effects import Effect, MapEffect, MaskContrast, OpticsEffect, Parameter, SensorEffect
-from sci_lightning.encoder.light_path import LightPath
+from sci_lightning.encoder.effects import Effect, MapEffect, OpticsEffect, Parameter, SensorEffect
 
-MASK_HELPS = 0.01
-"""p-value below which the mask helps to predict held-out pixels."""
 LEAST_PROGRESS = 2e-4
 """Part of the prediction error by which a step must lower it for another step of the same length."""
 
@@ -267,7 +265,7 @@ def search_by_prediction(
         all_snapshots=compare(before, after),
         considered=tuple(considered),
         seed=seed,
-        without_mask=compare(whole.errors(camera.encoder_of(LightPath([MaskContrast(leak=1.0)]))), after),
+        without_mask=compare(whole.errors(camera.encoder_of(WITHOUT_MASK)), after),
     )
 
 

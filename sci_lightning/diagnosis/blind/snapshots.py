@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 import torch
 
@@ -19,17 +21,21 @@ MOST_SATURATED = 0.5
 """Part of its pixels that may be saturated in a snapshot."""
 
 
-def observe_snapshots(captures: Captures) -> Observation:
+def observe_snapshots(captures: Captures, leave_out: Collection[int] = ()) -> Observation:
     """Prepare the captures with unknown scenes for a diagnosis.
 
     The observation's scenes are empty: nobody may ask for them. Snapshots that are black, even or mostly saturated
     are left out.
 
+    Args:
+        captures: of one camera.
+        leave_out: numbers of captures that are left out as well.
+
     Raises:
         BadInput: no capture with an unknown scene, patterns that never open, no snapshot with light in it, or a field
             smaller than three blocks of 8 pixels.
     """
-    unknown = np.flatnonzero(~captures.known)
+    unknown = np.array([n for n in np.flatnonzero(~captures.known) if n not in leave_out], dtype=int)
     if not len(unknown):
         raise BadInput(f"{captures.name}: the scenes of all captures are known; nothing is to be diagnosed blind")
     if min(captures.size) < SMALLEST:

@@ -100,9 +100,9 @@ def describe_blind(diagnosis: BlindDiagnosis) -> dict[str, Any]:
         "laboratory": [],
         "undetermined": [{"effect": name, "looks_like": why} for name, why in diagnosis.undetermined.items()],
         "notes": list(diagnosis.notes),
-        "verification": VERIFIED_BY_NONE,
+        "verification": _verification(diagnosis),
         "split": {
-            "held_out_captures": [],
+            "held_out_captures": list(diagnosis.verification),
             "fitted_captures": len(diagnosis.observation),
             "held_out_blocks": "none: the scenes are integrated out",
             "held_out_fraction": 0.0,
@@ -112,6 +112,18 @@ def describe_blind(diagnosis: BlindDiagnosis) -> dict[str, Any]:
         "seed": diagnosis.seed,
         "sci_lightning": __version__,
     }
+
+
+def _verification(diagnosis: BlindDiagnosis) -> dict[str, Any]:
+    """Return the prediction errors of the snapshots that were set aside, of the corrected and of the ideal camera."""
+    verified = None if diagnosis.prediction is None else diagnosis.prediction.verification
+    if verified is None:
+        return VERIFIED_BY_NONE
+    before, after = (
+        {"prediction_error": error, "by_capture": [pair[which] for pair in verified.by_capture]}
+        for which, error in enumerate((verified.before, verified.after))
+    )
+    return {"captures": list(diagnosis.verification), **after, "before": before}
 
 
 def _gap(log_likelihood: np.ndarray) -> dict[str, Any]:
@@ -125,7 +137,7 @@ def _gap(log_likelihood: np.ndarray) -> dict[str, Any]:
 
 def blind_headline(diagnosis: BlindDiagnosis) -> str:
     """Return the result in one sentence."""
-    if not diagnosis.mask_is_visible:
+    if diagnosis.verdict == "unexplained":
         return diagnosis.notes[0]
     count = len(diagnosis.observation)
     snapshots = "The snapshot agrees" if count == 1 else f"The {count} snapshots agree"

@@ -13,6 +13,8 @@ import pytest
 
 from sci_lightning.captures import Captures, write_captures
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis, diagnose_blind
+from sci_lightning.diagnosis.blind.paired_comparison import PairedComparison
+from sci_lightning.diagnosis.blind.prediction_verdict import PredictionVerdict
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera import Session, VirtualCamera
@@ -61,7 +63,8 @@ def test_what_is_hidden_is_named(hidden: dict[str, Any], expected: dict[str, Any
 
 
 def test_the_command_and_its_report(tmp_path: Path, command: Callable[..., Any]) -> None:
-    write_captures(tmp_path / "a.h5", snapshots({"mask_contrast": {"leak": 0.2}}, 3))
+    captures = replace(snapshots({"mask_contrast": {"leak": 0.2}}, 4), verification=(3,))
+    write_captures(tmp_path / "a.h5", captures)
     kept = ",".join(name for name in vocabulary() if name not in ("mask_contrast", "shot_noise", "read_noise", "gain"))
     done = command("diagnose", f"captures={tmp_path}/a.h5", f"out={tmp_path}/out", f"leave_out=[{kept}]")
     assert "the diagnosis is blind" in done.stdout and "unknown scenes cannot tell: gain" in done.stdout
@@ -69,6 +72,10 @@ def test_the_command_and_its_report(tmp_path: Path, command: Callable[..., Any])
     check("report", report)
     assert report["mode"] == "blind" and [effect["name"] for effect in report["effects"]] == ["mask_contrast"]
     assert report["undetermined"] == [{"effect": "gain", "looks_like": "the brightness of the scenes"}]
+    verification = report["verification"]
+    assert verification["captures"] == [3] == report["split"]["held_out_captures"]
+    assert report["effects"][0]["evidence"]["agree"] == [3, 3]
+    assert verification["prediction_error"] < verification["before"]["prediction_error"]
     assert "MaskContrast" in (tmp_path / "out" / "encoder.yaml").read_text()
     assert "What unknown scenes cannot tell" in (tmp_path / "out" / "report.html").read_text()
 
@@ -101,6 +108,28 @@ def test_no_texture_names_nothing() -> None:
     even = np.round(random.normal(100, 1, captures.measurement.shape)).astype(np.uint8)
     found = diagnosed(replace(captures, measurement=even), ("mask_contrast", "pattern_order"))
     assert not found.names and found.verdict == "unexplained" and "No mask is to be seen" in found.notes[0]
+
+
+def compared(before: float, after: float, p_value: float) -> PairedComparison:
+    return PairedComparison(before, after, ((before, after),), p_value, agree=1, snapshots=1, blocks=100)
+
+
+@pytest.mark.parametrize(
+    ("without_mask", "verification", "verdict"),
+    [
+        (compared(0.9, 0.5, 1e-6), None, "explained"),
+        (compared(0.9, 0.5, 1e-6), compared(0.7, 0.5, 1e-6), "explained"),
+        (compared(0.9, 0.5, 1e-6), compared(0.5, 0.7, 1.0), "partly_explained"),
+        (compared(0.5, 0.5, 0.4), compared(0.7, 0.5, 1e-6), "unexplained"),
+    ],
+)
+def test_held_out_pixels_have_a_veto(
+    without_mask: PairedComparison, verification: PairedComparison | None, verdict: str
+) -> None:
+    diagnosis = diagnosed(snapshots({"mask_contrast": {"leak": 0.2}}, 3, size=(24, 24)), ("mask_contrast",))
+    gap = compared(0.7, 0.5, 1e-6)
+    judged = PredictionVerdict(gap, dict.fromkeys(diagnosis.names, gap), without_mask, verification)
+    assert diagnosis.names == ("mask_contrast",) and replace(diagnosis, prediction=judged).verdict == verdict
 
 
 @pytest.mark.parametrize(
