@@ -35,6 +35,7 @@ def tables(composition: Composition) -> None:
     from sci_lightning.cli.next_command import browser, invocation, print_next
     from sci_lightning.imaging.figures import write_figure
     from sci_lightning.tables.claim_table import claim_table, verdict_table
+    from sci_lightning.tables.colour_checker import colour_checkers
     from sci_lightning.tables.cost import costs
     from sci_lightning.tables.cost_figure import cost_figure
     from sci_lightning.tables.dynamic_range import dynamic_range_figure, dynamic_range_table, wedges
@@ -70,7 +71,11 @@ def tables(composition: Composition) -> None:
         "dynamic_range_map": dynamic_range_figure(recorded),
     }
     networks = [row["match"]["decoder"] for row in paper["tables"]["table3"]["rows"].values()]
-    drawn = (mosaics(runs, cfg.mosaic, _left_out), retrained_mosaics(runs, "rbw_sr", networks, cfg.mosaic, _left_out))
+    drawn = (
+        mosaics(runs, cfg.mosaic, _left_out),
+        retrained_mosaics(runs, "rbw_sr", networks, cfg.mosaic, _left_out),
+        colour_checkers(runs, cfg.mosaic, _left_out),
+    )
     names = []
     for name, figure in chain(figures.items(), *(drawn if cfg.mosaic else ())):
         write_figure(figure, out / f"{name}.png")

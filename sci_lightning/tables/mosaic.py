@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from matplotlib.figure import Figure
@@ -19,6 +19,9 @@ from sci_lightning.imaging.pipeline import Pipeline
 from sci_lightning.runs.checkpoint import read_checkpoint
 from sci_lightning.tables.run import Run
 from sci_lightning.tables.run_files import is_inside
+
+Shown = TypeVar("Shown")
+"""What is shown of a checkpoint."""
 
 PICTURES = 4
 """Of each encoder."""
@@ -43,7 +46,7 @@ def mosaics(runs: Sequence[Run], side: int, left_out: Callable[[str], None]) -> 
             rows.setdefault(f"{run.fields['encoder']}, {run.fields['bits']} bit", path)
     taken: set[str] = set()
     for (scale, decoder, parameters), rows in groups.items():
-        pictures = _usable(rows, side, left_out)
+        pictures = usable(rows, lambda path: _pictures(path, side), left_out)
         if not pictures:
             continue
         name = file_name(f"mosaic_{scale}_{decoder}")
@@ -72,7 +75,8 @@ def retrained_mosaics(
         if trained and run.fields["decoder"] in decoders and is_inside(path, run.path.parent):
             scales.setdefault(run.setting.scale, {}).setdefault(str(run.fields["decoder"]), path)
     for scale, paths in scales.items():
-        pictures = _usable({name: paths[name] for name in decoders if name in paths}, side, left_out)
+        shown = {name: paths[name] for name in decoders if name in paths}
+        pictures = usable(shown, lambda path: _pictures(path, side), left_out)
         if len(pictures) > 1:
             yield file_name(f"retrained_{scale}"), _side_by_side(f"trained with {encoder}, scale {scale}", pictures)
 
@@ -89,12 +93,12 @@ def _side_by_side(title: str, networks: dict[str, dict[str, torch.Tensor]]) -> F
     return figure
 
 
-def _usable(rows: dict[str, Path], side: int, left_out: Callable[[str], None]) -> dict[str, dict[str, torch.Tensor]]:
-    """The pictures of every row whose checkpoint is of use."""
+def usable(rows: dict[str, Path], read: Callable[[Path], Shown], left_out: Callable[[str], None]) -> dict[str, Shown]:
+    """Return what is shown of every row whose checkpoint is of use; ``left_out`` gets a line for each of the others."""
     pictures = {}
     for name, path in rows.items():
         try:
-            pictures[name] = _pictures(path, side)
+            pictures[name] = read(path)
         except Exception as error:  # whatever a checkpoint of another version, or of anybody, makes a network do
             reason = one_line(error)
             left_out(reason if str(path) in reason else f"{path}: {reason}")

@@ -16,6 +16,7 @@ from sci_lightning.configuration.conf_folder import PACKAGE
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.mask import LearnedStructural, RandomBinary
 from sci_lightning.encoder.sensor import ClipQuantise, Ideal
+from sci_lightning.tables.colour_checker import checker, patch_error
 from sci_lightning.tables.cost_figure import cost_figure
 from sci_lightning.tables.dynamic_range import distinguishable_steps, wedge
 from sci_lightning.tables.run import find_runs
@@ -73,6 +74,16 @@ def test_mosaics_of_trained_runs(ran: Callable[..., str], tmp_path: Path) -> Non
         assert picture.height > 400
     with Image.open(tmp_path / "out" / "retrained_own.png") as picture:
         assert picture.width > 2 * picture.height  # the truth and two networks
+    with Image.open(tmp_path / "out" / "colour_checker_own_e2e_cnn.png") as picture:
+        assert picture.width > 2 * picture.height  # the truth and two encoders
+
+
+def test_colour_checker() -> None:
+    video = checker(3, (96, 144))
+    assert video.shape == (3, 96, 144) and torch.equal(video[0], video[2])
+    assert len(video[0].unique()) == 19  # black, and 18 values among the 24 patches
+    assert video[0, -12, 12] == 1 and video[0, 0, 0] == 0 and patch_error(video[0]) < 1e-6
+    assert patch_error(video[0].clamp(max=0.5)) > 0.05 and patch_error(video[0] + 0.1) == pytest.approx(0.1, rel=0.02)
 
 
 def test_a_network_stands_beside_its_own_circle() -> None:
