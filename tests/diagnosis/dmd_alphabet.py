@@ -25,8 +25,8 @@ from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.modulator_grid import ModulatorGrid
 from sci_lightning.imaging.homography import of_binned_field
 
-REGISTERED, FITTED = 4, 16
-"""Pixels of the photograph along the side of a pixel that is registered, and of one that is fitted."""
+REGISTERED, FITTED = 4, (16, 8, 4)
+"""Pixels of the photograph along the side of a pixel that is registered, and of those that are fitted in turn."""
 THEIR_K = -0.05
 """Of the authors' correction by hand, with which their camera points are given."""
 
@@ -114,17 +114,30 @@ EXPECTED = (
 """What is expected by hand (haze, defocus, uneven light, keystone, barrel distortion), and where its fit starts."""
 
 
+IN_PIXELS = ("mask_shift", "mask_blur")
+"""Effects whose parameters are lengths in pixels."""
+
+
 def fitted(folder: Path, matrix: np.ndarray) -> tuple[Hypothesis, LightPath]:
-    """Fit the expected effects to means of ``FITTED`` x ``FITTED`` pixels from a registered map, without a search."""
-    nominal = of_binned_field(matrix, FITTED // REGISTERED)
-    captures = replace(as_captures(*photograph(folder), FITTED), sensor_to_modulator=nominal)
-    observation = observe(captures)
-    model = CameraModel(observation, vocabulary())
-    hypothesis, _ = datasheet_noise(observation)
-    fitter = Fitter(model, split(observation))
-    for settings in EXPECTED:
-        for name, setting in settings.items():
-            hypothesis = hypothesis.with_effect(name, dict(setting), model.zero_map(name))
-        fitter = fitter.covering(hypothesis)
-        hypothesis = fitter.fit(hypothesis, iterations=25).hypothesis
+    """Fit the expected effects to means over ever fewer pixels, from a registered map on, without a search.
+
+    The first fit adds effect after effect; the next ones start where it ended, apart from the map of uneven light.
+    """
+    before: dict[str, dict[str, float]] = {}
+    for factor in FITTED:
+        nominal = of_binned_field(matrix, factor // REGISTERED)
+        captures = replace(as_captures(*photograph(folder), factor), sensor_to_modulator=nominal)
+        observation = observe(captures)
+        model = CameraModel(observation, vocabulary())
+        hypothesis, _ = datasheet_noise(observation)
+        fitter = Fitter(model, split(observation))
+        starts = EXPECTED if not before else ({**EXPECTED[1], **before},)
+        for settings in starts:
+            for name, setting in settings.items():
+                hypothesis = hypothesis.with_effect(name, dict(setting), model.zero_map(name))
+            fitter = fitter.covering(hypothesis)
+            hypothesis = fitter.fit(hypothesis, iterations=25).hypothesis
+        for name in (*EXPECTED[0], *EXPECTED[2]):  # pixels of the next fit are half as wide
+            longer = 2 if name in IN_PIXELS else 1
+            before[name] = {key: longer * float(value) for key, value in hypothesis.effects[name].items()}
     return hypothesis, model.path(hypothesis)

@@ -10,7 +10,7 @@ how far to trust a difference in likelihood follows from how much blocks and sna
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prediction_verdict import PredictionVerdict, judge_by_prediction
 from sci_lightning.diagnosis.blind.prior import BLOCK, ScenePrior
 from sci_lightning.diagnosis.blind.search import UNDETERMINED, BlindNamed, BlindSearch
-from sci_lightning.diagnosis.blind.snapshot_camera import snapshots_of
+from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera, snapshots_of
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots
 from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.model.observation import Observation
@@ -84,6 +84,7 @@ class BlindDiagnosis:
         mask_is_visible: whether the snapshots are likelier with the mask than with none.
         prediction: what held-out pixels say about the corrected camera; None if they were not asked.
         verification: numbers of the snapshots that were set aside: the search has not seen them.
+        camera: the snapshots as held-out pixels were predicted in them; None if they were not asked.
     """
 
     observation: Observation
@@ -100,6 +101,7 @@ class BlindDiagnosis:
     mask_is_visible: bool = True
     prediction: PredictionVerdict | None = None
     verification: tuple[int, ...] = ()
+    camera: SnapshotCamera | None = None
 
     @property
     def verdict(self) -> str:
@@ -165,12 +167,14 @@ def diagnose_blind(
         )
     noise, stated = datasheet_noise(observation)
     explanation = BlindSearch(BlindFitter(likelihood), noise, settings, on_progress).run()
-    prediction = None
+    prediction = camera = None
     if explanation.mask_is_visible:
         named = tuple(one.name for one in explanation.named)
         paths = model.path(noise), model.path(explanation.fit.hypothesis)
         border = (model.border(noise) | model.border(explanation.fit.hypothesis)).rounded()
-        camera = snapshots_of(captures.take([*observation.number.tolist(), *aside]), vocabulary)
+        judged = [*observation.number.tolist(), *aside]
+        camera = snapshots_of(captures.take(judged), vocabulary)
+        camera = replace(camera, numbers=tuple(judged[place] for place in camera.numbers))
         prediction = judge_by_prediction(camera, *paths, named, seed=seed, border=border, on_progress=on_progress)
     return BlindDiagnosis(
         observation=observation,
@@ -186,6 +190,7 @@ def diagnose_blind(
         mask_is_visible=explanation.mask_is_visible,
         prediction=prediction,
         verification=tuple(aside),
+        camera=camera,
         stated_noise=tuple(effect for effect, _ in stated),
     )
 

@@ -1,11 +1,13 @@
-"""The files of a blind diagnosis: ``report.json``, ``report.html``, a picture and ``encoder.yaml``.
+"""The files of a blind diagnosis: ``report.json``, ``report.html``, pictures, ``encoder.yaml`` and effective masks.
 
-Everything here reads a :class:`~sci_lightning.diagnosis.blind.blind_diagnosis.BlindDiagnosis`; nothing is computed.
+Everything here reads a :class:`~sci_lightning.diagnosis.blind.blind_diagnosis.BlindDiagnosis`; only the reconstruction
+that is shown is computed.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +19,15 @@ from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
 from sci_lightning.diagnosis.blind.prior import BLOCK
 from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS
+from sci_lightning.diagnosis.report.blind_page import BlindPage, predicted_errors
+from sci_lightning.diagnosis.report.corrected_camera import (
+    prediction_figure,
+    reconstruction_figure,
+    write_effective_mask,
+)
 from sci_lightning.diagnosis.report.digits import quantity, uncertainty
 from sci_lightning.diagnosis.report.report import VERIFIED_BY_NONE, write_corrected_encoder
-from sci_lightning.diagnosis.report.report_page import Provenance, environment
+from sci_lightning.diagnosis.report.report_page import Provenance
 from sci_lightning.diagnosis.report.sentences import clause
 from sci_lightning.diagnosis.report.svg import AFTER, FAINT, style
 from sci_lightning.diagnosis.report.terminal import COLOURS
@@ -51,24 +59,51 @@ def write_blind_report(diagnosis: BlindDiagnosis, out: str | Path, provenance: P
         if name not in NOISE_GUESS or name in diagnosis.stated_noise
     }
     write_corrected_encoder(diagnosis.observation, diagnosis.model, effects, {}, out)
-    figure = snapshots_figure(diagnosis)
-    with atomic_write(out / "evidence.png") as temporary:
-        figure.savefig(temporary, dpi=150, facecolor="white", bbox_inches="tight")
-    page = (
-        environment()
-        .get_template("blind_page.html")
-        .render(
-            diagnosis=diagnosis,
-            provenance=provenance,
-            headline=blind_headline(diagnosis),
-            rows=_rows(diagnosis),
-            uncertainty=UNCERTAINTY,
-            figure=figure,
-            version=__version__,
+    drawn = {"evidence.png": snapshots_figure(diagnosis)}
+    camera = diagnosis.camera
+    if diagnosis.effects and diagnosis.prediction is not None and camera is not None:
+        before, after = (
+            camera.encoder_of(diagnosis.model.path(fit.hypothesis)) for fit in (diagnosis.ideal, diagnosis.corrected)
         )
-    )
+        write_effective_mask(after, out)
+        snapshot = camera.measurement[int(np.argmax(camera.verification.numpy()))]
+        drawn["prediction.png"] = prediction_figure(diagnosis.prediction.gap, camera.numbers, diagnosis.verification)
+        drawn["reconstruction.png"] = reconstruction_figure(snapshot, before, after)
+    for name, figure in drawn.items():
+        with atomic_write(out / name) as temporary:
+            figure.savefig(temporary, dpi=150, facecolor="white", bbox_inches="tight")
+    page = _page(diagnosis, drawn).render(provenance)
     with atomic_write(out / "report.html") as temporary:
         temporary.write_text(page, encoding="utf-8")
+
+
+CAPTIONS = {
+    "evidence.png": "What every snapshot gains by the corrected camera, and what other candidates would gain.",
+    "prediction.png": "The error of held-out pixels by the ideal camera and by the corrected one.",
+    "reconstruction.png": "A part of a snapshot, reconstructed for the ideal camera and for the corrected one.",
+}
+"""What the pictures show, by the names of their files."""
+
+
+def _page(diagnosis: BlindDiagnosis, drawn: Mapping[str, Figure]) -> BlindPage:
+    observation, judged = diagnosis.observation, diagnosis.prediction
+    height, width = observation.size
+    return BlindPage(
+        verdict=diagnosis.verdict,
+        names=diagnosis.names,
+        headline=blind_headline(diagnosis),
+        about=f"{len(observation)} snapshots, {height} x {width} pixels, {observation.frames} slots, "
+        f"{observation.bit_depth} bits",
+        notes=diagnosis.notes,
+        rows=_rows(diagnosis),
+        uncertainty=UNCERTAINTY,
+        predicted=[] if judged is None else predicted_errors(judged.gap, judged.without_mask, judged.verification),
+        figures={CAPTIONS[name]: figure for name, figure in drawn.items()},
+        advice=diagnosis.next_captures,
+        undetermined=diagnosis.undetermined,
+        remark="A displacement of mask and scene together, and scenes that are less sharp, cannot be told either. "
+        "Nobody has looked for deviations without a name.",
+    )
 
 
 def describe_blind(diagnosis: BlindDiagnosis) -> dict[str, Any]:
@@ -180,7 +215,8 @@ def snapshots_figure(diagnosis: BlindDiagnosis) -> Figure:
     with style():
         figure = Figure(figsize=(8.8, 3.2), layout="constrained")
         left, right = figure.subplots(1, 2)
-        left.bar([str(number) for number in diagnosis.observation.number.tolist()], gained.numpy(), color=AFTER)
+        left.bar(range(len(gained)), gained.numpy(), color=AFTER)
+        left.set_xticks(range(len(gained)), [str(number) for number in diagnosis.observation.number.tolist()])
         left.set(xlabel="snapshot", ylabel="nats per pixel gained", title="by snapshot")
         first = sorted(diagnosis.rounds[0].items(), key=lambda entry: entry[1]) if diagnosis.rounds else []
         colours = [AFTER if name in diagnosis.names else FAINT for name, _ in first]

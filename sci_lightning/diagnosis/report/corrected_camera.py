@@ -58,7 +58,7 @@ def prediction_figure(comparison: PairedComparison, numbers: tuple[int, ...], ve
         names = [f"{number}\n(verifies)" if number in verification else str(number) for number in numbers]
         axes.set_xticks(range(len(numbers)), names)
         axes.set(xlabel="snapshot", ylabel="prediction error")
-        axes.legend(loc="upper right", ncols=2)
+        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
         return figure
 
 

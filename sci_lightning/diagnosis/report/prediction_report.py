@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import yaml
-from markupsafe import escape
 from matplotlib.figure import Figure
 
 from sci_lightning import __version__
@@ -18,15 +17,18 @@ from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.diagnosis.blind.paired_comparison import PairedComparison
 from sci_lightning.diagnosis.blind.search_by_prediction import UNSEEN, PredictionResult
 from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera
+from sci_lightning.diagnosis.report.blind_page import BlindPage, predicted_errors
+from sci_lightning.diagnosis.report.blind_report import CAPTIONS
 from sci_lightning.diagnosis.report.corrected_camera import (
     prediction_figure,
     reconstruction_figure,
     write_effective_mask,
 )
-from sci_lightning.diagnosis.report.digits import quantity
+from sci_lightning.diagnosis.report.digits import quantity, uncertainty
 from sci_lightning.diagnosis.report.report_page import Provenance
-from sci_lightning.diagnosis.report.svg import svg
 from sci_lightning.files.atomic_file import atomic_write
+
+JUDGED_BY_PREDICTION = "Held-out pixels alone have judged: the statistics of video do not reach over so many slots."
 
 UNCERTAINTY = (
     "Uncertainties are one standard deviation of the mean over parts of the snapshots, of which each has a best value "
@@ -62,7 +64,7 @@ def write_prediction_report(
         with atomic_write(out / name) as temporary:
             figure.savefig(temporary, dpi=150, facecolor="white", bbox_inches="tight")
     with atomic_write(out / "report.html") as temporary:
-        temporary.write_text(_page(result, camera, drawn, provenance), encoding="utf-8")
+        temporary.write_text(_page(result, camera, drawn).render(provenance), encoding="utf-8")
 
 
 def prediction_headline(result: PredictionResult, camera: SnapshotCamera) -> str:
@@ -112,7 +114,7 @@ def describe_prediction(result: PredictionResult, camera: SnapshotCamera) -> dic
         "laboratory": [],
         "undetermined": [{"effect": name, "looks_like": "another scene"} for name in UNSEEN],
         "notes": [
-            "Held-out pixels alone have judged: the statistics of video do not reach over so many slots.",
+            JUDGED_BY_PREDICTION,
             f"Prediction error without any mask: {result.without_mask.before:.4f}.",
         ],
         "verification": _verification(result, camera),
@@ -197,16 +199,37 @@ def _write_encoder(camera: SnapshotCamera, result: PredictionResult, out: Path) 
         temporary.write_text(yaml.safe_dump(content, sort_keys=False, allow_unicode=True), encoding="utf-8")
 
 
-def _page(result: PredictionResult, camera: SnapshotCamera, drawn: Mapping[str, Figure], provenance: Provenance) -> str:
-    """Return ``report.html``: the sentence, the two pictures, and what belongs to them."""
-    figures = "".join(f"<figure>{svg(figure, escape(name))}</figure>" for name, figure in drawn.items())
+def _page(result: PredictionResult, camera: SnapshotCamera, drawn: Mapping[str, Figure]) -> BlindPage:
     height, width = camera.size
-    about = f"{provenance.file} {len(camera)} snapshots, {height} x {width} pixels, {len(camera.patterns)} slots"
-    return (
-        '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>'
-        f"{escape(result.verdict)}: {escape(', '.join(result.values) or 'no effect')}</title>"
-        "<style>body{margin:0 auto;max-width:60rem;padding:2rem;font:16px/1.55 system-ui,sans-serif}svg{max-width:100%}"
-        f"</style></head><body><p><b>{escape(result.verdict)}</b> · blind: the scenes are unknown</p>"
-        f"<h1>{escape(prediction_headline(result, camera))}</h1><p>{escape(about)}</p>{figures}"
-        f"<p>{escape(UNCERTAINTY)}</p><p>{escape(provenance.command)} · sci_lightning {__version__}</p></body></html>\n"
+    return BlindPage(
+        verdict=result.verdict,
+        names=tuple(result.values),
+        headline=prediction_headline(result, camera),
+        about=f"{len(camera)} snapshots, {height} x {width} pixels, {len(camera.patterns)} slots, "
+        f"{camera.bit_depth} bits",
+        notes=(JUDGED_BY_PREDICTION,),
+        rows=_rows(result, camera),
+        uncertainty=UNCERTAINTY,
+        predicted=predicted_errors(result.all_snapshots, result.without_mask, result.verification),
+        figures={CAPTIONS[name]: figure for name, figure in drawn.items()},
+        advice=(),
+        undetermined=dict.fromkeys(UNSEEN, "another scene"),
+        remark="Nobody has looked for deviations without a name.",
     )
+
+
+def _rows(result: PredictionResult, camera: SnapshotCamera) -> list[tuple[str, ...]]:
+    """Return the texts of every parameter, as the page has them."""
+    rows: list[tuple[str, ...]] = []
+    for effect in result.effects:
+        kind = camera.vocabulary[effect.name]
+        for name, about in kind.about.items():
+            deviation = effect.deviation.get(name, 0.0)
+            known = 0.0 if math.isnan(deviation) else deviation
+            error = uncertainty(known)
+            value = quantity(effect.values[name], known, 1e-3).split(" ")[0]
+            agree = f"{effect.evidence.agree} of {effect.evidence.snapshots}"
+            unit = "" if about.unit == "1" else about.unit
+            others = ", ".join(effect.alternatives)
+            rows.append((effect.name, kind.stage, name, value, error and f"\u00b1 {error}", unit, agree, others))
+    return rows
