@@ -38,8 +38,8 @@ def test_wheel(command: Callable[..., subprocess.CompletedProcess[str]], tmp_pat
     done = subprocess.run(train, cwd=outside, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     where = [sys.executable, "-c", "import sci_lightning.configuration.conf_folder as c; print(c.CONF)"]
-    found = subprocess.run(where, cwd=outside, env=environment, capture_output=True, text=True).stdout
-    assert found.strip() == str(site / "sci_lightning" / "conf")
+    result = subprocess.run(where, cwd=outside, env=environment, capture_output=True, text=True).stdout
+    assert result.strip() == str(site / "sci_lightning" / "conf")
 
     assert command("train", *SMALL, "out=checkout").returncode == 0
     one, other = (json.loads((path / "metrics.json").read_text()) for path in (outside / "run", tmp_path / "checkout"))

@@ -59,37 +59,37 @@ class TooLarge(Decoder):
 
 def test_memory_is_the_decoders_own() -> None:
     ballast = torch.ones(200 * MIB // 4)  # of this process, which must not count
-    found = decoder_cost({"_target_": f"{__name__}.Hungry"}, **SETTINGS)
-    assert 72 * MIB <= found["precisions"]["32-true"]["memory"] < 72 * MIB + 40 * MIB
-    assert len(ballast) and found["parameters"] == 2 * MIB and found["macs"] == found["macs_as_paper"] == 0
+    result = decoder_cost({"_target_": f"{__name__}.Hungry"}, **SETTINGS)
+    assert 72 * MIB <= result["precisions"]["32-true"]["memory"] < 72 * MIB + 40 * MIB
+    assert len(ballast) and result["parameters"] == 2 * MIB and result["macs"] == result["macs_as_paper"] == 0
 
 
 def test_figures_fit_together() -> None:
     config = {"_target_": "sci_lightning.decoder.E2ECNN", "frames": 4, "channels": 8, "blocks": 5}
     settings = {**SETTINGS, "precisions": ["32-true", "bf16-mixed"], "published": "e2e_cnn", "training": 2}
-    found = measure(config, **settings)
+    result = measure(config, **settings)
     macs = 16 * 24 * 8 * (9 * 4 + 22 * 9 * 8 + 4)
-    assert found["macs"] == found["macs_as_paper"] == macs
+    assert result["macs"] == result["macs_as_paper"] == macs
     for precision in settings["precisions"]:
-        cost, speed = found["precisions"][precision], found["machine"][precision]
+        cost, speed = result["precisions"][precision], result["machine"][precision]
         assert 0 < cost["fastest"] <= cost["seconds"] < 10 and cost["calls"] == 3
         assert cost["gflops"] == pytest.approx(2e-9 * macs / cost["seconds"])
         assert set(speed) == {"product_gflops", "convolution_gflops", "convolution_training_gflops"}
         assert min(speed.values()) > 0
-        step = found["training"]["precisions"][precision]
+        step = result["training"]["precisions"][precision]
         assert step["gflops"] == pytest.approx(3 * 2 * 2e-9 * macs / step["seconds"])
-    difference = found["precisions"]["32-true"]["psnr"] - found["precisions"]["bf16-mixed"]["psnr"]
+    difference = result["precisions"]["32-true"]["psnr"] - result["precisions"]["bf16-mixed"]["psnr"]
     assert 0 < abs(difference) < 0.1  # another arithmetic, and nearly the same video
-    assert found["published"]["precision"] == "bf16-mixed" and found["published"]["times_as_fast"] > 0
-    assert found["training"]["snapshots"] == 2 and found["training"]["times_as_fast"] > 0
+    assert result["published"]["precision"] == "bf16-mixed" and result["published"]["times_as_fast"] > 0
+    assert result["training"]["snapshots"] == 2 and result["training"]["times_as_fast"] > 0
 
 
 def test_less_is_measured_where_less_is_asked_for() -> None:
     config = {"_target_": "sci_lightning.decoder.E2ECNN", "frames": 4, "channels": 8, "blocks": 1}
-    found = measure(config, **{**SETTINGS, "rules": 2020, "product": 0, "budget": 1e-9})
+    result = measure(config, **{**SETTINGS, "rules": 2020, "product": 0, "budget": 1e-9})
     macs = 16 * 24 * 8 * (9 * 4 + 6 * 9 * 8 + 4)
-    assert found["macs_as_paper"] == macs + 16 * 24 * (8 * 7 + 4 + 8 * 4)
-    assert found["precisions"]["32-true"]["calls"] == 1 and not {"machine", "published", "training"} & set(found)
+    assert result["macs_as_paper"] == macs + 16 * 24 * (8 * 7 + 4 + 8 * 4)
+    assert result["precisions"]["32-true"]["calls"] == 1 and not {"machine", "published", "training"} & set(result)
 
 
 def test_trained_weights_and_a_snapshot() -> None:
@@ -101,8 +101,8 @@ def test_trained_weights_and_a_snapshot() -> None:
     with torch.no_grad():
         error = (decoder(*snapshot[:2]) - video).square().mean((-2, -1))
     settings = {**SETTINGS, "frames": 2, "size": (16, 16), "snapshot": snapshot, "state": decoder.state_dict()}
-    found = measure(config, **settings)
-    assert found["precisions"]["32-true"]["psnr"] == pytest.approx(float((-10 * error.log10()).mean()), abs=1e-3)
+    result = measure(config, **settings)
+    assert result["precisions"]["32-true"]["psnr"] == pytest.approx(float((-10 * error.log10()).mean()), abs=1e-3)
 
 
 def test_calls_take_turns() -> None:

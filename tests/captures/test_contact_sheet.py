@@ -14,11 +14,11 @@ from sci_lightning.captures.contact_sheet import MOST, RED, chosen, contact_shee
 
 def texts(figure):
     figure.canvas.draw()
-    found = [figure.get_suptitle()]
+    result = [figure.get_suptitle()]
     for part in figure.subfigs:
         for axes in part.axes:
-            found += [axes.get_title(), *(text.get_text() for text in axes.texts)]
-    return found
+            result += [axes.get_title(), *(text.get_text() for text in axes.texts)]
+    return result
 
 
 @pytest.mark.parametrize("size", [(5, 6), (400, 300), (3, 2000)])
@@ -44,9 +44,9 @@ def test_labels_stretch_and_saturation(file):
         attrs={"name": "a $name$ that is no formula and goes on and on"},
     )
     figure = contact_sheet_figure(read_captures(path))
-    found = texts(figure)
-    assert "0 dark\nmean 6.3 DN" in found and "1 flat\nmean 105 DN" in found
-    assert "exposure 2\nstretched: 3 to 10 DN" in found and "aperture 0.25" in found
+    result = texts(figure)
+    assert "0 dark\nmean 6.3 DN" in result and "1 flat\nmean 105 DN" in result
+    assert "exposure 2\nstretched: 3 to 10 DN" in result and "aperture 0.25" in result
     images = [axes.images[0].get_array() for axes in figure.subfigs[1].axes if axes.images]
     np.testing.assert_allclose(images[1][2, 2], RED)
     assert (images[1] == images[1][..., :1]).all(-1).sum() == 29  # all others are grey

@@ -124,8 +124,8 @@ def test_a_checkpoint_alone(ran: Ran, refused: Ran, unfinished: Path, tmp_path: 
     shown = ran("train", f"ckpt_path={unfinished}", "trainer.max_epochs=2", "workers=1")
     assert "as configured there, but trainer.max_epochs=2 (was 1), workers=1 (was 0)" in " ".join(shown.split())
     assert sorted(tmp_path.iterdir()) == before  # it went on in the run's own folder
-    found = json.loads((tmp_path / "RUN" / "metrics.json").read_text())
-    assert (found["decoder"], found["config"]["seed"], found["config"]["decoder"]["channels"]) == ("e2e_cnn", 3, 8)
+    result = json.loads((tmp_path / "RUN" / "metrics.json").read_text())
+    assert (result["decoder"], result["config"]["seed"], result["config"]["decoder"]["channels"]) == ("e2e_cnn", 3, 8)
     assert torch.load(unfinished, weights_only=True)["global_step"] == 8
 
     assert "finished before, kept" in ran("train", "resume=true", "out=RUN")

@@ -29,12 +29,12 @@ def mask(captures: Captures) -> torch.Tensor:
 
 def test_known_scenes_that_move(captures: Captures) -> None:
     moving = [index for index, kind in enumerate(captures.kind) if kind == "dynamic"]
-    found = CapturedSnapshots(
+    result = CapturedSnapshots(
         replace(captures, kind=("unknown",) * len(captures)), mask(captures)
     )  # labels don't count
-    assert found.names == [f"capture_{index}" for index in moving] and len(found) == 3
+    assert result.names == [f"capture_{index}" for index in moving] and len(result) == 3
     for number, index in enumerate(moving):
-        place, video, measurement, aperture = found[number]
+        place, video, measurement, aperture = result[number]
         assert place == number and float(aperture) == 0.5
         np.testing.assert_array_equal(video, captures.scene[index])
         np.testing.assert_allclose(measurement * 1023, captures.measurement[index], atol=1e-3)
@@ -46,8 +46,8 @@ def test_only_those_behind_the_mask(captures: Captures) -> None:
     sequence = captures.sequence.copy()
     last = int(np.flatnonzero([kind == "dynamic" for kind in captures.kind])[-1])
     sequence[last] = sequence[last, ::-1]
-    found = CapturedSnapshots(replace(captures, sequence=sequence), mask(captures))
-    assert len(found) == 2 and f"capture_{last}" not in found.names
+    result = CapturedSnapshots(replace(captures, sequence=sequence), mask(captures))
+    assert len(result) == 2 and f"capture_{last}" not in result.names
     reversed_order = CapturedSnapshots(replace(captures, sequence=sequence), mask(captures).flip(0))
     assert reversed_order.names == [f"capture_{last}"]
     assert len(CapturedSnapshots(captures, mask(captures) + 0.4 / 255)) == 3  # less than a modulator's level

@@ -22,9 +22,9 @@ def test_every_photograph_is_bundled(name):
 @pytest.mark.parametrize(("scale", "level", "step"), [(0.5, 0, 0.5), (1, 0, 1), (2, 1, 1), (4, 2, 1), (12, 2, 3)])
 def test_the_level_fits_the_scale(scale, level, step):
     (camera,) = load_photographs(("camera.png",))
-    texture, found = camera.level(scale)
+    texture, result = camera.level(scale)
     assert texture is camera.levels[level]
-    assert found == step
+    assert result == step
 
 
 def test_a_photograph_that_is_not_installed_is_named():

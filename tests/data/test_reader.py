@@ -156,8 +156,8 @@ def test_find_clips_lists_a_tree_in_natural_order(tmp_path, noise):
         (tmp_path / name).touch()
     save_images(tmp_path / "a" / "deep", noise(2))
     save_images(tmp_path / "cover", noise(1))  # a single picture is no clip
-    found = [clip.relative_to(tmp_path).as_posix() for clip in find_clips(tmp_path)]
-    assert found == ["a/deep", "b/clip1.MP4", "clip2.npz", "clip10.npz"]
+    result = [clip.relative_to(tmp_path).as_posix() for clip in find_clips(tmp_path)]
+    assert result == ["a/deep", "b/clip1.MP4", "clip2.npz", "clip10.npz"]
     assert find_clips(str(tmp_path / "clip2.npz")) == [tmp_path / "clip2.npz"]
 
 

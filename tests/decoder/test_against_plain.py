@@ -95,5 +95,5 @@ def test_every_stage_is_the_same(name: str, kind: str, monkeypatch: pytest.Monke
         mask = structural(frames, height, width)
     measurement = (mask * torch.rand(2, frames, height, width)).sum(1)
     expected = plain(as_published(decoder), measurement, mask)
-    for found, stage in zip(decoder.stages(measurement, mask), expected, strict=True):
-        torch.testing.assert_close(found, stage, rtol=0, atol=1e-5 * float(stage.abs().max()))
+    for result, stage in zip(decoder.stages(measurement, mask), expected, strict=True):
+        torch.testing.assert_close(result, stage, rtol=0, atol=1e-5 * float(stage.abs().max()))

@@ -28,8 +28,8 @@ CASES = {  # channels, outputs, kernel, stride; shape (N, T, H, W)
 }
 
 
-def close(found: torch.Tensor, reference: torch.Tensor) -> None:
-    torch.testing.assert_close(found, reference.to(found), rtol=0, atol=4e-6 * float(reference.detach().abs().max()))
+def close(result: torch.Tensor, reference: torch.Tensor) -> None:
+    torch.testing.assert_close(result, reference.to(result), rtol=0, atol=4e-6 * float(reference.detach().abs().max()))
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -40,13 +40,13 @@ def test_equals_torch(case: str) -> None:
     x.requires_grad_()
     exact = [each.detach().double().requires_grad_() for each in (x, layer.weight, layer.bias)]
     reference = F.conv3d(*exact, layer.stride, layer.padding)
-    found = layer(x)
-    close(found, reference)
-    assert found.is_contiguous(memory_format=torch.channels_last_3d)
-    assert torch.equal(found, layer(x.contiguous(memory_format=torch.channels_last_3d)))
-    gradient = torch.randn_like(found)
+    result = layer(x)
+    close(result, reference)
+    assert result.is_contiguous(memory_format=torch.channels_last_3d)
+    assert torch.equal(result, layer(x.contiguous(memory_format=torch.channels_last_3d)))
+    gradient = torch.randn_like(result)
     expected = torch.autograd.grad(reference, exact, gradient.double())
-    for each, other in zip(torch.autograd.grad(found, [x, layer.weight, layer.bias], gradient), expected, strict=True):
+    for each, other in zip(torch.autograd.grad(result, [x, layer.weight, layer.bias], gradient), expected, strict=True):
         close(each, other)
 
 

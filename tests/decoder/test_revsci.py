@@ -26,8 +26,8 @@ def test_the_same_gradients(blocks: int, channels: int) -> None:
     computed.load_state_dict(stored.state_dict())
     measurement, mask = torch.rand(2, 21, 18), torch.rand(5, 21, 18)
     assert torch.equal(stored(measurement, mask), computed(measurement, mask))
-    expected, found = (gradients(decoder, measurement, mask) for decoder in (stored, computed))
-    for reference, gradient in zip(expected, found, strict=True):
+    expected, outcome = (gradients(decoder, measurement, mask) for decoder in (stored, computed))
+    for reference, gradient in zip(expected, outcome, strict=True):
         torch.testing.assert_close(gradient, reference, rtol=0, atol=1e-5 * float(reference.abs().max()))
 
 
@@ -39,9 +39,9 @@ def test_the_same_gradients_in_mixed_precision() -> None:
     with torch.autocast("cpu", torch.bfloat16):
         loss = (decoder(measurement, mask) - 0.5).square().mean()
     mixed = torch.autograd.grad(loss, list(decoder.parameters()))
-    for expected, found in zip(reference[2:], mixed, strict=True):
-        assert found.dtype == torch.float32
-        assert (found - expected).norm() < 0.1 * expected.norm()
+    for expected, outcome in zip(reference[2:], mixed, strict=True):
+        assert outcome.dtype == torch.float32
+        assert (outcome - expected).norm() < 0.1 * expected.norm()
 
 
 class Peak(TorchDispatchMode):

@@ -21,12 +21,12 @@ def test_the_same_gradients_on_less_memory(name: str) -> None:
     stored, again = (NETWORKS[name](checkpoint) for checkpoint in (False, True))
     again.load_state_dict(stored.state_dict())
     measurement, mask = torch.rand(1, 21, 18), torch.rand(3, 21, 18)
-    found, peaks = [], []
+    result, peaks = [], []
     for decoder in (stored, again):
         with Peak() as peak:
-            found.append(gradients(decoder, measurement, mask))
+            result.append(gradients(decoder, measurement, mask))
         # without the gradients of the parameters, which stay
         peaks.append(peak.bytes - sum(4 * parameter.numel() for parameter in decoder.parameters()))
-    for reference, gradient in zip(*found, strict=True):
+    for reference, gradient in zip(*result, strict=True):
         torch.testing.assert_close(gradient, reference, rtol=0, atol=1e-6 * float(reference.abs().max()))
     assert peaks[1] < 0.7 * peaks[0]

@@ -36,10 +36,10 @@ def test_gap_iterations(squared: bool) -> None:
     decoder = adding(GAPNet(4, 3, (2, 2, 2), squared), 0.1, 0.2, 0.3)
     weight = (mask**2).sum(0) if squared else mask.sum(0)
     x = mask * y[:, None]
-    for constant, found in zip((0.1, 0.2, 0.3), decoder.stages(y, mask), strict=True):
+    for constant, result in zip((0.1, 0.2, 0.3), decoder.stages(y, mask), strict=True):
         x = x + mask * ((y - (mask * x).sum(1)) / weight)[:, None]
         x = x + torch.tanh(torch.tensor(constant))
-        torch.testing.assert_close(found, x)
+        torch.testing.assert_close(result, x)
 
 
 @pytest.mark.parametrize("squared", [False, True])
@@ -52,11 +52,11 @@ def test_admm_iterations(squared: bool) -> None:
     weight = (mask**2).sum(0) if squared else mask.sum(0)
     theta = mask * y[:, None]
     b = torch.zeros_like(theta)
-    for constant, gamma, found in zip((0.1, 0.2, 0.3), gammas, decoder.stages(y, mask), strict=True):
+    for constant, gamma, result in zip((0.1, 0.2, 0.3), gammas, decoder.stages(y, mask), strict=True):
         x = theta + b + mask * ((y - (mask * (theta + b)).sum(1)) / (weight + gamma))[:, None]
         theta = x - b + torch.tanh(torch.tensor(constant))
         b = b - (x - theta)
-        torch.testing.assert_close(found, theta)
+        torch.testing.assert_close(result, theta)
 
 
 def test_keys_are_the_published_ones() -> None:

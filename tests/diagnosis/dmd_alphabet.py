@@ -88,8 +88,8 @@ def judged(path: LightPath, folder: Path, factor: int) -> Judged:
 
     errors = []
     for mirror, point in zip(on_device, photographed, strict=True):
-        found = fsolve(lambda place, mirror=mirror: seen_at(place) - mirror, point)
-        errors.append(float(np.hypot(*(found - point))))
+        result = fsolve(lambda place, mirror=mirror: seen_at(place) - mirror, point)
+        errors.append(float(np.hypot(*(result - point))))
     return Judged(float(np.median(errors)), float(np.sqrt(np.mean(np.square(errors)))))
 
 

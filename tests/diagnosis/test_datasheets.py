@@ -46,10 +46,10 @@ def test_datasheet(well: float | None, read: float | None, differ: set[str], hid
         full_well_e=None if well is None else well * WELL,
         read_noise_dn=None if read is None else read * READ,
     )
-    found = diagnose(stated, FEW)
-    assert set(found.names) == hidden | differ and not found.unnamed
-    assert found.verdict == ("explained" if found.names else "consistent")
-    noise = describe(found)["noise"]
+    result = diagnose(stated, FEW)
+    assert set(result.names) == hidden | differ and not result.unnamed
+    assert result.verdict == ("explained" if result.names else "consistent")
+    noise = describe(result)["noise"]
     assert noise["shot_noise"]["full_well"] == pytest.approx(WELL, rel=0.1)
     assert noise["read_noise"]["std"] == pytest.approx(READ, rel=0.1)
     assert set(noise["stated_by_the_file"]) == {

@@ -40,17 +40,17 @@ def diagnosed(folder: Path, hidden: dict[str, Any], empirical: bool = False, **s
     ],
 )
 def test_what_has_no_name(hidden: dict[str, Any], surround: str, stage: str, tmp_path: Path) -> None:
-    found = diagnosed(tmp_path, hidden, surround=surround)
-    assert found.verdict == "unexplained" and found.names == ()
-    assert found.unnamed[0].stage == stage and found.unnamed[0].p_value < 1e-6
+    result = diagnosed(tmp_path, hidden, surround=surround)
+    assert result.verdict == "unexplained" and result.names == ()
+    assert result.unnamed[0].stage == stage and result.unnamed[0].p_value < 1e-6
 
 
 @pytest.mark.slow
 def test_free_form_when_asked(tmp_path: Path) -> None:
-    found = diagnosed(tmp_path, {"short_slot": {"loss": 0.3, "slot": 2}}, empirical=True, surround="dark")
-    assert found.verdict == "unexplained" and found.unnamed[0].stage == "exposure"
-    assert found.after.gap.chi2 < 1.05 < found.before.gap.chi2
-    write_encoder(found, tmp_path)
+    result = diagnosed(tmp_path, {"short_slot": {"loss": 0.3, "slot": 2}}, empirical=True, surround="dark")
+    assert result.verdict == "unexplained" and result.unnamed[0].stage == "exposure"
+    assert result.after.gap.chi2 < 1.05 < result.before.gap.chi2
+    write_encoder(result, tmp_path)
     assert "SlotWeights" in (tmp_path / "encoder.yaml").read_text()
 
 
@@ -67,27 +67,27 @@ def test_what_is_to_be_recorded_tells(tmp_path: Path) -> None:
     """A weak delay and a weak lag are the same to first order; with the captures that are asked for they are not."""
     few = {name: vocabulary()[name] for name in ("sync_offset", "mask_lag", "shot_noise", "read_noise")}
     captures = captured(tmp_path, {"mask_lag": {"lag": 0.015}})
-    found = diagnose(captures, few)
-    (effect,) = describe(found)["effects"]
+    result = diagnose(captures, few)
+    (effect,) = describe(result)["effects"]
     assert {effect["name"], *effect["alternatives"]} == {"mask_lag", "sync_offset"}
-    more = recorded(found, effect["tell_apart"], found.before.fit.hypothesis.with_effect("mask_lag", {"lag": 0.015}))
+    more = recorded(result, effect["tell_apart"], result.before.fit.hypothesis.with_effect("mask_lag", {"lag": 0.015}))
     (effect,) = describe(diagnose(joined(captures, more), few))["effects"]
     assert (effect["name"], effect["alternatives"], effect["tell_apart"]) == ("mask_lag", [], "")
 
 
-def recorded(found: Diagnosis, advice: str, truth: Hypothesis) -> Captures:
+def recorded(result: Diagnosis, advice: str, truth: Hypothesis) -> Captures:
     """What somebody records who follows the advice, with a camera of which the truth is known."""
     amount = re.search(r"record (?:(\d+) captures|one capture) of", advice)
     assert amount
     random, parts = torch.Generator().manual_seed(1), []
-    for kind, seen in further_captures(found.observation).items():
+    for kind, seen in further_captures(result.observation).items():
         if re.search(f" of {re.escape(kind)}(, and as many| \\(about| \\(more)", advice):
-            told = found.model.of_captures(seen).predict(truth)
+            told = result.model.of_captures(seen).predict(truth)
             for _ in range(int(amount[1] or 1)):
                 noisy = told.mean + told.deviation * torch.randn(told.mean.shape, generator=random)
                 parts.append((seen, noisy.round().clamp(0, seen.full_scale)))
     assert parts
-    shape = (found.observation.frames, *found.observation.size)
+    shape = (result.observation.frames, *result.observation.size)
     return Captures(
         patterns=parts[0][0].patterns.numpy(),
         sequence=torch.cat([seen.sequences for seen, _ in parts]).numpy(),
@@ -122,11 +122,11 @@ def test_further_captures_tell_what_no_other_value_of_the_rival_makes_up_for() -
 def test_one_capture(tmp_path: Path) -> None:
     captures = captured(tmp_path, {"gain": {"factor": 0.8}})
     (first,) = np.flatnonzero([kind == "static" for kind in captures.inferred_kind])[:1]
-    found = diagnose(captures.take([int(first)]), vocabulary())
-    split = describe(found)["split"]
+    result = diagnose(captures.take([int(first)]), vocabulary())
+    split = describe(result)["split"]
     assert split["held_out_captures"] == [] and "one capture" in split["note"]
-    found.save(tmp_path / "out")
-    assert {"report.json", "report.html", "encoder.yaml", *found.plot()} <= {
+    result.save(tmp_path / "out")
+    assert {"report.json", "report.html", "encoder.yaml", *result.plot()} <= {
         path.name for path in (tmp_path / "out").iterdir()
     }
 

@@ -26,17 +26,17 @@ def test_a_displaced_mask_behind_a_homography(tmp_path: Path) -> None:
     """Its name, its values and its encoder are right; the slow test below takes every effect."""
     write_captures(tmp_path / "a.h5", captures(WIDE, Deviation(shift=(0.6, -0.35)), SIZE, MIRRORS))
     few = {name: effect for name, effect in vocabulary().items() if name in NEIGHBOURS}
-    found = diagnose(read_captures(tmp_path / "a.h5"), few)
-    assert found.names == ("mask_shift",)
-    assert found.after.gap.chi2 < 1.06 and found.before.gap.chi2 > 5
+    result = diagnose(read_captures(tmp_path / "a.h5"), few)
+    assert result.names == ("mask_shift",)
+    assert result.after.gap.chi2 < 1.06 and result.before.gap.chi2 > 5
     for name, value in (("dx", 0.6), ("dy", -0.35)):
-        (effect,) = found.effects
+        (effect,) = result.effects
         error = float(effect.parameters[name].value) - value
         assert abs(error) < 0.02, (name, error)
-    found.save(tmp_path / "found")
+    result.save(tmp_path / "found")
     encoder = build(read_encoder_file(tmp_path / "found" / "encoder.yaml").content, "encoder")
     assert encoder.size == SIZE and encoder.mask.size == MIRRORS
-    expected = image(found.observation.patterns[:4].numpy(), WIDE, SIZE, Deviation(shift=(0.6, -0.35)), beyond=0.0)
+    expected = image(result.observation.patterns[:4].numpy(), WIDE, SIZE, Deviation(shift=(0.6, -0.35)), beyond=0.0)
     inner = (slice(None), slice(3, -3), slice(3, -3))
     error = encoder.transmittance().detach().numpy()[inner] - expected[inner]
     assert np.sqrt((error**2).mean()) < 0.03
@@ -64,9 +64,9 @@ def test_a_displaced_mask_behind_a_homography(tmp_path: Path) -> None:
 )
 def test_deviations_behind_a_homography(matrix: np.ndarray, deviation: Deviation, names: tuple[str, ...]) -> None:
     mirrors = (70, 70) if matrix[0, 1] > 0.5 else MIRRORS
-    found = diagnose(captures(matrix, deviation, SIZE, mirrors, seed=3))
-    assert set(found.names) == set(names) and found.after.gap.chi2 < 1.08
-    assert found.verdict == ("explained" if names else "consistent")
+    result = diagnose(captures(matrix, deviation, SIZE, mirrors, seed=3))
+    assert set(result.names) == set(names) and result.after.gap.chi2 < 1.08
+    assert result.verdict == ("explained" if names else "consistent")
 
 
 def test_snapshots_of_unknown_scenes_are_seen_through_it() -> None:

@@ -75,11 +75,11 @@ def test_degenerate_captures_get_a_verdict(degenerate: str, tmp_path: Path) -> N
     few = {
         name: vocabulary()[name] for name in ("gain", "pattern_order", "bit_depth", "prnu", "shot_noise", "read_noise")
     }
-    found = diagnose(replace(captures, **changed), few, settings=SearchSettings(max_effects=2))
-    report = json.loads(json.dumps(describe(found)))
+    result = diagnose(replace(captures, **changed), few, settings=SearchSettings(max_effects=2))
+    report = json.loads(json.dumps(describe(result)))
     check("report", report)
     assert report["verdict"] in ("consistent", "explained", "partly_explained", "unexplained")
-    assert headline(found).endswith(".")
+    assert headline(result).endswith(".")
 
 
 @pytest.mark.parametrize(

@@ -43,23 +43,23 @@ CASES: dict[str, tuple[Hidden, dict[str, float]]] = {
 FAST = ("shift and black level",)
 
 
-def check(found: Diagnosis, truth: dict[str, float]) -> None:
+def check(result: Diagnosis, truth: dict[str, float]) -> None:
     """The names are right, their values are within five standard deviations or a thousandth, and chi2 is 1."""
-    assert found.verdict == ("explained" if truth else "consistent")
-    assert set(found.names) == {name.split(".")[0] for name in truth}
-    estimates = {f"{one.name}.{name}": value for one in found.effects for name, value in one.parameters.items()}
+    assert result.verdict == ("explained" if truth else "consistent")
+    assert set(result.names) == {name.split(".")[0] for name in truth}
+    estimates = {f"{one.name}.{name}": value for one in result.effects for name, value in one.parameters.items()}
     for name, value in truth.items():
         error = abs(float(estimates[name].value) - value)
         assert error < max(5 * estimates[name].std, 2e-3 * abs(value)), (name, estimates[name])
-    assert 0.95 < found.after.gap.chi2 < 1.05
+    assert 0.95 < result.after.gap.chi2 < 1.05
 
 
 @pytest.mark.parametrize("name", [one if one in FAST else pytest.param(one, marks=pytest.mark.slow) for one in CASES])
 def test_hidden_cases(name: str) -> None:
     hidden, truth = CASES[name]
-    found = diagnose(captures(hidden, size=40 if name in FAST else 64, seed=1), vocabulary())
-    check(found, truth)
-    stated = describe(found)["split"]
+    result = diagnose(captures(hidden, size=40 if name in FAST else 64, seed=1), vocabulary())
+    check(result, truth)
+    stated = describe(result)["split"]
     assert all(1 <= width <= 10 for width in stated["border"].values()) and 0.3 < stated["counted_fraction"] < 0.9
 
 
@@ -93,9 +93,9 @@ def test_a_displacement_costs_its_own_rows() -> None:
     ],
 )
 def test_the_border_of_an_effect(effect: effects.Effect, border: Border) -> None:
-    found = effect.border((40, 60))
+    result = effect.border((40, 60))
     for side in ("top", "right", "bottom", "left"):
-        assert getattr(found, side) == pytest.approx(getattr(border, side), abs=1e-5)
+        assert getattr(result, side) == pytest.approx(getattr(border, side), abs=1e-5)
 
 
 @pytest.mark.parametrize("name", ["mask_shift", "mask_rotation", "mask_scale", "mask_blur", "optical_blur"])

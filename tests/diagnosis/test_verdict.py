@@ -55,10 +55,10 @@ def few(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
     return diagnose(read_captures(path), {name: vocabulary()[name] for name in ("gain", "shot_noise", "read_noise")})
 
 
-def with_chi2(found: Diagnosis, chi2: float) -> Diagnosis:
+def with_chi2(result: Diagnosis, chi2: float) -> Diagnosis:
     """The same with another chi2 on the held-out pixels."""
-    before, after = (replace(each, gap=replace(each.gap, chi2=chi2)) for each in (found.before, found.after))
-    return replace(found, before=before, after=after)
+    before, after = (replace(each, gap=replace(each.gap, chi2=chi2)) for each in (result.before, result.after))
+    return replace(result, before=before, after=after)
 
 
 def limit(fitter: Fitter, fit: Fit) -> float:
@@ -99,8 +99,8 @@ def test_verdict_and_sentence_agree() -> None:
         (0, 1, 5), (0, 1), (0, 2), (0.4, 1.0, 30.0), (0.98, 1.04, 1.08, 1.3), (0.5, -0.5)
     ):
         first, second = Gap(**shared, chi2=before, nll=2 + gained), Gap(**shared, chi2=after, nll=2.0)
-        found = diagnosed(names * (SHIFT,), unnamed * (GHOST,), structure * (with_p(1e-9),), first, second)
-        word, sentence = found.verdict, headline(found)
+        result = diagnosed(names * (SHIFT,), unnamed * (GHOST,), structure * (with_p(1e-9),), first, second)
+        word, sentence = result.verdict, headline(result)
         assert ("captures agree with" in sentence) == (word == "consistent"), sentence
         assert ("captures disagree with" in sentence) == (word == "unexplained"), sentence
         assert (NOTHING_LEFT in sentence) == (word in ("consistent", "explained")), sentence
@@ -119,6 +119,6 @@ def test_explained_by_many_pixels_means_at_most_the_negligible(tmp_path: Path) -
     path = tmp_path / "a.h5"
     VirtualCamera(Session(size=(48, 48)), {"gain": {"factor": 0.9}}).write(path, seed=3)
     few = {name: vocabulary()[name] for name in ("gain", "shot_noise", "read_noise")}
-    found = diagnose(read_captures(path), few)
-    assert found.verdict == "explained"
-    assert found.after.gap.chi2_limit == NEGLIGIBLE == 1.05 >= found.after.gap.chi2
+    result = diagnose(read_captures(path), few)
+    assert result.verdict == "explained"
+    assert result.after.gap.chi2_limit == NEGLIGIBLE == 1.05 >= result.after.gap.chi2

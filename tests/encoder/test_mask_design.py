@@ -14,18 +14,18 @@ from sci_lightning.imaging.patches import MaskScore
 @pytest.mark.parametrize("bits", [1, 2])
 def test_structural(bits: int) -> None:
     steps: list[int] = []
-    found = design_structural(3, bits, (4, 4), steps=12, on_progress=lambda step, score: steps.append(step))
-    assert found.scores[-1] > found.scores[0] + 0.05 and steps == list(range(13))
-    assert torch.equal(found.levels.sum(0), torch.ones(4, 4))
-    assert torch.equal(structure(found.real, bits), found.levels)
+    result = design_structural(3, bits, (4, 4), steps=12, on_progress=lambda step, score: steps.append(step))
+    assert result.scores[-1] > result.scores[0] + 0.05 and steps == list(range(13))
+    assert torch.equal(result.levels.sum(0), torch.ones(4, 4))
+    assert torch.equal(structure(result.real, bits), result.levels)
     again = design_structural(3, bits, (4, 4), steps=12)
-    assert torch.equal(again.levels, found.levels)  # the seed decides
+    assert torch.equal(again.levels, result.levels)  # the seed decides
 
 
 def test_binary_keeps_its_density() -> None:
-    found = design_binary(4, 0.3, (4, 4), steps=16)
-    assert found.scores[-1] > found.scores[0]
-    assert found.levels.unique().tolist() == [0, 1] and int(found.levels.sum()) == round(0.3 * 64)
+    result = design_binary(4, 0.3, (4, 4), steps=16)
+    assert result.scores[-1] > result.scores[0]
+    assert result.levels.unique().tolist() == [0, 1] and int(result.levels.sum()) == round(0.3 * 64)
 
 
 @pytest.mark.parametrize("density", [0, 1, -0.5, 0.001])

@@ -105,8 +105,8 @@ def test_solvers() -> None:
     video = torch.nn.functional.interpolate(torch.rand(1, 5, 3, 3), (16, 18), mode="bilinear")
     measurement = physics.A(video)
     least = physics.A_dagger(measurement)
-    found = LinearPhysics.A_dagger(physics, measurement, solver="CG", max_iter=50, tol=1e-6)
-    torch.testing.assert_close(found, least, rtol=0, atol=1e-3)
+    result = LinearPhysics.A_dagger(physics, measurement, solver="CG", max_iter=50, tol=1e-6)
+    torch.testing.assert_close(result, least, rtol=0, atol=1e-3)
     step = float(1 / physics.mask.square().sum(0).max())
     settings = {"stepsize": step, "sigma_denoiser": 0.05, "max_iter": 40}
     estimate = PGD(data_fidelity=L2(), prior=PnP(TVDenoiser(n_it_max=10)), **settings)(measurement, physics)

@@ -51,14 +51,14 @@ def test_all(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path:
     done = command("benchmark", "decoder=all", "only=[e2e_cnn]", *asked)
     assert done.returncode == 0, done.stderr
     assert "e2e_cnn" in done.stdout and "GFLOP/s" in done.stdout and "run: benchmark.json" in done.stdout
-    found = json.loads((tmp_path / "run" / "benchmark.json").read_text())
-    check("benchmark", found)
-    assert found["format"] == "sci-benchmark" and found["size"] == [16, 16] and found["device"].startswith("cpu")
-    assert found["provenance"]["command"].endswith("reduced=smoke out=run") and found["weights"] == "random weights"
-    assert found["scene"].startswith("synthetic: ") and found["precisions"][0] == "32-true"
-    cost = found["decoders"]["e2e_cnn"]
+    result = json.loads((tmp_path / "run" / "benchmark.json").read_text())
+    check("benchmark", result)
+    assert result["format"] == "sci-benchmark" and result["size"] == [16, 16] and result["device"].startswith("cpu")
+    assert result["provenance"]["command"].endswith("reduced=smoke out=run") and result["weights"] == "random weights"
+    assert result["scene"].startswith("synthetic: ") and result["precisions"][0] == "32-true"
+    cost = result["decoders"]["e2e_cnn"]
     assert cost["parameters"] < 100_000 and cost["paper"]["row"] == "E2E-CNN"  # the network of scale=smoke
-    assert set(cost["precisions"]) == set(cost["training"]["precisions"]) == set(found["precisions"])
+    assert set(cost["precisions"]) == set(cost["training"]["precisions"]) == set(result["precisions"])
     assert (tmp_path / "run" / "benchmark.md").read_text().count("|") > 20
 
 
@@ -86,9 +86,9 @@ def test_decoders_that_fail_do_not_stop_the_others(
     assert caught.value.code == 2 and len(measured) == len(members("decoder"))
     assert "decoders could not be measured: res2former: did not fit; res2former_l: did not fit" in err
     assert err.startswith(f"error: 2 of {len(measured)}") and "53.49" in out
-    found = json.loads((tmp_path / "run" / "benchmark.json").read_text())
-    check("benchmark", found)
-    assert set(found["decoders"]) | set(found["failed"]) == set(members("decoder"))
+    result = json.loads((tmp_path / "run" / "benchmark.json").read_text())
+    check("benchmark", result)
+    assert set(result["decoders"]) | set(result["failed"]) == set(members("decoder"))
     table = (tmp_path / "run" / "benchmark.md").read_text()
     assert "| e2e_cnn | 0.82 (0.82) | 53.49 | 53.49 (53.49) |" in table
     assert "| e2e_cnn | float32 | 1.25 | 300 | 86 | 86% | 71% |  |  |  |" in table
@@ -99,14 +99,14 @@ def test_decoders_that_fail_do_not_stop_the_others(
 def test_trained_weights(checkpoint_of: Callable[..., Path], ran: Run, tmp_path: Path) -> None:
     checkpoint_of(tmp_path / "a.ckpt")
     ran("benchmark", "ckpt_path=a.ckpt", "precision=32", "repeats=1", "product=0", "out=run")
-    found = json.loads((tmp_path / "run" / "benchmark.json").read_text())
-    check("benchmark", found)
+    result = json.loads((tmp_path / "run" / "benchmark.json").read_text())
+    check("benchmark", result)
     assert (
-        found["weights"] == "trained weights (a.ckpt)"
-        and found["size"] == [32, 32]
-        and list(found["decoders"]) == ["e2e_cnn"]
+        result["weights"] == "trained weights (a.ckpt)"
+        and result["size"] == [32, 32]
+        and list(result["decoders"]) == ["e2e_cnn"]
     )
-    assert set(found["decoders"]["e2e_cnn"]["precisions"]) == {"32-true"}
+    assert set(result["decoders"]["e2e_cnn"]["precisions"]) == {"32-true"}
 
 
 @pytest.fixture

@@ -97,9 +97,9 @@ def test_without_a_mask(published: dict[str, torch.Tensor], ran: Run, tmp_path: 
 
 def test_bad_input(published: dict[str, torch.Tensor], refused: Refused, tmp_path: Path) -> None:
     def line(checkpoint: str, *overrides: str) -> str:
-        found = refused("convert", f"checkpoint={checkpoint}", "out=out.ckpt", *(overrides or DECODER))
-        assert checkpoint in found and not (tmp_path / "out.ckpt").exists()
-        return found
+        result = refused("convert", f"checkpoint={checkpoint}", "out=out.ckpt", *(overrides or DECODER))
+        assert checkpoint in result and not (tmp_path / "out.ckpt").exists()
+        return result
 
     assert "no such checkpoint" in line("absent.pth")
     assert "name it: decoder=NAME" in line("bare.pth", "seed=1")

@@ -24,10 +24,10 @@ def test_train_evaluate_reconstruct(command: Command, tmp_path: Path) -> None:
     run = [f"encoder={path.relative_to(tmp_path)}", "encoder.sensor.bit_depth=10", "effect=[gain,optical_blur]"]
     done = command("train", *SMALL[:-2], *run, "crop=[16,16]", "out=run")
     assert done.returncode == 0, done.stderr
-    found = json.loads((tmp_path / "run" / "metrics.json").read_text())
-    assert found["encoder"] == found["test_encoder"] == "camera"
-    assert found["config"]["encoder"]["sensor"]["bit_depth"] == 10
-    assert set(found["config"]["encoder"]["effects"]) == {"mask_shift", "prnu", "shot_noise", "gain", "optical_blur"}
+    result = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert result["encoder"] == result["test_encoder"] == "camera"
+    assert result["config"]["encoder"]["sensor"]["bit_depth"] == 10
+    assert set(result["config"]["encoder"]["effects"]) == {"mask_shift", "prnu", "shot_noise", "gain", "optical_blur"}
 
     checkpoint = read_checkpoint(tmp_path / "run" / "checkpoints" / "last.ckpt")
     maps = np.load(tmp_path / "camera" / "prnu.npy")
@@ -40,14 +40,14 @@ def test_train_evaluate_reconstruct(command: Command, tmp_path: Path) -> None:
     done = command("evaluate", *scenes, "out=again")
     assert done.returncode == 0, done.stderr
     again = json.loads((tmp_path / "again" / "metrics.json").read_text())
-    assert again["mean"] == pytest.approx(found["mean"], abs=1e-6)
+    assert again["mean"] == pytest.approx(result["mean"], abs=1e-6)
 
     for file in ("patterns.npy", "prnu.npy"):
         (tmp_path / file).rename(tmp_path / "camera" / file)
     done = command("evaluate", *scenes, f"encoder={path}", "out=other")
     assert done.returncode == 0, done.stderr
     other = json.loads((tmp_path / "other" / "metrics.json").read_text())
-    assert (other["encoder"], other["test_encoder"]) == ("camera", "camera") and other["mean"] != found["mean"]
+    assert (other["encoder"], other["test_encoder"]) == ("camera", "camera") and other["mean"] != result["mean"]
 
     snapshot = torch.randint(0, 1024, (2, 32, 32)).numpy().astype(np.uint16)
     np.save(tmp_path / "snapshot.npy", snapshot)

@@ -64,11 +64,11 @@ def test_scores(corrected: bool, captures: Captures, trained: Any, ran: Run, tmp
     expected = psnr(trained(taken / 0.5, mask), truth).mean(1)  # the captures' aperture, not the encoder's
 
     assert "trained on ideal" in ran("evaluate", *TEST, *encoder, "precision=32", "out=run")
-    found = json.loads((tmp_path / "run" / "metrics.json").read_text())
-    assert (found["encoder"], found["test_encoder"]) == ("ideal", "virtual camera")
+    result = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert (result["encoder"], result["test_encoder"]) == ("ideal", "virtual camera")
     names = [f"capture_{len(captures) - 2}", f"capture_{len(captures) - 1}"]
-    assert [found["scenes"][name]["psnr"] for name in names] == pytest.approx(expected.tolist(), abs=1e-3)
-    assert found["config"]["evaluate"]["captures"] == "lab.h5"
+    assert [result["scenes"][name]["psnr"] for name in names] == pytest.approx(expected.tolist(), abs=1e-3)
+    assert result["config"]["evaluate"]["captures"] == "lab.h5"
 
 
 def test_refusals(captures: Captures, trained: Any, ran: Run, refused: Run) -> None:

@@ -25,10 +25,10 @@ QUICK += ["trainer.accelerator=cpu"]
 def test_pictures_of_every_scene_and_effects_in_titles(ran: Callable[..., str], tmp_path: Path) -> None:
     printed = ran("evaluate", *QUICK, "encoder=lsw_sr", "effect=[mask_shift,prnu]", "data.scenes_count=3", "out=run")
     assert "gap_tv, tested on lsw_sr + mask_shift + prnu" in printed and "metrics.json, pictures/" in printed
-    found = json.loads((tmp_path / "run" / "metrics.json").read_text())
-    assert found["test_encoder"] == "lsw_sr" and found["test_effects"] == ["mask_shift", "prnu"]
+    result = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert result["test_encoder"] == "lsw_sr" and result["test_effects"] == ["mask_shift", "prnu"]
     pictures = sorted((tmp_path / "run" / "pictures").iterdir())
-    assert [path.stem for path in pictures] == sorted(found["scenes"]) and len(pictures) == 3
+    assert [path.stem for path in pictures] == sorted(result["scenes"]) and len(pictures) == 3
     for path in pictures:
         with Image.open(path) as picture:
             assert picture.width > 800 and np.asarray(picture.convert("L")).std() > 20

@@ -21,10 +21,10 @@ SCENE = ["data=synthetic", "data.scenes_count=1", "trainer.accelerator=cpu", "me
 def test_evaluate(ran: Run, tmp_path: Path, decoder: str) -> None:
     told = ran("evaluate", f"decoder={decoder}", *SHORT, *SCENE)
     assert f"{decoder}, tested on rbw_osr" in told and "trained on" not in told
-    found = json.loads((tmp_path / "run" / "metrics.json").read_text())
-    assert (found["encoder"], found["decoder"], found["test_encoder"]) == ("rbw_osr", decoder, "rbw_osr")
-    assert found["mean"]["psnr"] > found["baseline"]["psnr"] and found["parameters"] == 0
-    assert found["config"]["decoder"]["iterations"] == [3] and found["config"]["size"] == [32, 32]
+    result = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert (result["encoder"], result["decoder"], result["test_encoder"]) == ("rbw_osr", decoder, "rbw_osr")
+    assert result["mean"]["psnr"] > result["baseline"]["psnr"] and result["parameters"] == 0
+    assert result["config"]["decoder"]["iterations"] == [3] and result["config"]["size"] == [32, 32]
 
 
 def test_evaluate_in_tiles(ran: Run, refused: Run, tmp_path: Path) -> None:
@@ -40,8 +40,8 @@ def test_evaluate_in_tiles(ran: Run, refused: Run, tmp_path: Path) -> None:
 
 def test_with_an_encoder(ran: Run, tmp_path: Path) -> None:
     ran("evaluate", "decoder=gap_tv", "encoder=rsw_sr", "effect=[gain]", *SHORT, *SCENE)
-    found = json.loads((tmp_path / "run" / "metrics.json").read_text())
-    assert found["encoder"] == found["test_encoder"] == "rsw_sr" and found["mean"]["psnr"] > 15
+    result = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert result["encoder"] == result["test_encoder"] == "rsw_sr" and result["mean"]["psnr"] > 15
     np.save(tmp_path / "mask.npy", (np.random.default_rng(0).random((4, 32, 32)) < 0.5).astype("float32"))
     ran(
         "evaluate",

@@ -84,9 +84,9 @@ def test_killed_and_started_again(command: Command, tmp_path: Path) -> None:
     assert reached(second) == 10
 
     for folder in (first, second):
-        found = {name: json.loads((folder / name / "metrics.json").read_text()) for name in (".", "test_rbw_sr")}
-        assert [each["test_encoder"] for each in found.values()] == ["rbw_osr", "rbw_sr"]
-        assert found["."]["mean"] != found["test_rbw_sr"]["mean"]
+        result = {name: json.loads((folder / name / "metrics.json").read_text()) for name in (".", "test_rbw_sr")}
+        assert [each["test_encoder"] for each in result.values()] == ["rbw_osr", "rbw_sr"]
+        assert result["."]["mean"] != result["test_rbw_sr"]["mean"]
     printed = command("tables", "runs=sweep", "out=tables")
     told = " ".join(printed.stdout.split())  # wrapped wherever a long folder's name puts the margin
     assert printed.returncode == 0 and "4 runs" in told, printed.stderr

@@ -62,22 +62,22 @@ def test_what_a_file_shows_of_a_training_without_a_logger(command: Command, tmp_
 
 
 def test_metrics_file(run: Path) -> None:
-    found = json.loads((run / "metrics.json").read_text())
-    check("metrics", found)
-    assert (found["format"], found["format_version"]) == ("sci-metrics", 1)
-    assert (found["encoder"], found["decoder"], found["test_encoder"]) == ("lsw_sr", "e2e_cnn", "lsw_sr")
-    assert len(found["scenes"]) == 2
+    result = json.loads((run / "metrics.json").read_text())
+    check("metrics", result)
+    assert (result["format"], result["format_version"]) == ("sci-metrics", 1)
+    assert (result["encoder"], result["decoder"], result["test_encoder"]) == ("lsw_sr", "e2e_cnn", "lsw_sr")
+    assert len(result["scenes"]) == 2
     for metric in ("psnr", "ssim", "qscore"):
-        values = [scene[metric] for scene in found["scenes"].values()]
-        assert found["mean"][metric] == pytest.approx(np.mean(values))
-        assert found["baseline"][metric] > 0
-    assert set(found["mean"]) == {"psnr", "ssim", "qscore"}
-    assert found["conventions"]["qscore"].startswith(
+        values = [scene[metric] for scene in result["scenes"].values()]
+        assert result["mean"][metric] == pytest.approx(np.mean(values))
+        assert result["baseline"][metric] > 0
+    assert set(result["mean"]) == {"psnr", "ssim", "qscore"}
+    assert result["conventions"]["qscore"].startswith(
         "Q of HDR-VDP-2.2.2, luma-display, 30 pixels per degree, per frame"
     )
-    assert found["parameters"] > 0 and found["macs"] > 0 and found["seconds_per_measurement"] > 0
-    assert found["device"].startswith("cpu")
-    assert found["config"]["encoder"]["mask"]["bits"] == 4
+    assert result["parameters"] > 0 and result["macs"] > 0 and result["seconds_per_measurement"] > 0
+    assert result["device"].startswith("cpu")
+    assert result["config"]["encoder"]["mask"]["bits"] == 4
 
 
 def test_everything_is_where_the_summary_says(run: Path) -> None:
@@ -134,16 +134,16 @@ def test_evaluate_with_the_trained_and_with_another_encoder(run: Path, command: 
     done = command("evaluate", ckpt, *scenes, "out=a")
     assert done.returncode == 0, done.stderr
     trained = json.loads((run / "metrics.json").read_text())
-    found = json.loads((tmp_path / "a" / "metrics.json").read_text())
-    assert found["mean"] == pytest.approx(trained["mean"], abs=1e-6)
-    assert found["test_encoder"] == "lsw_sr"
+    result = json.loads((tmp_path / "a" / "metrics.json").read_text())
+    assert result["mean"] == pytest.approx(trained["mean"], abs=1e-6)
+    assert result["test_encoder"] == "lsw_sr"
 
     done = command("evaluate", ckpt, "encoder=rbw_sr", *scenes, "metrics.qscore=null", "out=b")
     assert done.returncode == 0, done.stderr
     assert "Q-Score" not in done.stdout
     other = json.loads((tmp_path / "b" / "metrics.json").read_text())
     assert (other["encoder"], other["test_encoder"]) == ("lsw_sr", "rbw_sr")
-    assert other["mean"]["psnr"] < found["mean"]["psnr"]
+    assert other["mean"]["psnr"] < result["mean"]["psnr"]
     assert "qscore" not in other["mean"] and not other["conventions"]
 
     convention = ["metric=[psnr,qscore]", "metrics.qscore.encoding=sRGB-display", "metrics.qscore.pixels_per_degree=40"]
@@ -151,7 +151,7 @@ def test_evaluate_with_the_trained_and_with_another_encoder(run: Path, command: 
     assert done.returncode == 0, done.stderr
     assert "sRGB-display, 40 pixels per degree" in " ".join(done.stdout.split())
     other = json.loads((tmp_path / "c" / "metrics.json").read_text())
-    assert set(other["mean"]) == {"psnr", "qscore"} and other["mean"]["qscore"] != found["mean"]["qscore"]
+    assert set(other["mean"]) == {"psnr", "qscore"} and other["mean"]["qscore"] != result["mean"]["qscore"]
 
 
 def test_evaluate_on_the_benchmark(run: Path, command: Command, tmp_path: Path, shared_data: Path) -> None:
@@ -169,8 +169,8 @@ def test_evaluate_on_the_benchmark(run: Path, command: Command, tmp_path: Path, 
     limits = [f"benchmark.root={shared_data}/benchmark", "benchmark.scenes=[runner,drop]", "trainer.max_epochs=1"]
     done = command("train", *tiled, *limits, "data.snapshots_per_scene=1", "out=run")
     assert done.returncode == 0, done.stderr
-    found = json.loads((tmp_path / "run" / "metrics.json").read_text())
-    assert set(found["scenes"]) == {"runner", "drop"}
+    result = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert set(result["scenes"]) == {"runner", "drop"}
 
 
 def test_reconstruct(run: Path, command: Command, tmp_path: Path) -> None:

@@ -77,8 +77,8 @@ def test_every_type_and_order_of_npy(tmp_path: Path, dtype: str, order: str) -> 
 def test_every_type_of_matlab(tmp_path: Path, dtype: str, compression: bool) -> None:
     array = (values(4, 5, 3) % 2).astype(dtype)
     savemat(tmp_path / "a.mat", {"mask": array, "a_long_name_for_a_variable": 1}, do_compression=compression)
-    found = read_array(tmp_path / "a.mat", prefer="mask", dimensions=3)
-    np.testing.assert_array_equal(found, np.moveaxis(array, -1, 0))
+    result = read_array(tmp_path / "a.mat", prefer="mask", dimensions=3)
+    np.testing.assert_array_equal(result, np.moveaxis(array, -1, 0))
     savemat(tmp_path / "4.mat", {"mask": array[0].astype(float)}, format="4")
     np.testing.assert_array_equal(read_array(tmp_path / "4.mat", prefer="mask", dimensions=2), array[0])
 

@@ -32,9 +32,9 @@ def test_every_type_of_tiff(tmp_path: Path, dtype: str, layout: dict[str, object
     order = {"byteorder": ">"} if dtype[0] == ">" else {}
     for name, values in (("stack.tif", stack), ("one.tif", stack[0])):
         imwrite(tmp_path / name, values, photometric="minisblack", **layout, **order)
-        found = read_pictures(tmp_path / name, prefer="meas")
-        assert found.dtype.newbyteorder("=") == np.dtype(dtype).newbyteorder("=")
-        np.testing.assert_array_equal(found, values)
+        result = read_pictures(tmp_path / name, prefer="meas")
+        assert result.dtype.newbyteorder("=") == np.dtype(dtype).newbyteorder("=")
+        np.testing.assert_array_equal(result, values)
 
 
 def test_values_that_are_no_numbers_stay_what_they_are(tmp_path: Path) -> None:
@@ -151,9 +151,9 @@ def test_every_depth_of_png(tmp_path: Path, bits: int, dtype: type) -> None:
         single = (values[..., None] >> np.arange(bits - 1, -1, -1)) & 1
         rows = [np.packbits(row.reshape(-1).astype(np.uint8)).tobytes() for row in single]
     path = png(tmp_path / "a.png", 16, 5, bits, zlib.compress(b"".join(b"\0" + row for row in rows)))
-    found = read_pictures(path, prefer="meas")
-    assert found.dtype == dtype
-    np.testing.assert_array_equal(found, values)
+    result = read_pictures(path, prefer="meas")
+    assert result.dtype == dtype
+    np.testing.assert_array_equal(result, values)
 
 
 def test_png_that_is_no_grey_picture(tmp_path: Path) -> None:

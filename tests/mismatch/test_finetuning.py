@@ -93,17 +93,17 @@ def test_the_arguments_of_a_fine_tuning(tmp_path: Path) -> None:
 
 
 def test_bad_input(refused: Callable[..., str], trained: Path, tmp_path: Path) -> None:
-    found = encoder_file(tmp_path / "FOUND")
-    line = refused("train", *TINY, f"encoder={found}", "experiment=finetune", *QUIET)
+    result = encoder_file(tmp_path / "FOUND")
+    line = refused("train", *TINY, f"encoder={result}", "experiment=finetune", *QUIET)
     assert "needs a decoder that is trained already: ckpt_path=" in line
     line = refused("train", f"ckpt_path={trained}", "experiment=finetune")
     assert "Give encoder=FOUND/encoder.yaml" in line
-    line = refused("train", f"ckpt_path={trained}", f"encoder={found}", "experiment=finetune", "decoder=res2former")
+    line = refused("train", f"ckpt_path={trained}", f"encoder={result}", "experiment=finetune", "decoder=res2former")
     assert "cannot be fine-tuned as decoder=res2former" in line
-    line = refused("train", f"ckpt_path={trained}", f"encoder={found}", "experiment=finetune", "decoder.channels=4")
+    line = refused("train", f"ckpt_path={trained}", f"encoder={result}", "experiment=finetune", "decoder.channels=4")
     assert "does not fit decoder=e2e_cnn" in line
-    np.save(found.parent / "patterns.npy", np.ones((4, 32, 32)) / 4)
-    line = refused("train", f"ckpt_path={trained}", f"encoder={found}", "experiment=finetune")
+    np.save(result.parent / "patterns.npy", np.ones((4, 32, 32)) / 4)
+    line = refused("train", f"ckpt_path={trained}", f"encoder={result}", "experiment=finetune")
     assert "does not fit" in line or "frames" in line
 
 

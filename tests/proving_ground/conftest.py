@@ -19,7 +19,7 @@ def record() -> Callable[..., Record]:
     def made(
         suite: str,
         hidden: dict[str, dict[str, Any]],
-        found: dict[str, dict[str, tuple[Any, float]]],
+        result: dict[str, dict[str, tuple[Any, float]]],
         *,
         verdict: str | None = None,
         unnamed: tuple[str, ...] = (),
@@ -55,10 +55,10 @@ def record() -> Callable[..., Record]:
                     "parameters": {key: {"value": value, "std": std} for key, (value, std) in values.items()},
                     "alternatives": list(alternatives),
                 }
-                for name, values in found.items()
+                for name, values in result.items()
             ],
             "unnamed": [{"stage": stage, "where": "somewhere", "p_value": 0.0} for stage in unnamed],
-            "verdict": verdict or ("explained" if found else "consistent"),
+            "verdict": verdict or ("explained" if result else "consistent"),
             "gap": {"before": {"chi2": before}, "after": {"chi2": after}},
             "seconds": 5.0,
             "cpu_seconds": 4.0,

@@ -97,12 +97,12 @@ def test_the_strongest_stage_counts(record: Record) -> None:
 
 def test_errors_in_standard_deviations(record: Record) -> None:
     hidden = {"flicker": {"amplitude": 0.2, "frequency": 1.5, "phase": 3.1}, "pattern_order": {"offset": 2}}
-    found = {
+    result = {
         "flicker": {"amplitude": (0.21, 0.01), "frequency": (1.5, 0.0), "phase": (-3.1, 0.1)},
         "pattern_order": {"offset": (2, 0.0)},  # a whole number has no interval
         "gain": {"factor": (1.2, 0.1)},  # not hidden: there is no truth to hold
     }
-    errors = dict(outcome(record("pair", hidden, found)).errors)
+    errors = dict(outcome(record("pair", hidden, result)).errors)
     assert set(errors) == {"flicker.amplitude", "flicker.frequency", "flicker.phase"}
     assert errors["flicker.amplitude"] == pytest.approx(1)
     assert errors["flicker.phase"] == pytest.approx((2 * math.pi - 6.2) / 0.1)  # once round is nowhere

@@ -25,7 +25,7 @@ def row(rows: list[Row], start: str) -> Row:
     return line
 
 
-def found(error: float) -> dict[str, dict[str, tuple[float, float]]]:
+def result(error: float) -> dict[str, dict[str, tuple[float, float]]]:
     return {"gain": {"factor": (1.1 + 0.01 * error, 0.01)}}
 
 
@@ -47,18 +47,18 @@ def records(record: Callable[..., Any]) -> list[Outcome | Failure]:
     lost = {"format": "sci-proving-ground-case", "format_version": 1, "case": "single-bad", "suite": "single"}
     ghost = {"ghost": {"fraction": 0.1, "dx": 5.0, "dy": 5.0}}
     contents = [
-        *(record("single", GAIN, found(error)) for error in (-2.5, -1, 0, 0.5, 1)),
-        record("single", GAIN, found(1.5), verification={"captures": [3], "chi2": 1.2, "chi2_limit": 1.1}),
+        *(record("single", GAIN, result(error)) for error in (-2.5, -1, 0, 0.5, 1)),
+        record("single", GAIN, result(1.5), verification={"captures": [3], "chi2": 1.2, "chi2_limit": 1.1}),
         record("single", GAIN, {}, nats=10),  # nobody could have seen it
         {**lost, "failed": "ValueError: no"},
-        record("weak", GAIN, found(0), before=1.01, nats=50),
-        record("weak", GAIN, found(0), before=1.2, nats=300),  # not weak
-        record("pair", GAIN | {"black_level": {"offset": 0.1}}, found(0), after=2.0, verdict="partly_explained"),
+        record("weak", GAIN, result(0), before=1.01, nats=50),
+        record("weak", GAIN, result(0), before=1.2, nats=300),  # not weak
+        record("pair", GAIN | {"black_level": {"offset": 0.1}}, result(0), after=2.0, verdict="partly_explained"),
         record("nothing", {}, {}),
-        record("nothing", {}, found(0)),
+        record("nothing", {}, result(0)),
         record("nothing", {}, {}, mask="binary"),
         record("outside", ghost, {}, unnamed=("optics",), verdict="unexplained"),
-        record("outside", ghost, found(0), memory_mib=5000.0, size=[128, 128], frames=8, seconds=61.0),
+        record("outside", ghost, result(0), memory_mib=5000.0, size=[128, 128], frames=8, seconds=61.0),
     ]
     return [parse_record(content) for content in contents]
 
@@ -98,11 +98,11 @@ def test_rows_of_other_settings(record: Callable[..., Any]) -> None:
     rays = {"formulation": "rays", "also_true": ["prnu"]}
     pixels = {"prnu": {"std": (0.005, 0.0001)}}
     contents = [
-        record("single", GAIN, found(0), case="a"),
+        record("single", GAIN, result(0), case="a"),
         record("single", GAIN, {}, case="b", frames=4, bit_depth=12, datasheet="silent"),
         record("nothing", {}, pixels, case="c", unnamed=("exposure",), verdict="partly_explained", **rays),
-        record("nothing", {}, found(0), case="d", **rays),
-        record("single", GAIN, {**found(0), **pixels}, case="e", total_cpu_seconds=3592.0, **rays),
+        record("nothing", {}, result(0), case="d", **rays),
+        record("single", GAIN, {**result(0), **pixels}, case="e", total_cpu_seconds=3592.0, **rays),
     ]
     rows = summarise([parse_record(content) for content in contents])
     shares = {

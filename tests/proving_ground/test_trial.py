@@ -32,9 +32,9 @@ def test_a_case_and_its_record(monkeypatch: pytest.MonkeyPatch) -> None:
     check("proving_ground_case", record)
     assert record["case"] == "single-gain-structural-8bit-16x16-2slots-full-0" and record["digest"] == case.digest
     assert record["verdict"] == "explained" and record["true_names"] is None
-    ((hidden,), (found,)) = record["hidden"], record["found"]
+    ((hidden,), (result,)) = record["hidden"], record["found"]
     assert hidden["log_likelihood_gain"] == pytest.approx(record["log_likelihood_gain"]) and hidden["name"] == "gain"
-    value = found["parameters"]["factor"]
+    value = result["parameters"]["factor"]
     assert abs(value["value"] - hidden["parameters"]["factor"]) < 5 * value["std"]
     assert record["gap"]["after"]["chi2"] < record["gap"]["before"]["chi2"]
     assert record["cpu_seconds"] > 0 and record["seconds"] > 0 and record["memory_mib"] > 50

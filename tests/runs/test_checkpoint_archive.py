@@ -111,8 +111,8 @@ def test_the_format_from_before_2020(tmp_path: Path) -> None:
 def test_attributes_do_not_stand_in_for_methods(tmp_path: Path) -> None:
     entries = b"ccollections\nOrderedDict\n)R(" + text("config") + b"}" + text("state_dict") + b"}u"
     attributes = b"}(" + text("get") + b"K\x05" + text("items") + b"cbuiltins\nset\nub"
-    found = load_file(pickled(tmp_path / "a.ckpt", entries, attributes))
-    assert dict(found.items()) == {"config": {}, "state_dict": {}}
+    result = load_file(pickled(tmp_path / "a.ckpt", entries, attributes))
+    assert dict(result.items()) == {"config": {}, "state_dict": {}}
     weight = torch.nn.Parameter(torch.zeros(4))
     weight.numel = 5  # type: ignore[assignment, method-assign]
     torch.save({"x": weight}, tmp_path / "b.ckpt")

@@ -30,10 +30,10 @@ def test_nothing_there(configuration: Configuration, tmp_path: Path) -> None:
 def test_finished(configuration: Configuration, tmp_path: Path) -> None:
     earlier = plain(configuration("train", "decoder=e2e_cnn", "out=/somewhere/else"))
     (tmp_path / "metrics.json").write_text(json.dumps({"config": earlier, "mean": {"psnr": 30.0}}))
-    found = load_finished_metrics(
+    result = load_finished_metrics(
         tmp_path, plain(configuration("train", "decoder=e2e_cnn", f"out={tmp_path}", "workers=3"))
     )
-    assert found is not None and found["mean"]["psnr"] == 30.0
+    assert result is not None and result["mean"]["psnr"] == 30.0
     with pytest.raises(BadInput, match=r"decoder.blocks is 5, now 4\); give another out="):
         load_finished_metrics(tmp_path, plain(configuration("train", "decoder=e2e_cnn", "decoder.blocks=4")))
     (tmp_path / "metrics.json").write_text("[]")

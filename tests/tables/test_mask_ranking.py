@@ -39,9 +39,9 @@ def test_masks_of_different_kinds(monkeypatch: pytest.MonkeyPatch) -> None:
     blank = type("Design", (), {"levels": torch.zeros(3, 8, 8)})
     for name in ("design_structural", "design_binary"):
         monkeypatch.setattr(f"sci_lightning.encoder.mask.{name}", lambda *_, **__: blank)
-    found = dict(mask_ranking.masks(3, 20, 0))
-    assert len(found) == 24
-    assert all(mask.shape == (3, 20, 20) and mask.min() >= 0 and mask.max() <= 1 for mask in found.values())
+    result = dict(mask_ranking.masks(3, 20, 0))
+    assert len(result) == 24
+    assert all(mask.shape == (3, 20, 20) and mask.min() >= 0 and mask.max() <= 1 for mask in result.values())
 
 
 def test_the_command_takes_its_settings(

@@ -73,8 +73,8 @@ def test_of_equal_runs_the_latest_counts(made: Made, tmp_path: Path) -> None:
     os.utime(old, (1, 1))
     runs, lines = find_runs([tmp_path])
     assert [run.path for run in runs] == [new] and len(lines) == 1 and str(old) in lines[0]
-    found, lines = find_runs([tmp_path / "new", tmp_path / "new"])
-    assert len(found) == 1 and not lines
+    result, lines = find_runs([tmp_path / "new", tmp_path / "new"])
+    assert len(result) == 1 and not lines
 
 
 def test_two_sizes_of_a_network_are_two_runs(made: Made, tmp_path: Path) -> None:

@@ -34,8 +34,8 @@ def grid_of(name: str, folder: Path) -> Grid:
 
 
 def row(grid: Grid, *labels: str) -> list[str]:
-    (found,) = [cells for cells in grid.rows if cells[: len(labels)] == list(labels)]
-    return found
+    (result,) = [cells for cells in grid.rows if cells[: len(labels)] == list(labels)]
+    return result
 
 
 def test_means_spreads_and_differences(made: Made, tmp_path: Path) -> None:
@@ -85,8 +85,8 @@ def test_random_and_learned_and_bits(made: Made, tmp_path: Path) -> None:
     made("l4", "lsw_sr", "res2former", 34.0, bits=4)
     made("other", "lsw_sr", "e2e_cnn", 10.0, bits=3)
     grid = grid_of("table5", tmp_path)
-    found = {(cells[0], cells[1]): cells[2][:5] for cells in grid.rows if cells[2]}
-    assert found == {("2-bit", "Random"): "22.00", ("2-bit", "Learned"): "32.00", ("4-bit", "Learned"): "34.00"}
+    result = {(cells[0], cells[1]): cells[2][:5] for cells in grid.rows if cells[2]}
+    assert result == {("2-bit", "Random"): "22.00", ("2-bit", "Learned"): "32.00", ("4-bit", "Learned"): "34.00"}
     assert row(grid_of("table4", tmp_path), "Res2former")[2].startswith("34.00")  # one run serves both tables
 
 

@@ -38,8 +38,8 @@ def test_the_loss_of_frames_weighs_each_by_its_own_root(encoder: Encoder) -> Non
     decoder, video = GAPNet(4, 1, (2, 2, 2)), torch.rand(2, 4, 16, 16)
     error = decoder(encoder(video), encoder.mask()) - video
     frames = [frame.square().mean().sqrt() for clip in error for frame in clip]
-    found = System(encoder, decoder, loss="frame_rmse").training_step(video, 0)
-    torch.testing.assert_close(found, torch.stack(frames).mean())
+    result = System(encoder, decoder, loss="frame_rmse").training_step(video, 0)
+    torch.testing.assert_close(result, torch.stack(frames).mean())
 
 
 def test_every_weighted_stage_is_trained(encoder: Encoder) -> None:

@@ -52,9 +52,9 @@ def test_in_a_process_of_its_own(command, tmp_path):
 def test_ways_to_say_what_to_hide(here, tmp_path, overrides, hidden):
     here("out=deep/b.h5", *overrides)
     truth = json.loads((tmp_path / "deep" / "b.truth.json").read_text())["effects"]
-    found = {each["name"]: each["parameters"] for each in truth}
-    assert list(found) == list(hidden)
-    assert all(found[name] == values for name, values in hidden.items() if values is not None)
+    result = {each["name"]: each["parameters"] for each in truth}
+    assert list(result) == list(hidden)
+    assert all(result[name] == values for name, values in hidden.items() if values is not None)
 
 
 def test_session_by_overrides(here, tmp_path):

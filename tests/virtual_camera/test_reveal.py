@@ -45,8 +45,8 @@ def report(
     return Report(tuple(reported), tuple(unnamed), 33.0, 1.01)
 
 
-def answers(truth: tuple[HiddenEffect, ...], found: Report) -> dict[str, str]:
-    return {f"{row.effect}.{row.parameter}": row.answer for row in compare(truth, found)}
+def answers(truth: tuple[HiddenEffect, ...], result: Report) -> dict[str, str]:
+    return {f"{row.effect}.{row.parameter}": row.answer for row in compare(truth, result)}
 
 
 def test_parameter_by_parameter() -> None:
@@ -56,13 +56,13 @@ def test_parameter_by_parameter() -> None:
         pattern_order={"offset": 2},
         ghost={"fraction": 0.1, "dx": 5.0, "dy": 5.0},
     )
-    found = report(
+    result = report(
         gain={"factor": (1.1196, 0.0101)},
         flicker={"phase": (3.15 - 2 * math.pi, 0.03)},
         pattern_order={"offset": (3, 0.0)},
         vignetting={"strength": (0.2, 0.01)},
     )
-    assert answers(truth, found) == {
+    assert answers(truth, result) == {
         "gain.factor": "within 95 %",
         "flicker.phase": "within 95 %",
         "pattern_order.offset": "wrong",
@@ -95,8 +95,8 @@ def test_parameter_by_parameter() -> None:
         (hidden(ghost={}), report(unnamed=["sensor"]), "missed: ghost"),
     ],
 )
-def test_sentence(truth: tuple[HiddenEffect, ...], found: Report, sentence: str) -> None:
-    assert verdict(truth, found) == sentence
+def test_sentence(truth: tuple[HiddenEffect, ...], result: Report, sentence: str) -> None:
+    assert verdict(truth, result) == sentence
 
 
 def report_file(**effects: Mapping[str, tuple[Value, float]]) -> dict[str, Any]:

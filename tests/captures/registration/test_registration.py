@@ -20,11 +20,11 @@ from tests.own_grid_camera import Deviation, captures, homography
 SIZE, MIRRORS = (48, 56), (60, 64)
 
 
-def furthest(found: np.ndarray, hidden: np.ndarray, size: tuple[int, int] = SIZE) -> float:
+def furthest(result: np.ndarray, hidden: np.ndarray, size: tuple[int, int] = SIZE) -> float:
     """Largest distance in pixels between where two homographies say that a mirror is seen, over the field."""
     y, x = np.meshgrid(np.linspace(0, size[0] - 1, 5), np.linspace(0, size[1] - 1, 5))
     u, v = on_modulator(hidden, x, y)
-    inverse = np.linalg.inv(found)
+    inverse = np.linalg.inv(result)
     back = on_modulator(inverse / inverse[2, 2], u, v)
     return float(np.hypot(back[0] - x, back[1] - y).max())
 
@@ -47,16 +47,16 @@ def test_hidden_homography(matrix: np.ndarray, known: bool, pitch: tuple[float, 
     seen = captures(matrix, size=SIZE, mirrors=MIRRORS, known=known, sensor_to_modulator=None)
     if not known:
         seen = seen.take(range(3, 12))  # all of even targets
-    found = register(seen, pitch=pitch)
-    assert furthest(found.matrix, matrix) < 0.1
-    assert found.residual < 0.15 and found.correlation > 0.7
+    result = register(seen, pitch=pitch)
+    assert furthest(result.matrix, matrix) < 0.1
+    assert result.residual < 0.15 and result.correlation > 0.7
 
 
 def test_residual_tells_of_distortion() -> None:
     matrix = homography((1.3, 1.3), 2.0, SIZE, MIRRORS)
     bent = captures(matrix, Deviation(barrel=-0.08), SIZE, MIRRORS, sensor_to_modulator=None)
-    found = register(bent.take(range(8, 12)), pitch=(1.3, 1.3))
-    assert 0.3 < found.residual < 2
+    result = register(bent.take(range(8, 12)), pitch=(1.3, 1.3))
+    assert 0.3 < result.residual < 2
 
 
 @pytest.fixture

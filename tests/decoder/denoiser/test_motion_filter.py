@@ -39,9 +39,9 @@ def test_less_noise_along_the_motion(step: tuple[int, int]) -> None:
 
 def test_the_mean_of_what_stands_still() -> None:
     video = torch.rand(1, 1, 16, 16).expand(1, 4, 16, 16) + torch.tensor([0.0, 1e-3, 2e-3, 3e-3])[:, None, None]
-    found = MotionFilter(frames=1, after=0)(video)
-    torch.testing.assert_close(found[:, 0], video[:, :2].mean(1), rtol=0, atol=1e-5)
-    torch.testing.assert_close(found[:, 2], video[:, 1:].mean(1), rtol=0, atol=1e-5)
+    result = MotionFilter(frames=1, after=0)(video)
+    torch.testing.assert_close(result[:, 0], video[:, :2].mean(1), rtol=0, atol=1e-5)
+    torch.testing.assert_close(result[:, 2], video[:, 1:].mean(1), rtol=0, atol=1e-5)
 
 
 def test_what_has_no_match_stays() -> None:
@@ -51,8 +51,8 @@ def test_what_has_no_match_stays() -> None:
 
 @pytest.mark.parametrize("shape", [(1, 1, 16, 16), (1, 2, 1, 1), (2, 3, 7, 5), (1, 9, 18, 33)])
 def test_any_shape(shape: tuple[int, ...]) -> None:
-    found = MotionFilter(after=0)(torch.rand(shape))
-    assert found.shape == shape and bool(found.isfinite().all())
+    result = MotionFilter(after=0)(torch.rand(shape))
+    assert result.shape == shape and bool(result.isfinite().all())
     if shape[1] == 1:
         video = torch.rand(shape)
         assert torch.equal(MotionFilter(after=0)(video), video)
@@ -61,8 +61,8 @@ def test_any_shape(shape: tuple[int, ...]) -> None:
 def test_videos_of_a_batch_do_not_mix() -> None:
     videos = torch.cat([moving((1, 2)), moving((0, -1))]) + 0.02 * torch.randn(2, 6, 40, 48)
     together = MotionFilter(after=0)(videos)
-    for alone, found in zip(videos.split(1), together.split(1), strict=True):
-        torch.testing.assert_close(MotionFilter(after=0)(alone), found)
+    for alone, result in zip(videos.split(1), together.split(1), strict=True):
+        torch.testing.assert_close(MotionFilter(after=0)(alone), result)
 
 
 def test_when_it_searches() -> None:
@@ -82,9 +82,9 @@ def test_a_decoder_without_it_and_with_it() -> None:
     video, mask = moving((0, 1), 8), (torch.rand(8, 40, 48) < 0.5).float()
     measurement = SnapshotOperator(mask)(video)
     plain, along = (GAP(TotalVariation(), [0.05], [40], motion=each) for each in (None, MotionFilter(after=10)))
-    without, found = plain(measurement, mask), along(measurement, mask)
-    assert (found - video).square().mean() < 0.5 * (without - video).square().mean()
-    torch.testing.assert_close(along(measurement, mask), found)
+    without, result = plain(measurement, mask), along(measurement, mask)
+    assert (result - video).square().mean() < 0.5 * (without - video).square().mean()
+    torch.testing.assert_close(along(measurement, mask), result)
 
 
 @pytest.mark.parametrize(

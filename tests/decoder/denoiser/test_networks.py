@@ -22,12 +22,12 @@ def small() -> list[Denoiser]:
 @pytest.mark.parametrize("denoiser", small())
 def test_any_size(denoiser: Denoiser) -> None:
     video = torch.rand(2, 5, 13, 18)
-    found = denoiser(video, 0.1)
-    assert found.shape == video.shape and not torch.equal(found, video)
-    torch.testing.assert_close(denoiser(video[1:], 0.1), found[1:])
-    assert not torch.equal(denoiser(video, 0.2), found)  # the strength is told
+    result = denoiser(video, 0.1)
+    assert result.shape == video.shape and not torch.equal(result, video)
+    torch.testing.assert_close(denoiser(video[1:], 0.1), result[1:])
+    assert not torch.equal(denoiser(video, 0.2), result)  # the strength is told
     denoiser.train()
-    assert torch.equal(denoiser(video, 0.1), found)  # statistics are those of the weights
+    assert torch.equal(denoiser(video, 0.1), result)  # statistics are those of the weights
 
 
 def test_which_frames_count() -> None:

@@ -15,8 +15,8 @@ from sci_lightning.errors import BadInput
 @pytest.mark.parametrize("strength", [0.02, 0.1, 2.0])
 def test_against_scikit_image(shape: tuple[int, ...], steps: int, strength: float) -> None:
     video = torch.rand(shape)
-    found = TotalVariation(steps)(video, strength)
-    for clip, denoised in zip(video, found, strict=True):
+    result = TotalVariation(steps)(video, strength)
+    for clip, denoised in zip(video, result, strict=True):
         for frame, ours in zip(clip, denoised, strict=True):
             theirs = denoise_tv_chambolle(frame.double().numpy(), strength, eps=0, max_num_iter=steps + 1)
             torch.testing.assert_close(ours.double(), torch.from_numpy(theirs), rtol=0, atol=1e-5)

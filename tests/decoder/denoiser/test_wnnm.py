@@ -47,9 +47,9 @@ def test_the_nearest_patches_are_found() -> None:
 def test_noise_goes() -> None:
     clean = interpolate(torch.rand(1, 4, 4, 4), (30, 33), mode="bilinear")
     noisy = clean + 0.1 * torch.randn(clean.shape)
-    found = WNNM()(noisy, 0.1)
-    assert found.shape == clean.shape
-    assert (found - clean).square().mean() < 0.3 * (noisy - clean).square().mean()
+    result = WNNM()(noisy, 0.1)
+    assert result.shape == clean.shape
+    assert (result - clean).square().mean() < 0.3 * (noisy - clean).square().mean()
     still = torch.full((1, 2, 12, 12), 0.5)
     torch.testing.assert_close(WNNM()(still, 0.1), still)
 
@@ -58,9 +58,9 @@ def test_noise_goes() -> None:
 def test_small_frames(shape: tuple[int, ...]) -> None:
     """Frames below the patch's side, and with fewer patches than a group has."""
     video = torch.rand(shape)
-    found = WNNM(reach=1, neighbours=40)(video, 0.05)
-    assert found.shape == video.shape and torch.isfinite(found).all()
-    assert found.min() > -0.5 and found.max() < 1.5
+    result = WNNM(reach=1, neighbours=40)(video, 0.05)
+    assert result.shape == video.shape and torch.isfinite(result).all()
+    assert result.min() > -0.5 and result.max() < 1.5
 
 
 def test_a_search_serves_for_several_calls() -> None:

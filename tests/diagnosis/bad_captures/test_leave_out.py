@@ -43,50 +43,50 @@ def mislabelled(captures: Captures, number: int) -> Captures:
 
 
 @pytest.fixture(scope="module")
-def found(captures: Captures) -> Diagnosis:
+def result(captures: Captures) -> Diagnosis:
     """Capture 29 is mislabelled among those for fits, and 31 among those for verification."""
     return diagnose(mislabelled(mislabelled(captures, 29), 31), FEW)
 
 
-def test_both_are_named_and_the_diagnosis_goes_on(found: Diagnosis) -> None:
-    fitted, unseen = found.bad_captures
+def test_both_are_named_and_the_diagnosis_goes_on(result: Diagnosis) -> None:
+    fitted, unseen = result.bad_captures
     assert (fitted.number, fitted.role, fitted.kind) == (29, "fits and choices", "dynamic")
     assert (unseen.number, unseen.role) == (31, "verification")
     assert fitted.chi2 > 10 > 1.5 > fitted.others_chi2
     assert "its sequence looks like its own in reverse order" in fitted.sentence or "capture" in fitted.appearance
-    assert found.names == ("gain",) and found.verdict == "explained"
-    gain = found.effects[0].parameters["factor"]
+    assert result.names == ("gain",) and result.verdict == "explained"
+    gain = result.effects[0].parameters["factor"]
     assert abs(float(gain.value) - 0.9) < 4 * gain.std
-    assert 29 not in found.observation.number.tolist()
-    assert found.verification is not None and set(found.verification.captures) == set(VERIFICATION) - {31}
+    assert 29 not in result.observation.number.tolist()
+    assert result.verification is not None and set(result.verification.captures) == set(VERIFICATION) - {31}
 
 
-def test_every_report_says_so(found: Diagnosis) -> None:
-    content = describe(found)
+def test_every_report_says_so(result: Diagnosis) -> None:
+    content = describe(result)
     check("report", content)
     assert [capture["capture"] for capture in content["bad_captures"]] == [29, 31]
     assert "capture 29 (dynamic) does not fit the others: " in content["bad_captures"][0]["sentence"]
     earlier = {name: value for name, value in content.items() if name != "bad_captures"}
     check("report", earlier)  # written before such captures were looked for
     assert errors("report", content | {"bad_captures": [{"capture": 1}]})
-    page = report_page(found, Provenance(), found.plot())
+    page = report_page(result, Provenance(), result.plot())
     assert "Left out:" in page and "capture 31 (dynamic, kept for verification) does not fit the others" in page
     console = PlainConsole(file=io.StringIO(), width=200)
-    print_report(found, console)
+    print_report(result, console)
     assert "left out: capture 29 (dynamic) does not fit the others" in console.file.getvalue()  # type: ignore[attr-defined]
 
 
 def test_nobody_is_accused_among_good_captures(captures: Captures) -> None:
     messages: list[str] = []
-    found = diagnose(captures, FEW, on_progress=messages.append)
-    assert found.bad_captures == () and found.verdict == "explained"
+    result = diagnose(captures, FEW, on_progress=messages.append)
+    assert result.bad_captures == () and result.verdict == "explained"
     assert not [message for message in messages if "without" in message]
 
 
 @pytest.mark.slow
 def test_it_can_be_switched_off(captures: Captures) -> None:
-    found = diagnose(mislabelled(captures, 29), FEW, settings=SearchSettings(find_bad_captures=False))
-    assert found.bad_captures == () and found.verdict != "explained"
+    result = diagnose(mislabelled(captures, 29), FEW, settings=SearchSettings(find_bad_captures=False))
+    assert result.bad_captures == () and result.verdict != "explained"
 
 
 @pytest.mark.parametrize(
@@ -111,10 +111,10 @@ def test_what_it_looks_like(what: str, looks: str) -> None:
         dn[number] = dn[24]
     else:
         dn[number] = another_camera.captures(changed[what], size=32, seed=5, frames=4).measurement[number]
-    found = diagnose(replace(captures, measurement=dn), FEW)
-    assert [capture.number for capture in found.bad_captures] == [number]
-    assert looks in found.bad_captures[0].sentence, found.bad_captures[0].sentence
-    assert found.names == ("black_level",) and found.verdict == "explained"
+    result = diagnose(replace(captures, measurement=dn), FEW)
+    assert [capture.number for capture in result.bad_captures] == [number]
+    assert looks in result.bad_captures[0].sentence, result.bad_captures[0].sentence
+    assert result.names == ("black_level",) and result.verdict == "explained"
 
 
 def test_who_is_accused() -> None:

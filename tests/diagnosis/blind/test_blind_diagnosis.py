@@ -52,10 +52,10 @@ def diagnosed(captures: Captures, names: tuple[str, ...] = FEW) -> BlindDiagnosi
     ],
 )
 def test_what_is_hidden_is_named(hidden: dict[str, Any], expected: dict[str, Any]) -> None:
-    found = diagnosed(snapshots(hidden, size=(40, 40)), (*FEW, "mask_blur", "mask_orientation") if expected else FEW)
-    assert found.names == tuple(expected)
-    assert found.verdict == ("explained" if expected else "consistent")
-    for effect in found.effects:
+    result = diagnosed(snapshots(hidden, size=(40, 40)), (*FEW, "mask_blur", "mask_orientation") if expected else FEW)
+    assert result.names == tuple(expected)
+    assert result.verdict == ("explained" if expected else "consistent")
+    for effect in result.effects:
         assert effect.agree == effect.snapshots == 6 and effect.p_value < 0.01
         for name, value in expected[effect.name].items():
             estimate = effect.parameters[name]
@@ -92,13 +92,13 @@ def test_one_snapshot_says_so_and_is_less_sure() -> None:
 def test_saturated_blocks_are_left_out_and_say_so() -> None:
     captures = snapshots({"mask_contrast": {"leak": 0.2}})
     bright = np.minimum(captures.measurement.astype(float) * 1.6, 255).astype(np.uint8)
-    found = diagnosed(replace(captures, measurement=bright), ("mask_contrast",))
-    assert any("saturated pixel" in note for note in found.notes) and found.names == ("mask_contrast",)
+    result = diagnosed(replace(captures, measurement=bright), ("mask_contrast",))
+    assert any("saturated pixel" in note for note in result.notes) and result.names == ("mask_contrast",)
 
 
 def test_two_slots() -> None:
-    found = diagnosed(snapshots({"mask_contrast": {"leak": 0.2}}, frames=2, aperture=0.45), ("mask_contrast",))
-    assert found.names == ("mask_contrast",)
+    result = diagnosed(snapshots({"mask_contrast": {"leak": 0.2}}, frames=2, aperture=0.45), ("mask_contrast",))
+    assert result.names == ("mask_contrast",)
 
 
 def test_no_texture_names_nothing() -> None:
@@ -106,8 +106,8 @@ def test_no_texture_names_nothing() -> None:
     captures = snapshots(count=3)
     random = np.random.default_rng(0)
     even = np.round(random.normal(100, 1, captures.measurement.shape)).astype(np.uint8)
-    found = diagnosed(replace(captures, measurement=even), ("mask_contrast", "pattern_order"))
-    assert not found.names and found.verdict == "unexplained" and "No mask is to be seen" in found.notes[0]
+    result = diagnosed(replace(captures, measurement=even), ("mask_contrast", "pattern_order"))
+    assert not result.names and result.verdict == "unexplained" and "No mask is to be seen" in result.notes[0]
 
 
 def compared(before: float, after: float, p_value: float) -> PairedComparison:

@@ -45,29 +45,29 @@ def errors(fit: Fit) -> dict[tuple[str, str], float]:
 def test_parameters(tmp_path: Path, name: str, start: dict[str, float], truth: dict[str, float]) -> None:
     subject = fitter(tmp_path, {name: truth}).covering(NOISE.with_effect(name, dict(truth)))
     without = subject.fit(NOISE)
-    found = subject.fit(NOISE.with_effect(name, dict(start)))
-    assert found.held_out_log_likelihood > without.held_out_log_likelihood + 100
-    deviation = errors(found)
+    result = subject.fit(NOISE.with_effect(name, dict(start)))
+    assert result.held_out_log_likelihood > without.held_out_log_likelihood + 100
+    deviation = errors(result)
     for parameter, value in truth.items():
-        error = float(found.hypothesis.effects[name][parameter]) - value
+        error = float(result.hypothesis.effects[name][parameter]) - value
         assert abs(error) < 5 * deviation[name, parameter] < 0.02
 
 
 def test_map(tmp_path: Path) -> None:
     subject = fitter(tmp_path, {"prnu": {"std": 0.03}})
-    found = subject.fit(NOISE.with_effect("prnu", {"std": 0.01}, torch.zeros(64, 64)))
-    estimated = found.maps["prnu"]
+    result = subject.fit(NOISE.with_effect("prnu", {"std": 0.01}, torch.zeros(64, 64)))
+    estimated = result.maps["prnu"]
     assert abs(estimated.std - 0.03) < 5 * estimated.std_error < 0.005
-    assert found.held_out_log_likelihood > subject.fit(NOISE).held_out_log_likelihood + 100
+    assert result.held_out_log_likelihood > subject.fit(NOISE).held_out_log_likelihood + 100
 
 
 def test_a_gain_beside_a_map_that_scales_with_it(tmp_path: Path) -> None:
     """Were the maps' uncertainty not to count as it changes with the gain, this one would be 1 + 0.06**2 too large."""
     subject = fitter(tmp_path, {"prnu": {"std": 0.06}, "gain": {"factor": 0.9}})
     start = NOISE.with_effect("gain", {"factor": 0.9}).with_effect("prnu", {"std": 0.06}, torch.zeros(64, 64))
-    found = subject.fit(start, iterations=20)
-    error = float(found.hypothesis.effects["gain"]["factor"]) - 0.9
-    assert abs(error) < 2 * errors(found)["gain", "factor"] < 0.9 * 0.06**2
+    result = subject.fit(start, iterations=20)
+    error = float(result.hypothesis.effects["gain"]["factor"]) - 0.9
+    assert abs(error) < 2 * errors(result)["gain", "factor"] < 0.9 * 0.06**2
 
 
 def test_the_order_of_the_captures_does_not_matter(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ def captures() -> Captures:
 
 
 @pytest.fixture(scope="module")
-def found(captures: Captures) -> Diagnosis:
+def result(captures: Captures) -> Diagnosis:
     return diagnose(captures, FEW)
 
 
@@ -55,28 +55,30 @@ def test_the_file_may_choose(captures: Captures, tmp_path: Path) -> None:
         set_aside(observe(replace(captures, verification=tuple(range(len(captures))))), 5)
 
 
-def test_what_is_kept_changes_nothing_but_the_verdict(captures: Captures, found: Diagnosis) -> None:
+def test_what_is_kept_changes_nothing_but_the_verdict(captures: Captures, result: Diagnosis) -> None:
     """Ruin the captures that are kept: the fit stays the same to the last bit, and the verdict does not."""
-    assert found.verification is not None and found.verdict == "explained"
-    assert 0.9 < found.verification.after.chi2 < found.verification.after.chi2_limit < found.verification.before.chi2
+    assert result.verification is not None and result.verdict == "explained"
+    assert 0.9 < result.verification.after.chi2 < result.verification.after.chi2_limit < result.verification.before.chi2
     ruined = captures.measurement.copy()
-    ruined[list(found.verification.captures)] = np.minimum(captures.measurement[list(found.verification.captures)], 60)
-    other = diagnose(replace(captures, measurement=ruined, verification=tuple(found.verification.captures)), FEW)
-    told = [one.after.fit.hypothesis.effects["gain"]["factor"] for one in (found, other)]
-    assert told[0] == told[1] and found.after.gap == other.after.gap
+    ruined[list(result.verification.captures)] = np.minimum(
+        captures.measurement[list(result.verification.captures)], 60
+    )
+    other = diagnose(replace(captures, measurement=ruined, verification=tuple(result.verification.captures)), FEW)
+    told = [one.after.fit.hypothesis.effects["gain"]["factor"] for one in (result, other)]
+    assert told[0] == told[1] and result.after.gap == other.after.gap
     assert other.verdict != "explained" and "on captures that nothing has seen" in headline(other)
 
 
-def test_the_report_says_which_is_which(found: Diagnosis) -> None:
-    content = describe(found)
+def test_the_report_says_which_is_which(result: Diagnosis) -> None:
+    content = describe(result)
     assert content["format_version"] == 2 and content["mode"] == "calibrated" and content["laboratory"] == []
-    assert found.verification is not None
-    assert content["verification"]["captures"] == sorted(found.verification.captures)
-    assert content["verification"]["chi2"] == found.verification.after.chi2
+    assert result.verification is not None
+    assert content["verification"]["captures"] == sorted(result.verification.captures)
+    assert content["verification"]["chi2"] == result.verification.after.chi2
     kept, held_out = set(content["verification"]["captures"]), set(content["split"]["held_out_captures"])
     assert not kept & held_out and content["split"]["fitted_captures"] + len(kept | held_out) == 34
 
 
 def test_without_any_the_report_says_so(captures: Captures) -> None:
-    found = diagnose(captures.take([0, 5, 12, 25]), FEW)
-    assert found.verification is None and describe(found)["verification"]["captures"] == []
+    result = diagnose(captures.take([0, 5, 12, 25]), FEW)
+    assert result.verification is None and describe(result)["verification"]["captures"] == []

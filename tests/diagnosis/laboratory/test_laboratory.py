@@ -94,18 +94,18 @@ FAST = ("gamma",)
 @pytest.mark.parametrize("name", [one if one in FAST else pytest.param(one, marks=pytest.mark.slow) for one in CASES])
 def test_hidden_cases(name: str, tmp_path: Path) -> None:
     hidden, truth = CASES[name]
-    found = diagnose(captures(hidden, size=40 if name in FAST else 64, seed=1), vocabulary())
-    assert found.verdict == "explained" and set(found.names) == {one.split(".")[0] for one in truth}
-    estimates = {f"{one.name}.{key}": value for one in found.effects for key, value in one.parameters.items()}
+    result = diagnose(captures(hidden, size=40 if name in FAST else 64, seed=1), vocabulary())
+    assert result.verdict == "explained" and set(result.names) == {one.split(".")[0] for one in truth}
+    estimates = {f"{one.name}.{key}": value for one in result.effects for key, value in one.parameters.items()}
     for key, value in truth.items():
         assert abs(float(estimates[key].value) - value) < max(5 * estimates[key].std, 4e-3 * abs(value)), key
-    content = describe(found)
-    assert {one["name"] for one in content["laboratory"]} == {one for one in found.names if one.startswith("scene_")}
+    content = describe(result)
+    assert {one["name"] for one in content["laboratory"]} == {one for one in result.names if one.startswith("scene_")}
     assert not any(one["name"].startswith("scene_") for one in content["effects"])
     assert all(one["stage"] == "scene" for one in content["laboratory"])
     check("report", content)
-    assert "the targets" in headline(found).lower()
-    write_encoder(found, tmp_path)
+    assert "the targets" in headline(result).lower()
+    write_encoder(result, tmp_path)
     assert not any(
         one.startswith("scene_") for one in yaml.safe_load((tmp_path / "encoder.yaml").read_text())["effects"]
     )

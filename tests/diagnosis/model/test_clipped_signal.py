@@ -24,8 +24,8 @@ def test_standardised_signal_is_standard_normal(mean: float, deviation: float, r
     both = (deviation**2 + read**2) ** 0.5
     full = torch.ones(count, 1, 1)
     clipped = ClippedSignal(mean * full, both * full, torch.tensor(level), torch.tensor(read))
-    found = clipped.standardise(signal, torch.zeros(count, 1, 1)).double()
-    assert abs(found.mean()) < 0.01 and abs(found.std() - 1) < 0.01 and abs((found**4).mean() - 3) < 0.06
+    result = clipped.standardise(signal, torch.zeros(count, 1, 1)).double()
+    assert abs(result.mean()) < 0.01 and abs(result.std() - 1) < 0.01 and abs((result**4).mean() - 3) < 0.06
 
 
 def test_far_from_the_level_nothing_changes() -> None:
@@ -39,6 +39,6 @@ def test_wells_that_are_full_at_the_level_of_a_flat_field(tmp_path: Path) -> Non
     """Shot noise of 39 DN, of which one side is lost, beside a readout noise of 0.8 DN: nothing else is to be seen."""
     session = Session(size=(32, 32), bit_depth=12, pattern=0)
     VirtualCamera(session, {"saturation": {"level": 0.9164}}).write(tmp_path / "a.h5", seed=3)
-    found = diagnose(read_captures(tmp_path / "a.h5"), vocabulary())
-    assert found.names == ("saturation",) and found.verdict == "explained"
-    assert abs(float(found.after.fit.hypothesis.effects["saturation"]["level"]) - 0.9164) < 2e-4
+    result = diagnose(read_captures(tmp_path / "a.h5"), vocabulary())
+    assert result.names == ("saturation",) and result.verdict == "explained"
+    assert abs(float(result.after.fit.hypothesis.effects["saturation"]["level"]) - 0.9164) < 2e-4

@@ -41,7 +41,7 @@ VOID = {"meta", "link", "br", "img", "input"}
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+def result(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
     """A shift and a map: a page with every section."""
     path = tmp_path_factory.mktemp("page") / "a.h5"
     hidden = {"mask_shift": {"dx": 0.61, "dy": -0.35}, "column_noise": {"std": 0.02}}
@@ -59,23 +59,23 @@ SOURCE = Provenance(
 )
 
 
-def blank_figures(found: Diagnosis) -> dict[str, Figure]:
+def blank_figures(result: Diagnosis) -> dict[str, Figure]:
     """Empty figures in the place of those of the diagnosis, where the test is about texts; they are drawn at once."""
     names = ("residuals", "example", "histogram", "gap", "evidence")
-    unnamed = (f"unnamed_{number}" for number, _ in enumerate(found.unnamed, start=1))
+    unnamed = (f"unnamed_{number}" for number, _ in enumerate(result.unnamed, start=1))
     return {f"{name}.png": Figure(figsize=(1, 1)) for name in (*names, *unnamed)}
 
 
-def page(found: Diagnosis, source: Provenance = SOURCE) -> str:
+def page(result: Diagnosis, source: Provenance = SOURCE) -> str:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sci_lightning.diagnosis.report.report_page.MAX_TEST_FIGURES", 1)
-        return report_page(found, source, blank_figures(found), UNCERTAINTY)
+        return report_page(result, source, blank_figures(result), UNCERTAINTY)
 
 
 @pytest.fixture(scope="module")
-def text(found: Diagnosis) -> str:
+def text(result: Diagnosis) -> str:
     """The page of ``found`` with all figures."""
-    return report_page(found, SOURCE, figures(found), UNCERTAINTY)
+    return report_page(result, SOURCE, figures(result), UNCERTAINTY)
 
 
 class Tags(HTMLParser):
@@ -102,7 +102,7 @@ def test_it_is_well_formed_and_needs_nothing_else(text: str) -> None:
     assert "$" not in re.sub(r"<svg.*?</svg>", "", text, flags=re.DOTALL)
 
 
-def test_it_says_what_was_found(found: Diagnosis, text: str) -> None:
+def test_it_says_what_was_found(result: Diagnosis, text: str) -> None:
     assert re.search(
         r"<h1>The mask&#39;s image is displaced by \(0\.61\d?( ± 0.\d+)?, \u22120\.35.* pixel and columns differ", text
     )
@@ -113,19 +113,19 @@ def test_it_says_what_was_found(found: Diagnosis, text: str) -> None:
         "Uncertainties are statistical only",
         "Estimated map of column_noise",
         "The errors of mask_shift dx and mask_shift dy are correlated by",
-        "chance reaches" if found.after.gap.chi2_limit > 1.05 else "(1 = noise)",
+        "chance reaches" if result.after.gap.chi2_limit > 1.05 else "(1 = noise)",
         command,
         "1.5 s",
     ):
         assert words in text, words
-    for test in found.after.tests:
+    for test in result.after.tests:
         assert f'<td data-label="name">{test.name}</td>' in text
 
 
-def test_what_is_left_and_what_to_do(found: Diagnosis) -> None:
-    ambiguous = replace(found.effects[0], alternatives=("mask_scale",), tell_apart="Record 3.")
+def test_what_is_left_and_what_to_do(result: Diagnosis) -> None:
+    ambiguous = replace(result.effects[0], alternatives=("mask_scale",), tell_apart="Record 3.")
     ghost = Unnamed("ghost", "optics", "a second image", 1e-20, 99.0, torch.rand(32, 40))
-    other = replace(found, effects=(ambiguous, *found.effects[1:]), unnamed=(ghost,))
+    other = replace(result, effects=(ambiguous, *result.effects[1:]), unnamed=(ghost,))
     text = page(other)
     assert "optics: a second image (p 1e-20)" in text
     assert "cannot tell <b>mask_shift</b> from mask_scale" in text
@@ -136,22 +136,22 @@ def test_what_is_left_and_what_to_do(found: Diagnosis) -> None:
     check("report", json.loads(json.dumps(report)))
 
 
-def test_files(found: Diagnosis, tmp_path: Path) -> None:
-    write_report(found, tmp_path, SOURCE, blank_figures(found))
+def test_files(result: Diagnosis, tmp_path: Path) -> None:
+    write_report(result, tmp_path, SOURCE, blank_figures(result))
     report = json.loads((tmp_path / "report.json").read_text())
     check("report", report)
     assert report["captures"] == {"file": "a<b>.h5", "name": "Lab 1"} and report["runtime_s"] == 1.5
     assert report["date"] == SOURCE.date and list(report)[-3:] == ["captures", "date", "runtime_s"]
-    written = {path.name for path in tmp_path.iterdir()} - set(blank_figures(found))
+    written = {path.name for path in tmp_path.iterdir()} - set(blank_figures(result))
     assert written == {"report.json", "report.html", "encoder.yaml", "patterns.npy", "column_noise.npy"}
-    assert set(blank_figures(found)) == set(figures(found))
+    assert set(blank_figures(result)) == set(figures(result))
     encoder = OmegaConf.load(tmp_path / "encoder.yaml")
-    assert list(encoder.effects) == list(found.after.fit.hypothesis.effects)
-    assert encoder.effects.mask_shift.dx == found.effects[0].parameters["dx"].value  # to the last digit
+    assert list(encoder.effects) == list(result.after.fit.hypothesis.effects)
+    assert encoder.effects.mask_shift.dx == result.effects[0].parameters["dx"].value  # to the last digit
 
 
-def test_a_report_without_provenance(found: Diagnosis) -> None:
-    text = page(found, Provenance())
+def test_a_report_without_provenance(result: Diagnosis) -> None:
+    text = page(result, Provenance())
     assert "<title>explained: mask_shift, column_noise</title>" in text
     assert not re.search(r"<th>(run time|command)</th>", text) and Provenance().describe() == {}
 
@@ -169,13 +169,13 @@ def test_it_names_the_file_and_the_day(text: str) -> None:
     assert "<title>explained: mask_shift, column_noise · a&lt;b&gt;.h5 · 2026-11-21</title>" in text
 
 
-def test_what_files_contribute_is_shown_and_never_obeyed(found: Diagnosis) -> None:
+def test_what_files_contribute_is_shown_and_never_obeyed(result: Diagnosis) -> None:
     evil = "<img src=x onerror=alert(1)>\x1b[31m\u202e&"
-    own = type("Evil", (found.effects[0].effect,), {"name": evil, "stage": evil, "sentence": ""})
-    effect = replace(found.effects[0], effect=own, alternatives=(evil,), tell_apart=evil)
+    own = type("Evil", (result.effects[0].effect,), {"name": evil, "stage": evil, "sentence": ""})
+    effect = replace(result.effects[0], effect=own, alternatives=(evil,), tell_apart=evil)
     ghost = Unnamed(evil, evil, evil, 1e-20, 99.0, torch.rand(32, 40))
     rounds = (Round({evil: 9.0}, {}, None),)
-    other = replace(found, effects=(effect, *found.effects[1:]), unnamed=(ghost,), rounds=rounds)
+    other = replace(result, effects=(effect, *result.effects[1:]), unnamed=(ghost,), rounds=rounds)
     text = page(other, Provenance(evil, evil, evil, 1.0, evil))
     text += svg(evidence_figure(rounds, ()), evil) + svg(unnamed_figure(ghost), evil)
     assert "<img" not in text and "\x1b" not in text and "\u202e" not in text
@@ -195,9 +195,9 @@ def test_a_wide_figure_scrolls_by_itself_where_the_page_is_narrow(text: str) -> 
     assert ".tests { grid-template-columns: minmax(0, 1fr); }" in narrow and ".wide svg { min-width" in narrow
 
 
-def test_what_is_left_is_drawn_on_its_own_scale(found: Diagnosis) -> None:
+def test_what_is_left_is_drawn_on_its_own_scale(result: Diagnosis) -> None:
     """Residuals of 300 sigma before leave those of 1 sigma after white, or all of one purple."""
-    before, after = found.before.residuals, found.after.residuals
+    before, after = result.before.residuals, result.after.residuals
     loud = replace(before, raw=300 * after.raw)
     for figure, alone in ((residuals_figure(loud, after), 2), (example_figure(loud, after), 1)):
         panels = [axes for axes in figure.axes if axes.get_title(loc="left") == OWN]
@@ -210,8 +210,8 @@ def test_what_is_left_is_drawn_on_its_own_scale(found: Diagnosis) -> None:
 
 
 @pytest.mark.parametrize("shape", [(32, 32), (32, 40), (64, 32)])
-def test_no_label_of_the_residuals_is_cut_off(found: Diagnosis, shape: tuple[int, int]) -> None:
-    after = replace(found.after.residuals, raw=torch.randn(8, *shape))
+def test_no_label_of_the_residuals_is_cut_off(result: Diagnosis, shape: tuple[int, int]) -> None:
+    after = replace(result.after.residuals, raw=torch.randn(8, *shape))
     for before in (after, replace(after, raw=300 * after.raw)):
         figure = residuals_figure(before, after)
         canvas = FigureCanvasAgg(figure)
@@ -240,12 +240,12 @@ def gap_of(chi2: float) -> Gap:
     return Gap(chi2, 1.0, 1.0, pixels=100, chi2_limit=1.05, by_kind={"flat": Misfit(chi2, 1.0, 1.0)})
 
 
-def test_a_verdict_waits_for_the_residuals_to_be_noise(found: Diagnosis) -> None:
-    assert found.verdict == "explained"
-    assert not found.remaining
-    unlike = replace(found.after, fit=found.before.fit, residuals=found.before.residuals, tests=found.before.tests)
-    fitter = Fitter(found.model, found.split)
-    left = remaining_tests(fitter, found.before, unlike, [])  # the gap is that of a good model, the residuals are not
+def test_a_verdict_waits_for_the_residuals_to_be_noise(result: Diagnosis) -> None:
+    assert result.verdict == "explained"
+    assert not result.remaining
+    unlike = replace(result.after, fit=result.before.fit, residuals=result.before.residuals, tests=result.before.tests)
+    fitter = Fitter(result.model, result.split)
+    left = remaining_tests(fitter, result.before, unlike, [])  # the gap is that of a good model, the residuals are not
     assert left
-    less = replace(found, remaining=left)
+    less = replace(result, remaining=left)
     assert less.verdict != "explained"

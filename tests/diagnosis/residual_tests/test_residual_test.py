@@ -16,8 +16,8 @@ def with_p(p_value: float) -> ResidualTest:
 
 
 def test_holm() -> None:
-    found = [each.corrected for each in corrected([with_p(p) for p in (0.03, 0.01, 0.02, 0.9)])]
-    assert found == pytest.approx([0.06, 0.04, 0.06, 0.9])
+    result = [each.corrected for each in corrected([with_p(p) for p in (0.03, 0.01, 0.02, 0.9)])]
+    assert result == pytest.approx([0.06, 0.04, 0.06, 0.9])
 
 
 def test_significant_after_correction_only() -> None:

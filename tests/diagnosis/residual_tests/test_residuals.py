@@ -35,6 +35,6 @@ def test_captures_do_not_resemble_each_other(residuals: Residuals) -> None:
 def test_without_a_map_it_is_the_prediction(tmp_path: Path) -> None:
     subject = fitter(tmp_path, {})
     fit = subject.fit(NOISE)
-    found = Residuals.of(subject, fit, seed=0).prediction
-    assert torch.equal(found.mean, fit.prediction.mean)
-    torch.testing.assert_close(found.deviation, fit.prediction.deviation)
+    result = Residuals.of(subject, fit, seed=0).prediction
+    assert torch.equal(result.mean, fit.prediction.mean)
+    torch.testing.assert_close(result.deviation, fit.prediction.deviation)

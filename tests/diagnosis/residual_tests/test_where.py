@@ -37,11 +37,11 @@ def significant(tests: list[ResidualTest]) -> set[str]:
 
 def assert_uniform_enough(p_values: list[list[float]]) -> None:
     """p-values of a right model are as small as they say, or less often."""
-    found = np.array(p_values)
-    assert (found < 0.001).mean() < 0.004
-    assert (found < 0.01).mean() < 0.015
-    assert found.min() > 1e-3 / found.size
-    assert (found.mean(0) > 0.5 - 4 / np.sqrt(12 * len(found))).all()  # the mean of so many uniform numbers
+    result = np.array(p_values)
+    assert (result < 0.001).mean() < 0.004
+    assert (result < 0.01).mean() < 0.015
+    assert result.min() > 1e-3 / result.size
+    assert (result.mean(0) > 0.5 - 4 / np.sqrt(12 * len(result))).all()  # the mean of so many uniform numbers
 
 
 def test_p_values_of_standard_normal_residuals(tmp_path: Path) -> None:
@@ -148,10 +148,10 @@ def test_few_captures_of_any_size(size: tuple[int, int], tmp_path: Path) -> None
 def test_the_order_of_the_captures_matters_only_where_it_is_asked_for(tmp_path: Path) -> None:
     VirtualCamera(Session(size=(32, 32), **SMALL)).write(tmp_path / "a.h5", seed=1)
     captures = read_captures(tmp_path / "a.h5")
-    found = []
+    result = []
     for each in (captures, captures.take(list(range(len(captures)))[::-1])):
         observation = observe(each)
         subject = Fitter(CameraModel(observation, vocabulary()), split(observation))
         tests = residual_tests(subject, subject.fit(datasheet_noise(observation)[0]), seed=0)
-        found.append({test.name: test.p_value for test in tests if test.name not in ("drift", "carry_over")})
-    assert found[0] == pytest.approx(found[1])
+        result.append({test.name: test.p_value for test in tests if test.name not in ("drift", "carry_over")})
+    assert result[0] == pytest.approx(result[1])

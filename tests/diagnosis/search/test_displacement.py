@@ -52,11 +52,11 @@ def test_otherwise_none_is(hidden: dict[str, Any]) -> None:
 
 def test_it_costs_its_rows_and_not_the_diagnosis() -> None:
     few = ("mask_shift", "mask_scale", "mask_blur", "gain", "pattern_order", "shot_noise", "read_noise")
-    found = diagnose(captures(FAR, size=64), {name: vocabulary()[name] for name in few})
-    assert found.names == ("mask_shift",) and found.verdict == "explained"
-    (effect,) = describe(found)["effects"]
+    result = diagnose(captures(FAR, size=64), {name: vocabulary()[name] for name in few})
+    assert result.names == ("mask_shift",) and result.verdict == "explained"
+    (effect,) = describe(result)["effects"]
     for name, value in FAR["mask_shift"].items():
         estimate = effect["parameters"][name]
         assert abs(estimate["value"] - value) < 5 * estimate["std"] < 0.05
-    border = describe(found)["split"]["border"]
+    border = describe(result)["split"]["border"]
     assert 13 <= border["left"] <= 16 and max(border["top"], border["right"], border["bottom"]) <= 4  # others need 3

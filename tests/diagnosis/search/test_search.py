@@ -20,5 +20,5 @@ from tests.diagnosis.fit.test_fit import NOISE, fitter
     ],
 )
 def test_names(tmp_path: Path, hidden: dict[str, dict[str, float]]) -> None:
-    _, found, _ = select_effects(fitter(tmp_path, hidden), NOISE)
-    assert set(found.hypothesis.effects) - set(NOISE.effects) == set(hidden)
+    _, result, _ = select_effects(fitter(tmp_path, hidden), NOISE)
+    assert set(result.hypothesis.effects) - set(NOISE.effects) == set(hidden)

@@ -27,14 +27,14 @@ def found_in(hidden: dict[str, Any], seed: int = 2) -> tuple[Diagnosis, dict[str
 
 
 def test_the_map_and_its_strength_are_estimated(tmp_path: Path) -> None:
-    found, maps = found_in({"illumination": {"std": 0.05}})
-    assert found.names == ("illumination",) and found.verdict == "explained"
-    std = found.effects[0].parameters["std"]
+    result, maps = found_in({"illumination": {"std": 0.05}})
+    assert result.names == ("illumination",) and result.verdict == "explained"
+    std = result.effects[0].parameters["std"]
     assert abs(float(std.value) - 0.05) < 4 * std.std < 0.004
-    estimated = found.after.fit.hypothesis.maps["illumination"].numpy()
+    estimated = result.after.fit.hypothesis.maps["illumination"].numpy()
     assert np.abs(estimated - (maps["illumination"] - 1)).max() < 0.01
-    check("report", describe(found))
-    write_encoder(found, tmp_path)
+    check("report", describe(result))
+    write_encoder(result, tmp_path)
     effect = yaml.safe_load((tmp_path / "encoder.yaml").read_text())["effects"]["illumination"]
     written = effect["std"] * np.load(tmp_path / effect["file"])
     np.testing.assert_allclose(written, estimated, atol=1e-6)
@@ -50,9 +50,9 @@ def test_the_map_and_its_strength_are_estimated(tmp_path: Path) -> None:
     ],
 )
 def test_told_apart(hidden: dict[str, dict[str, float]]) -> None:
-    found, _ = found_in(hidden)
-    assert set(found.names) == set(hidden) and found.verdict == "explained"
-    for effect in found.effects:
+    result, _ = found_in(hidden)
+    assert set(result.names) == set(hidden) and result.verdict == "explained"
+    for effect in result.effects:
         for name, estimate in effect.parameters.items():
             assert abs(float(estimate.value) - hidden[effect.name][name]) < 4 * estimate.std
 

@@ -15,10 +15,10 @@ def test_formula() -> None:
     assert 0.02 < float(hot.float().mean()) < 0.09 and float(effect.map[hot].min()) >= 0.05
     assert float(effect.map.max()) <= 0.6
     for light in (0.0, 0.25):
-        found = seen(effect, torch.full((2, 40, 40), light))
-        torch.testing.assert_close(found, 2 * light + effect.map)
+        result = seen(effect, torch.full((2, 40, 40), light))
+        torch.testing.assert_close(result, 2 * light + effect.map)
         camera = encoder(effect, pattern=torch.full((2, 40, 40), light))
-        torch.testing.assert_close(camera.linearise(found[None]), torch.full((1, 40, 40), 2 * light))
+        torch.testing.assert_close(camera.linearise(result[None]), torch.full((1, 40, 40), 2 * light))
 
 
 def test_it_grows_with_the_integration_time() -> None:

@@ -10,5 +10,5 @@ from tests.encoder.effects.conftest import seen
 
 def test_formula() -> None:
     told = torch.tensor([[0.0, 0.5, 1.0], [0.0, 0.0, 0.0]])[:, None]
-    found = seen(MaskContrast(leak=0.1), told)[0]
-    torch.testing.assert_close(found, torch.tensor([0.1 + 0.1, 0.55 + 0.1, 1.0 + 0.1]))
+    result = seen(MaskContrast(leak=0.1), told)[0]
+    torch.testing.assert_close(result, torch.tensor([0.1 + 0.1, 0.55 + 0.1, 1.0 + 0.1]))

@@ -14,8 +14,8 @@ def test_formula(k: float) -> None:
     """A mirror at (x, 0) is seen at x (1 + k x^2 / R^2)."""
     pattern = torch.zeros(2, 41, 41)
     pattern[0, 20, 36] = 1
-    found = seen(MaskDistortion(k=k), pattern)
-    place = (found.sum(0) * (torch.arange(41.0) - 20)).sum() / found.sum()
+    result = seen(MaskDistortion(k=k), pattern)
+    place = (result.sum(0) * (torch.arange(41.0) - 20)).sum() / result.sum()
     assert float(place) == pytest.approx(16 * (1 + k * 16**2 / (2 * 20.5**2)), abs=0.02)
     middle = torch.zeros(2, 41, 41)
     middle[0, 20, 20] = 1

@@ -13,8 +13,8 @@ def test_formula() -> None:
     """The mirror that is seen at (x, y) is the one at (x, y) / (1 + 2 tilt_x x / W + 2 tilt_y y / H)."""
     pattern = torch.zeros(2, 41, 41)
     pattern[0, 20, 32] = 1
-    found = seen(MaskKeystone(tilt_x=0.1), pattern)
-    place = (found.sum(0) * (torch.arange(41.0) - 20)).sum() / found.sum()
+    result = seen(MaskKeystone(tilt_x=0.1), pattern)
+    place = (result.sum(0) * (torch.arange(41.0) - 20)).sum() / result.sum()
     assert float(place) == pytest.approx(12 / (1 - 0.1 * 12 / 20.5), abs=0.03)
     corner = torch.zeros(2, 41, 41)
     corner[0, 30, 30] = 1

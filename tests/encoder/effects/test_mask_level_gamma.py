@@ -10,5 +10,5 @@ from tests.encoder.effects.conftest import seen
 
 def test_formula() -> None:
     told = torch.tensor([[0.0, 0.5, 1.0], [0.0, 0.25, 0.0]])[:, None]
-    found = seen(MaskLevelGamma(gamma=2.0), told)[0]
-    torch.testing.assert_close(found, torch.tensor([0.0, 0.25 + 0.0625, 1.0]))
+    result = seen(MaskLevelGamma(gamma=2.0), told)[0]
+    torch.testing.assert_close(result, torch.tensor([0.0, 0.25 + 0.0625, 1.0]))

@@ -12,9 +12,9 @@ from tests.encoder.effects.conftest import seen
 def test_pixels_blurred_and_collected() -> None:
     pattern = torch.zeros(2, 11, 11)
     pattern[0, 5, 5] = 1
-    found = seen(OpticalBlur(sigma=0.7), pattern)
-    assert found.sum() == pytest.approx(1, abs=1e-3)
-    spread = float((found.sum(0) * (torch.arange(11) - 5) ** 2).sum())
+    result = seen(OpticalBlur(sigma=0.7), pattern)
+    assert result.sum() == pytest.approx(1, abs=1e-3)
+    spread = float((result.sum(0) * (torch.arange(11) - 5) ** 2).sum())
     assert spread == pytest.approx(0.7**2 + 2 / 12, rel=1e-2)
 
 

@@ -16,10 +16,10 @@ from tests.encoder.effects.conftest import encoder, seen
 def test_formula() -> None:
     effect = Prnu(size=(2, 2), std=0.1)
     assert float(effect.map.mean()) == pytest.approx(0, abs=1e-6) and float(effect.map.std()) == pytest.approx(1)
-    found = seen(effect, torch.full((2, 2, 2), 0.25))
-    torch.testing.assert_close(found, 0.5 * (1 + 0.1 * effect.map))
+    result = seen(effect, torch.full((2, 2, 2), 0.25))
+    torch.testing.assert_close(result, 0.5 * (1 + 0.1 * effect.map))
     camera = encoder(effect, pattern=torch.full((2, 2, 2), 0.25))
-    torch.testing.assert_close(camera.linearise(found[None]), torch.full((1, 2, 2), 0.5))
+    torch.testing.assert_close(camera.linearise(result[None]), torch.full((1, 2, 2), 0.5))
 
 
 def test_map_from_a_file(tmp_path: Path) -> None:

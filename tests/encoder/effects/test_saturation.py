@@ -20,10 +20,10 @@ def test_noise_of_a_clipped_gaussian() -> None:
     for mean in (0.2, 0.37, 0.4, 0.42, 0.6):
         light = torch.full((1, 1000, 1000), mean)
         signal = Signal(light, torch.tensor(deviation**2), torch.ones(1, 1, 1), 1 / 255, (0, 0), (1000, 1000))
-        found = Saturation(level=level).respond(signal)
+        result = Saturation(level=level).respond(signal)
         drawn = (light + deviation * torch.randn_like(light)).clamp(max=level)
-        assert float(found.mean[0, 0, 0]) == pytest.approx(float(drawn.mean()), abs=1e-4)
-        assert float(found.variance.expand(1, 1000, 1000)[0, 0, 0]) == pytest.approx(float(drawn.var()), rel=0.02)
+        assert float(result.mean[0, 0, 0]) == pytest.approx(float(drawn.mean()), abs=1e-4)
+        assert float(result.variance.expand(1, 1000, 1000)[0, 0, 0]) == pytest.approx(float(drawn.var()), rel=0.02)
 
 
 def test_no_noise_comes_from_rounding() -> None:

@@ -10,10 +10,10 @@ from tests.encoder.effects.conftest import encoder, seen
 
 
 def test_formula() -> None:
-    found = seen(Vignetting(strength=0.3), torch.full((2, 3, 5), 0.5))
-    assert found[1, 2] == 1
-    assert float(found[0, 0]) == float(found[2, 4]) == pytest.approx(0.7)
-    assert float(found[1, 0]) == pytest.approx(1 - 0.3 * 4 / 5)
+    result = seen(Vignetting(strength=0.3), torch.full((2, 3, 5), 0.5))
+    assert result[1, 2] == 1
+    assert float(result[0, 0]) == float(result[2, 4]) == pytest.approx(0.7)
+    assert float(result[1, 0]) == pytest.approx(1 - 0.3 * 4 / 5)
 
 
 def test_undone() -> None:

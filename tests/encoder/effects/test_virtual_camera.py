@@ -44,5 +44,5 @@ def test_mean(name: str) -> None:
     if name == "bit_depth":
         expected = camera.convert(expected) / 255
     with torch.no_grad():
-        found = ours(video(1)).numpy()
-    np.testing.assert_allclose(found * 255, expected * 255, rtol=0, atol=0.05)
+        result = ours(video(1)).numpy()
+    np.testing.assert_allclose(result * 255, expected * 255, rtol=0, atol=0.05)

@@ -18,8 +18,8 @@ def images(*shape: int) -> tuple[torch.Tensor, torch.Tensor]:
 
 
 def test_example() -> None:
-    found = doctest.testmod(module)
-    assert found.attempted > 0 and found.failed == 0
+    result = doctest.testmod(module)
+    assert result.attempted > 0 and result.failed == 0
 
 
 @pytest.mark.parametrize("shape", [(24, 30), (3, 24, 30), (2, 3, 24, 30), (2, 2, 2, 24, 30)])

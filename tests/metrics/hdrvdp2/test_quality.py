@@ -82,13 +82,13 @@ def test_reference_table(table: dict[str, Any], pairs: slice) -> None:
         values = [pair["values"][convention]["Q"] for pair in table["pairs"]]
         expected = torch.tensor(values, dtype=torch.float64)[pairs]
         images = [factor * table[key][pairs].double() for key in ("test", "ref")]
-        found = hdrvdp2_q(*images, **arguments)
-        torch.testing.assert_close(found, expected, atol=1e-6, rtol=0)
-        assert (found == 100).tolist() == (expected == 100).tolist()
+        result = hdrvdp2_q(*images, **arguments)
+        torch.testing.assert_close(result, expected, atol=1e-6, rtol=0)
+        assert (result == 100).tolist() == (expected == 100).tolist()
         if arguments["pixels_per_degree"] == 30:
             single = hdrvdp2_q(*images, **arguments, dtype=torch.float32).double()
             worse = expected < 95
-            torch.testing.assert_close(single[worse], found[worse], atol=0.02, rtol=0)
+            torch.testing.assert_close(single[worse], result[worse], atol=0.02, rtol=0)
 
 
 def test_reference_table_of_other_sizes(table: dict[str, Any]) -> None:
@@ -101,8 +101,8 @@ def test_reference_table_of_other_sizes(table: dict[str, Any]) -> None:
             ]
         else:
             images = [x[slice(*case["rows"]), slice(*case["cols"])] for x in images]
-        found = hdrvdp2_q(*(x.unsqueeze(0) for x in images), **arguments)
-        assert float(found) == pytest.approx(case["Q"], abs=1e-6), case
+        result = hdrvdp2_q(*(x.unsqueeze(0) for x in images), **arguments)
+        assert float(result) == pytest.approx(case["Q"], abs=1e-6), case
 
 
 def test_bands_before_they_are_weighted(table: dict[str, Any]) -> None:

@@ -37,8 +37,8 @@ def test_filters() -> None:
 @pytest.mark.parametrize("size", [(17, 17), (18, 65), (33, 48), (71, 40)])
 def test_pyramid_is_correlation_with_mirrored_borders(size: tuple[int, int]) -> None:
     image = torch.randn(1, *size, dtype=torch.float64)
-    found = steerable_pyramid(image)
-    assert len(found) == levels(*size) + 2
+    result = steerable_pyramid(image)
+    assert len(result) == levels(*size) + 2
 
     def correlated(image: np.ndarray, taps: torch.Tensor) -> np.ndarray:
         return correlate(image, taps.numpy(), mode="mirror")
@@ -48,7 +48,7 @@ def test_pyramid_is_correlation_with_mirrored_borders(size: tuple[int, int]) -> 
     for _ in range(levels(*size)):
         expected.append(np.stack([correlated(low, taps) for taps in sp3_filters.oriented_filters()]))
         low = correlated(low, sp3_filters.round_filter(sp3_filters.LOW))[::2, ::2]
-    for band, other in zip(found, [*expected, low[None]], strict=True):
+    for band, other in zip(result, [*expected, low[None]], strict=True):
         torch.testing.assert_close(band[0], torch.from_numpy(np.ascontiguousarray(other)), rtol=0, atol=1e-12)
 
 
@@ -87,11 +87,11 @@ def test_response_is_the_integral_of_the_sensitivity() -> None:
 
 def test_contrast_sensitivity() -> None:
     rho = torch.tensor([0.0, 1.0, 4.0, 30.0], dtype=torch.float64)
-    found = sensitivity(rho, torch.tensor(2.0, dtype=torch.float64).log10())
+    result = sensitivity(rho, torch.tensor(2.0, dtype=torch.float64).log10())
     p1, p2, p3, p4 = 0.405782, 4.40602, 0.935314, 5.61425  # as fitted at 2 cd/m2
     expected = p4 * ((1 + (p1 * rho[1:]) ** p2) / (1 - torch.exp(-((rho[1:] / 7) ** 2))) ** p3) ** -0.5
-    torch.testing.assert_close(found[1:], expected)
-    assert found[0] == 0
+    torch.testing.assert_close(result[1:], expected)
+    assert result[0] == 0
     log_light = torch.linspace(-6, 6, 50, dtype=torch.float64)
     torch.testing.assert_close(band_sensitivity(4.0, log_light), sensitivity(rho[2], log_light), rtol=1e-2, atol=0)
     assert float(sensitivity(rho[2], log_light[-1])) == float(sensitivity(rho[2], log_light[-5]))
@@ -107,20 +107,20 @@ def test_the_base_band_passes_nothing_uniform() -> None:
 @pytest.mark.parametrize(("old", "new"), [(40, 20), (20, 40), (25, 25), (101, 51), (51, 101)])
 def test_imresize_keeps_straight_lines_straight(old: int, new: int) -> None:
     line = torch.arange(old, dtype=torch.float64).expand(3, old)
-    found = imresize(line, (3, new))[0]
+    result = imresize(line, (3, new))[0]
     expected = (torch.arange(new, dtype=torch.float64) + 0.5) * old / new - 0.5
     middle = slice(new // 4, new - new // 4)
     tolerance = 1e-9 if old % new == 0 or new % old == 0 else 1e-2  # odd ratios: weights only nearly sum to 1
-    torch.testing.assert_close(found[middle], expected[middle], rtol=0, atol=tolerance * old)
-    torch.testing.assert_close(imresize(line.mT, (new, 3))[:, 0], found)
+    torch.testing.assert_close(result[middle], expected[middle], rtol=0, atol=tolerance * old)
+    torch.testing.assert_close(imresize(line.mT, (new, 3))[:, 0], result)
 
 
 def test_imresize_by_hand() -> None:
     """Keys' cubic with a = -0.5 at quarters: weights -7, 105, 35, -5 of 128 (and mirrored)."""
     line = torch.zeros(1, 8, dtype=torch.float64)
     line[0, 4] = 128
-    found = imresize(line, (1, 16))[0]
-    assert found[6:12].tolist() == pytest.approx([-9, 29, 111, 111, 29, -9])
+    result = imresize(line, (1, 16))[0]
+    assert result[6:12].tolist() == pytest.approx([-9, 29, 111, 111, 29, -9])
     halved = imresize(line, (1, 4))[0]
     assert float(halved.sum()) == pytest.approx(64)
 
