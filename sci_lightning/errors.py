@@ -16,6 +16,10 @@ WRITE_FAILED = re.compile(
 """What torch and NumPy say of a file that they could not write, without the reason."""
 
 
+INTERRUPTED = 130
+"""Exit status of a command that was asked to stop, by Ctrl-C or by SIGTERM, as shells have it."""
+
+
 class BadInput(ValueError):
     """Something the user gave cannot be used.
 

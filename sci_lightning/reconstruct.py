@@ -83,29 +83,33 @@ def reconstruct(composition: Composition) -> None:
     if not aperture > 0:
         raise BadInput(f"aperture must be positive, got {aperture}")
 
-    with torch.no_grad():
-        linear = pipeline.linearise(measurement, aperture)
-    brightest = max(1.0, aperture * float(mask.sum(0).max())) if bit_depth is None else 1.0
-    for line in (snapshot.doubt(brightest), mask_warning(linear * aperture, mask)):
-        if line:
-            warn(line if line.startswith(str(snapshot.path)) else f"{snapshot.path}: {line}")
     pipeline.to(device)
     mask = mask.to(device)
-    n, (t, h, w) = len(linear), mask.shape
+    n, (t, h, w) = len(measurement), mask.shape
+    progress = Progress(console=console, transient=True)
+    bar = progress.add_task("Decoding", total=n)
+
+    def show(state: object) -> None:
+        progress.update(bar, description=f"Decoding: {state}")
+
+    watch = None if isinstance(decoder, Iterative) else lambda tile, of: show(f"tile {tile} of {of}")
+    if isinstance(decoder, Iterative):
+        decoder.watch = show
+    choice = TileChoice(cfg.tile, say=console.print, watch=watch)
+    with (
+        torch.no_grad(),
+        mixed_precision(precision, device),
+    ):  # what cannot be decoded is refused before anything else takes its time
+        choice.tiling(decoder, measurement[:1].to(device), mask)
+    with torch.no_grad():
+        linear = pipeline.linearise(measurement.to(device), aperture).cpu()
+    brightest = max(1.0, aperture * float(mask.sum(0).max())) if bit_depth is None else 1.0
+    for line in (snapshot.doubt(brightest), mask_warning(linear * aperture, mask.cpu())):
+        if line:
+            warn(line if line.startswith(str(snapshot.path)) else f"{snapshot.path}: {line}")
     if networks:
         console.say(describe_precision(precision, device))
-    mixed = mixed_precision(precision, device)
-    with torch.no_grad(), mixed, Progress(console=console, transient=True) as progress:
-        bar = progress.add_task("Decoding", total=n)
-
-        def show(state: object) -> None:
-            progress.update(bar, description=f"Decoding: {state}")
-
-        watch = None if isinstance(decoder, Iterative) else lambda tile, of: show(f"tile {tile} of {of}")
-        if isinstance(decoder, Iterative):
-            decoder.watch = show
-        choice = TileChoice(cfg.tile, say=console.print, watch=watch)
-        choice.tiling(decoder, linear[:1].to(device), mask)  # what cannot be decoded is refused before anything is made
+    with torch.no_grad(), mixed_precision(precision, device), progress:
 
         def decoded() -> Iterator[np.ndarray]:
             for one in linear:

@@ -12,10 +12,10 @@ from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
 from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.cli.continued_run import recorded, repeated
-from sci_lightning.errors import BadInput
+from sci_lightning.errors import INTERRUPTED, BadInput
 from sci_lightning.runs.run_folder import is_first_process, remove_if_refused
 from sci_lightning.training.lost_process import lost_process
-from sci_lightning.training.stop_signal import STATUS, Stopped, StopSignal
+from sci_lightning.training.stop_signal import Stopped, StopSignal
 
 if TYPE_CHECKING:
     from sci_lightning.training.run import Run
@@ -56,7 +56,7 @@ def train(composition: Composition) -> float | None:
             return done.metrics.mean["psnr"]
         if is_first_process():
             _say_stopped(Path(config["out"]) / "checkpoints" / "last.ckpt", composition)
-        sys.exit(STATUS if is_first_process() else 0)
+        sys.exit(INTERRUPTED if is_first_process() else 0)
 
 
 def _print_plan(composition: Composition) -> None:

@@ -25,6 +25,7 @@ from sci_lightning.cli.settings import check_command_settings
 from sci_lightning.cli.sweep import defer_to_rows, finished_rows, in_sweep, refuse_uncomposed_row
 from sci_lightning.cli.words import check_choices, check_words
 from sci_lightning.configuration.conf_folder import CONF
+from sci_lightning.errors import INTERRUPTED
 from sci_lightning.files.plain_text import one_printable_line
 from sci_lightning.runs.run_folder import is_first_process, remove_if_refused, run_folder
 
@@ -64,7 +65,8 @@ def run(name: str, task: Task) -> None:
         interrupted = True
         # what Lightning makes of Ctrl-C, without a word
         if isinstance(stop, KeyboardInterrupt) or isinstance(stop.__context__, KeyboardInterrupt):
-            sys.exit("interrupted")
+            print("interrupted", file=sys.stderr)
+            sys.exit(INTERRUPTED)
         raise
     except (Exception, CommandFailed) as stop:
         error = stop.__cause__ if isinstance(stop, CommandFailed) and stop.__cause__ else stop
@@ -161,8 +163,11 @@ def _end_sweep(interrupted: bool) -> list[tuple[str, int]]:
 
 def _silence_libraries() -> None:
     """Drop what the libraries say that tells a user of a command nothing."""
-    for name in ("utilities.rank_zero", "trainer.connectors.checkpoint_connector"):
-        logging.getLogger(f"lightning.pytorch.{name}").setLevel(logging.WARNING)
+    lightning = (
+        f"lightning.pytorch.{name}" for name in ("utilities.rank_zero", "trainer.connectors.checkpoint_connector")
+    )
+    for name in (*lightning, "torch._subclasses.fake_tensor", "matplotlib"):
+        logging.getLogger(name).setLevel(logging.WARNING)
     for message in (
         r".*does not have many workers.*",
         r".*LeafSpec.*",

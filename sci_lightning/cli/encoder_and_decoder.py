@@ -46,7 +46,9 @@ def resolve_checkpoint(command: str, composition: Composition) -> Checkpoint:
             raise BadInput(
                 f"decoder.* beside ckpt_path= needs a decoder as well, built as it was trained: decoder={trained}"
             )
-        checkpoint.fill("decoder", built(cfg, "decoder"), name)  # refused while both names are known
+        asked = cfg.copy()
+        asked.frames = asked.frames or checkpoint.config.get("frames")
+        checkpoint.fill("decoder", built(asked, "decoder"), name)  # refused while both names are known
         names = {**checkpoint.config["names"], "decoder": name}
         return replace(checkpoint, config={**checkpoint.config, "decoder": plain(settings), "names": names})
     if settings is None:

@@ -182,6 +182,13 @@ class Decoder(nn.Module):
                         f"{seam.difference:.2g} even with a halo of {halo} pixels; give tile=none"
                     ) from seam
                 halo = int(min(2 * halo, field, WIDEST_HALO))
+                size = tiling.size
+                if size is not None and any(s < min(halo, f) for s, f in zip(size, mask.shape[-2:], strict=True)):
+                    raise BadInput(
+                        f"tile=[{size[0]},{size[1]}]: neighbouring tiles differ by {seam.difference:.2g} at their "
+                        f"seams, and are smaller than the wider halo of {halo} pixels that would be tried next; give "
+                        f"at least tile=[{halo},{halo}], or tile=auto"
+                    ) from seam
 
     def counted(self) -> Decoder:
         """Return a decoder with the same multiply-accumulates, which may leave out what has none."""

@@ -9,6 +9,7 @@ from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, built
 from sci_lightning.cli.console import PlainConsole, styled, warn
 from sci_lightning.errors import BadInput
+from sci_lightning.files.atomic_file import check_writable
 
 if TYPE_CHECKING:
     import torch
@@ -30,13 +31,17 @@ def export(composition: Composition) -> None:
 
     from sci_lightning.cli.next_command import nearest
     from sci_lightning.export.comparison import SIZES, OnnxDecoder, largest_difference, seconds_of
-    from sci_lightning.export.graph import onnx_graph, require, with_mask
+    from sci_lightning.export.graph import SMALLEST_SIDE, onnx_graph, require, with_mask
     from sci_lightning.files.atomic_file import atomic_write
 
     cfg, console = composition.cfg, PlainConsole()
     out = Path(cfg.out)
     require("onnx", "onnxscript", "onnxruntime")
-    check_place(out)
+    replaced = check_place(out)
+    if cfg.size is not None and min(cfg.size) < SMALLEST_SIDE:
+        raise BadInput(
+            f"size=[{cfg.size[0]},{cfg.size[1]}]: a graph takes snapshots from {SMALLEST_SIDE} pixels a side on"
+        )
     decoder, checkpoint = _decoder(composition)
     mask = _mask(cfg.mask, checkpoint)
     trained = {} if checkpoint is None else checkpoint.config
@@ -46,6 +51,8 @@ def export(composition: Composition) -> None:
         encoder = checkpoint.encoder()
         about["aperture"] = f"{float(encoder.aperture):.9g}"
     model = onnx_graph(decoder, frames, about)
+    if checkpoint is None:
+        warn("no ckpt_path=: the weights are random, good for trying out a runtime and its speed, not for decoding")
     sizes = list(SIZES)
     if mask is not None:
         model, sizes = with_mask(model, mask), [(mask.shape[1], mask.shape[2])]
@@ -67,27 +74,30 @@ def export(composition: Composition) -> None:
         f"onnxruntime {theirs:.3g} s, torch {ours:.3g} s"
     )
     megabytes = out.stat().st_size / 2**20
-    console.say(styled(nearest(out)), f": {megabytes:.1f} MiB, opset {model.opset_import[0].version}")
+    place = ", in place of an earlier graph" if replaced else ""
+    console.say(styled(nearest(out)), f": {megabytes:.1f} MiB, opset {model.opset_import[0].version}{place}")
 
 
-def check_place(out: Path) -> None:
-    """Check that a graph may be written to a path: no file is there, or a graph of an earlier call.
+def check_place(out: Path) -> bool:
+    """Check that a graph can be written to a path; return whether a graph of an earlier call is there.
 
     Raises:
-        BadInput: another ending than ``.onnx``, or another program's file.
+        BadInput: another ending than ``.onnx``, another program's file, or a folder in which nothing can be written.
     """
     import onnx
 
     if out.suffix != ".onnx":
         raise BadInput(f"out={out}: expected the name of an ONNX file, such as model.onnx")
+    check_writable(out)
     if not out.is_file():
-        return
+        return False
     try:
         producer = onnx.load(out, load_external_data=False).producer_name
     except Exception:  # whatever a file that is no graph makes of the parser
         producer = ""
     if producer != "sci_lightning":
         raise BadInput(f"{out}: this file is no graph of this command and would be overwritten; give another out=")
+    return True
 
 
 def _decoder(composition: Composition) -> tuple[Decoder, Checkpoint | None]:
@@ -95,7 +105,6 @@ def _decoder(composition: Composition) -> tuple[Decoder, Checkpoint | None]:
     import torch
 
     from sci_lightning.cli.encoder_and_decoder import resolve_checkpoint
-    from sci_lightning.decoder.complexity import count_parameters
 
     cfg = composition.cfg
     if cfg.ckpt_path is not None:
@@ -108,8 +117,6 @@ def _decoder(composition: Composition) -> tuple[Decoder, Checkpoint | None]:
     cfg.frames = cfg.frames or UNTRAINED_FRAMES
     torch.manual_seed(cfg.seed)
     decoder = built(cfg, "decoder")
-    if count_parameters(decoder):
-        warn("no ckpt_path=: the weights are random, good for trying out a runtime and its speed, not for decoding")
     return decoder, None
 
 

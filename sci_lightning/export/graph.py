@@ -59,7 +59,7 @@ def onnx_graph(decoder: Decoder, frames: int, properties: Mapping[str, str] | No
         BadInput: a decoder that has no graph, or is too large for a file; onnx or onnxscript is not installed.
     """
     require("onnx", "onnxscript")
-    name = type(decoder).__name__
+    name = (properties or {}).get("decoder", type(decoder).__name__)
     if isinstance(decoder, Iterative) or not count_parameters(decoder):
         raise BadInput(
             f"{name} has no graph: it is an algorithm whose steps depend on the mask and on its estimates; "

@@ -56,6 +56,15 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
+def check_writable(path: str | Path) -> None:
+    """Check before long work that its result can be written to a path; the path's folder is made when needed.
+
+    Raises:
+        BadInput, MachineFailure: as :func:`atomic_write`.
+    """
+    _temporary(Path(path)).unlink()
+
+
 def sync_folder(folder: Path) -> None:
     """Wait until the names in a folder are on the disk, where the file system knows how to."""
     with suppress(OSError):

@@ -47,8 +47,9 @@ class TileChoice:
             self.tile = tuple(tile)
         whole = isinstance(self.tile, tuple) and len(self.tile) == 2 and all(type(side) is int for side in self.tile)
         if self.tile not in ("auto", "none") and not whole:
+            given = f"[{','.join(map(str, self.tile))}]" if isinstance(self.tile, tuple) else tile
             raise BadInput(
-                f"tile={tile}: give auto, none, or height and width of a tile in pixels, as in tile=[256,256]"
+                f"tile={given}: give auto, none, or height and width of a tile in pixels, as in tile=[256,256]"
             )
         self.say, self.watch = say, watch
         self._made: dict[tuple[object, ...], Tiling | None] = {}
@@ -64,21 +65,36 @@ class TileChoice:
         key = id(decoder), measurement.shape, len(mask), device, torch.is_autocast_enabled(device.type)
         if key not in self._made:
             if isinstance(self.tile, tuple):
-                tiling = Tiling((self.tile[0], self.tile[1]), watch=self.watch)
-                tiling.tiles((mask.shape[-2], mask.shape[-1]), decoder.halo, decoder.alignment)
-                self._made[key] = tiling
+                self._made[key] = self._as_asked((self.tile[0], self.tile[1]), decoder, measurement, mask)
             else:
                 self._made[key] = self._by_memory(decoder, measurement, mask)
         return self._made[key]
+
+    def _as_asked(self, size: Size, decoder: Decoder, measurement: torch.Tensor, mask: torch.Tensor) -> Tiling:
+        """Return tiles of a size that was given, if they fit into the memory."""
+        field, device = (mask.shape[-2], mask.shape[-1]), measurement.device
+        tiling = Tiling(size, watch=self.watch)
+        largest = max(tile.pixels for tile in tiling.tiles(field, decoder.halo, decoder.alignment))
+        if largest > SMALL:
+            most = int(SHARE * free_memory(device))
+            need = len(measurement) * self._memory_of(decoder, len(mask), device).in_tiles(field, largest)
+            if need > most:
+                needs = self._needs(decoder, field, need, most)
+                raise BadInput(f"tile=[{size[0]},{size[1]}]: {needs}; give smaller tiles, or tile=auto")
+        return tiling
+
+    def _memory_of(self, decoder: Decoder, frames: int, device: torch.device) -> DecodingMemory:
+        """Return how much memory a decoder needs, which is found out once."""
+        known = id(decoder), frames, torch.is_autocast_enabled(device.type)
+        if known not in self._memory:
+            self._memory[known] = decoding_memory(decoder, *known[1:])
+        return self._memory[known]
 
     def _by_memory(self, decoder: Decoder, measurement: torch.Tensor, mask: torch.Tensor) -> Tiling | None:
         field, snapshots, device = (mask.shape[-2], mask.shape[-1]), len(measurement), measurement.device
         if field[0] * field[1] <= SMALL:
             return None
-        known = id(decoder), len(mask), torch.is_autocast_enabled(device.type)
-        if known not in self._memory:
-            self._memory[known] = decoding_memory(decoder, *known[1:])
-        memory = self._memory[known]
+        memory = self._memory_of(decoder, len(mask), device)
         most = int(SHARE * free_memory(device))
         whole = snapshots * memory.whole(field)
         if self.tile == "none":

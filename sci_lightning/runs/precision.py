@@ -40,7 +40,9 @@ def resolve_precision(name: Any, device: torch.device, networks: bool = True) ->
             "precision=32, or auto"
         )
     if name in ("16", "16-mixed") and device.type == "cpu":
-        raise BadInput(f"precision={name}: processors do not train in float16; choose precision=bf16, 32 or auto")
+        raise BadInput(
+            f"precision={name}: processors do not compute networks in float16; choose precision=bf16, 32 or auto"
+        )
     return SHORT.get(name, name)
 
 

@@ -9,8 +9,7 @@ import threading
 from types import FrameType, TracebackType
 from typing import Any
 
-STATUS = 130
-"""Exit status of a command that was asked to stop, by Ctrl-C or by SIGTERM."""
+from sci_lightning.errors import INTERRUPTED
 
 
 class Stopped(BaseException):
@@ -73,7 +72,7 @@ class StopSignal:
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         if self.requested:
-            os._exit(STATUS)
+            os._exit(INTERRUPTED)
         self.requested = True
         if not self._waiting:
             raise KeyboardInterrupt

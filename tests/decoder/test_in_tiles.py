@@ -174,6 +174,8 @@ def test_the_seams_say_how_wide_the_halo_must_be() -> None:
     assert decoder.halo == base.HALO < 40
     parts = decoder.in_tiles(measurement, mask, Tiling((20, 100)))
     assert torch.allclose(parts, decoder(measurement, mask), atol=1e-5)
+    with pytest.raises(BadInput, match=r"tile=\[20,20\]: neighbouring tiles differ by .* wider halo of 32 pixels"):
+        decoder.in_tiles(measurement, mask, Tiling((20, 20)))
     with pytest.raises(BadInput, match=r"cannot be decoded in tiles here: neighbouring ones differ.*tile=none"):
         Wide().in_tiles(torch.linspace(0, 1, 1600).expand(1, 4, 1600), torch.ones(2, 4, 1600), Tiling((300, 300)))
 

@@ -83,7 +83,7 @@ def test_interrupted(ran: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("sci_lightning.decoder.GAP.decode", stop)
     with pytest.raises(SystemExit) as caught:
         ran("evaluate", "decoder=gap_tv", *SHORT, *SCENE)
-    assert caught.value.code == "interrupted" and not (tmp_path / "run" / "metrics.json").exists()
+    assert caught.value.code == 130 and not (tmp_path / "run" / "metrics.json").exists()
 
 
 def test_a_denoiser_is_trained_by_itself(ran: Run, refused: Run, tmp_path: Path) -> None:

@@ -104,7 +104,10 @@ def test_bad_input(
     checkpoint: tuple[E2ECNN, LearnedStructural], refused: Refused, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = "out=model.onnx"
-    assert "GAP has no graph: it is an algorithm" in refused("export", "decoder=gap_tv", out)
+    assert "error: desci has no graph: it is an algorithm" in refused("export", "decoder=desci", out)
+    assert "size=[8,64]: a graph takes snapshots from 16 pixels" in refused(
+        "export", "ckpt_path=a.ckpt", "size=[8,64]", out
+    )
     assert "give ckpt_path=RUN/checkpoints/last.ckpt, or decoder=NAME" in refused("export", out)
     assert "no such checkpoint" in refused("export", "ckpt_path=none.ckpt", out)
     assert "mask=trained: without ckpt_path=" in refused("export", "decoder=e2e_cnn", "mask=trained", out)

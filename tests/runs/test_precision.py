@@ -41,7 +41,7 @@ def test_what_names_stand_for(native: bool) -> None:
     assert resolve_precision(32, CPU) == resolve_precision(None, CPU) == "32-true"
     assert resolve_precision("bf16-mixed", CPU) == "bf16-mixed", "Lightning's name is taken where it is emulated"
     for name in (16, "16-mixed"):
-        with pytest.raises(BadInput, match=f"precision={name}: processors do not train in float16; choose"):
+        with pytest.raises(BadInput, match=f"precision={name}: processors do not compute networks in float16; choose"):
             resolve_precision(name, CPU)
     assert resolve_precision(16, torch.device("cuda")) == "16-mixed"
     if native:
@@ -145,5 +145,7 @@ def test_bad_input(refused: Callable[..., str]) -> None:
         more = ["measurement=none.tiff"] if name == "reconstruct" else []
         assert "precision=fp8: expected auto, 32, bf16, 16" in refused(name, "precision=fp8", *more)
     small = ["scale=smoke", "decoder=e2e_cnn", "trainer.accelerator=cpu", "out=run"]
-    assert "precision=16: processors do not train in float16" in refused("train", *small, "precision=16")
-    assert "precision=16: processors do not train in float16" in refused("benchmark", "device=cpu", "precision=16")
+    assert "precision=16: processors do not compute networks in float16" in refused("train", *small, "precision=16")
+    assert "precision=16: processors do not compute networks in float16" in refused(
+        "benchmark", "device=cpu", "precision=16"
+    )

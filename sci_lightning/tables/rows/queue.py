@@ -12,9 +12,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from sci_lightning.errors import INTERRUPTED
 from sci_lightning.runs.run_folder import is_locked
 from sci_lightning.tables.rows.plan import TableRow
-from sci_lightning.training.stop_signal import STATUS
 
 PR_SET_PDEATHSIG = 1
 """Linux's number for: send me a signal when the process that started me ends."""
@@ -99,7 +99,7 @@ class RowQueue:
                 self.finished(row)
             except Exception as error:
                 self.failed[row] = f"its results cannot be kept: {error}"
-        elif not (self._stopping and status in (STATUS, -signal.SIGTERM)):
+        elif not (self._stopping and status in (INTERRUPTED, -signal.SIGTERM)):
             lines = [line for line in self.log(row).read_text(errors="replace").splitlines() if line.strip()]
             self.failed[row] = f"status {status}: {lines[-1] if lines else 'it printed nothing'} ({self.log(row)})"
             self.say(f"failed {row.name}, seed {row.seed}: {self.failed[row]}")
