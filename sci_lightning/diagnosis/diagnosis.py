@@ -19,6 +19,7 @@ from sci_lightning.captures import Captures
 from sci_lightning.diagnosis import vocabulary as effects_vocabulary
 from sci_lightning.diagnosis.bad_captures.bad_capture import BadCapture
 from sci_lightning.diagnosis.bad_captures.leave_out import bad_verification_captures, explain_without_bad_captures
+from sci_lightning.diagnosis.blind.unknown_scenes import UnknownScenes, judged_by_unknown_scenes
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.gap import Gap, held_out_gap
 from sci_lightning.diagnosis.fit.split import Split
@@ -79,6 +80,7 @@ class Diagnosis:
             :func:`remaining_tests`; verdict and headline follow from them.
         verification: the gap on captures that nothing has seen, on which the verdict rests; None where none are kept.
         bad_captures: captures that do not fit the others and count nowhere.
+        unknown_scenes: what snapshots of unknown scenes say about the corrected camera; None where there are none.
     """
 
     observation: Observation
@@ -96,6 +98,7 @@ class Diagnosis:
     remaining: tuple[ResidualTest, ...]
     verification: Verification | None = None
     bad_captures: tuple[BadCapture, ...] = ()
+    unknown_scenes: UnknownScenes | None = None
 
     @property
     def judging(self) -> tuple[Gap, Gap]:
@@ -154,7 +157,8 @@ def diagnose(
     """Find the effects that the model of an ideal camera lacks to explain the captures.
 
     Args:
-        captures: of one camera, see :func:`~sci_lightning.captures.read_captures`.
+        captures: of one camera, see :func:`~sci_lightning.captures.read_captures`. Those of unknown scenes are not
+            fitted; they judge the corrected camera once more.
         vocabulary: effects that may be named, by name; None for every effect of the package.
         seed: of the residuals' randomisation.
         empirical: whether the corrected camera contains what has no name, in free form.
@@ -194,6 +198,9 @@ def diagnose(
         remaining=remaining_tests(fitter, before, after, names),
         verification=None if unseen is None else verify(fitter, before.fit, after.fit, unseen, seed),
         bad_captures=bad,
+        unknown_scenes=judged_by_unknown_scenes(
+            captures, model, ideal.hypothesis, explanation.fit.hypothesis, seed, on_progress
+        ),
     )
 
 

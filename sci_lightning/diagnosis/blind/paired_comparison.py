@@ -15,7 +15,8 @@ from sci_lightning.diagnosis.blind.prediction import HeldOutErrors
 BLOCK = 16
 """Side in pixels of the blocks that count as independent: several times the reach of a reconstruction's errors."""
 FEWEST_BLOCKS = 6
-"""A snapshot with fewer blocks has no vote of its own: with fewer, no p-value falls below 0.02."""
+"""A snapshot with fewer blocks has no vote of its own, but one together with others as small: with fewer, no p-value
+falls below 0.02."""
 ASKS_FOR_IT = 0.05
 """p-value of one snapshot below which it asks for the candidate."""
 
@@ -76,25 +77,27 @@ def compare(
             multiplied by it (Bonferroni). 1 where it was chosen by other snapshots.
         block: side of the blocks in pixels.
     """
-    scores, agree, blocks = [], 0, 0
-    for first, second in zip(reference.squared, candidate.squared, strict=True):
-        ratios = _log_ratios(first, second, block)
-        blocks += len(ratios)
-        if len(ratios) < FEWEST_BLOCKS or not np.any(ratios):
-            continue
-        p_value = float(wilcoxon(ratios, alternative="greater").pvalue)
-        scores.append(float(norm.isf(min(max(p_value, 1e-300), 1 - 1e-15))))
-        agree += p_value < ASKS_FOR_IT
+    by_snapshot = [_log_ratios(*pair, block) for pair in zip(reference.squared, candidate.squared, strict=True)]
+    small = [ratios for ratios in by_snapshot if len(ratios) < FEWEST_BLOCKS]
+    votes = [ratios for ratios in by_snapshot if len(ratios) >= FEWEST_BLOCKS]
+    alone = [_p_value(ratios) for ratios in votes if np.any(ratios)]
+    together = np.concatenate(small) if small else np.zeros(0)
+    pooled = [_p_value(together)] if len(together) >= FEWEST_BLOCKS and np.any(together) else []
+    scores = [float(norm.isf(min(max(p_value, 1e-300), 1 - 1e-15))) for p_value in (*alone, *pooled)]
     p_value = float(norm.sf(sum(scores) / math.sqrt(len(scores)))) if scores else 1.0
     return PairedComparison(
         before=reference.prediction_error,
         after=candidate.prediction_error,
         by_capture=tuple(zip(reference.by_capture, candidate.by_capture, strict=True)),
         p_value=min(1.0, candidates * p_value),
-        agree=agree,
+        agree=sum(p_value < ASKS_FOR_IT for p_value in alone),
         snapshots=len(reference.squared),
-        blocks=blocks,
+        blocks=sum(map(len, by_snapshot)),
     )
+
+
+def _p_value(ratios: np.ndarray) -> float:
+    return float(wilcoxon(ratios, alternative="greater").pvalue)
 
 
 def _log_ratios(first: torch.Tensor, second: torch.Tensor, block: int) -> np.ndarray:

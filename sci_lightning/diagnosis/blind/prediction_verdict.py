@@ -59,6 +59,14 @@ def _speaks_against(evidence: PairedComparison, max_p_value: float) -> bool:
     return abs(evidence.fall) > INDIFFERENT and evidence.p_value > max_p_value
 
 
+def predictor_of(
+    camera: SnapshotCamera, border: Border | None, seed: int, decoder: Decoder | None = None, folds: int = 2
+) -> Predictor:
+    """Return what predicts held-out pixels of snapshots; of a large field, the window with the most texture."""
+    window = textured_window(camera.measurement, LARGEST_FIELD) if max(camera.size) > LARGEST_FIELD else None
+    return Predictor(camera.measurement, decoder, folds=folds, seed=seed, border=border, window=window)
+
+
 def judge_by_prediction(
     camera: SnapshotCamera,
     ideal: LightPath,
@@ -80,11 +88,7 @@ def judge_by_prediction(
         border: pixels along the sides that depend on what lies beyond the field by one of the hypotheses.
         on_progress: called with a one-line message at the end.
     """
-    window = None
-    if max(camera.size) > LARGEST_FIELD:
-        window = textured_window(camera.measurement, LARGEST_FIELD)
-    predictor = Predictor(camera.measurement, decoder, folds=folds, seed=seed, border=border, window=window)
-
+    predictor = predictor_of(camera, border, seed, decoder, folds)
     after = predictor.errors(camera.encoder_of(corrected))
     before = predictor.errors(camera.encoder_of(ideal)) if names else after
     gap = compare(before, after)

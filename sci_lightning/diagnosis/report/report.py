@@ -70,6 +70,7 @@ def describe(diagnosis: Diagnosis) -> dict[str, Any]:
     assessments = {"before": diagnosis.before, "after": diagnosis.after}
     effects = diagnosis.after.fit.hypothesis.effects
     noise = {name: values for name, values in effects.items() if diagnosis.model.effects[name].noise}
+    unknown = diagnosis.unknown_scenes
     return {
         "format": "sci-diagnosis",
         "format_version": 2,
@@ -94,6 +95,7 @@ def describe(diagnosis: Diagnosis) -> dict[str, Any]:
         "laboratory": [effect.describe() for effect in diagnosis.laboratory],
         "verification": VERIFIED_BY_NONE if diagnosis.verification is None else diagnosis.verification.describe(),
         "bad_captures": [capture.describe() for capture in diagnosis.bad_captures],
+        **({} if unknown is None else {"unknown_scenes": unknown.describe()}),
         "split": diagnosis.split.describe(),
         "seed": diagnosis.seed,
         "sci_lightning": __version__,

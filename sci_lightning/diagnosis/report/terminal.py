@@ -68,6 +68,8 @@ def print_report(diagnosis: Diagnosis, console: PlainConsole) -> None:
         console.say(
             f"on {count} capture{'s' * (count > 1)} that nothing has seen: {reached}; the verdict rests on this"
         )
+    if diagnosis.unknown_scenes is not None:
+        console.say(diagnosis.unknown_scenes.sentence())
     for capture in diagnosis.bad_captures:
         console.say(styled("left out", "yellow"), f": {capture.sentence}")
     split = diagnosis.split.describe()
