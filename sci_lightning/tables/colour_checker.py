@@ -71,7 +71,7 @@ def colour_checkers(runs: Sequence[Run], side: int, left_out: Callable[[str], No
 
 
 @torch.no_grad()
-def recovered(path: Path, side: int) -> torch.Tensor:
+def recovered(path: str | Path, side: int) -> torch.Tensor:
     """Return the mean ``(H, W)`` of the frames that a checkpoint's camera and decoder recover of the checker."""
     checkpoint = read_checkpoint(path)
     encoder, decoder = checkpoint.encoder().eval(), checkpoint.decoder().eval()

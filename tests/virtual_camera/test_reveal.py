@@ -77,7 +77,7 @@ def test_parameter_by_parameter() -> None:
 
 
 @pytest.mark.parametrize(
-    ("truth", "found", "sentence"),
+    ("truth", "result", "sentence"),
     [
         ((), report(), "nothing was hidden, and nothing was named"),
         ((), report(gain={}), "nothing was hidden: a false alarm"),
