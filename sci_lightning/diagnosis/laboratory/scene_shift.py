@@ -20,6 +20,7 @@ class SceneShift(SceneEffect):
 
     name = "scene_shift"
     rank = 5
+    displacement = ("dx", "dy")
     about = {name: Parameter("pixel", 0.0, -32, 32, step=0.1, starts=STARTS) for name in ("dx", "dy")}
     sentence = "the targets are displaced by ({dx}, {dy}) pixel"
     dx: torch.Tensor

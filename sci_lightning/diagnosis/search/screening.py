@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import torch
 
@@ -15,6 +16,9 @@ from sci_lightning.encoder.effects.parameter import Parameter, Value
 
 BATCH = 12
 """Starts whose predictions are held in memory at a time."""
+
+BESIDE = 0.2
+"""Pixels around the best displacement at which it is screened again: half of what its starts are apart."""
 
 
 @dataclass(frozen=True)
@@ -74,13 +78,39 @@ def _screened(fitter: Fitter, base: Fit, further: Mapping[str, list[Setting]]) -
         starts = model.starts(name, base.hypothesis) + further.get(name, [])
         if not starts:  # a converter of one bit can lose none, a single slot cannot come late
             continue
-        screened = (
-            candidate
-            for first in range(0, len(starts), BATCH)
-            for candidate in _screen_starts(fitter, base, name, starts[first : first + BATCH], local, chi2)
-        )
-        candidates.append(max(screened, key=lambda candidate: candidate.gain))
+        best = _best_start(fitter, base, name, starts, local, chi2)
+        if best.gain > fitter.settings.min_gain_nats and (nearby := _beside(best.start, effect.displacement or ())):
+            best = max(best, _best_start(fitter, base, name, nearby, local, chi2), key=lambda one: one.gain)
+        candidates.append(best)
     return sorted(candidates, key=lambda candidate: -candidate.gain)
+
+
+def _best_start(
+    fitter: Fitter, base: Fit, name: str, starts: list[Setting], local: LocalGain, chi2: torch.Tensor
+) -> Candidate:
+    """Return the start of one effect with the largest gain, see :func:`_screen_starts`."""
+    screened = (
+        candidate
+        for first in range(0, len(starts), BATCH)
+        for candidate in _screen_starts(fitter, base, name, starts[first : first + BATCH], local, chi2)
+    )
+    return max(screened, key=lambda candidate: candidate.gain)
+
+
+def _beside(start: Setting, parameters: Sequence[str]) -> list[Setting]:
+    """Return the settings around a displacement by whole pixels to the side or down; of any other one none.
+
+    Where the edges of pixels and mirrors meet, the likelihood has a kink, and a maximum of its own on either side: a
+    fit that begins on the kink may end on the wrong one.
+    """
+    if not any(float(start[name]).is_integer() for name in parameters):
+        return []
+    steps = product((-BESIDE, 0.0, BESIDE), repeat=len(parameters))
+    return [
+        {**start, **{name: float(start[name]) + step for name, step in zip(parameters, moved, strict=True)}}
+        for moved in steps
+        if any(moved)
+    ]
 
 
 def _screen_starts(

@@ -64,7 +64,7 @@ def search(fitter: Fitter, ideal: Fit, noise: Hypothesis, on_progress: OnProgres
     Named effects are selected first, then free-form deviations for what they leave. If something is left, or if many
     effects or another noise than the datasheet's were needed, named effects may only imitate something unnamed. Then
     the strongest free-form deviation is taken into the ideal model and the selection is repeated beside it: effects
-    that imitated it are not needed any more. The model with the better information criterion counts.
+    that imitated it are not needed any more. This second model counts if its information criterion is clearly better.
 
     Args:
         fitter: fits hypotheses to the captures.
@@ -91,7 +91,8 @@ def search(fitter: Fitter, ideal: Fit, noise: Hypothesis, on_progress: OnProgres
             second, other, rest = explain_remaining_misfit(second, other, ideal, noise, (free_form,), on_progress)
             common = second.with_border(second.split.border | fitter.split.border)
             judged = [judged_by(common, made, by) for made, by in ((fit, fitter), (other, second))]
-            if bic(common, judged[1]) > bic(common, judged[0]):
+            # a free form that is as likely as a named effect (stray light as an offset, say) does not take its place
+            if bic(common, judged[1]) > bic(common, judged[0]) + common.settings.indistinct_nats:
                 fitter, fit, rounds, unnamed = second, other, other_rounds, rest
                 settled, differing = select_noise(fitter, fit)
     free_forms = {deviation.name for deviation in unnamed}

@@ -42,6 +42,10 @@ class Effect(nn.Module):
     map_kind: ClassVar[str | None] = None
     """For an effect with an estimated map: ``pixel``, ``column``, ``row``, ``hot`` (few pixels, the others 0) or
     ``smooth`` (no detail finer than an eighth of the field)."""
+    displacement: ClassVar[tuple[str, str] | None] = None
+    """The parameters that displace the mask's image, or the target, to the right and down, in pixels, for an effect
+    that does nothing else. A diagnosis then looks more closely around its best start, and for displacements of the
+    mask that are far from every start."""
     noise: ClassVar[bool] = False
     """Whether the effect changes the variance of the signal and not its mean."""
     plainer: ClassVar[str | None] = None

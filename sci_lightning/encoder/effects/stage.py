@@ -44,9 +44,6 @@ class RelayEffect(Effect):
     r"""How the displayed patterns are imaged onto the sensor: :math:`P_t = \mathrm{image}(D_t; \mathrm{pose})`."""
 
     stage = "relay"
-    displacement: ClassVar[tuple[str, str] | None] = None
-    """The parameters that displace the mask's image to the right and down, in pixels, for an effect that does nothing
-    else. A diagnosis then also looks for displacements that are far from every start."""
 
     def show(self, patterns: torch.Tensor) -> torch.Tensor:
         """Return the patterns ``(P, H, W)`` as this effect distorts or smears them, before the pose is applied."""
