@@ -75,12 +75,12 @@ def place_of_mask(patterns: np.ndarray, dn: np.ndarray) -> tuple[tuple[int, int]
         (row, column) of the mask, negative where the snapshots begin before it, and the correlation there; None where
         no place stands out.
     """
+    from scipy.signal import fftconvolve  # half a second to import
+
     mask = _fine(patterns.sum(0).astype(np.float64))
     snapshot = np.mean([_fine(image.astype(np.float64)) for image in dn], 0)
     if mask.std() == 0 or snapshot.std() == 0:
         return None
-    from scipy.signal import fftconvolve  # half a second to import
-
     product = fftconvolve(mask, snapshot[::-1, ::-1], mode="full")
     common = fftconvolve(np.ones(mask.shape), np.ones(snapshot.shape), mode="full")
     least = LEAST_COMMON**2 * min(mask.size, snapshot.size)

@@ -119,7 +119,8 @@ class Tiling:
 
     def __post_init__(self) -> None:
         if min(self.size or (self.pixels or 0,)) < 1:
-            raise BadInput(f"tile={self.size or self.pixels}: height and width must be positive numbers of pixels")
+            given = self.pixels if self.size is None else f"[{self.size[0]},{self.size[1]}]"
+            raise BadInput(f"tile={given}: height and width must be positive numbers of pixels")
 
     def silent(self) -> Tiling:
         """Return the same tiling without ``watch``, for a caller that reports its progress itself."""

@@ -48,6 +48,13 @@ class PairedComparison:
         """The part of the prediction error that the candidate removes; negative where it adds to it."""
         return 1 - self.after / self.before
 
+    def sides(self) -> dict[str, dict[str, Any]]:
+        """Return the prediction errors ``before`` and ``after``, of all snapshots and of every one, as plain data."""
+        return {
+            when: {"prediction_error": error, "by_capture": [pair[which] for pair in self.by_capture]}
+            for which, (when, error) in enumerate((("before", self.before), ("after", self.after)))
+        }
+
     def describe(self) -> dict[str, Any]:
         """Return this as a report holds it, as plain data."""
         return {

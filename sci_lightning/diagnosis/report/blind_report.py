@@ -109,13 +109,8 @@ def _page(diagnosis: BlindDiagnosis, drawn: Mapping[str, Figure]) -> BlindPage:
 def describe_blind(diagnosis: BlindDiagnosis) -> dict[str, Any]:
     """Return the content of ``report.json`` without its provenance, as plain data; the schema describes every field."""
     noise = {name: values for name, values in diagnosis.corrected.hypothesis.effects.items() if name in NOISE_GUESS}
-    predicted: list[dict[str, Any]] = [{}, {}]
-    if diagnosis.prediction is not None:
-        gap = diagnosis.prediction.gap
-        predicted = [
-            {"prediction_error": error, "by_capture": [pair[which] for pair in gap.by_capture]}
-            for which, error in enumerate((gap.before, gap.after))
-        ]
+    judged = diagnosis.prediction
+    predicted: dict[str, dict[str, Any]] = {"before": {}, "after": {}} if judged is None else judged.gap.sides()
     counted = float(diagnosis.corrected.log_likelihood.isfinite().double().mean())
     return {
         "format": "sci-diagnosis",
@@ -124,8 +119,8 @@ def describe_blind(diagnosis: BlindDiagnosis) -> dict[str, Any]:
         "effects": [effect.describe() for effect in diagnosis.effects],
         "uncertainty": UNCERTAINTY,
         "gap": {
-            "before": _gap(diagnosis.ideal.log_likelihood.numpy()) | predicted[0],
-            "after": _gap(diagnosis.corrected.log_likelihood.numpy()) | predicted[1],
+            "before": _gap(diagnosis.ideal.log_likelihood.numpy()) | predicted["before"],
+            "after": _gap(diagnosis.corrected.log_likelihood.numpy()) | predicted["after"],
         },
         "unnamed": [],
         "where": {"before": [], "after": []},
@@ -154,11 +149,8 @@ def _verification(diagnosis: BlindDiagnosis) -> dict[str, Any]:
     verified = None if diagnosis.prediction is None else diagnosis.prediction.verification
     if verified is None:
         return VERIFIED_BY_NONE
-    before, after = (
-        {"prediction_error": error, "by_capture": [pair[which] for pair in verified.by_capture]}
-        for which, error in enumerate((verified.before, verified.after))
-    )
-    return {"captures": list(diagnosis.verification), **after, "before": before}
+    sides = verified.sides()
+    return {"captures": list(diagnosis.verification), **sides["after"], "before": sides["before"]}
 
 
 def _gap(log_likelihood: np.ndarray) -> dict[str, Any]:

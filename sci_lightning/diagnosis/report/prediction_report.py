@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 
 from sci_lightning import __version__
 from sci_lightning.cli.console import PlainConsole, styled
-from sci_lightning.diagnosis.blind.paired_comparison import PairedComparison
 from sci_lightning.diagnosis.blind.search_by_prediction import UNSEEN, PredictionResult
 from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera
 from sci_lightning.diagnosis.report.blind_page import BlindPage, predicted_errors
@@ -105,7 +104,7 @@ def describe_prediction(result: PredictionResult, camera: SnapshotCamera) -> dic
         "verdict": result.verdict,
         "effects": [_effect(result, camera, name) for name in result.values],
         "uncertainty": UNCERTAINTY,
-        "gap": _gap(result.all_snapshots),
+        "gap": result.all_snapshots.sides(),
         "unnamed": [],
         "where": {"before": [], "after": []},
         "noise": {"stated_by_the_file": []},
@@ -130,20 +129,10 @@ def describe_prediction(result: PredictionResult, camera: SnapshotCamera) -> dic
     }
 
 
-def _gap(comparison: PairedComparison) -> dict[str, Any]:
-    return {
-        when: {
-            "prediction_error": (comparison.before, comparison.after)[which],
-            "by_capture": [pair[which] for pair in comparison.by_capture],
-        }
-        for which, when in enumerate(("before", "after"))
-    }
-
-
 def _verification(result: PredictionResult, camera: SnapshotCamera) -> dict[str, Any]:
     if result.verification is None:
         return {"captures": [], "note": "no snapshot was set aside: give verification=[..]"}
-    gap = _gap(result.verification)
+    gap = result.verification.sides()
     return {"captures": list(camera.set_aside), **gap["after"], "before": gap["before"]}
 
 
