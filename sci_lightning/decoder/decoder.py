@@ -12,8 +12,9 @@ from torch.nn import functional as F
 
 from sci_lightning.decoder.kernels.switch import are_plain
 from sci_lightning.errors import BadInput
+from sci_lightning.imaging.full_precision import full_precision
 from sci_lightning.imaging.operator import SnapshotOperator
-from sci_lightning.imaging.tiling import SeamsDiffer, Tiling
+from sci_lightning.imaging.tiling import SEAM_TOLERANCE, SeamsDiffer, Tiling
 
 if TYPE_CHECKING:
     from sci_lightning.imaging.patches.estimator import LinearEstimator
@@ -23,6 +24,9 @@ HALO = 16
 
 WIDEST_HALO = 256
 """Pixels around a tile beyond which nothing is tried."""
+
+ROUNDING_WINDOW = 64
+"""Height and width in pixels of the window on which the rounding of a lower precision is measured."""
 
 FirstEstimate: TypeAlias = Literal["published", "linear"]
 """Which video a network gets as its input, see :meth:`Decoder.first_video`."""
@@ -154,7 +158,9 @@ class Decoder(nn.Module):
 
         Decoders with :attr:`global_steps` have no seams. Of others, what two neighbouring tiles say of the pixels at
         the seam between them is compared: where they differ by more than
-        :data:`~sci_lightning.imaging.tiling.SEAM_TOLERANCE`, decoding begins again with a halo of twice the width.
+        :data:`~sci_lightning.imaging.tiling.SEAM_TOLERANCE`, decoding begins again with a halo of twice the width. In a
+        lower precision each of the two rounds in its own way, which no halo changes: they may differ by twice the
+        rounding as well.
 
         Args:
             measurement, mask: as for the call.
@@ -172,9 +178,10 @@ class Decoder(nn.Module):
         field, halo = math.inf if self.receptive_field is None else self.receptive_field, self.halo
         if self.linear_estimator is not None:
             field += self.linear_estimator.block
+        tolerance = max(SEAM_TOLERANCE, 2 * self._rounding(measurement, mask)) if halo < field else None
         while True:
             try:
-                return tiling.apply(self, halo, self.alignment, measurement, mask, check_seams=halo < field)
+                return tiling.apply(self, halo, self.alignment, measurement, mask, seam_tolerance=tolerance)
             except SeamsDiffer as seam:
                 if halo >= WIDEST_HALO:
                     raise BadInput(
@@ -182,6 +189,7 @@ class Decoder(nn.Module):
                         f"{seam.difference:.2g} even with a halo of {halo} pixels; give tile=none"
                     ) from seam
                 halo = int(min(2 * halo, field, WIDEST_HALO))
+                tolerance = tolerance if halo < field else None
                 size = tiling.size
                 if size is not None and any(s < min(halo, f) for s, f in zip(size, mask.shape[-2:], strict=True)):
                     raise BadInput(
@@ -189,6 +197,16 @@ class Decoder(nn.Module):
                         f"seams, and are smaller than the wider halo of {halo} pixels that would be tried next; give "
                         f"at least tile=[{halo},{halo}], or tile=auto"
                     ) from seam
+
+    def _rounding(self, measurement: torch.Tensor, mask: torch.Tensor) -> float:
+        """Return how much a lower precision changes the estimate in the middle of the field, as a root mean square."""
+        if measurement.is_meta or not torch.is_autocast_enabled(measurement.device.type):
+            return 0.0
+        middle = [max(0, (side - ROUNDING_WINDOW) // 2) for side in mask.shape[1:]]
+        window = (..., *(slice(start, start + ROUNDING_WINDOW) for start in middle))
+        rounded = self(measurement[window], mask[window])
+        with full_precision():
+            return float((self(measurement[window], mask[window]) - rounded).square().mean().sqrt())
 
     def counted(self) -> Decoder:
         """Return a decoder with the same multiply-accumulates, which may leave out what has none."""

@@ -171,7 +171,7 @@ class Tiling:
         halo: int,
         alignment: int,
         *images: torch.Tensor,
-        check_seams: bool = False,
+        seam_tolerance: float | None = None,
         reduced: int = 1,
     ) -> torch.Tensor:
         """Return ``function(*images)``, computed tile by tile.
@@ -181,12 +181,13 @@ class Tiling:
                 multiple or part of both.
             halo, alignment: see :meth:`tiles`.
             images: images or videos ``(.., H, W)`` of the same H and W.
-            check_seams: compare neighbouring tiles at their seams; right for a halo that may be too small.
+            seam_tolerance: how much neighbouring tiles may differ at their seam, as a root mean square, where the halo
+                may be too small; None: they are not compared.
             reduced: resolution of the field over that of the images; all other numbers are in pixels of the field.
 
         Raises:
             BadInput: as :meth:`tiles`.
-            SeamsDiffer: two tiles differ by more than :data:`SEAM_TOLERANCE`.
+            SeamsDiffer: two tiles differ by more than ``seam_tolerance``.
         """
         field = images[0].shape[-2], images[0].shape[-1]
         tiles = self.tiles((reduced * field[0], reduced * field[1]), halo, alignment)
@@ -200,9 +201,9 @@ class Tiling:
                 result = part.new_empty(*part.shape[:-2], *(int(side * scale) for side in field))
             tile = place.scaled(scale)
             if (
-                check_seams
+                seam_tolerance is not None
                 and not part.is_meta
-                and (difference := _seam_difference(result, part, tile)) > SEAM_TOLERANCE
+                and (difference := _seam_difference(result, part, tile)) > seam_tolerance
             ):
                 raise SeamsDiffer(difference)
             result[..., tile.rows.kept, tile.columns.kept] = part[..., tile.rows.inside, tile.columns.inside]

@@ -180,6 +180,31 @@ def test_the_seams_say_how_wide_the_halo_must_be() -> None:
         Wide().in_tiles(torch.linspace(0, 1, 1600).expand(1, 4, 1600), torch.ones(2, 4, 1600), Tiling((300, 300)))
 
 
+class Rounded(Decoder):
+    """The measurement, which in bfloat16 is rounded in another way in every tile: beside its mean."""
+
+    def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        self.fields.append(measurement.shape[-1])
+        mean = measurement.mean()
+        return mask * (((measurement - mean)[..., None] @ torch.ones(1, 1)).squeeze(-1).float() + mean).unsqueeze(1)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.fields: list[int] = []
+
+
+@torch.no_grad()
+def test_rounding_is_no_reason_for_a_wider_halo() -> None:
+    """Tiles differ at their seam by more than what is allowed in full precision, and no halo would help."""
+    measurement, mask = 20 * torch.rand(1, 80, 200), torch.ones(2, 80, 200)
+    decoder = Rounded()
+    with torch.autocast("cpu", torch.bfloat16):
+        parts = decoder.in_tiles(measurement, mask, Tiling((80, 100)))
+        assert decoder._rounding(measurement, mask) > base.SEAM_TOLERANCE
+    assert max(decoder.fields) == 100 + base.HALO
+    assert torch.allclose(parts, decoder(measurement, mask), atol=0.1)
+
+
 @pytest.mark.parametrize("name", ["gap_tv", "gap_net", "e2e_cnn", "birnat"])
 def test_a_tile_smaller_than_the_halo(name: str, make_decoder: Callable[..., Decoder]) -> None:
     decoder = make_decoder(name, FRAMES, *SMALL[name])
