@@ -13,11 +13,14 @@ def lit_scenes(scenes: list[torch.Tensor]) -> torch.Tensor:
 
 
 def changed_scenes(effect: SceneEffect, scenes: list[torch.Tensor]) -> list[torch.Tensor]:
-    """Return scenes changed by an effect, all frames of a shape at once."""
+    """Return scenes changed by an effect, all frames of a shape at once.
+
+    Splines swing below 0 beside steep edges; no target does.
+    """
     changed: list[torch.Tensor] = [torch.zeros(())] * len(scenes)
     for shape in {scene.shape[1:] for scene in scenes}:
         members = [n for n, scene in enumerate(scenes) if scene.shape[1:] == shape]
-        frames = effect.change(torch.cat([scenes[n] for n in members]))
+        frames = effect.change(torch.cat([scenes[n] for n in members])).clamp(min=0)
         for n, part in zip(members, frames.split([len(scenes[n]) for n in members]), strict=True):
             changed[n] = part
     return changed
