@@ -132,7 +132,7 @@ class BlindSearch:
             name
             for name, effect in fitter.model.vocabulary.items()
             if not (effect.noise or effect.map_kind or issubclass(effect, SceneEffect) or name in UNDETERMINED)
-            and not (issubclass(effect, SensorEffect) and any(about.choices for about in effect.about.values()))
+            and not (issubclass(effect, SensorEffect) and effect.is_discrete())
         ]
 
     def _inner(self) -> torch.Tensor:
@@ -204,7 +204,7 @@ class BlindSearch:
             about = model.effects[name].about
             starts = model.starts(name, base.hypothesis)
             trials = [(self._screened(base, name, start), start) for start in starts]
-            if not any(parameter.choices for parameter in about.values()):
+            if not model.effects[name].is_discrete():
                 trials.sort(key=lambda trial: -trial[0])
                 weaker: list[Setting] = [
                     {parameter: _between(about[parameter].neutral, value) for parameter, value in start.items()}
@@ -224,7 +224,7 @@ class BlindSearch:
 
     def _fitted_start(self, base: BlindFit, name: str, trials: list[tuple[float, Setting]]) -> tuple[float, Setting]:
         """Return nats and setting of the best of a few starts after a short fit to the screened blocks."""
-        if any(about.choices for about in self.fitter.model.effects[name].about.values()):
+        if self.fitter.model.effects[name].is_discrete():
             return trials[0]
         fitted = []
         for _, start in trials[:STARTS_FITTED]:

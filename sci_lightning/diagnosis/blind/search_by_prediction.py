@@ -168,7 +168,7 @@ class _Fitter:
         """Return ``base`` with one more effect at the best of its starts."""
         effect = self.camera.vocabulary[name]
         starts = effect.starts(len(self.camera.patterns), self.camera.size, self.camera.bit_depth)
-        if any(facts.choices for facts in effect.about.values()):
+        if effect.is_discrete():
             return min(({**base, name: start} for start in starts), key=self.error)
         best = {**base, name: _neutral(effect)}
         for parameter, facts in effect.about.items():  # axis by axis: the product of all starts is too large

@@ -132,7 +132,7 @@ def _screen_starts(
     deviation, count = base.prediction.deviation, float(fitter.fitted.sum())
     large = [0.5 * count * float(torch.log(chi2 / _chi2(fitter, trial.mean, deviation))) for trial in trials]
     candidates = [Candidate(name, gain, start) for gain, start in zip(large, starts, strict=True)]
-    if not any(parameter.choices for parameter in about.values()):
+    if not model.effects[name].is_discrete():
         changes = torch.stack([trial.mean - base.prediction.mean for trial in trials])
         small, factors = local.gain_of_single_changes(changes)
         for i, (gain, factor) in enumerate(zip(small.tolist(), factors.tolist(), strict=True)):
@@ -154,7 +154,7 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
         name: of the effect.
     """
     model, settings = fitter.model, fitter.settings
-    if model.effects[name].noise or any(parameter.choices for parameter in model.effects[name].about.values()):
+    if model.effects[name].noise or model.effects[name].is_discrete():
         return []
     coarse, seen = fitter.seen_coarsely(without)
     local = LocalGain(coarse, seen)

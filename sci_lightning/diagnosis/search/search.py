@@ -154,7 +154,8 @@ def fit_candidates(fitter: Fitter, best: Fit, screened: list[Candidate]) -> dict
     """Fit the most promising candidates jointly with everything in the model, by name.
 
     A candidate whose screened gain is a small part of what it must gain is left out, and so is one whose fit cannot
-    reach what another one has reached.
+    reach what another one has reached. Turned or reordered patterns are fitted wherever they stand: nothing leads to
+    them step by step, and blurs and displacements may promise more as long as the noise stands in for them all.
 
     Args:
         fitter: fits hypotheses to the captures.
@@ -162,7 +163,8 @@ def fit_candidates(fitter: Fitter, best: Fit, screened: list[Candidate]) -> dict
         screened: candidates, the most promising first.
     """
     settings, fits, reached = fitter.settings, dict[str, Fit](), -math.inf
-    for candidate in screened[: settings.candidates_fitted]:
+    first, others = screened[: settings.candidates_fitted], screened[settings.candidates_fitted :]
+    for candidate in (*first, *(one for one in others if fitter.model.effects[one.name].is_discrete())):
         price = settings.min_gain_nats + 0.5 * len(candidate.start) * math.log(fitter.pixels)
         if candidate.gain > max(settings.min_gain_nats, settings.screened_share * price):
             start = candidate.added(fitter.model, best.hypothesis)

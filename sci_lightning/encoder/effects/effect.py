@@ -80,6 +80,11 @@ class Effect(nn.Module):
         """Whether every parameter is at its neutral value, where the effect does nothing."""
         return all(value == self.about[name].neutral for name, value in self.values.items())
 
+    @classmethod
+    def is_discrete(cls) -> bool:
+        """Return whether a parameter is chosen from a few values, so that no fit leads from one to the next."""
+        return any(about.choices for about in cls.about.values())
+
     def border(self, size: tuple[int, int]) -> Border:
         """Return how far what lies beyond a field of ``size`` (H, W) reaches into it through this effect.
 
