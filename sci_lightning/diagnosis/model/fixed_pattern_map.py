@@ -20,9 +20,9 @@ from sci_lightning.diagnosis.model.likelihood import PixelLikelihood
 from sci_lightning.diagnosis.model.prediction import Prediction
 from sci_lightning.diagnosis.model.smooth_basis import SmoothBasis, orthonormal, prior
 
-STEEPNESS = (1.0, 2.0)
-"""Powers of the spatial frequency with which the prior of a smooth map may fall; the most likely one counts. A steeper
-prior would ask for more digits than maps in single precision have."""
+STEEPNESS = (1.0, 2.0, 3.0, 4.0)
+"""Powers of the degree with which the prior of a smooth map may fall; the most likely one counts. A steeper prior would
+ask for more digits than maps in single precision have."""
 HOT_PIXEL_PENALTY = 5.0
 """Nats that the value of a hot pixel costs, beside the logarithm of the number of pixels for its place."""
 
@@ -249,15 +249,15 @@ def _smooth_map(
     """Return the state of a smooth map ``(H, W)`` from gradient and information about the value at every counted pixel.
 
     Its standard error is that of the map's standard deviation over the field. ``taken`` is the part of gradient and
-    information that maps of pixels can take over: the prior is the one that suits what they leave.
+    information that maps of pixels can take over: prior and standard error are those that suit what they leave.
     """
-    left = model.whole(slope - taken[0]), model.whole((curvature - taken[1]).clamp(min=0))
-    steepness, std, evidence = _smoothest_prior(*left, values)
+    left = (curvature - taken[1]).clamp(min=0)
+    steepness, std, evidence = _smoothest_prior(model.whole(slope - taken[0]), model.whole(left), values)
     basis = SmoothBasis.of(model.whole(curvature), steepness, model.window)
     coordinates, gradient, information = basis.coordinates(values), basis.reduce(slope), basis.squares(curvature)
     factors = basis.mixing @ coordinates
     direction = basis.mixing.T @ (factors / factors.norm().clamp(min=1e-12))
-    variance = 1 / (information + 1 / max(std, 1e-9) ** 2)
+    variance = 1 / (basis.squares(left) + 1 / max(std, 1e-9) ** 2)
     std_error = float((direction.square() * variance).sum().sqrt())
     penalty = _penalty(coordinates, information, std)
     numbers = std, std_error, penalty, evidence
@@ -267,12 +267,12 @@ def _smooth_map(
 
 def _smoothest_prior(slope: torch.Tensor, curvature: torch.Tensor, values: torch.Tensor) -> tuple[float, float, float]:
     """Return steepness and standard deviation of the prior of the largest marginal likelihood, and its gain in nats."""
-    flat, frequency = orthonormal(*curvature.shape)
+    flat, degree = orthonormal(*curvature.shape)
     about = (flat * curvature.flatten().double()) @ flat.T
     along = flat @ (slope + curvature * values).flatten().double()
     best = (STEEPNESS[0], 1e-6, -math.inf)
     for steepness in STEEPNESS:
-        spread = prior(frequency, steepness)
+        spread = prior(degree, steepness)
         information, turn = torch.linalg.eigh(spread[:, None] * about * spread)
         std, evidence, _ = _likeliest_prior(turn.T @ (spread * along), information.clamp(min=0))
         if evidence > best[2]:

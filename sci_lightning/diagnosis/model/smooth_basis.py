@@ -1,9 +1,10 @@
 r"""Smooth maps: functions of the position on the field without detail finer than a part of its side.
 
-On an axis with n pixels at u from 0 to 1 the functions are :math:`\cos(\pi k u)` for k from 1 to ``DETAIL``, whose half
-period is 1/k of the side, and u and u squared, which meet the edges with any slope. They are made orthonormal in this
-order, so that the last two only add what the cosines leave near the edges. A map is a sum of products of a function of
-the row and one of the column, all but the constant one, so that its mean over the field is 0.
+On an axis the functions are Legendre's polynomials up to the degree ``DETAIL``, made orthonormal on the pixels. Light
+that comes from afar is an analytic function, of which the factors fall fast with the degree, whatever its slope at the
+edges is; those of a cosine series do not. A map is a sum of products of a function of the row and one of the column.
+Its mean is nearly 0: where the margin of the field does not count, a map is known there by its prior alone, and its
+mean over the whole field no better than that.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ DETAIL = 8
 """Parts of the field's side: no detail of a smooth map is finer."""
 BEYOND = 12
 """The same for the functions that a smooth map must not contain, by which it is tested."""
+MEAN = 0.1
+"""Standard deviation of a map's mean, where that of the map is 1."""
 LEAST_NORM = 1e-6
 """Relative norm below which a function is a sum of the others."""
 
@@ -48,12 +51,12 @@ class SmoothBasis:
 
         Args:
             information: ``(H, W)`` about the map's value at every pixel.
-            steepness: power of the spatial frequency with which the prior's standard deviation falls.
+            steepness: power of the degree with which the prior's standard deviation falls.
             window: rows and columns that count.
         """
         height, width = information.shape
-        flat, frequency = orthonormal(height, width)
-        spread = prior(frequency, steepness)
+        flat, degree = orthonormal(height, width)
+        spread = prior(degree, steepness)
         about = (flat * information.flatten().double()) @ flat.T
         _, turn = torch.linalg.eigh(spread[:, None] * about * spread)
         mixing = spread[:, None] * turn
@@ -93,40 +96,41 @@ class SmoothBasis:
 
 @lru_cache(maxsize=4)
 def orthonormal(height: int, width: int) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return K functions ``(K, H * W)`` of mean square 1 and mean 0, and their spatial frequencies, ``(K,)``."""
+    """Return K functions ``(K, H * W)`` of mean square 1, the constant first, and their degrees ``(K,)``."""
     (down, of_rows), (across, of_columns) = axis_functions(height), axis_functions(width)
     products = torch.einsum("ih,jw->ijhw", down, across).flatten(0, 1).flatten(1)
-    return products[1:], torch.hypot(of_rows[:, None], of_columns).flatten()[1:]
+    return products, torch.hypot(of_rows[:, None], of_columns).flatten()
 
 
-def prior(frequency: torch.Tensor, steepness: float) -> torch.Tensor:
+def prior(degree: torch.Tensor, steepness: float) -> torch.Tensor:
     """Return the standard deviations ``(K,)`` of the functions' factors for a map of standard deviation 1."""
-    spread = frequency**-steepness
-    return spread / spread.norm().clamp(min=1e-30)
+    spread = torch.where(degree > 0, degree, torch.inf) ** -steepness
+    return spread / spread.norm().clamp(min=1e-30) + MEAN * (degree == 0)
 
 
 def beyond(height: int, width: int) -> torch.Tensor:
     """Return the functions ``(K, H * W)`` just finer than those of a smooth map, of mean square 1."""
-    (down, of_rows), (across, of_columns) = axis_functions(height, BEYOND, False), axis_functions(width, BEYOND, False)
+    (down, of_rows), (across, of_columns) = axis_functions(height, BEYOND, True), axis_functions(width, BEYOND, True)
     products = torch.einsum("ih,jw->ijhw", down, across).flatten(0, 1).flatten(1)
     return products[torch.maximum(of_rows[:, None], of_columns).flatten() > DETAIL]
 
 
-def axis_functions(count: int, finest: int = DETAIL, edges: bool = True) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return functions ``(L, n)`` of a place on an axis, the constant first, of mean square 1, and their frequencies.
+def axis_functions(count: int, finest: int = DETAIL, waves: bool = False) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return functions ``(L, n)`` of a place on an axis, the constant first, of mean square 1, and their degrees.
 
     Args:
         count: n, pixels.
-        finest: largest number of half periods.
-        edges: whether u and u squared are among them.
+        finest: largest degree, or number of half periods.
+        waves: cosines in place of the polynomials.
     """
     place = (torch.arange(count, dtype=torch.float64) + 0.5) / count
-    raw = [(k, torch.cos(math.pi * k * place)) for k in range(min(finest, (count - 1) // 2) + 1)]
-    if edges:
-        raw += [(finest + 1, place), (finest + 2, place.square())]
+    if waves:
+        raw = [(k, torch.cos(math.pi * k * place)) for k in range(min(finest, (count - 1) // 2) + 1)]
+    else:
+        raw = [(k, torch.special.legendre_polynomial_p(2 * place - 1, k)) for k in range(min(finest, count - 1) + 1)]
     functions: list[torch.Tensor] = []
-    frequencies = []
-    for frequency, values in raw:
+    degrees = []
+    for degree, values in raw:
         size = float(values.square().mean().sqrt())
         for _ in range(2):  # twice is enough (Gram and Schmidt)
             for other in functions:
@@ -134,8 +138,8 @@ def axis_functions(count: int, finest: int = DETAIL, edges: bool = True) -> tupl
         norm = float(values.square().mean().sqrt())
         if norm > LEAST_NORM * size:
             functions.append(values / norm)
-            frequencies.append(max(float(frequency), size / norm if frequency > finest else 0.0))
-    return torch.stack(functions), torch.tensor(frequencies, dtype=torch.float64)
+            degrees.append(float(degree))
+    return torch.stack(functions), torch.tensor(degrees, dtype=torch.float64)
 
 
 def quadrants(size: torch.Size) -> torch.Tensor:
