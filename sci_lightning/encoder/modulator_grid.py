@@ -11,10 +11,12 @@ import torch
 from sci_lightning.configuration.bounds import Size
 from sci_lightning.imaging.homography import check_homography
 
-MOST_PARTS = 6
-"""Most parts along either axis into which a pixel is divided where its footprint is turned against the mirrors."""
-UPRIGHT = 0.02
+LEAST_PARTS, MOST_PARTS = 3, 6
+"""Fewest and most parts along either axis into which a pixel is divided where its footprint is turned against the mirrors."""
+UPRIGHT = 0.002
 """Mirrors by which a pixel's edges may lean without being divided."""
+PARTS_A_MIRROR = 4
+"""Parts along either axis for every mirror by which a pixel's edges lean."""
 
 
 class ModulatorGrid:
@@ -64,7 +66,7 @@ class ModulatorGrid:
             place = torch.tensor([y, y + 1, y]).double(), torch.tensor([x, x, x + 1]).double()
             for along in self.mirror_at(*place):
                 leaning = max(leaning, min(abs(float(along[1] - along[0])), abs(float(along[2] - along[0]))))
-        return 1 if leaning < UPRIGHT else min(math.ceil(4 * leaning), MOST_PARTS)
+        return 1 if leaning < UPRIGHT else min(max(LEAST_PARTS, math.ceil(PARTS_A_MIRROR * leaning)), MOST_PARTS)
 
     def mirror_at(self, y: torch.Tensor, x: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return (row, column) in mirrors, from 0 at the first centre, nominally seen at (y, x).

@@ -21,6 +21,10 @@ much in either step, 1e-5 of the grid's repeated spectra remain: exp(-2 pi^2 a^2
 the two standard deviations."""
 
 
+TURNED_PARTS = 2
+"""Parts along either axis of a pixel that sees the mirrors turned or distorted."""
+
+
 @dataclass(frozen=True)
 class Pose:
     """Where the mask's image lies and how sharp it is; None is the nominal value.
@@ -45,11 +49,16 @@ class Pose:
     tilt_y: torch.Tensor | None = None
     k: torch.Tensor | None = None
 
+    @property
+    def turned(self) -> bool:
+        """Whether a pixel's footprint on the mirrors is no upright rectangle."""
+        return any(value is not None for value in (self.angle, self.tilt_x, self.k))
+
     def image(self, patterns: torch.Tensor, cells: int = 1, grid: ModulatorGrid | None = None) -> torch.Tensor:
         """Return the image of touching square mirrors, integrated over the pixels; it is dark beyond the mirrors.
 
-        The integral is exact without rotation, perspective and distortion; with them, a pixel's footprint on the
-        mirrors is taken as an upright rectangle. On a grid of their own, the mirrors are seen where they nominally lie,
+        The integral is exact without rotation, perspective and distortion; with them, the footprint on the mirrors of
+        each of at least ``TURNED_PARTS`` x ``TURNED_PARTS`` parts of a pixel is taken as an upright rectangle. On a grid of their own, the mirrors are seen where they nominally lie,
         and the pose is the deviation from there.
 
         Args:
@@ -64,6 +73,9 @@ class Pose:
             return self._on_own_grid(patterns, cells, grid)
         if all(value is None for value in vars(self).values()):
             return patterns.repeat_interleave(cells, -1).repeat_interleave(cells, -2) if cells > 1 else patterns
+        if cells < TURNED_PARTS and self.turned:
+            parts = -(-TURNED_PARTS // cells)
+            return torch.nn.functional.avg_pool2d(self.image(patterns, parts * cells), parts)
         height, width = patterns.shape[-2:]
         options: Any = {"device": patterns.device, "dtype": patterns.dtype}
         zero = torch.zeros((), **options)
@@ -99,10 +111,11 @@ class Pose:
 
         The footprint of a part of a pixel is the upright rectangle of the same variance along either axis.
         """
-        parts, sigma = cells * grid.parts, self.sigma
+        divided = max(grid.parts, -(-TURNED_PARTS // cells) if self.turned else 1)
+        parts, sigma = cells * divided, self.sigma
         if sigma is not None and float(sigma.detach()) < 1e-6:
             sigma = None
-        if grid.upright and all(value is None for value in (self.angle, self.tilt_x, self.k)):
+        if grid.upright and not self.turned:
             return self._upright_image(patterns, cells, grid, sigma)
         row, column, pixel = self._footprints(grid, parts, patterns.device)
         blurs: list[torch.Tensor | None] = [None, None]
@@ -116,7 +129,7 @@ class Pose:
                 else:
                     blurs[axis] = side
         image = _turned(patterns, row, column, (blurs[0], blurs[1]), pixel)
-        return image if grid.parts == 1 else torch.nn.functional.avg_pool2d(image, grid.parts)
+        return image if divided == 1 else torch.nn.functional.avg_pool2d(image, divided)
 
     def _upright_image(
         self, patterns: torch.Tensor, cells: int, grid: ModulatorGrid, sigma: torch.Tensor | None

@@ -178,6 +178,8 @@ def fit_candidates(fitter: Fitter, best: Fit, screened: list[Candidate]) -> dict
 def exchange(fitter: Fitter, fit: Fit, keep: Hypothesis) -> tuple[Fitter, Fit]:
     """Replace effects that were selected before the others were known, where another effect now fits better.
 
+    Of two effects that the captures do not tell apart the plainer one stands.
+
     Args:
         fitter: fits hypotheses to the captures.
         fit: the selected model.
@@ -186,11 +188,17 @@ def exchange(fitter: Fitter, fit: Fit, keep: Hypothesis) -> tuple[Fitter, Fit]:
     for name in [name for name in fit.hypothesis.effects if name not in keep.effects]:
         if name in fit.hypothesis.effects and len(fit.hypothesis.effects) - len(keep.effects) > 1:
             maker, without = fitter, fitter.fit(fit.hypothesis.without(name))
-            for _, rival in rivals(maker, fit, without, name):
+            effects, now = fitter.model.effects, name
+            for other, rival in rivals(maker, fit, without, name):
                 judge = fitter.covering(rival.hypothesis)
                 former, instead = judged_by(judge, fit, fitter), judged_by(judge, rival, maker)
-                if bic(judge, instead) > bic(judge, former) + judge.settings.min_gain_nats:
-                    fitter, fit = judge, instead
+                needed = judge.settings.min_gain_nats
+                if effects[now].plainer == other:
+                    needed = -judge.settings.indistinct_nats
+                elif effects[other].plainer == now:
+                    needed = judge.settings.indistinct_nats
+                if bic(judge, instead) > bic(judge, former) + needed:
+                    fitter, fit, now = judge, instead, other
     return fitter, fit
 
 
