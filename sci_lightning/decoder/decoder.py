@@ -202,11 +202,12 @@ class Decoder(nn.Module):
         """Return how much a lower precision changes the estimate in the middle of the field, as a root mean square."""
         if measurement.is_meta or not torch.is_autocast_enabled(measurement.device.type):
             return 0.0
-        middle = [max(0, (side - ROUNDING_WINDOW) // 2) for side in mask.shape[1:]]
-        window = (..., *(slice(start, start + ROUNDING_WINDOW) for start in middle))
-        rounded = self(measurement[window], mask[window])
+        top, left = (max(0, (side - ROUNDING_WINDOW) // 2) for side in mask.shape[1:])
+        window = (..., slice(top, top + ROUNDING_WINDOW), slice(left, left + ROUNDING_WINDOW))
+        measurement, mask = measurement[window], mask[window]
+        rounded = self(measurement, mask)
         with full_precision():
-            return float((self(measurement[window], mask[window]) - rounded).square().mean().sqrt())
+            return float((self(measurement, mask) - rounded).square().mean().sqrt())
 
     def counted(self) -> Decoder:
         """Return a decoder with the same multiply-accumulates, which may leave out what has none."""

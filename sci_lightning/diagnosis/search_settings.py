@@ -44,6 +44,8 @@ class SearchSettings:
             more; well above what the criterion's penalty for parameters and held-out pixels make up for.
         min_gain_nats: gain in nats beyond the information criterion's penalty that an effect must bring; 2 nats
             are odds of 7.
+        on_trial_nats: gain in nats beyond that penalty from which an effect is added on trial that held-out pixels do
+            not confirm; small ones are nearly always chance.
         formula_error: part of the log-likelihood that the model explains already which an effect must gain as well;
             formulas are right to a thousandth of what they change, and log-likelihood goes with the square of that.
         rival_nats: nats of an effect's evidence that another effect may leave unexplained and still be fitted in its
@@ -96,6 +98,7 @@ class SearchSettings:
     screened_share: Share = 0.33
     give_up_nats: NonNegative = 60.0
     min_gain_nats: NonNegative = 2.0
+    on_trial_nats: NonNegative = 100.0
     formula_error: Share = 1e-6
     rival_nats: NonNegative = 24.0
     rival_fraction: Share = 0.03

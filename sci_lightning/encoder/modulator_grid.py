@@ -12,7 +12,7 @@ from sci_lightning.configuration.bounds import Size
 from sci_lightning.imaging.homography import check_homography
 
 LEAST_PARTS, MOST_PARTS = 3, 6
-"""Fewest and most parts along either axis into which a pixel is divided where its footprint is turned against the mirrors."""
+"""Fewest and most parts along either axis of a pixel whose footprint is turned against the mirrors."""
 UPRIGHT = 0.002
 """Mirrors by which a pixel's edges may lean without being divided."""
 PARTS_A_MIRROR = 4

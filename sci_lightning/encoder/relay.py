@@ -57,9 +57,10 @@ class Pose:
     def image(self, patterns: torch.Tensor, cells: int = 1, grid: ModulatorGrid | None = None) -> torch.Tensor:
         """Return the image of touching square mirrors, integrated over the pixels; it is dark beyond the mirrors.
 
-        The integral is exact without rotation, perspective and distortion; with them, the footprint on the mirrors of
-        each of at least ``TURNED_PARTS`` x ``TURNED_PARTS`` parts of a pixel is taken as an upright rectangle. On a grid of their own, the mirrors are seen where they nominally lie,
-        and the pose is the deviation from there.
+        The integral is exact without rotation, perspective and distortion. With them, a pixel is divided into at least
+        ``TURNED_PARTS`` x ``TURNED_PARTS`` parts, and the footprint of each on the mirrors is taken as an upright
+        rectangle. On a grid of their own, the mirrors are seen where they nominally lie, and the pose is the deviation
+        from there.
 
         Args:
             patterns: ``(P, H, W)`` transmittance of the mirrors, ``(P, Hm, Wm)`` on a grid of their own.

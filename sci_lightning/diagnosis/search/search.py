@@ -106,7 +106,9 @@ def select_effects(
     """Select effects forward by the information criterion, confirmed by held-out pixels, and prune them backwards.
 
     Every round adds the effect whose joint fit gains most and refits everything. The noise is refitted every round too,
-    so that it absorbs what is not explained yet and gives it back later.
+    so that it absorbs what is not explained yet and gives it back later. Where held-out pixels confirm no effect, one
+    that gains much is added on trial: beside several deviations, a right name alone may predict other captures worse.
+    It stays if another one follows that is confirmed, and it with that one.
 
     Args:
         fitter: fits hypotheses to the captures.
@@ -119,6 +121,7 @@ def select_effects(
     fitter = fitter.covering(start)
     best = ideal = fitter.fit(start, iterations=30)
     rounds, settings = [], fitter.settings
+    before_trial: tuple[Fitter, Fit] | None = None
     for _ in range(settings.max_effects):
         far = far_displacements(fitter, best)
         fitter, best = with_room_for_starts(fitter, best, far)
@@ -139,14 +142,20 @@ def select_effects(
                 bic_gains[name] -= settings.indistinct_nats
         added = max((name for name in fits if bic_gains[name] > least), key=bic_gains.__getitem__, default=None)
         rounds.append(Round({candidate.name: candidate.gain for candidate in screened}, gains, added))
+        if on_trial := added is None and before_trial is None:
+            worth = {name: bic(fitter, fit) - bic(fitter, best) for name, fit in fits.items()}
+            enough = [name for name in fits if worth[name] > max(least, settings.on_trial_nats)]
+            added = max(enough, key=worth.__getitem__, default=None)
         if added is None:
             break
-        on_progress(f"{added}: {gains[added][0]:.0f} nats")
+        on_progress(f"{added}: {gains[added][0]:.0f} nats{', on trial' if on_trial else ''}")
         needed = narrow.covering(fits[added].hypothesis)
         larger = judged_by(needed, fits[added], fitter)
-        fitter = needed
-        best = prune(fitter, larger, start, settings.formula_error * fitter.explained_nats(larger, ideal, larger))
-    fitter, best = exchange(fitter, best, start)
+        before_trial = (fitter, best) if on_trial else None
+        fitter, best = needed, larger
+        if not on_trial:
+            best = prune(fitter, larger, start, settings.formula_error * fitter.explained_nats(larger, ideal, larger))
+    fitter, best = exchange(*(before_trial or (fitter, best)), start)
     return fitter, best, rounds
 
 
