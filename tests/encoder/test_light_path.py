@@ -12,7 +12,19 @@ import pytest
 import torch
 
 from sci_lightning.encoder import Encoder, effects
-from sci_lightning.encoder.effects import Effect, Gain, MaskShift, OpticsEffect, Parameter, Prnu, ReadNoise, ShotNoise
+from sci_lightning.encoder.effects import (
+    Effect,
+    Gain,
+    MaskDistortion,
+    MaskRotation,
+    MaskShift,
+    OpticsEffect,
+    Parameter,
+    Prnu,
+    ReadNoise,
+    RelayEffect,
+    ShotNoise,
+)
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.mask import RandomBinary
 from sci_lightning.encoder.sensor import ClipQuantise
@@ -110,3 +122,12 @@ def test_a_new_effect_is_found_by_its_file() -> None:
     assert "sensor.gain" in loaded and "sensor.prnu" not in loaded
     with pytest.raises(AttributeError, match="no attribute 'Nothing'"):
         _ = effects.Nothing
+
+
+@pytest.mark.parametrize("effect", [MaskDistortion(k=-0.05), MaskRotation(angle=1.7)], ids=["distorted", "turned"])
+def test_a_footprint_that_leans_on_the_mirrors(effect: RelayEffect) -> None:
+    """The image is that of pixels in many parts, to a thousandth of a pattern's contrast."""
+    patterns = (torch.rand(4, 40, 56) < 0.5).float()
+    pose = LightPath([effect]).pose
+    exact = torch.nn.functional.avg_pool2d(pose.image(patterns, 16), 16)
+    assert (pose.image(patterns) - exact).square().mean().sqrt() < 1e-3
