@@ -3,8 +3,7 @@ r"""Smooth maps: functions of the position on the field without detail finer tha
 On an axis the functions are Legendre's polynomials up to the degree ``DETAIL``, made orthonormal on the pixels. Light
 that comes from afar is an analytic function, of which the factors fall fast with the degree, whatever its slope at the
 edges is; those of a cosine series do not. A map is a sum of products of a function of the row and one of the column.
-Its mean is nearly 0: where the margin of the field does not count, a map is known there by its prior alone, and its
-mean over the whole field no better than that.
+The constant product is left out, so that the mean over the field is 0.
 """
 
 from __future__ import annotations
@@ -19,8 +18,6 @@ DETAIL = 8
 """Parts of the field's side: no detail of a smooth map is finer."""
 BEYOND = 12
 """The same for the functions that a smooth map must not contain, by which it is tested."""
-MEAN = 0.1
-"""Standard deviation of a map's mean, where that of the map is 1."""
 LEAST_NORM = 1e-6
 """Relative norm below which a function is a sum of the others."""
 
@@ -96,16 +93,16 @@ class SmoothBasis:
 
 @lru_cache(maxsize=4)
 def orthonormal(height: int, width: int) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return K functions ``(K, H * W)`` of mean square 1, the constant first, and their degrees ``(K,)``."""
+    """Return K functions ``(K, H * W)`` of mean square 1 and mean 0, and their degrees ``(K,)``."""
     (down, of_rows), (across, of_columns) = axis_functions(height), axis_functions(width)
     products = torch.einsum("ih,jw->ijhw", down, across).flatten(0, 1).flatten(1)
-    return products, torch.hypot(of_rows[:, None], of_columns).flatten()
+    return products[1:], torch.hypot(of_rows[:, None], of_columns).flatten()[1:]
 
 
 def prior(degree: torch.Tensor, steepness: float) -> torch.Tensor:
     """Return the standard deviations ``(K,)`` of the functions' factors for a map of standard deviation 1."""
-    spread = torch.where(degree > 0, degree, torch.inf) ** -steepness
-    return spread / spread.norm().clamp(min=1e-30) + MEAN * (degree == 0)
+    spread = degree**-steepness
+    return spread / spread.norm().clamp(min=1e-30)
 
 
 def beyond(height: int, width: int) -> torch.Tensor:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from sci_lightning.diagnosis.model.smooth_basis import DETAIL, MEAN, SmoothBasis, axis_functions, beyond
+from sci_lightning.diagnosis.model.smooth_basis import DETAIL, SmoothBasis, axis_functions, beyond
 
 
 def test_functions_of_an_axis_are_orthonormal() -> None:
@@ -26,10 +26,8 @@ def test_coordinates(size: tuple[int, int]) -> None:
     gram = basis.gram(information)
     torch.testing.assert_close(gram, torch.diag(gram.diagonal()), rtol=0, atol=1e-9)
     torch.testing.assert_close(basis.squares(information), gram.diagonal())
-    of_the_map = float(basis.variance(torch.ones(count, dtype=torch.float64)).mean())
-    assert of_the_map == pytest.approx(MEAN**2 + (count > 1))
-    means = basis.functions.flatten(1).mean(1)
-    assert float(means.square().sum()) == pytest.approx(MEAN**2)  # of a map, whose coordinates have a variance of 1
+    assert float(basis.variance(torch.ones(count, dtype=torch.float64)).mean()) == pytest.approx(1.0 if count else 0.0)
+    assert abs(float(basis.spread(coordinates).mean())) < 1e-9
 
 
 def test_a_slope_is_smooth_and_stripes_are_not() -> None:
