@@ -16,7 +16,9 @@ from sci_lightning.virtual_camera import Session, VirtualCamera
             ("scene_shift",), {"frames": 16, "bit_depth": 11, "mask": "binary"}, 560412843, id="negative light"
         ),
         pytest.param(("mask_orientation",), {"frames": 4, "bit_depth": 12}, 529809000, id="a blur promised more"),
-        pytest.param(("illumination",), {"frames": 4, "bit_depth": 9}, 1915465077, id="slopes at the edges of a smooth map"),
+        pytest.param(
+            ("illumination",), {"frames": 4, "bit_depth": 9}, 1915465077, id="slopes at the edges of a smooth map"
+        ),
         pytest.param(("mask_distortion", "read_noise"), {"bit_depth": 9}, 2808321267, id="a footprint that leans"),
         pytest.param(
             ("rolling_shutter", "gain"),
