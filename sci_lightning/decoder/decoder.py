@@ -159,8 +159,8 @@ class Decoder(nn.Module):
         Decoders with :attr:`global_steps` have no seams. Of others, what two neighbouring tiles say of the pixels at
         the seam between them is compared: where they differ by more than
         :data:`~sci_lightning.imaging.tiling.SEAM_TOLERANCE`, decoding begins again with a halo of twice the width. In a
-        lower precision each of the two rounds in its own way, which no halo changes: they may differ by twice the
-        rounding as well.
+        lower precision each of the two rounds in its own way, which no halo changes: then they may differ by the root
+        of the sum of that number's square and those of both roundings.
 
         Args:
             measurement, mask: as for the call.
@@ -178,7 +178,7 @@ class Decoder(nn.Module):
         field, halo = math.inf if self.receptive_field is None else self.receptive_field, self.halo
         if self.linear_estimator is not None:
             field += self.linear_estimator.block
-        tolerance = max(SEAM_TOLERANCE, 2 * self._rounding(measurement, mask)) if halo < field else None
+        tolerance = math.hypot(SEAM_TOLERANCE, 2**0.5 * self._rounding(measurement, mask)) if halo < field else None
         while True:
             try:
                 return tiling.apply(self, halo, self.alignment, measurement, mask, seam_tolerance=tolerance)

@@ -36,7 +36,8 @@ class SearchSettings:
         coarse_pixels: pixels, a count, on which fits begin and strong candidates are screened if the captures have more
             than four times as many; enough that no parameter is undetermined.
         coarse_nats: gain in nats, on these pixels, from which a candidate is strong: far above what chance gives.
-        candidates_fitted: candidates per round, a count, that are fitted jointly after screening; more than one,
+        candidates_fitted: candidates per round, a count, that are fitted jointly after screening, beside those that are
+            chosen from a few values, which always are; more than one,
             because screening is only accurate to second order, and few, because a joint fit takes most of the time.
         screened_share: part of the nats that an effect must gain which screening must promise for a joint fit to be
             made; screening finds at least half of what a fit gains, even between two starts of a flicker.

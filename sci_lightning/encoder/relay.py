@@ -22,7 +22,8 @@ the two standard deviations."""
 
 
 TURNED_PARTS = 2
-"""Parts along either axis of a pixel that sees the mirrors turned or distorted."""
+"""Least parts along either axis of a pixel that sees the mirrors turned or distorted: at 1.7 degrees the image of a
+binary pattern is right to 0.0004 of its contrast as a root mean square, undivided to 0.0014."""
 
 
 @dataclass(frozen=True)

@@ -183,14 +183,14 @@ def test_the_seams_say_how_wide_the_halo_must_be() -> None:
 class Rounded(Decoder):
     """The measurement, which in bfloat16 is rounded in another way in every tile: beside its mean."""
 
+    def __init__(self) -> None:
+        super().__init__()
+        self.fields: list[int] = []
+
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         self.fields.append(measurement.shape[-1])
         mean = measurement.mean()
         return mask * (((measurement - mean)[..., None] @ torch.ones(1, 1)).squeeze(-1).float() + mean).unsqueeze(1)
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.fields: list[int] = []
 
 
 @torch.no_grad()

@@ -22,7 +22,7 @@ def test_the_true_encoder_predicts_what_the_virtual_camera_records(bench: Bench,
     with torch.no_grad():
         predicted = encoder(torch.cat(bench.videos)).numpy() * bench.full_scale
     assert recorded.shape == (3, 32, 32) and recorded.dtype == np.uint16
-    # 0.1 DN of 8 bits: a turned pixel's footprint is taken as upright, and the converter rounds
+    # 0.1 DN of 8 bits: footprints of a turned pixel's quarters are taken as upright, and the converter rounds
     np.testing.assert_allclose(predicted, recorded, rtol=0, atol=0.1 * 4095 / 255 + 0.5)
 
 

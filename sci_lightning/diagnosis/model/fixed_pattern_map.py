@@ -257,8 +257,8 @@ def _smooth_map(
     coordinates, gradient, information = basis.coordinates(values), basis.reduce(slope), basis.squares(curvature)
     factors = basis.mixing @ coordinates
     direction = basis.mixing.T @ (factors / factors.norm().clamp(min=1e-12))
-    variance = 1 / (basis.squares(left) + 1 / max(std, 1e-9) ** 2)
-    std_error = float((direction.square() * variance).sum().sqrt())
+    precision = basis.gram(left) + torch.eye(len(coordinates), dtype=torch.float64) / max(std, 1e-9) ** 2
+    std_error = float((direction @ torch.linalg.solve(precision, direction)).sqrt()) if len(direction) else 0.0
     penalty = _penalty(coordinates, information, std)
     numbers = std, std_error, penalty, evidence
     of_pixels = model.whole(slope), model.whole(curvature)

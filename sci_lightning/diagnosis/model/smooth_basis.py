@@ -1,9 +1,9 @@
-r"""Smooth maps: functions of the position on the field without detail finer than a part of its side.
+r"""Smooth maps: functions of the position on the field without detail much finer than a part of its side.
 
-On an axis the functions are Legendre's polynomials up to the degree ``DETAIL``, made orthonormal on the pixels. Light
-that comes from afar is an analytic function, of which the factors fall fast with the degree, whatever its slope at the
-edges is; those of a cosine series do not. A map is a sum of products of a function of the row and one of the column.
-The constant product is left out, so that the mean over the field is 0.
+On an axis the functions are Legendre's polynomials up to the degree ``DEGREE``, made orthonormal on the pixels. Uneven
+light varies so smoothly that its factors fall fast with the degree, whatever its slope at the edges is; those of a
+cosine series fall slowly where that slope is not 0. A map is a sum of products of a function of the row and one of the
+column. The constant product is left out, so that the mean over the field is 0.
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ from functools import lru_cache
 
 import torch
 
-DETAIL = 8
-"""Parts of the field's side: no detail of a smooth map is finer."""
-BEYOND = 12
-"""The same for the functions that a smooth map must not contain, by which it is tested."""
-LEAST_NORM = 1e-6
-"""Relative norm below which a function is a sum of the others."""
+DEGREE = 10
+"""Largest degree of the polynomials along an axis; they hold waves of seven half periods."""
+DETAIL, BEYOND = 8, 12
+"""Half periods along an axis of the waves by which a smooth map is tested: more than the first number, which it must
+not contain, up to the second."""
 
 
 @dataclass(frozen=True)
@@ -93,10 +92,13 @@ class SmoothBasis:
 
 @lru_cache(maxsize=4)
 def orthonormal(height: int, width: int) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return K functions ``(K, H * W)`` of mean square 1 and mean 0, and their degrees ``(K,)``."""
-    (down, of_rows), (across, of_columns) = axis_functions(height), axis_functions(width)
-    products = torch.einsum("ih,jw->ijhw", down, across).flatten(0, 1).flatten(1)
-    return products[1:], torch.hypot(of_rows[:, None], of_columns).flatten()[1:]
+    """Return K functions ``(K, H * W)`` of mean square 1 and mean 0, and their degrees ``(K,)``.
+
+    The degree of a product is the root of the sum of the squared degrees along both axes.
+    """
+    down, across = polynomials(height), polynomials(width)
+    of_rows, of_columns = (torch.arange(len(functions), dtype=torch.float64) for functions in (down, across))
+    return _products(down, across)[1:], torch.hypot(of_rows[:, None], of_columns).flatten()[1:]
 
 
 def prior(degree: torch.Tensor, steepness: float) -> torch.Tensor:
@@ -106,37 +108,30 @@ def prior(degree: torch.Tensor, steepness: float) -> torch.Tensor:
 
 
 def beyond(height: int, width: int) -> torch.Tensor:
-    """Return the functions ``(K, H * W)`` just finer than those of a smooth map, of mean square 1."""
-    (down, of_rows), (across, of_columns) = axis_functions(height, BEYOND, True), axis_functions(width, BEYOND, True)
-    products = torch.einsum("ih,jw->ijhw", down, across).flatten(0, 1).flatten(1)
-    return products[torch.maximum(of_rows[:, None], of_columns).flatten() > DETAIL]
+    """Return the waves ``(K, H * W)`` just finer than a smooth map, of mean square 1."""
+    down, across = _cosines(height), _cosines(width)
+    of_rows, of_columns = torch.arange(len(down)), torch.arange(len(across))
+    return _products(down, across)[torch.maximum(of_rows[:, None], of_columns).flatten() > DETAIL]
 
 
-def axis_functions(count: int, finest: int = DETAIL, waves: bool = False) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return functions ``(L, n)`` of a place on an axis, the constant first, of mean square 1, and their degrees.
+def polynomials(count: int) -> torch.Tensor:
+    """Return the polynomials ``(L, n)`` of the place on an axis of n pixels, of mean square 1; the constant first."""
+    place = (2 * torch.arange(count, dtype=torch.float64) + 1) / count - 1
+    degrees = range(min(DEGREE, count - 1) + 1)
+    columns, _ = torch.linalg.qr(torch.stack([torch.special.legendre_polynomial_p(place, k) for k in degrees], 1))
+    return columns.T * columns[-1:].sign().T * math.sqrt(count)
 
-    Args:
-        count: n, pixels.
-        finest: largest degree, or number of half periods.
-        waves: cosines in place of the polynomials.
-    """
+
+def _cosines(count: int) -> torch.Tensor:
+    """Return the waves ``(L, n)`` along an axis, of 0, 1, 2 .. half periods and of mean square 1."""
     place = (torch.arange(count, dtype=torch.float64) + 0.5) / count
-    if waves:
-        raw = [(k, torch.cos(math.pi * k * place)) for k in range(min(finest, (count - 1) // 2) + 1)]
-    else:
-        raw = [(k, torch.special.legendre_polynomial_p(2 * place - 1, k)) for k in range(min(finest, count - 1) + 1)]
-    functions: list[torch.Tensor] = []
-    degrees = []
-    for degree, values in raw:
-        size = float(values.square().mean().sqrt())
-        for _ in range(2):  # twice is enough (Gram and Schmidt)
-            for other in functions:
-                values = values - (values * other).mean() * other
-        norm = float(values.square().mean().sqrt())
-        if norm > LEAST_NORM * size:
-            functions.append(values / norm)
-            degrees.append(float(degree))
-    return torch.stack(functions), torch.tensor(degrees, dtype=torch.float64)
+    waves = torch.stack([torch.cos(math.pi * k * place) for k in range(min(BEYOND, (count - 1) // 2) + 1)])
+    return waves / waves.square().mean(1, keepdim=True).sqrt()
+
+
+def _products(down: torch.Tensor, across: torch.Tensor) -> torch.Tensor:
+    """Return all products ``(K, H * W)`` of a function of the row and one of the column."""
+    return torch.einsum("ih,jw->ijhw", down, across).flatten(0, 1).flatten(1)
 
 
 def quadrants(size: torch.Size) -> torch.Tensor:

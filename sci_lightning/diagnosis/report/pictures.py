@@ -149,7 +149,8 @@ def evidence_figure(rounds: tuple[Round, ...], names: tuple[str, ...]) -> Figure
             _label_decades(axes)
             axes.tick_params(labelbottom=True)
             added = considered.added
-            dropped = " (dropped later)" if added and added not in names else ""
+            dropped = ", on trial" if considered.on_trial else ""
+            dropped += " (dropped later)" if added and added not in names else ""
             axes.set_title(
                 f"round {number}: {in_figure(added or 'nothing is worth its parameters')}{dropped}", loc="left"
             )

@@ -104,7 +104,7 @@ def _hot_neighbours(hot: torch.Tensor) -> float:
 
 
 FINE_DETAIL = 0.02
-"""Part of a smooth map's variance that finer detail must have to count: hardly any lamp ends exactly at a frequency."""
+"""Part of a smooth map's variance that finer detail must have to count: no lamp's ends where the polynomials do."""
 
 
 def _finer_than_smooth(one: FixedPatternMap, basis: SmoothBasis) -> float:

@@ -32,11 +32,13 @@ class Round:
         screened: nats that every candidate was expected to gain, by name.
         fitted: nats that the fitted candidates gained in a joint fit, by name: on all pixels, and on held-out ones.
         added: the candidate that was added; None when none was worth its parameters.
+        on_trial: whether it was added although held-out pixels did not confirm it, see :func:`select_effects`.
     """
 
     screened: dict[str, float]
     fitted: dict[str, tuple[float, float]]
     added: str | None
+    on_trial: bool = False
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ def select_effects(
     Every round adds the effect whose joint fit gains most and refits everything. The noise is refitted every round too,
     so that it absorbs what is not explained yet and gives it back later. Where held-out pixels confirm no effect, one
     that gains much is added on trial: beside several deviations, a right name alone may predict other captures worse.
-    It stays if another one follows that is confirmed, and it with that one.
+    It stays if another one follows, and the two together pass the test that it failed alone.
 
     Args:
         fitter: fits hypotheses to the captures.
@@ -136,21 +138,27 @@ def select_effects(
             for name, fit in fits.items()
         }
         least = settings.formula_error * fitter.explained_nats(best, ideal, best)
-        bic_gains = {name: bic_gain(fitter, best, fit) for name, fit in fits.items()}
-        for name in fits:  # an effect that is the same as a plainer one is named only where captures tell them apart
-            if fitter.model.effects[name].plainer in (*fits, *best.hypothesis.effects):
-                bic_gains[name] -= settings.indistinct_nats
+        # an effect that is the same as a plainer one is named only where captures tell them apart
+        plainer = {name for name in fits if fitter.model.effects[name].plainer in (*fits, *best.hypothesis.effects)}
+        less = {name: settings.indistinct_nats if name in plainer else 0.0 for name in fits}
+        bic_gains = {name: bic_gain(fitter, best, fit) - less[name] for name, fit in fits.items()}
         added = max((name for name in fits if bic_gains[name] > least), key=bic_gains.__getitem__, default=None)
-        rounds.append(Round({candidate.name: candidate.gain for candidate in screened}, gains, added))
         if on_trial := added is None and before_trial is None:
-            worth = {name: bic(fitter, fit) - bic(fitter, best) for name, fit in fits.items()}
-            enough = [name for name in fits if worth[name] > max(least, settings.on_trial_nats)]
-            added = max(enough, key=worth.__getitem__, default=None)
+            refused = [name for name in fits if bic_gains[name] == -math.inf]
+            refused_gains = {name: bic(fitter, fits[name]) - bic(fitter, best) - less[name] for name in refused}
+            enough = [name for name in refused if refused_gains[name] > max(least, settings.on_trial_nats)]
+            added = max(enough, key=refused_gains.__getitem__, default=None)
+        screened_gains = {candidate.name: candidate.gain for candidate in screened}
+        rounds.append(Round(screened_gains, gains, added, on_trial and added is not None))
         if added is None:
             break
         on_progress(f"{added}: {gains[added][0]:.0f} nats{', on trial' if on_trial else ''}")
         needed = narrow.covering(fits[added].hypothesis)
         larger = judged_by(needed, fits[added], fitter)
+        if before_trial is not None:
+            maker, untried = before_trial
+            if bic_gain(needed, judged_by(needed, untried, maker), larger) <= least:
+                break
         before_trial = (fitter, best) if on_trial else None
         fitter, best = needed, larger
         if not on_trial:
@@ -163,8 +171,9 @@ def fit_candidates(fitter: Fitter, best: Fit, screened: list[Candidate]) -> dict
     """Fit the most promising candidates jointly with everything in the model, by name.
 
     A candidate whose screened gain is a small part of what it must gain is left out, and so is one whose fit cannot
-    reach what another one has reached. Turned or reordered patterns are fitted wherever they stand: nothing leads to
-    them step by step, and blurs and displacements may promise more as long as the noise stands in for them all.
+    reach what another one has reached. Effects that are chosen from a few values, such as turned patterns, are fitted
+    wherever they stand: nothing leads to them step by step, and blurs and displacements may promise more as long as the
+    noise stands in for them all.
 
     Args:
         fitter: fits hypotheses to the captures.
@@ -208,6 +217,8 @@ def exchange(fitter: Fitter, fit: Fit, keep: Hypothesis) -> tuple[Fitter, Fit]:
                     needed = judge.settings.indistinct_nats
                 if bic(judge, instead) > bic(judge, former) + needed:
                     fitter, fit, now = judge, instead, other
+                    if needed < 0:  # the next rival would have to be better than what the plainer one replaced
+                        break
     return fitter, fit
 
 

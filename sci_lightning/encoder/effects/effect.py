@@ -41,7 +41,7 @@ class Effect(nn.Module):
     """Every parameter by name: its unit, its range, its neutral value and where a search for it starts."""
     map_kind: ClassVar[str | None] = None
     """For an effect with an estimated map: ``pixel``, ``column``, ``row``, ``hot`` (few pixels, the others 0) or
-    ``smooth`` (no detail finer than an eighth of the field)."""
+    ``smooth`` (no detail much finer than an eighth of the field)."""
     displacement: ClassVar[tuple[str, str] | None] = None
     """The parameters that displace the mask's image, or the target, to the right and down, in pixels, for an effect
     that does nothing else. A diagnosis then looks more closely around its best start, and for displacements of the

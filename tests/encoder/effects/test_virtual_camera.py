@@ -21,7 +21,7 @@ TURNED = {
     "mask_distortion": {"k": -0.006},
     "mask_keystone": {"tilt_x": 0.004, "tilt_y": -0.006},
 }
-"""At 1 degree, taking a turned pixel's footprint as upright makes 0.1 DN."""
+"""At 1 degree, taking the footprints of a turned pixel's quarters as upright makes less than 0.1 DN."""
 SESSION = replace(SMALL, size=(H, W), frames=T, surround="dark")
 
 

@@ -18,7 +18,7 @@ FINEST = 4
 class Illumination(MapEffect, OpticsEffect):
     r"""Light times :math:`1 + s\, c`, with a smooth map c of mean 0 and standard deviation 1.
 
-    The map has no detail finer than an eighth of the field: a source beside the axis, a lamp with several bulbs, a
+    The map has no detail much finer than an eighth of the field: a source beside the axis, a lamp with several bulbs, a
     condenser out of place. What falls off with the radius alone is ``vignetting``, what differs from pixel to pixel
     ``prnu``.
 
