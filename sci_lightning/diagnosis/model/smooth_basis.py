@@ -15,7 +15,8 @@ from functools import lru_cache
 import torch
 
 DEGREE = 8
-"""Largest degree of the polynomials along an axis; they hold nine tenths of a wave of six half periods, and a third of one of seven."""
+"""Largest degree of the polynomials along an axis. They hold nine tenths of the variance of a wave of six half periods,
+and a third of that of one of seven."""
 DETAIL, BEYOND = 6, 12
 """Half periods along an axis of the waves by which a smooth map is tested: more than the first number, which it must
 not contain, up to the second."""
