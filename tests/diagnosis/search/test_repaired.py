@@ -7,36 +7,44 @@ import pytest
 from sci_lightning.diagnosis.diagnosis import diagnose
 from sci_lightning.virtual_camera import Session, VirtualCamera
 
+SIZE = (64, 64)
+
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("effects", "session", "seed"),
     [
         pytest.param(
-            ("scene_shift",), {"frames": 16, "bit_depth": 11, "mask": "binary"}, 560412843, id="negative light"
+            ("scene_shift",), Session(size=SIZE, frames=16, bit_depth=11, mask="binary"), 560412843, id="negative light"
         ),
-        pytest.param(("mask_orientation",), {"frames": 4, "bit_depth": 12}, 529809000, id="a blur promised more"),
         pytest.param(
-            ("illumination",), {"frames": 4, "bit_depth": 9}, 1915465077, id="slopes at the edges of a smooth map"
+            ("mask_orientation",), Session(size=SIZE, frames=4, bit_depth=12), 529809000, id="a blur promised more"
         ),
-        pytest.param(("mask_distortion", "read_noise"), {"bit_depth": 9}, 2808321267, id="a footprint that leans"),
+        pytest.param(
+            ("illumination",),
+            Session(size=SIZE, frames=4, bit_depth=9),
+            1915465077,
+            id="slopes at the edges of a smooth map",
+        ),
+        pytest.param(
+            ("mask_distortion", "read_noise"), Session(size=SIZE, bit_depth=9), 2808321267, id="a footprint that leans"
+        ),
         pytest.param(
             ("rolling_shutter", "gain"),
-            {"frames": 4, "bit_depth": 12, "mask": "binary", "datasheet_factor": 2.0},
+            Session(size=SIZE, frames=4, bit_depth=12, mask="binary", datasheet_factor=2.0),
             994678407,
             id="a plainer effect in exchange",
         ),
         pytest.param(
             ("scene_rotation", "scene_shift", "response_gamma"),
-            {"frames": 4, "mask": "binary"},
+            Session(size=SIZE, frames=4, mask="binary"),
             309580546,
             id="a right name that alone predicts worse",
         ),
     ],
 )
-def test_exactly_what_is_hidden_is_named(effects: tuple[str, ...], session: dict[str, object], seed: int) -> None:
-    camera = VirtualCamera(Session(size=(64, 64), **session), effects, magnitude="clear")  # type: ignore[arg-type]
-    simulation = camera.simulate(seed)
+def test_exactly_what_is_hidden_is_named(effects: tuple[str, ...], session: Session, seed: int) -> None:
+    simulation = VirtualCamera(session, effects, magnitude="clear").simulate(seed)
     result = diagnose(simulation.captures())
-    noise = {"shot_noise", "read_noise"} if "datasheet_factor" in session else set()  # the datasheet is wrong
+    noise = {"shot_noise", "read_noise"} if session.datasheet_factor != 1 else set()  # the datasheet is wrong
     assert set(result.names) - (noise - set(effects)) == set(effects) and result.verdict == "explained"
