@@ -11,23 +11,27 @@ from typing import Any
 from sci_lightning.tables.cost import Cost
 from sci_lightning.tables.grid import Grid
 from sci_lightning.tables.line import METRICS, Line, lines_of
-from sci_lightning.tables.run import Run, Setting
+from sci_lightning.tables.run import Run
 from sci_lightning.tables.score_table import DIGITS, seeds
 from sci_lightning.tables.verdict import CONFIDENCE, ENOUGH_LEARNED, Interval, SeedSpread, interval, seed_spread
 
-HEADING = ["claim", "place in the paper", "row", "PSNR (dB)", "SSIM", "Q-Score", "verdict", "scale", "seeds"]
+SCOPES = {"on these scenes": True, "on other scenes": False}
+"""For what a verdict is given: other trainings tested on the very same scenes, or other trainings and other scenes."""
+HEADING = ["claim", "place in the paper", "row", "PSNR (dB)", "SSIM", "Q-Score", *SCOPES, "scale", "seeds"]
 NOTE = (
-    f"Mean differences, their {CONFIDENCE:.0%} intervals and the paper's differences. The intervals are over scenes "
-    "and seeds; the spread of the seeds is pooled over the rows that were trained with several. Reproduced: the whole "
-    "interval lies on the claim's side; contradicted: on the other one. A row that learned less than "
-    f"{ENOUGH_LEARNED:g} dB beyond the mean measurement decides nothing."
+    "On these scenes: would other trainings, tested on the same scenes, have the same sign? On other scenes: would it "
+    "hold on scenes drawn like these as well? Reproduced: the whole "
+    f"{CONFIDENCE:.0%} interval lies on the claim's side; contradicted: on the other one. The spread of the seeds is "
+    "pooled over the rows that were trained with several, apart for those tested through another encoder. A row that "
+    f"learned less than {ENOUGH_LEARNED:g} dB beyond the mean measurement decides nothing."
 )
+FIGURES_NOTE = "In the cells: the mean difference; its interval on these scenes; on other scenes; the paper's."
 VERDICTS = ("reproduced", "contradicted", "undecided")
 
 Cell = tuple[str, str, str]
 """Table, row and column of a figure of the paper."""
-Judged = tuple[list[str], dict[str, str]]
-"""The cells of a line of the table from the row on, and the verdicts by metric."""
+Judged = tuple[list[str], dict[str, dict[str, str]]]
+"""The cells of a line of the table from the row on, and for each scope the verdicts by metric."""
 Terms = tuple[tuple[float, Line], ...]
 """Lines with their weights: 1 of what is ahead, -1 of what is behind, the other way round of what a gain is over."""
 
@@ -46,16 +50,20 @@ def claim_table(
         costs: of decoders, for claims about what they cost.
     """
     rows: list[list[str]] = []
-    verdicts: list[str] = []
+    verdicts: dict[str, list[str]] = {scope: [] for scope in SCOPES}
     for claim, judged in _judged_claims(claims, tables, runs, costs):
-        for cells, of_metrics in judged:
+        for cells, of_scopes in judged:
             rows.append([claim["claim"], claim["place"], *cells])
-            verdicts += of_metrics.values()
+            for scope, of_metrics in of_scopes.items():
+                verdicts[scope] += of_metrics.values()
+    notes = [_counted(scope, given) for scope, given in verdicts.items() if given]
+    return Grid("claims", "What the paper claims of its tables", HEADING, rows, [NOTE, FIGURES_NOTE, *notes])
+
+
+def _counted(scope: str, verdicts: Sequence[str]) -> str:
     counts = ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in VERDICTS)
-    decided = len(verdicts) - verdicts.count("undecided")
-    share = f" ({decided / len(verdicts):.0%} decided)" if verdicts else ""
-    note = f"Of {len(verdicts)} comparisons, each metric by itself: {counts}{share}."
-    return Grid("claims", "What the paper claims of its tables", HEADING, rows, [NOTE, note])
+    decided = (len(verdicts) - verdicts.count("undecided")) / len(verdicts)
+    return f"{len(verdicts)} comparisons {scope}, each metric by itself: {counts} ({decided:.0%} decided)."
 
 
 def verdict_table(
@@ -64,17 +72,21 @@ def verdict_table(
     runs: Sequence[Run],
     costs: Mapping[str, Cost] | None = None,
 ) -> Grid:
-    """Return one row for each claim: how many of its comparisons are reproduced, contradicted, undecided or not run.
+    """Return one row for each claim: for each scope how many comparisons are reproduced, contradicted or undecided.
 
     Args:
         claims, tables, runs, costs: see :func:`claim_table`.
     """
     rows = []
     for claim, judged in _judged_claims(claims, tables, runs, costs):
-        verdicts = [verdict for _, of_metrics in judged for verdict in of_metrics.values() or ["not yet run"]]
-        counts = [str(verdicts.count(verdict) or "") for verdict in (*VERDICTS, "not yet run")]
-        rows.append([claim["claim"], claim["place"], *counts])
-    heading = ["claim", "place in the paper", *VERDICTS, "not yet run"]
+        counts = []
+        for scope in SCOPES:
+            verdicts = [verdict for _, of_scopes in judged for verdict in of_scopes.get(scope, {}).values()]
+            given = [f"{verdicts.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in verdicts]
+            counts.append(", ".join(given))
+        missing = sum(not of_scopes for _, of_scopes in judged)
+        rows.append([claim["claim"], *counts, str(missing or "")])
+    heading = ["claim", *SCOPES, "rows not yet run"]
     return Grid("verdicts", "Verdicts on the paper's claims, by row and metric", heading, rows, [NOTE])
 
 
@@ -113,34 +125,49 @@ class Evidence:
             for terms in settings:
                 yield self._judged(name, terms, metrics, threshold, paper)
             if not settings:
-                texts = [_figures(None, metric, paper) for metric in METRICS]
-                yield [name, *texts, "not yet run", "", ""], {}
+                texts = [_figures([], metric, paper) for metric in METRICS]
+                yield [name, *texts, *["not yet run"] * len(SCOPES), "", ""], {}
 
     def _judged(
         self, name: str, terms: Terms, metrics: Iterable[str], threshold: float, paper: Mapping[str, float]
     ) -> Judged:
         setting = terms[0][1].runs[0].setting
         intervals = {
-            metric: interval([(weight, line.of_seeds(metric)) for weight, line in terms], self.spread(setting, metric))
-            for metric in metrics
-            if all(metric in line.mean() for _, line in terms)
+            scope: {
+                metric: interval(
+                    [(weight, line.of_seeds(metric), self.spread(line, metric)) for weight, line in terms],
+                    same_scenes=same_scenes,
+                )
+                for metric in metrics
+                if all(metric in line.mean() for _, line in terms)
+            }
+            for scope, same_scenes in SCOPES.items()
         }
-        verdicts = {metric: difference.verdict(threshold) for metric, difference in intervals.items()}
+        verdicts = {
+            scope: {metric: difference.verdict(threshold) for metric, difference in of_metrics.items()}
+            for scope, of_metrics in intervals.items()
+        }
+        measured = list(next(iter(intervals.values())))
         reasons = [reason for _, line in terms if (reason := self.unlearned(line))]
         if reasons:
-            verdicts = dict.fromkeys(verdicts, "undecided")
-        elif any(self.spread(setting, metric) is None for metric in intervals):
-            reasons = ["no row was trained with more than one seed"]
-        texts = [_figures(intervals.get(metric), metric, paper) for metric in METRICS]
+            verdicts = {scope: dict.fromkeys(measured, "undecided") for scope in SCOPES}
+        elif any(self.spread(line, metric) is None for metric in measured for _, line in terms):
+            reasons = ["no row like these was trained with more than one seed"]
+        texts = [
+            _figures([of_metrics[metric] for of_metrics in intervals.values() if metric in of_metrics], metric, paper)
+            for metric in METRICS
+        ]
         because = f" ({'; '.join(dict.fromkeys(reasons))})" if reasons else ""
+        summaries = [_summary(of_metrics) + because for of_metrics in verdicts.values()]
         trained = seeds(*(line.runs for _, line in terms))
-        return [name, *texts, _summary(verdicts) + because, str(setting), trained], verdicts
+        return [name, *texts, *summaries, str(setting), trained], verdicts
 
-    def spread(self, setting: Setting, metric: str) -> SeedSpread | None:
-        """The spread of the seeds in a setting, pooled over its rows."""
+    def spread(self, line: Line, metric: str) -> SeedSpread | None:
+        """The spread of the seeds of rows like a line, of its setting, tested through their own encoder or another."""
+        own, setting = _is_own_test(line.runs[0]), line.runs[0].setting
         groups: dict[Any, list[Run]] = {}
         for run in self.runs:
-            if run.setting == setting and metric in run.scores:
+            if run.setting == setting and metric in run.scores and _is_own_test(run) == own:
                 groups.setdefault((*sorted(map(str, run.fields.items())), run.parameters), []).append(run)
         return seed_spread([{scene: run.scenes[scene][metric] for scene in run.scenes} for run in group]
                            for group in groups.values())  # fmt: skip
@@ -180,6 +207,11 @@ class Evidence:
                 yield tuple((weight, line) for (weight, _), line in zip(cells, combination, strict=True))
 
 
+def _is_own_test(run: Run) -> bool:
+    """Whether a run was tested behind the encoder with which it was trained."""
+    return bool(run.fields["test_encoder"] == run.fields["encoder"])
+
+
 def _compared(terms: Terms, metrics: Iterable[str]) -> bool:
     """Whether the lines have one of the claim's metrics in common."""
     return any(all(metric in line.mean() for _, line in terms) for metric in metrics)
@@ -215,18 +247,18 @@ def _paper(tables: Mapping[str, Any], cell: Cell) -> list[float]:
     return list(tables[table]["rows"][row][column])
 
 
-def _figures(difference: Interval | None, metric: str, paper: Mapping[str, float]) -> str:
-    """A difference with its interval and the paper's; only the paper's where nothing was run; empty if not claimed."""
+def _figures(intervals: Sequence[Interval], metric: str, paper: Mapping[str, float]) -> str:
+    """A difference, its intervals and the paper's; only the paper's where nothing was run; empty if not claimed."""
     if metric not in paper:
         return ""
     digits = DIGITS[metric]
-    printed = f"(paper {paper[metric]:+.{digits}f})"
-    if difference is None:
-        return printed
-    bounds = (
-        "" if difference.low == -float("inf") else f" [{difference.low:+.{digits}f}, {difference.high:+.{digits}f}]"
-    )
-    return f"{difference.mean:+.{digits}f}{bounds} {printed}"
+    means = [f"{difference.mean:+.{digits}f}" for difference in intervals[:1]]
+    bounds = [
+        f"[{difference.low:+.{digits}f}, {difference.high:+.{digits}f}]"
+        for difference in intervals
+        if difference.low != -float("inf")
+    ]
+    return " ".join([*means, *bounds, f"(paper {paper[metric]:+.{digits}f})"])
 
 
 def _summary(verdicts: Mapping[str, str]) -> str:
@@ -246,9 +278,8 @@ def _cost_row(cost: Mapping[str, Any], costs: Mapping[str, Cost]) -> Judged:
     row = f"{cost['decoder']}, {cost['of']}"
     one, other = (getattr(costs.get(cost[key]), cost["figure"], None) for key in ("decoder", "of"))
     if one is None or other is None:
-        return [row, "", "", "", "not yet run", "", ""], {}
+        return [row, "", "", "", *["not yet run"] * len(SCOPES), "", ""], {}
     percent = 100 * one / other
     verdict = "reproduced" if abs(percent - cost["percent"]) < 0.02 else "contradicted"
-    return [row, "", "", "", f"{verdict} ({percent:.2f} %, counted)", "full networks", "none"], {
-        cost["figure"]: verdict
-    }
+    counted = [f"{verdict} ({percent:.2f} %, counted)"] * len(SCOPES)
+    return [row, "", "", "", *counted, "full networks", "none"], {scope: {cost["figure"]: verdict} for scope in SCOPES}

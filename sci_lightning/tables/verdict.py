@@ -7,12 +7,17 @@ differ as well: another seed gives other first weights, another random mask and 
 seeds of row i,
 
     d_s = sum_i w_i mean_k score_i[k, s]                mean = mean_s d_s
-    variance of the mean = var_s(d_s) / S + v sum_i w_i^2 / K_i
+    variance of the mean = var_s(d_s) / S + sum_i v_i w_i^2 / K_i
 
-The first term is the paired t interval over the scenes; d_s has the interaction of seed and scene in it. v, the
-variance of a row's mean score from seed to seed, is pooled over every row of the same setting that was trained with
-more than one seed: two or three seeds of one row alone would say next to nothing about it. Its degrees of freedom and
-those of the scenes are combined after Welch and Satterthwaite, and the interval is that of Student's t.
+The first term is the paired t interval over the scenes; d_s has the interaction of seed and scene in it. v_i, the
+variance of a row's mean score from seed to seed, is pooled over the rows of the same setting that were trained with
+more than one seed: two or three seeds of one row alone would say next to nothing about it. Rows that were tested
+through another encoder than they were trained with are pooled by themselves, because their scores vary several times
+as much. The degrees of freedom are combined after Welch and Satterthwaite, and the interval is that of Student's t.
+
+That interval says what to expect of *other scenes*. The paper's claims are read off means over six scenes, and whether
+those means would come out the same way in another training is a narrower question, which more seeds can decide. Its
+interval has the second term alone: the scenes are held fixed.
 
 Why not a hierarchical bootstrap: with six scenes and three seeds, resampling covers much less than it promises (the
 percentile interval of six values is too narrow by a quarter), and a row of one seed has nothing to resample. The
@@ -78,27 +83,41 @@ def seed_spread(rows: Iterable[Scores]) -> SeedSpread | None:
 
 
 def interval(
-    rows: Sequence[tuple[float, Scores]], spread: SeedSpread | None, confidence: float = CONFIDENCE
+    rows: Sequence[tuple[float, Scores, SeedSpread | None]],
+    confidence: float = CONFIDENCE,
+    *,
+    same_scenes: bool = False,
 ) -> Interval:
     """Return the weighted sum of rows' scores, scene by scene, and its confidence interval.
 
     Args:
-        rows: weights (1 for what is ahead, -1 for what is behind) and scores, of the same scenes.
-        spread: of the seeds, see :func:`seed_spread`.
+        rows: weights (1 for what is ahead, -1 for what is behind), scores of the same scenes, and the spread of the
+            seeds of rows like this one, see :func:`seed_spread`.
         confidence: of the interval.
+        same_scenes: hold the scenes fixed: the interval is for other trainings, tested on these very scenes.
     """
-    scenes = sorted(set.intersection(*(set(seed) for _, row in rows for seed in row)))
+    scenes = sorted(set.intersection(*(set(seed) for _, row, _ in rows for seed in row)))
     differences = sum(
-        weight * np.mean([[seed[scene] for scene in scenes] for seed in row], axis=0) for weight, row in rows
+        weight * np.mean([[seed[scene] for scene in scenes] for seed in row], axis=0) for weight, row, _ in rows
     )
     mean = float(np.mean(differences))
-    if spread is None or len(scenes) < 2:
-        return Interval(mean)
-    of_scenes = float(np.var(differences, ddof=1)) / len(scenes)
-    of_seeds = spread.variance * sum(weight**2 / len(row) for weight, row in rows)
-    variance = of_scenes + of_seeds
-    if not variance:
-        return Interval(mean, mean, mean)
-    freedom = variance**2 / (of_scenes**2 / (len(scenes) - 1) + of_seeds**2 / spread.freedom)
-    half = float(stats.t.ppf((1 + confidence) / 2, freedom)) * math.sqrt(variance)
+    of_seeds: dict[SeedSpread, float] = {}
+    for weight, row, spread in rows:
+        if spread is None or len(scenes) < 2:
+            return Interval(mean)
+        of_seeds[spread] = of_seeds.get(spread, 0.0) + spread.variance * weight**2 / len(row)
+    parts = [(part, spread.freedom) for spread, part in of_seeds.items()]
+    half = _half_width(parts, confidence)
+    if not same_scenes:  # more varies, and a small part with many degrees of freedom must not make it narrower
+        of_scenes = float(np.var(differences, ddof=1)) / len(scenes)
+        half = max(half, _half_width([*parts, (of_scenes, len(scenes) - 1)], confidence))
     return Interval(mean, mean - half, mean + half)
+
+
+def _half_width(parts: Sequence[tuple[float, int]], confidence: float) -> float:
+    """Half of Student's t interval for a sum of estimated variances, each with its degrees of freedom."""
+    variance = sum(part for part, _ in parts)
+    if not variance:
+        return 0.0
+    freedom = variance**2 / sum(part**2 / freedom for part, freedom in parts)
+    return float(stats.t.ppf((1 + confidence) / 2, freedom)) * math.sqrt(variance)

@@ -34,7 +34,7 @@ def test_coverage(seeds: tuple[int, int], of_scenes: float, of_seeds: float, int
 
         ahead, behind = row(seeds[0], random.normal(0.4, of_scenes, 6)), row(seeds[1], 0.0)
         spread = seed_spread([ahead, behind, *(row(3, 0.0) for _ in range(6))])
-        difference = interval([(1, ahead), (-1, behind)], spread)
+        difference = interval([(1, ahead, spread), (-1, behind, spread)])
         held += difference.low <= 0.4 <= difference.high
         widths.append(difference.high - difference.low)
     assert held / trials >= 0.935  # 0.95 less nearly two standard deviations of so many trials
@@ -45,7 +45,8 @@ def test_the_interval_of_scenes_alone_is_the_paired_t_interval() -> None:
     random = np.random.default_rng(1)
     ahead, behind = random.normal(30, 3, (2, 6)), random.normal(29, 3, (2, 6))
     ahead[1], behind[1] = ahead[0], behind[0]  # two seeds that do not differ
-    difference = interval([(1, scores(ahead)), (-1, scores(behind))], seed_spread([scores(ahead), scores(behind)]))
+    spread = seed_spread([scores(ahead), scores(behind)])
+    difference = interval([(1, scores(ahead), spread), (-1, scores(behind), spread)])
     gap = ahead[0] - behind[0]
     half = 2.5706 * gap.std(ddof=1) / np.sqrt(6)  # Student's t, 5 degrees of freedom
     assert difference.mean == pytest.approx(gap.mean())
@@ -57,8 +58,26 @@ def test_the_spread_of_seeds_is_pooled() -> None:
     spread = seed_spread([*rows, scores(np.array([[1.0] * 6, [3.0] * 6]))])
     assert spread is not None and spread.freedom == 3 and spread.variance == pytest.approx((2 + 2) / 3)
     assert seed_spread(rows[1:]) is None
-    single = interval([(1, rows[0]), (-1, rows[1])], None)
+    single = interval([(1, rows[0], None), (-1, rows[1], None)])
     assert single.mean == 16 and single.verdict() == "undecided"
+
+
+def test_on_the_same_scenes_only_the_seeds_count() -> None:
+    """The truth is then the difference on these scenes; the 95 % intervals hold it, whatever scenes do to it."""
+    random, trials, held = np.random.default_rng(2), 2000, 0
+    for _ in range(trials):
+        of_scenes = random.normal(0.4, 5, 6)
+
+        def row(count: int, deviation: float, ahead: np.ndarray | float = 0.0) -> Scores:
+            return scores(random.normal(0, deviation, (count, 1)) + np.zeros(6) + ahead)
+
+        calm = [row(3, 0.1, of_scenes), row(2, 0.1), row(2, 0.1)]
+        restless = [row(3, 0.7)]
+        rows = [(1.0, calm[0], seed_spread(calm)), (-1.0, restless[0], seed_spread(restless))]
+        difference = interval(rows, same_scenes=True)
+        held += difference.low <= of_scenes.mean() <= difference.high
+        assert interval(rows).high >= difference.high
+    assert 0.94 <= held / trials <= 0.98
 
 
 @pytest.mark.parametrize(
