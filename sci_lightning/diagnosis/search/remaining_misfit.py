@@ -256,12 +256,17 @@ def _screen_proposals(
     return best
 
 
-def _unnamed(fitter: Fitter, fit: Fit, deviation: FreeForm, contradicted: Mapping[str, float]) -> Unnamed:
-    """Quantify a free-form deviation by a fit without it."""
+def quantified(fitter: Fitter, fit: Fit, deviation: Unnamed) -> Unnamed:
+    """Return a deviation with its nats and its picture in a model, by a fit without it."""
     without = fitter.fit(fit.hypothesis.without(deviation.name), iterations=8)
-    nats = fit.log_likelihood - without.log_likelihood
     rows, columns = fitter.split.window
     change = torch.full(fitter.model.observation.size, torch.nan)
     change[rows, columns] = (fit.prediction.mean - without.prediction.mean).square().mean(0).sqrt()
+    return replace(deviation, nats=fit.log_likelihood - without.log_likelihood, picture=change)
+
+
+def _unnamed(fitter: Fitter, fit: Fit, deviation: FreeForm, contradicted: Mapping[str, float]) -> Unnamed:
     p_value = min(deviation.p_value, contradicted.get(deviation.name, 1.0))
-    return Unnamed(deviation.name, deviation.effect.stage, deviation.where, p_value, nats, change)
+    nothing = torch.full(fitter.model.observation.size, torch.nan)
+    one = Unnamed(deviation.name, deviation.effect.stage, deviation.where, p_value, 0.0, nothing)
+    return quantified(fitter, fit, one)

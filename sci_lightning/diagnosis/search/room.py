@@ -1,12 +1,14 @@
 """Room at the sides of the field: which pixels count while candidates are compared.
 
 What lies beyond the patterns may be unknown. A pixel whose value depends on it, by any of the hypotheses that are
-compared, counts for none of them.
+compared, counts for none of them. Once the search has decided, every pixel counts that its result can predict.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+
+import torch
 
 from sci_lightning.diagnosis.fit.comparison import judged_by
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
@@ -66,3 +68,31 @@ def with_room_for_contenders(fitter: Fitter, base: Fit, fits: dict[str, Fit]) ->
             break
         fitter, base, fits = wider, wider.again(base), {name: wider.again(fit) for name, fit in fits.items()}
     return fitter, base, fits
+
+
+def with_all_predictable(whole: Fitter, fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
+    """Return a model fitted with every pixel that it can predict; the search had left out more for the sake of rivals.
+
+    Args:
+        whole: a fitter that leaves nothing out.
+        fitter: the search's.
+        fit: the model that it selected.
+    """
+    wide = whole.covering(fit.hypothesis)
+    return (wide, wide.again(fit)) if wide.pixels > fitter.pixels else (fitter, fit)
+
+
+def misfit_outside(wide: Fitter, fit: Fit, narrow: Fitter) -> float:
+    """Return the mean squared error, in variances, of the pixels that count for one fitter and not for another.
+
+    Args:
+        wide: a fitter.
+        fit: of it.
+        narrow: the other fitter.
+    """
+    rows, columns = narrow.split.window
+    outside = torch.ones(wide.model.observation.size, dtype=torch.bool)
+    outside[rows, columns] = False
+    rows, columns = wide.split.window
+    error = (wide.dn - fit.prediction.mean)[:, outside[rows, columns]]
+    return float((error / fit.prediction.deviation[:, outside[rows, columns]]).square().mean())

@@ -11,13 +11,19 @@ from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, prune
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, datasheet_noise
 from sci_lightning.diagnosis.search.displacement import far_displacements
+from sci_lightning.diagnosis.search.doubtful_names import without_doubtful_names
 from sci_lightning.diagnosis.search.remaining_misfit import (
     Unnamed,
     best_free_form,
     explain_remaining_misfit,
     unnamed_threshold,
 )
-from sci_lightning.diagnosis.search.room import with_room_for_contenders, with_room_for_starts
+from sci_lightning.diagnosis.search.room import (
+    misfit_outside,
+    with_all_predictable,
+    with_room_for_contenders,
+    with_room_for_starts,
+)
 from sci_lightning.diagnosis.search.screening import Candidate, rivals, screen
 
 OnProgress = Callable[[str], None]
@@ -67,6 +73,8 @@ def search(fitter: Fitter, ideal: Fit, noise: Hypothesis, on_progress: OnProgres
     effects or another noise than the datasheet's were needed, named effects may only imitate something unnamed. Then
     the strongest free-form deviation is taken into the ideal model and the selection is repeated beside it: effects
     that imitated it are not needed any more. This second model counts if its information criterion is clearly better.
+    In the end every pixel counts that the model can predict, and names that may only stand in for what has none are
+    withdrawn.
 
     Args:
         fitter: fits hypotheses to the captures.
@@ -74,6 +82,7 @@ def search(fitter: Fitter, ideal: Fit, noise: Hypothesis, on_progress: OnProgres
         noise: shot and read noise from which the search starts.
         on_progress: called with a one-line message after every step.
     """
+    whole = fitter
     fitter, selected, rounds = select_effects(fitter, noise, on_progress)
     fitter, fit, unnamed = explain_remaining_misfit(fitter, selected, ideal, noise, (), on_progress)
     settled, differing = select_noise(fitter, fit)
@@ -97,6 +106,14 @@ def search(fitter: Fitter, ideal: Fit, noise: Hypothesis, on_progress: OnProgres
             if bic(common, judged[1]) > bic(common, judged[0]) + common.settings.indistinct_nats:
                 fitter, fit, rounds, unnamed = second, other, other_rounds, rest
                 settled, differing = select_noise(fitter, fit)
+    compared, decided = fitter, fit
+    fitter, fit = with_all_predictable(whole, compared, decided)
+    if fitter is not compared and misfit_outside(fitter, fit, compared) > fitter.settings.negligible_chi2:
+        fitter, fit, rest = explain_remaining_misfit(fitter, fit, ideal, noise, (), on_progress)
+        unnamed = [*(one for one in unnamed if one.name in fit.hypothesis.effects), *rest]
+    fit, unnamed = without_doubtful_names(fitter, fit, noise, unnamed, on_progress)
+    if fit is not decided:
+        settled, differing = select_noise(fitter, fit)
     free_forms = {deviation.name for deviation in unnamed}
     names = [name for name in fit.hypothesis.effects if name not in noise.effects and name not in free_forms]
     return Explanation(fitter, settled, tuple(names if unnamed else names + differing), tuple(rounds), tuple(unnamed))

@@ -1,0 +1,173 @@
+"""Doubtful names: effects that may only stand in for something that has no name.
+
+Where the vocabulary lacks the true deviation, the search names the effects that come closest to it, and a free-form
+deviation takes what they leave. An effect that is really there betrays itself by three properties, which a stand-in
+lacks: it explains a fair part of what the free-form deviations do, the fit says the same of it with and without them,
+and every part of the captures says by itself that it is as strong as the others say. Names that lack one of these are
+withdrawn, the most doubtful first, because a stand-in beside it makes a right name look doubtful too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+
+import torch
+from scipy.stats import chi2
+
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.information_criterion import prune
+from sci_lightning.diagnosis.fit.parameters import FreeParameters
+from sci_lightning.diagnosis.model.camera_model import Hypothesis
+from sci_lightning.diagnosis.search.remaining_misfit import Unnamed, quantified
+
+LEVELS = 12
+"""Levels of light, of equally many pixels each, that are asked by themselves."""
+PLACES = 4
+"""Rows and columns of blocks that the field is divided into; each block is asked by itself."""
+
+
+def without_doubtful_names(
+    fitter: Fitter,
+    fit: Fit,
+    noise: Hypothesis,
+    unnamed: Sequence[Unnamed],
+    on_progress: Callable[[str], None] = lambda message: None,
+) -> tuple[Fit, list[Unnamed]]:
+    """Return the model without the names that are doubtful, and what has no name, quantified beside the others.
+
+    Args:
+        fitter: fits hypotheses to the captures.
+        fit: the model that the search selected.
+        noise: effects that stay in any case.
+        unnamed: the deviations of the model that have no name.
+        on_progress: called with a one-line message for every name that is withdrawn.
+    """
+    stay = {*noise.effects, *(deviation.name for deviation in unnamed)}
+    withdrawn = False
+    while doubts := doubtful(fitter, fit, stay, unnamed):
+        name, (_, why) = max(doubts.items(), key=lambda item: item[1][0])
+        on_progress(f"{name} is not named: {why}")
+        fit, withdrawn = fitter.fit(fit.hypothesis.without(name), iterations=20), True
+    if not withdrawn:
+        return fit, list(unnamed)
+    fit = prune(fitter, fit, noise)
+    return fit, [quantified(fitter, fit, one) for one in unnamed if one.name in fit.hypothesis.effects]
+
+
+def doubtful(
+    fitter: Fitter, fit: Fit, stay: Collection[str], unnamed: Sequence[Unnamed]
+) -> dict[str, tuple[float, str]]:
+    """Return the doubtful names with how doubtful they are, 1 at the threshold, and why.
+
+    Args:
+        fitter: fits hypotheses to the captures.
+        fit: the model.
+        stay: effects that are not asked about: noise, and deviations without a name.
+        unnamed: those deviations.
+    """
+    settings, doubts = fitter.settings, dict[str, tuple[float, str]]()
+    names = [name for name in fit.hypothesis.effects if name not in stay]
+    if not names:
+        return {}
+    alone = _without(fitter, fit, unnamed) if unnamed else None
+    strongest = max((deviation.nats for deviation in unnamed), default=0.0)
+    for name in names:
+        beside = Contribution(fitter, fit, name)
+        signs = {"parts of the captures say different things about it": beside.disagreement() / settings.name_agreement}
+        if alone is not None:
+            difference = beside.difference(alone.hypothesis) / settings.name_agreement
+            signs["it says something else without what has no name"] = difference
+            least = settings.name_share * strongest
+            signs["it explains little beside what has no name"] = least / max(beside.nats(), 1e-9)
+        why, doubt = max(signs.items(), key=lambda sign: sign[1])
+        if doubt > 1:
+            doubts[name] = doubt, why
+    return doubts
+
+
+def _without(fitter: Fitter, fit: Fit, unnamed: Sequence[Unnamed]) -> Fit:
+    """Fit the model without what has no name; the noise keeps its values, so that it does not absorb the misfit."""
+    named = fit.hypothesis
+    for deviation in unnamed:
+        named = named.without(deviation.name)
+    effects = fitter.model.effects
+    fixed = tuple(
+        (name, parameter) for name, setting in named.effects.items() if effects[name].noise for parameter in setting
+    )
+    return fitter.fit(named, fixed=fixed)
+
+
+class Contribution:
+    """What one effect changes of the captures in a model of several.
+
+    Args:
+        fitter: holds captures, split and model.
+        fit: the model.
+        name: of the effect.
+    """
+
+    def __init__(self, fitter: Fitter, fit: Fit, name: str) -> None:
+        self._fitter, self._fit, self._name = fitter, fit, name
+        likelihood = fitter.pixel_likelihood(fit.prediction)
+        self._information = (likelihood.mean_information * fitter.fitted).double()
+        self._gradient = (likelihood.mean_gradient * fitter.fitted).double()
+        self._neutral = fitter.model.predict(fit.hypothesis.without(name)).mean.double()
+        self._change = fit.prediction.mean.double() - self._neutral
+
+    def nats(self) -> float:
+        """Return the log-likelihood that is lost without the effect, after everything else has been fitted again."""
+        without = self._fitter.fit(self._fit.hypothesis.without(self._name), from_afar=True)
+        return self._fit.log_likelihood - without.log_likelihood
+
+    def difference(self, other: Hypothesis) -> float:
+        """Return by which part the effect would change something else with its parameters in another hypothesis."""
+        hypothesis = self._fit.hypothesis.with_effect(self._name, other.effects[self._name], other.maps.get(self._name))
+        change = self._fitter.model.predict(hypothesis).mean.double() - self._neutral
+        return float((self._squared(change - self._change) / self._squared(self._change).clamp(min=1e-30)).sqrt())
+
+    def disagreement(self) -> float:
+        """Return by which part of its strength parts of the captures disagree about the effect.
+
+        Captures, levels of light and places are asked in turn, each by a step of Newton's method with the parameters
+        of the other effects eliminated. The result is the root mean square of these steps, weighted with their
+        information and without what chance contributes; 0 where chance suffices.
+        """
+        change = self._change - self._explained_by_others()
+        information, gradient = change.square() * self._information, change * self._gradient
+        total, largest = information.sum(), 0.0
+        for place, count in self._divisions():
+            weight, slope = (
+                torch.zeros(count, dtype=torch.float64).index_add_(0, place.flatten(), values.flatten())
+                for values in (information, gradient)
+            )
+            known = weight > 1e-9 * total
+            statistic, freedom = float((slope[known].square() / weight[known]).sum()), int(known.sum())
+            if chi2.sf(statistic, freedom) < self._fitter.settings.max_residual_p_value:
+                largest = max(largest, (statistic - freedom) / float(total))
+        return largest**0.5
+
+    def _squared(self, change: torch.Tensor) -> torch.Tensor:
+        return (change.square() * self._information).sum()
+
+    def _explained_by_others(self) -> torch.Tensor:
+        """The part of the change that the parameters of the other effects can imitate."""
+        others = tuple(parameter for parameter in self._fit.free if parameter[0] != self._name)
+        if not others:
+            return torch.zeros_like(self._change)
+        jacobian = FreeParameters(self._fitter.model, others).jacobian(self._fit.hypothesis, self._fit.prediction)
+        flat = jacobian.double().flatten(1)
+        weighted = flat * self._information.flatten()
+        inverse = torch.linalg.pinv(weighted @ flat.T, hermitian=True, rtol=1e-10)
+        return (inverse @ (weighted @ self._change.flatten()) @ flat).view_as(self._change)
+
+    def _divisions(self) -> Iterator[tuple[torch.Tensor, int]]:
+        """Ways to divide the pixels ``(N, H, W)``: the number of the part of every pixel, and how many parts."""
+        mean = self._fit.prediction.mean.contiguous()
+        captures, height, width = mean.shape
+        yield torch.arange(captures)[:, None, None].expand(mean.shape), captures
+        order = mean.flatten().argsort()
+        level = torch.empty_like(order)
+        level[order] = torch.arange(order.numel()) * LEVELS // order.numel()
+        yield level.view(mean.shape), LEVELS
+        rows, columns = (torch.arange(side) * PLACES // side for side in (height, width))
+        yield (rows[:, None] * PLACES + columns).expand(mean.shape), PLACES**2

@@ -1,0 +1,63 @@
+"""Names that stand in for what has no name are withdrawn; right names beside something unnamed stay."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sci_lightning.diagnosis.diagnosis import diagnose
+from sci_lightning.diagnosis.search.doubtful_names import Contribution, without_doubtful_names
+from sci_lightning.virtual_camera import Session, VirtualCamera
+from tests.diagnosis.fit.test_fit import NOISE, fitter
+
+
+@pytest.mark.parametrize(
+    ("hidden", "name", "start", "stays"),
+    [
+        ({"s_shaped_response": {"strength": 0.4}}, "response_gamma", {"gamma": 1.05}, False),
+        ({"brighter_fatter": {}}, "black_level", {"offset": 0.001}, False),
+        ({"response_gamma": {"gamma": 1.06}, "s_shaped_response": {"strength": 0.02}}, "response_gamma",
+         {"gamma": 1.05}, True),
+        ({"gain": {"factor": 0.9}}, "gain", {"factor": 0.95}, True),
+    ],
+)  # fmt: skip
+def test_levels_of_light_and_captures_agree_about_a_right_name(
+    tmp_path: Path, hidden: dict[str, dict[str, float]], name: str, start: dict[str, float], stays: bool
+) -> None:
+    subject = fitter(tmp_path, hidden)
+    fit = subject.fit(NOISE.with_effect(name, dict(start)))
+    disagreement = Contribution(subject, fit, name).disagreement()
+    assert disagreement < 0.1 if stays else disagreement > 0.3
+    messages: list[str] = []
+    remaining, unnamed = without_doubtful_names(subject, fit, NOISE, [], messages.append)
+    assert (name in remaining.hypothesis.effects) == stays and unnamed == []
+    assert messages == ([] if stays else [f"{name} is not named: parts of the captures say different things about it"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("effects", "session", "seed", "names"),
+    [
+        pytest.param(
+            ("mask_astigmatism",), Session(size=(64, 64), frames=4, bit_depth=9), 2898621759, set(), id="without it"
+        ),
+        pytest.param(("vignetting", "sensor_dust"), Session(size=(64, 64)), 16, set(), id="explains little"),
+        pytest.param(("gain", "ghost"), Session(size=(64, 64)), 11, {"gain"}, id="gain beside a ghost"),
+        pytest.param(("mask_rotation", "short_slot"), Session(size=(64, 64)), 18, {"mask_rotation"}, id="rotation"),
+    ],
+)
+def test_beside_what_has_no_name(effects: tuple[str, ...], session: Session, seed: int, names: set[str]) -> None:
+    result = diagnose(VirtualCamera(session, effects, magnitude="clear").simulate(seed).captures())
+    assert set(result.names) == names
+    assert result.verdict == ("partly_explained" if names else "unexplained")
+    assert all(deviation.nats > 0 for deviation in result.unnamed)
+
+
+@pytest.mark.slow
+def test_what_lies_where_only_rivals_depend_on_the_surround() -> None:
+    """A dead column at the edge of the field is seen, although displacements that were tried left it out."""
+    session = Session(size=(64, 64), bit_depth=12, mask="binary", datasheet_factor=0.5)
+    result = diagnose(VirtualCamera(session, ("dead_column",), magnitude="clear").simulate(1448098400).captures())
+    assert result.verdict == "unexplained" and [deviation.stage for deviation in result.unnamed] == ["sensor"]
+    assert result.split.pixels == result.split.assigned.numel()
