@@ -182,6 +182,9 @@ def diagnose(
     ideal, corrected = explained.ideal, explained.corrected(empirical)
     before, after = (assess(fitter, fit, seed) for fit in (ideal, corrected))
     names = sorted(explanation.names, key=lambda name: model.vocabulary[name].rank)
+    if remaining := remaining_tests(fitter, before, after, names):
+        # more noise than stated makes room for what is left, and therefore is no finding of its own
+        names = [name for name in names if not model.vocabulary[name].noise]
     return Diagnosis(
         observation=observation,
         model=model,
@@ -195,7 +198,7 @@ def diagnose(
         rounds=explanation.rounds,
         stated_noise=tuple(effect for effect, _ in explained.stated),
         correlation=error_correlation(corrected),
-        remaining=remaining_tests(fitter, before, after, names),
+        remaining=remaining,
         verification=None if unseen is None else verify(fitter, before.fit, after.fit, unseen, seed),
         bad_captures=bad,
         unknown_scenes=judged_by_unknown_scenes(
