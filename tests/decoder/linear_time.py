@@ -1,0 +1,72 @@
+"""``python -m tests.decoder.linear_time JSON``: how long decoder=linear takes to prepare a mask, and a measurement then.
+
+It writes the measurements from which the table in docs/explanation/linear-estimate.md is made. The machine should be
+idle.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import time
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from sci_lightning.decoder import Linear
+
+REPEATS = 12
+
+
+@torch.no_grad()
+def row(threads: int, mixture: bool) -> dict[str, Any]:
+    """Time a decoder of its own behind a random binary mask of 256 x 256 pixels without a tile, T = 8."""
+    torch.set_num_threads(threads)
+    torch.manual_seed(0)
+    decoder, mask = Linear(mixture=mixture), (torch.rand(8, 256, 256) < 0.5).float()
+    measurement = (torch.rand(1, 8, 256, 256) * mask).sum(1)
+    seconds = []
+    for _ in range(REPEATS + 1):
+        began = time.perf_counter()
+        decoder(measurement, mask)
+        seconds.append(time.perf_counter() - began)
+    first, *others = seconds
+    milliseconds = 1e3 * statistics.median(others)
+    prior = "eight Gaussians (the default)" if mixture else "one Gaussian"
+    return {"prior": prior, "threads": threads, "prepare": first - milliseconds / 1e3, "measurement": milliseconds}
+
+
+def main(out: Path) -> None:
+    load = os.getloadavg()[0]
+    rows = [row(threads, mixture) for mixture in (True, False) for threads in (1, 2)]
+    commit = subprocess.run(["git", "rev-parse", "--short=8", "HEAD"], capture_output=True, text=True).stdout.strip()
+    content = {
+        "format": "sci-measurements",
+        "format_version": 1,
+        "provenance": {
+            "machine": f"two cores, {platform.machine()}, PyTorch {torch.__version__}, load {load:.1f} when it began",
+            "date": date.today().isoformat(),
+            "commit": commit,
+            "scale": "256 x 256, T = 8, a mask without a tile; the median of 12 measurements",
+            "seeds": "0",
+            "command": "python -m tests.decoder.linear_time docs/results/linear-time.json",
+        },
+        "columns": [
+            {"key": "prior", "title": "statistics"},
+            {"key": "threads", "title": "threads", "digits": 0},
+            {"key": "prepare", "title": "to prepare a mask (s)", "digits": 1},
+            {"key": "measurement", "title": "a measurement (ms)", "digits": 0},
+        ],
+        "rows": rows,
+    }
+    out.write_text(json.dumps(content, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
