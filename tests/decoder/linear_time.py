@@ -1,4 +1,4 @@
-"""``python -m tests.decoder.linear_time JSON``: how long decoder=linear takes to prepare a mask, and a measurement then.
+"""``python -m tests.decoder.linear_time JSON``: how long decoder=linear takes for a mask, and for a measurement then.
 
 It writes the measurements from which the table in docs/explanation/linear-estimate.md is made. The machine should be
 idle.
