@@ -38,7 +38,7 @@ def row(threads: int, mixture: bool) -> dict[str, Any]:
         seconds.append(time.perf_counter() - began)
     first, *others = seconds
     milliseconds = 1e3 * statistics.median(others)
-    prior = "eight Gaussians (the default)" if mixture else "one Gaussian"
+    prior = "a mixture (the default)" if mixture else "one Gaussian"
     return {"prior": prior, "threads": threads, "prepare": first - milliseconds / 1e3, "measurement": milliseconds}
 
 
