@@ -6,20 +6,16 @@ idle.
 
 from __future__ import annotations
 
-import json
-import os
-import platform
 import statistics
-import subprocess
 import sys
 import time
-from datetime import date
 from pathlib import Path
 from typing import Any
 
 import torch
 
 from sci_lightning.decoder import Linear
+from tests.measurements_file import MeasurementsFile
 
 REPEATS = 12
 
@@ -43,29 +39,20 @@ def row(threads: int, mixture: bool) -> dict[str, Any]:
 
 
 def main(out: Path) -> None:
-    load = os.getloadavg()[0]
-    rows = [row(threads, mixture) for mixture in (True, False) for threads in (1, 2)]
-    commit = subprocess.run(["git", "rev-parse", "--short=8", "HEAD"], capture_output=True, text=True).stdout.strip()
-    content = {
-        "format": "sci-measurements",
-        "format_version": 1,
-        "provenance": {
-            "machine": f"two cores, {platform.machine()}, PyTorch {torch.__version__}, load {load:.1f} when it began",
-            "date": date.today().isoformat(),
-            "commit": commit,
-            "scale": "256 x 256, T = 8, a mask without a tile; the median of 12 measurements",
-            "seeds": "0",
-            "command": "python -m tests.decoder.linear_time docs/results/linear-time.json",
-        },
-        "columns": [
-            {"key": "prior", "title": "statistics"},
-            {"key": "threads", "title": "threads", "digits": 0},
-            {"key": "prepare", "title": "to prepare a mask (s)", "digits": 1},
-            {"key": "measurement", "title": "a measurement (ms)", "digits": 0},
-        ],
-        "rows": rows,
-    }
-    out.write_text(json.dumps(content, indent=1) + "\n")
+    file = MeasurementsFile(
+        out,
+        machine="two cores",
+        scale="256 x 256, T = 8, a mask without a tile; the median of 12 measurements",
+        seeds="0",
+        command="python -m tests.decoder.linear_time docs/results/linear-time.json",
+    )
+    columns = [
+        ("prior", "statistics", None),
+        ("threads", "threads", 0),
+        ("prepare", "to prepare a mask (s)", 1),
+        ("measurement", "a measurement (ms)", 0),
+    ]
+    file.write(columns, [row(threads, mixture) for mixture in (True, False) for threads in (1, 2)])
 
 
 if __name__ == "__main__":

@@ -6,18 +6,16 @@ It writes the measurements from which the table in docs/results/diagnosis.md is 
 from __future__ import annotations
 
 import json
-import os
-import platform
 import subprocess
 import sys
 import tempfile
-from datetime import date
 from pathlib import Path
 from typing import Any
 
 import torch
 
-ROOT = Path(__file__).parents[2]
+from tests.measurements_file import MeasurementsFile
+
 SHIFT = "{name:mask_shift,dx:0.6,dy:-0.35}"
 GAIN = "{name:gain,factor:0.93}"
 CONTRAST = "{name:mask_contrast,leak:0.05}"
@@ -64,36 +62,27 @@ def row(description: str, folder: Path) -> dict[str, Any]:
 
 
 def main(out: Path, cases: list[str]) -> None:
+    file = MeasurementsFile(
+        out,
+        machine=f"{torch.get_num_threads()} threads",
+        scale="sizes in the rows; the world goes on beyond the field",
+        seeds="1",
+        command="python -m tests.diagnosis.diagnosis_time docs/results/diagnosis-time.json",
+    )
     rows: list[dict[str, Any]] = []
-    load = os.getloadavg()[0]
     for description in cases:
         with tempfile.TemporaryDirectory() as folder:
             rows.append(row(description, Path(folder)))
         print(json.dumps(rows[-1]), flush=True)
-    commit = subprocess.run(["git", "rev-parse", "--short=8", "HEAD"], cwd=ROOT, capture_output=True, text=True).stdout
-    content = {
-        "format": "sci-measurements",
-        "format_version": 1,
-        "provenance": {
-            "machine": f"{torch.get_num_threads()} threads, {platform.machine()}, PyTorch {torch.__version__}, "
-            f"load {load:.1f} when it began",
-            "date": date.today().isoformat(),
-            "commit": commit.strip(),
-            "scale": "sizes in the rows; the world goes on beyond the field",
-            "seeds": "1",
-            "command": "python -m tests.diagnosis.diagnosis_time docs/results/diagnosis-time.json",
-        },
-        "columns": [
-            {"key": "34_captures", "title": "34 captures"},
-            {"key": "seconds", "title": "seconds", "digits": 0},
-            {"key": "processor_seconds", "title": "processor seconds", "digits": 0},
-            {"key": "memory_mib", "title": "memory (MiB)", "digits": 0},
-            {"key": "effects", "title": "effects named"},
-            {"key": "verdict", "title": "verdict"},
-        ],
-        "rows": rows,
-    }
-    out.write_text(json.dumps(content, indent=1) + "\n")
+    columns = [
+        ("34_captures", "34 captures", None),
+        ("seconds", "seconds", 0),
+        ("processor_seconds", "processor seconds", 0),
+        ("memory_mib", "memory (MiB)", 0),
+        ("effects", "effects named", None),
+        ("verdict", "verdict", None),
+    ]
+    file.write(columns, rows)
 
 
 if __name__ == "__main__":

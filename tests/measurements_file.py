@@ -1,0 +1,56 @@
+"""Files of measurements (``docs/results/*.json``) as the scripts that measure something write them."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+from collections.abc import Mapping, Sequence
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import torch
+
+ROOT = Path(__file__).parents[1]
+
+
+class MeasurementsFile:
+    """A file of measurements whose provenance begins now: the load is that before anything is measured.
+
+    Args:
+        path: of the JSON file.
+        machine: what of it was used, such as ``two cores``.
+        scale: of what was measured.
+        seeds: of everything random.
+        command: that measures it.
+    """
+
+    def __init__(self, path: Path, *, machine: str, scale: str, seeds: str, command: str) -> None:
+        self.path = path
+        commit = subprocess.run(["git", "rev-parse", "--short=8", "HEAD"], cwd=ROOT, capture_output=True, text=True)
+        load = os.getloadavg()[0]
+        self._provenance = {
+            "machine": f"{machine}, {platform.machine()}, PyTorch {torch.__version__}, load {load:.1f} when it began",
+            "date": date.today().isoformat(),
+            "commit": commit.stdout.strip(),
+            "scale": scale,
+            "seeds": seeds,
+            "command": command,
+        }
+
+    def write(self, columns: Sequence[tuple[str, str, int | None]], rows: Sequence[Mapping[str, Any]]) -> None:
+        """Write the rows; every column has a key, a title, and digits behind the point (None for a text)."""
+        described = [
+            {"key": key, "title": title} | ({} if digits is None else {"digits": digits})
+            for key, title, digits in columns
+        ]
+        content = {
+            "format": "sci-measurements",
+            "format_version": 1,
+            "provenance": self._provenance,
+            "columns": described,
+            "rows": rows,
+        }
+        self.path.write_text(json.dumps(content, indent=1) + "\n")
