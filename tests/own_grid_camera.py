@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter
 
 from sci_lightning.captures import Captures
 
-RAYS = 12
+RAYS = 30
 FULL_WELL, READ_NOISE = 10000.0, 0.8
 
 
@@ -126,7 +126,7 @@ def captures(
     for sequence, level, aperture in plan:
         scene = np.broadcast_to(np.asarray(level, float), (frames, *size))
         light = aperture * (images[sequence] * scene).sum(0)
-        signal = random.poisson(light * FULL_WELL) / FULL_WELL + random.normal(0, READ_NOISE / 255, size)
+        signal = random.poisson(np.maximum(light, 0) * FULL_WELL) / FULL_WELL + random.normal(0, READ_NOISE / 255, size)
         dn.append(np.floor(signal.clip(0, 1) * 255 + 0.5).astype(np.uint8))
         scenes.append(scene.astype(np.float32))
     content: dict[str, Any] = {

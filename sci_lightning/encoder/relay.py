@@ -10,6 +10,7 @@ import numpy as np
 import torch
 
 from sci_lightning.encoder.border import TAIL, Border
+from sci_lightning.encoder.footprint import image_by_parts
 from sci_lightning.encoder.modulator_grid import ModulatorGrid
 from sci_lightning.encoder.square_kernel import reach, square_kernel
 
@@ -19,8 +20,10 @@ FINE_BLUR = 1.1
 """Standard deviation in mirrors of the second step of a wide blur; the first is done on the mirrors' grid. With as
 much in either step, 1e-5 of the grid's repeated spectra remain: exp(-2 pi^2 a^2 b^2 / (a^2 + b^2)), a and b being
 the two standard deviations."""
-
-
+DIAGONAL = 0.7
+"""How much a pixel's edges lean, rows to columns, from where on its parts are of the size that covers evenly: 35
+degrees. There the image of a random binary pattern is right to 0.0006 of its contrast at 45 degrees, and to 0.002 with
+parts of the same variance; below, it is the other way round."""
 TURNED_PARTS = 2
 """Least parts along either axis of a pixel that sees the mirrors turned or distorted: at 1.7 degrees the image of a
 binary pattern is right to 0.0004 of its contrast as a root mean square, undivided to 0.0014."""
@@ -109,17 +112,14 @@ class Pose:
         return _turned(patterns, row, column, (sigma, sigma), ((below - above).abs(), (right - left).abs()))
 
     def _on_own_grid(self, patterns: torch.Tensor, cells: int, grid: ModulatorGrid) -> torch.Tensor:
-        """Return the image of mirrors on a grid of their own.
-
-        The footprint of a part of a pixel is the upright rectangle of the same variance along either axis.
-        """
+        """Return the image of mirrors on a grid of their own."""
         divided = max(grid.parts, -(-TURNED_PARTS // cells) if self.turned else 1)
         parts, sigma = cells * divided, self.sigma
         if sigma is not None and float(sigma.detach()) < 1e-6:
             sigma = None
         if grid.upright and not self.turned:
             return self._upright_image(patterns, cells, grid, sigma)
-        row, column, pixel = self._footprints(grid, parts, patterns.device)
+        row, column, pixel = self._footprints(grid, cells, divided, patterns.device)
         blurs: list[torch.Tensor | None] = [None, None]
         if sigma is not None:
             wide = [sigma * parts * side for side in pixel]
@@ -130,8 +130,7 @@ class Pose:
                     blurs[axis] = (side.square() - first).sqrt()
                 else:
                     blurs[axis] = side
-        image = _turned(patterns, row, column, (blurs[0], blurs[1]), pixel)
-        return image if divided == 1 else torch.nn.functional.avg_pool2d(image, divided)
+        return image_by_parts(patterns, (row, column), (blurs[0], blurs[1]), pixel, divided)
 
     def _upright_image(
         self, patterns: torch.Tensor, cells: int, grid: ModulatorGrid, sigma: torch.Tensor | None
@@ -149,25 +148,41 @@ class Pose:
         return kernels[0] @ patterns @ kernels[1].T
 
     def _footprints(
-        self, grid: ModulatorGrid, parts: int, device: torch.device | str = "cpu"
+        self, grid: ModulatorGrid, cells: int = 1, divided: int = 1, device: torch.device | str = "cpu"
     ) -> tuple[torch.Tensor, torch.Tensor, tuple[torch.Tensor, torch.Tensor]]:
-        """Return row and column of the mirrors that parts of the pixels see, and height and width of their footprints.
+        """Return row and column of the mirrors that parts of the cells see, and height and width of their footprints.
 
-        Every one is a field of ``(parts H, parts W)``, in mirrors.
+        Every one is a field of ``(cells divided H, cells divided W)``, in mirrors. A footprint is an upright rectangle
+        of the same variance as the part. Near 45 degrees, such rectangles overlap and leave gaps in a regular pattern
+        that mirrors' edges are parallel to; there they are as large as they have to be to cover every place equally,
+        and the parts draw together so that the variance of the whole cell stays.
         """
         options: Any = {"device": device, "dtype": torch.float64}
-        y, x = (_centres(length, parts, options) for length in grid.field)
+        parts = cells * divided
         half = 0.5 / parts
+        y, x = (_centres(length, parts, options) for length in grid.field)
 
         def seen(down: float, across: float) -> tuple[torch.Tensor, torch.Tensor]:
             return grid.mirror_at(*self.nominal_at(y[:, None] + down, x[None] + across, grid.field))
 
         below, above, right, left = seen(half, 0), seen(-half, 0), seen(0, half), seen(0, -half)
-        high, wide = (
-            ((below[axis] - above[axis]).square() + (right[axis] - left[axis]).square()).sqrt() for axis in (0, 1)
+        sizes, leaning = [], 0.0
+        for axis in (0, 1):
+            down, across = (below[axis] - above[axis]).abs(), (right[axis] - left[axis]).abs()
+            larger, smaller = torch.maximum(down, across), torch.minimum(down, across)
+            sizes.append(((down.square() + across.square()).sqrt(), larger + smaller.square() / larger))
+            leaning = max(leaning, float((smaller / larger).detach().mean()))
+        if divided == 1 or leaning < DIAGONAL:
+            return *seen(0, 0), (sizes[0][0], sizes[1][0])
+        closer = math.sqrt(max(0.0, 1 - leaning**2 / (divided**2 - 1)))
+        y, x = (
+            centre + closer * (place - centre)
+            for place, centre in (
+                (one, _centres(length, cells, options).repeat_interleave(divided))
+                for one, length in zip((y, x), grid.field, strict=True)
+            )
         )
-        row, column = seen(0, 0)
-        return row, column, (high, wide)
+        return *seen(0, 0), (sizes[0][1], sizes[1][1])
 
     @torch.no_grad()
     def border(self, grid: ModulatorGrid) -> Border:
@@ -175,7 +190,7 @@ class Pose:
 
         Where the modulator's edge crosses the field, the sides are taken off that see most of what lies beyond it.
         """
-        row, column, (high, wide) = self._footprints(grid, 1)
+        row, column, (high, wide) = self._footprints(grid)
         sigma = 0.0 if self.sigma is None else TAIL * float(self.sigma)
         inside = torch.ones_like(row, dtype=torch.bool)
         for place, size, length in ((row, high, grid.mirrors[0]), (column, wide, grid.mirrors[1])):
