@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from sci_lightning.diagnosis.fit.comparison import judged_by
@@ -106,17 +106,42 @@ def search(fitter: Fitter, ideal: Fit, noise: Hypothesis, on_progress: OnProgres
             if bic(common, judged[1]) > bic(common, judged[0]) + common.settings.indistinct_nats:
                 fitter, fit, rounds, unnamed = second, other, other_rounds, rest
                 settled, differing = select_noise(fitter, fit)
-    compared, decided = fitter, fit
-    fitter, fit = with_all_predictable(whole, compared, decided)
-    if fitter is not compared and misfit_outside(fitter, fit, compared) > fitter.settings.negligible_chi2:
-        fitter, fit, rest = explain_remaining_misfit(fitter, fit, ideal, noise, (), on_progress)
-        unnamed = [*(one for one in unnamed if one.name in fit.hypothesis.effects), *rest]
-    fit, unnamed = without_doubtful_names(fitter, fit, noise, unnamed, on_progress)
-    if fit is not decided:
-        settled, differing = select_noise(fitter, fit)
+    fitter, completed, unnamed = complete(whole, fitter, fit, ideal, noise, unnamed, on_progress)
+    if completed is not fit:
+        settled, differing = select_noise(fitter, completed)
     free_forms = {deviation.name for deviation in unnamed}
-    names = [name for name in fit.hypothesis.effects if name not in noise.effects and name not in free_forms]
+    names = [name for name in completed.hypothesis.effects if name not in noise.effects and name not in free_forms]
     return Explanation(fitter, settled, tuple(names if unnamed else names + differing), tuple(rounds), tuple(unnamed))
+
+
+def complete(
+    whole: Fitter,
+    fitter: Fitter,
+    fit: Fit,
+    ideal: Fit,
+    noise: Hypothesis,
+    unnamed: Sequence[Unnamed],
+    on_progress: OnProgress,
+) -> tuple[Fitter, Fit, list[Unnamed]]:
+    """Take in every pixel that the selected model can predict, explain what only shows there, and doubt the names.
+
+    Args:
+        whole: a fitter that leaves nothing out.
+        fitter: that of the search, which left out what its candidates cannot predict.
+        fit: the selected model.
+        ideal: the fitted ideal camera.
+        noise: effects that stay in any case.
+        unnamed: deviations of the model without a name.
+        on_progress: called with a one-line message after every step.
+
+    Returns:
+        the fitter, the model, and its deviations without a name; the same as before where nothing changes.
+    """
+    wide, fit = with_all_predictable(whole, fitter, fit)
+    if wide is not fitter and misfit_outside(wide, fit, fitter) > wide.settings.negligible_chi2:
+        wide, fit, further = explain_remaining_misfit(wide, fit, ideal, noise, (), on_progress)
+        unnamed = [*(one for one in unnamed if one.name in fit.hypothesis.effects), *further]
+    return wide, *without_doubtful_names(wide, fit, noise, unnamed, on_progress)
 
 
 def select_effects(
