@@ -58,9 +58,10 @@ def image(
     size: tuple[int, int],
     deviation: Deviation = Deviation(),
     beyond: float = 0.0,
+    rays: int = RAYS,
 ) -> np.ndarray:
-    """What the pixels see of patterns (P, Hm, Wm), (P, H, W)."""
-    lattice = (np.arange(RAYS) + 0.5) / RAYS - 0.5
+    """What the pixels see of patterns (P, Hm, Wm), (P, H, W), by so many rays along either axis of a pixel."""
+    lattice = (np.arange(rays) + 0.5) / rays - 0.5
     y = (np.arange(size[0])[:, None] + lattice).ravel() - (size[0] - 1) / 2
     x = (np.arange(size[1])[:, None] + lattice).ravel() - (size[1] - 1) / 2
     y, x = np.meshgrid(y, x, indexing="ij")
@@ -84,8 +85,8 @@ def image(
             rows, columns = (row + 1).clip(0, around.shape[1] - 1), (column + 1).clip(0, around.shape[2] - 1)
             seen += around[:, rows, columns] * (down * across)
     if deviation.blur:
-        seen = np.stack([gaussian_filter(one, deviation.blur * RAYS, truncate=5) for one in seen])
-    return np.asarray(seen.reshape(-1, size[0], RAYS, size[1], RAYS).mean((2, 4)))
+        seen = np.stack([gaussian_filter(one, deviation.blur * rays, truncate=5) for one in seen])
+    return np.asarray(seen.reshape(-1, size[0], rays, size[1], rays).mean((2, 4)))
 
 
 def _mirrors(place: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -182,9 +182,11 @@ def diagnose(
     ideal, corrected = explained.ideal, explained.corrected(empirical)
     before, after = (assess(fitter, fit, seed) for fit in (ideal, corrected))
     names = sorted(explanation.names, key=lambda name: model.vocabulary[name].rank)
-    if remaining := remaining_tests(fitter, before, after, names):
-        # more noise than stated makes room for what is left, and therefore is no finding of its own
-        names = [name for name in names if not model.vocabulary[name].noise]
+    without_noise = [name for name in names if not model.vocabulary[name].noise]
+    if remaining := remaining_tests(fitter, before, after, without_noise):
+        names = without_noise  # more noise than stated makes room for what is left, and is no finding of its own
+    else:
+        remaining = remaining_tests(fitter, before, after, names)
     return Diagnosis(
         observation=observation,
         model=model,

@@ -75,8 +75,8 @@ class SearchSettings:
             taken for a mere substitute of the unnamed; named effects imitate an unnamed one only to a few per cent.
         name_share: part of the strongest unnamed deviation's nats that a name beside it must explain in the end.
         name_agreement: part of its strength by which an effect may differ between parts of the captures, and with and
-            without the unnamed deviations, and still be named; right names differ by less than a tenth, stand-ins by
-            a quarter and more.
+            without the unnamed deviations, and still be named; what stands in for something else mostly differs by
+            as much as its own strength.
         many_effects: named effects, a count, from which a search that begins with the strongest free-form deviation is
             tried as well, because so many names may together imitate something that has none.
         max_map_p_value: p-value below which an estimated fixed-pattern map contradicts the definition of its effect

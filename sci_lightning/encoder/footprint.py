@@ -6,10 +6,6 @@ import torch
 
 from sci_lightning.encoder.square_kernel import reach, square_kernel
 
-VALUES, MIRRORS = 2**21, 6
-"""Shares of mirrors in parts of pixels that are computed at a time, about 16 MiB for either axis, and mirrors along
-either axis that usually light a pixel."""
-
 
 def image_by_parts(
     patterns: torch.Tensor,
@@ -37,19 +33,13 @@ def image_by_parts(
         (_by_part(one, divided), None if blur is None else _by_part(blur, divided), _by_part(extent, divided), length)
         for one, blur, extent, length in zip(place, sigma, side, (rows, columns), strict=True)
     ]
-    images = []
-    for pixels in torch.arange(height * width, device=patterns.device).split(max(1, VALUES // (parts * MIRRORS))):
-        (down, line), (over, mirror) = (
-            _shares(one[:, pixels], None if blur is None else blur[:, pixels], extent[:, pixels], length)
-            for one, blur, extent, length in axes
-        )
-        weight = (torch.einsum("snr,snc->rcn", down, over) / parts).to(patterns.dtype)
-        image = torch.zeros(len(patterns), len(pixels), dtype=patterns.dtype, device=patterns.device)
-        for r, one in enumerate(line.T):
-            for c, other in enumerate(mirror.T):
-                image = image + flat[:, one * columns + other] * weight[r, c]
-        images.append(image)
-    return torch.cat(images, 1).unflatten(1, (height, width))
+    (down, line), (over, mirror) = (_shares(*axis) for axis in axes)
+    weight = (torch.einsum("snr,snc->rcn", down, over) / parts).to(patterns.dtype)
+    image = torch.zeros(len(patterns), height * width, dtype=patterns.dtype, device=patterns.device)
+    for r, one in enumerate(line.T):
+        for c, other in enumerate(mirror.T):
+            image = image + flat[:, one * columns + other] * weight[r, c]
+    return image.unflatten(1, (height, width))
 
 
 def _by_part(field: torch.Tensor, divided: int) -> torch.Tensor:

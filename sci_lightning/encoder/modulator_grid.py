@@ -16,8 +16,8 @@ LEAST_PARTS, MOST_PARTS = 3, 12
 UPRIGHT = 0.002
 """Mirrors by which a pixel's edges may lean without being divided: a diagnosis of 34 captures sees 0.02."""
 PARTS_A_MIRROR = 16
-"""Parts along either axis for every mirror by which a pixel's edges lean: the image of a random binary pattern is right
-to 0.001 of its contrast as a root mean square at any angle."""
+"""Parts along either axis for every mirror by which a pixel's edges lean: as many as it takes for the image of a random
+binary pattern to be right to 0.001 of its contrast, as a root mean square (tests/encoder/test_modulator_grid.py)."""
 
 
 class ModulatorGrid:
@@ -68,6 +68,17 @@ class ModulatorGrid:
             for along in self.mirror_at(*place):
                 leaning = max(leaning, min(abs(float(along[1] - along[0])), abs(float(along[2] - along[0]))))
         return 1 if leaning < UPRIGHT else min(max(LEAST_PARTS, math.ceil(PARTS_A_MIRROR * leaning)), MOST_PARTS)
+
+    @property
+    def leaning(self) -> float:
+        """How much rows and columns of pixels lean against those of mirrors in the field's centre: 0 upright, 1 at 45
+        degrees."""
+        place = torch.tensor([0.0, 0.5, -0.5, 0.0, 0.0]).double(), torch.tensor([0.0, 0.0, 0.0, 0.5, -0.5]).double()
+        ratios = []
+        for along in self.mirror_at(*place):
+            down, across = abs(float(along[1] - along[2])), abs(float(along[3] - along[4]))
+            ratios.append(min(down, across) / max(down, across, 1e-12))
+        return max(ratios)
 
     def mirror_at(self, y: torch.Tensor, x: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return (row, column) in mirrors, from 0 at the first centre, nominally seen at (y, x).

@@ -20,10 +20,11 @@ FINE_BLUR = 1.1
 """Standard deviation in mirrors of the second step of a wide blur; the first is done on the mirrors' grid. With as
 much in either step, 1e-5 of the grid's repeated spectra remain: exp(-2 pi^2 a^2 b^2 / (a^2 + b^2)), a and b being
 the two standard deviations."""
+PARTS_AT_A_TIME = 2**18
+"""Parts of pixels whose footprints are computed at a time: a field of them has 2 MiB, their shares of mirrors tens."""
 DIAGONAL = 0.7
-"""How much a pixel's edges lean, rows to columns, from where on its parts are of the size that covers evenly: 35
-degrees. There the image of a random binary pattern is right to 0.0006 of its contrast at 45 degrees, and to 0.002 with
-parts of the same variance; below, it is the other way round."""
+"""How much a pixel's edges nominally lean, rows to columns, from where on its parts are of the size that covers evenly:
+35 degrees. At 45 degrees the image of a random binary pattern is then three times as exact, below 35 degrees less."""
 TURNED_PARTS = 2
 """Least parts along either axis of a pixel that sees the mirrors turned or distorted: at 1.7 degrees the image of a
 binary pattern is right to 0.0004 of its contrast as a root mean square, undivided to 0.0014."""
@@ -114,23 +115,30 @@ class Pose:
     def _on_own_grid(self, patterns: torch.Tensor, cells: int, grid: ModulatorGrid) -> torch.Tensor:
         """Return the image of mirrors on a grid of their own."""
         divided = max(grid.parts, -(-TURNED_PARTS // cells) if self.turned else 1)
-        parts, sigma = cells * divided, self.sigma
+        sigma = self.sigma
         if sigma is not None and float(sigma.detach()) < 1e-6:
             sigma = None
         if grid.upright and not self.turned:
             return self._upright_image(patterns, cells, grid, sigma)
-        row, column, pixel = self._footprints(grid, cells, divided, patterns.device)
-        blurs: list[torch.Tensor | None] = [None, None]
+        options: Any = {"device": patterns.device, "dtype": torch.float64}
+        lines = _centres(grid.field[0], cells, options)
+        blurred: list[torch.Tensor | None] = [None, None]  # what the first step of a wide blur has done
         if sigma is not None:
-            wide = [sigma * parts * side for side in pixel]
-            for axis, side in zip((-2, -1), wide, strict=True):
-                if float(side.detach().amin()) > FINE_BLUR * math.sqrt(2):
-                    first = side.amin().square() - FINE_BLUR**2
+            for axis, side in zip((-2, -1), self._footprints(grid, lines, cells)[3], strict=True):
+                least = (sigma * cells * side).amin()
+                if float(least.detach()) > FINE_BLUR * math.sqrt(2):
+                    blurred[axis] = first = least.square() - FINE_BLUR**2
                     patterns = _blurred(patterns, first.sqrt(), axis)
-                    blurs[axis] = (side.square() - first).sqrt()
-                else:
-                    blurs[axis] = side
-        return image_by_parts(patterns, (row, column), (blurs[0], blurs[1]), pixel, divided)
+        images = []
+        for some in lines.split(max(1, PARTS_AT_A_TIME // (divided**2 * cells * grid.field[1]))):
+            row, column, size, pitch = self._footprints(grid, some, cells, divided)
+            blur = [None if sigma is None else sigma * cells * divided * side for side in pitch]
+            left = [
+                wide if wide is None or first is None else (wide.square() - first).sqrt()
+                for wide, first in zip(blur, blurred, strict=True)
+            ]
+            images.append(image_by_parts(patterns, (row, column), (left[0], left[1]), size, divided))
+        return torch.cat(images, -2)
 
     def _upright_image(
         self, patterns: torch.Tensor, cells: int, grid: ModulatorGrid, sigma: torch.Tensor | None
@@ -148,41 +156,42 @@ class Pose:
         return kernels[0] @ patterns @ kernels[1].T
 
     def _footprints(
-        self, grid: ModulatorGrid, cells: int = 1, divided: int = 1, device: torch.device | str = "cpu"
-    ) -> tuple[torch.Tensor, torch.Tensor, tuple[torch.Tensor, torch.Tensor]]:
-        """Return row and column of the mirrors that parts of the cells see, and height and width of their footprints.
+        self, grid: ModulatorGrid, lines: torch.Tensor, cells: int = 1, divided: int = 1
+    ) -> tuple[torch.Tensor, torch.Tensor, tuple[torch.Tensor, torch.Tensor], tuple[torch.Tensor, torch.Tensor]]:
+        """Return row and column of the mirrors that parts of the cells see, the size of the footprints, and the pitch.
 
-        Every one is a field of ``(cells divided H, cells divided W)``, in mirrors. A footprint is an upright rectangle
-        of the same variance as the part. Near 45 degrees, such rectangles overlap and leave gaps in a regular pattern
-        that mirrors' edges are parallel to; there they are as large as they have to be to cover every place equally,
-        and the parts draw together so that the variance of the whole cell stays.
+        Every one is a field of ``(divided h, divided cells W)``, in mirrors; the pitch is how many mirrors a part is
+        long. A footprint is an upright rectangle of the same variance as the part. Near 45 degrees, such rectangles
+        overlap and leave gaps in a pattern to which the mirrors' edges are parallel; there they are larger, so that
+        they cover evenly (exactly so at 45 degrees), and the parts draw together so that the variance of the whole
+        cell stays.
+
+        Args:
+            grid: where the mirrors nominally lie.
+            lines: ``(h,)`` centres of the cells' rows, in pixels from the field's centre.
+            cells: along either axis of a pixel.
+            divided: parts along either axis of a cell.
         """
-        options: Any = {"device": device, "dtype": torch.float64}
-        parts = cells * divided
-        half = 0.5 / parts
-        y, x = (_centres(length, parts, options) for length in grid.field)
+        options: Any = {"device": lines.device, "dtype": lines.dtype}
+        half = 0.5 / (cells * divided)
+        offsets = _centres(1, divided, options) / cells
+        diagonal = divided > 1 and grid.leaning > DIAGONAL
+        if diagonal:
+            offsets = offsets * math.sqrt(max(0.0, 1 - grid.leaning**2 / (divided**2 - 1)))
+        y, x = ((one[:, None] + offsets).flatten() for one in (lines, _centres(grid.field[1], cells, options)))
 
         def seen(down: float, across: float) -> tuple[torch.Tensor, torch.Tensor]:
             return grid.mirror_at(*self.nominal_at(y[:, None] + down, x[None] + across, grid.field))
 
         below, above, right, left = seen(half, 0), seen(-half, 0), seen(0, half), seen(0, -half)
-        sizes, leaning = [], 0.0
+        pitch, size = [], []
         for axis in (0, 1):
             down, across = (below[axis] - above[axis]).abs(), (right[axis] - left[axis]).abs()
             larger, smaller = torch.maximum(down, across), torch.minimum(down, across)
-            sizes.append(((down.square() + across.square()).sqrt(), larger + smaller.square() / larger))
-            leaning = max(leaning, float((smaller / larger).detach().mean()))
-        if divided == 1 or leaning < DIAGONAL:
-            return *seen(0, 0), (sizes[0][0], sizes[1][0])
-        closer = math.sqrt(max(0.0, 1 - leaning**2 / (divided**2 - 1)))
-        y, x = (
-            centre + closer * (place - centre)
-            for place, centre in (
-                (one, _centres(length, cells, options).repeat_interleave(divided))
-                for one, length in zip((y, x), grid.field, strict=True)
-            )
-        )
-        return *seen(0, 0), (sizes[0][1], sizes[1][1])
+            pitch.append((down.square() + across.square()).sqrt())
+            size.append(larger + smaller.square() / larger if diagonal else pitch[-1])
+        row, column = seen(0, 0)
+        return row, column, (size[0], size[1]), (pitch[0], pitch[1])
 
     @torch.no_grad()
     def border(self, grid: ModulatorGrid) -> Border:
@@ -190,7 +199,8 @@ class Pose:
 
         Where the modulator's edge crosses the field, the sides are taken off that see most of what lies beyond it.
         """
-        row, column, (high, wide) = self._footprints(grid)
+        lines = _centres(grid.field[0], 1, {"dtype": torch.float64})
+        row, column, (high, wide), _ = self._footprints(grid, lines)
         sigma = 0.0 if self.sigma is None else TAIL * float(self.sigma)
         inside = torch.ones_like(row, dtype=torch.bool)
         for place, size, length in ((row, high, grid.mirrors[0]), (column, wide, grid.mirrors[1])):

@@ -11,7 +11,7 @@ from typing import Any
 from sci_lightning.tables.cost import Cost
 from sci_lightning.tables.grid import Grid
 from sci_lightning.tables.line import METRICS, Line, lines_of
-from sci_lightning.tables.run import Run
+from sci_lightning.tables.run import Run, Setting
 from sci_lightning.tables.score_table import DIGITS, seeds
 from sci_lightning.tables.verdict import CONFIDENCE, ENOUGH_LEARNED, Interval, SeedSpread, interval, seed_spread
 
@@ -23,7 +23,8 @@ NOTE = (
     "hold on scenes drawn like these as well? Reproduced: the whole "
     f"{CONFIDENCE:.0%} interval lies on the claim's side; contradicted: on the other one. The spread of the seeds is "
     "pooled over the rows that were trained with several, apart for those tested through another encoder. A row that "
-    f"learned less than {ENOUGH_LEARNED:g} dB beyond the mean measurement decides nothing."
+    f"learned less than {ENOUGH_LEARNED:g} dB beyond the mean measurement decides nothing. Each verdict is at "
+    f"{CONFIDENCE:.0%} by itself, and the comparisons share rows: they are not so many independent findings."
 )
 FIGURES_NOTE = "In the cells: the mean difference; its interval on these scenes; on other scenes; the paper's."
 VERDICTS = ("reproduced", "contradicted", "undecided")
@@ -57,7 +58,8 @@ def claim_table(
             for scope, of_metrics in of_scopes.items():
                 verdicts[scope] += of_metrics.values()
     notes = [_counted(scope, given) for scope, given in verdicts.items() if given]
-    return Grid("claims", "What the paper claims of its tables", HEADING, rows, [NOTE, FIGURES_NOTE, *notes])
+    freedom = Evidence(tables, runs).freedom()
+    return Grid("claims", "What the paper claims of its tables", HEADING, rows, [NOTE, FIGURES_NOTE, *freedom, *notes])
 
 
 def _counted(scope: str, verdicts: Sequence[str]) -> str:
@@ -87,7 +89,13 @@ def verdict_table(
         missing = sum(not of_scopes for _, of_scopes in judged)
         rows.append([claim["claim"], *counts, str(missing or "")])
     heading = ["claim", *SCOPES, "rows not yet run"]
-    return Grid("verdicts", "Verdicts on the paper's claims, by row and metric", heading, rows, [NOTE])
+    return Grid(
+        "verdicts",
+        "Verdicts on the paper's claims, by row and metric",
+        heading,
+        rows,
+        [NOTE, *Evidence(tables, runs).freedom()],
+    )
 
 
 def _judged_claims(
@@ -162,9 +170,24 @@ class Evidence:
         trained = seeds(*(line.runs for _, line in terms))
         return [name, *texts, *summaries, str(setting), trained], verdicts
 
+    def freedom(self) -> list[str]:
+        """How many degrees of freedom the spread of the seeds has in every setting, in a sentence each."""
+        sentences = []
+        for setting in dict.fromkeys(run.setting for run in self.runs):
+            spreads = [self._pooled(setting, own, METRICS[0]) for own in (True, False)]
+            own, other = (spread.freedom if spread else 0 for spread in spreads)
+            if own or other:
+                sentences.append(
+                    f"Degrees of freedom of the seeds' spread, {setting}: {own} of rows tested through the encoder "
+                    f"that they were trained with, {other} of those tested through another."
+                )
+        return sentences
+
     def spread(self, line: Line, metric: str) -> SeedSpread | None:
         """The spread of the seeds of rows like a line, of its setting, tested through their own encoder or another."""
-        own, setting = _is_own_test(line.runs[0]), line.runs[0].setting
+        return self._pooled(line.runs[0].setting, _is_own_test(line.runs[0]), metric)
+
+    def _pooled(self, setting: Setting, own: bool, metric: str) -> SeedSpread | None:
         groups: dict[Any, list[Run]] = {}
         for run in self.runs:
             if run.setting == setting and metric in run.scores and _is_own_test(run) == own:

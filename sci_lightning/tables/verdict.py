@@ -21,9 +21,9 @@ interval has the second term alone: the scenes are held fixed.
 
 Why not a hierarchical bootstrap: with six scenes and three seeds, resampling covers much less than it promises (the
 percentile interval of six values is too narrow by a quarter), and a row of one seed has nothing to resample. The
-interval here errs on the wide side: the interaction counts in both terms, and seeds of two rows count as independent
-although rows of one seed share clips and first weights. tests/tables/test_verdict.py measures the coverage on
-simulated scores.
+interval over other scenes errs on the wide side: the interaction counts in both terms. Both intervals count seeds of
+two rows as independent, although rows of one seed share clips and first weights, and take the seeds of all pooled rows
+to vary alike. tests/tables/test_verdict.py measures the coverage on simulated scores.
 """
 
 from __future__ import annotations
@@ -107,10 +107,10 @@ def interval(
             return Interval(mean)
         of_seeds[spread] = of_seeds.get(spread, 0.0) + spread.variance * weight**2 / len(row)
     parts = [(part, spread.freedom) for spread, part in of_seeds.items()]
-    half = _half_width(parts, confidence)
-    if not same_scenes:  # more varies, and a small part with many degrees of freedom must not make it narrower
-        of_scenes = float(np.var(differences, ddof=1)) / len(scenes)
-        half = max(half, _half_width([*parts, (of_scenes, len(scenes) - 1)], confidence))
+    if not same_scenes:
+        parts.append((float(np.var(differences, ddof=1)) / len(scenes), len(scenes) - 1))
+    # a part that comes out small by chance lends its degrees of freedom to the others: no sum is narrower than a part
+    half = max(_half_width(chosen, confidence) for chosen in (parts, *([part] for part in parts)))
     return Interval(mean, mean - half, mean + half)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import resource
 
 import numpy as np
 import pytest
@@ -85,7 +86,7 @@ def test_deviations_are_in_pixels(
 
 
 @pytest.mark.parametrize("sigma", [0.5, 1.5, 3.0])
-@pytest.mark.parametrize("name", ["wide mirrors", "small mirrors", "a small turn", "perspective"])
+@pytest.mark.parametrize("name", ["wide mirrors", "small mirrors", "a small turn", "perspective", "a diamond"])
 def test_blur_is_in_pixels(name: str, sigma: float, patterns: np.ndarray) -> None:
     """The image is as blurred as that of rays, whatever the mirrors' pitch; its edges aside, where rays end."""
     matrix, edge = HOMOGRAPHIES[name], math.ceil(2 * sigma)
@@ -93,6 +94,25 @@ def test_blur_is_in_pixels(name: str, sigma: float, patterns: np.ndarray) -> Non
     expected = image(patterns, matrix, SIZE, Deviation(blur=sigma))
     inner = (slice(None), slice(edge, -edge), slice(edge, -edge))
     assert np.sqrt(((blurred - expected)[inner] ** 2).mean()) < 0.02 * patterns.std()
+
+
+@pytest.mark.parametrize("angle", [2.0, 10.0, 34.0, 36.0, 45.0, 80.0])
+def test_sharp_mirrors_that_are_turned(angle: float) -> None:
+    """A random binary pattern is right to a thousandth of its contrast, whatever the angle; its edges aside."""
+    mirrors, size = (24, 24), (12, 12)
+    binary = (np.random.default_rng(0).random((2, *mirrors)) < 0.5).astype(np.float32)
+    matrix = homography((1.0, 1.0), angle, size, mirrors)
+    error = (seen(binary, ModulatorGrid(matrix, size, mirrors)) - image(binary, matrix, size, rays=60))[:, 1:-1, 1:-1]
+    assert np.sqrt((error**2).mean()) < 1.1e-3
+
+
+def test_a_large_field_takes_bounded_memory() -> None:
+    """Parts of pixels are computed a few lines at a time; at once, their places alone would take 2 GiB."""
+    size = (128, 640)
+    grid = ModulatorGrid(homography((1.0, 1.0), 45.0, size, (600, 600)), size, (600, 600))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert seen(np.ones((1, 600, 600)), grid).shape == (1, *size)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 600 * 1024
 
 
 def test_where_mirrors_are_pixels_nothing_changes(patterns: np.ndarray) -> None:

@@ -132,7 +132,7 @@ def test_claims_are_decided_by_intervals(made: Made, tmp_path: Path) -> None:
             made(f"l{bits}{seed}", "lsw_sr", "res2former", learned + seed / 10, bits=bits, seed=seed, unevenness=4.2)
     grid, claim = claims_of(tmp_path), "Learned masks are ahead of random"
     psnr, *_, verdict = verdict_on(grid, claim, "1-bit", "on other scenes")
-    assert re.fullmatch(r"\+2\.00 \[\+1\.8\d, \+2\.1\d\] \[\+1\.6\d, \+2\.3\d\] \(paper \+0\.37\)", psnr)
+    assert re.fullmatch(r"\+2\.00 \[\+1\.8\d, \+2\.1\d\] \[\+1\.[45]\d, \+2\.[45]\d\] \(paper \+0\.37\)", psnr)
     assert verdict == "reproduced in PSNR, Q-Score; undecided in SSIM"  # SSIM varies by as many units as PSNR here
     assert verdict_on(grid, claim, "2-bit", "on other scenes")[3] == "undecided in all three"
     assert verdict_on(grid, claim, "2-bit")[3] == "reproduced in all three"  # it does not hold from scene to scene
@@ -191,8 +191,9 @@ def test_gains_margins_and_costs(made: Made, tmp_path: Path) -> None:
     assert verdict_on(grid, "Res2former has 28.15 %", both)[3] == "contradicted (14.07 %, counted)"
     assert all(
         f"comparisons {scope}, " in note and "decided)" in note
-        for scope, note in zip(SCOPES, grid.notes[2:], strict=True)
+        for scope, note in zip(SCOPES, grid.notes[3:], strict=True)
     )
+    assert "5 of rows tested through the encoder that they were trained with, 0 of those" in grid.notes[2]
     counted = verdict_table(PAPER["claims"], TABLES, find_runs([tmp_path])[0], costs)
     assert row(counted, "Under the deep optics framework, E2E-CNN gains most in PSNR and SSIM")[1:] == [
         "4 reproduced"

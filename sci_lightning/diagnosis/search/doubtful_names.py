@@ -22,6 +22,8 @@ from sci_lightning.diagnosis.search.remaining_misfit import Unnamed, quantified
 
 LEVELS = 12
 """Levels of light, of equally many pixels each, that are asked by themselves."""
+IMITATED = 1e-6
+"""Part of its information that an effect must keep beside the others' parameters, or rounding is all that is left."""
 PLACES = 4
 """Rows and columns of blocks that the field is divided into; each block is asked by itself."""
 
@@ -43,15 +45,16 @@ def without_doubtful_names(
         on_progress: called with a one-line message for every name that is withdrawn.
     """
     stay = {*noise.effects, *(deviation.name for deviation in unnamed)}
-    withdrawn = False
-    while doubts := doubtful(fitter, fit, stay, unnamed):
+    rest, withdrawn = list(unnamed), False
+    while doubts := doubtful(fitter, fit, stay, rest):
         name, (_, why) = max(doubts.items(), key=lambda item: item[1][0])
         on_progress(f"{name} is not named: {why}")
         fit, withdrawn = fitter.fit(fit.hypothesis.without(name), iterations=20), True
+        rest = [quantified(fitter, fit, one) for one in rest]
     if not withdrawn:
-        return fit, list(unnamed)
+        return fit, rest
     fit = prune(fitter, fit, noise)
-    return fit, [quantified(fitter, fit, one) for one in unnamed if one.name in fit.hypothesis.effects]
+    return fit, [quantified(fitter, fit, one) for one in rest if one.name in fit.hypothesis.effects]
 
 
 def doubtful(
@@ -108,6 +111,7 @@ class Contribution:
 
     def __init__(self, fitter: Fitter, fit: Fit, name: str) -> None:
         self._fitter, self._fit, self._name = fitter, fit, name
+        self._is_map = fitter.model.effects[name].map_kind is not None
         likelihood = fitter.pixel_likelihood(fit.prediction)
         self._information = (likelihood.mean_information * fitter.fitted).double()
         self._gradient = (likelihood.mean_gradient * fitter.fitted).double()
@@ -129,19 +133,25 @@ class Contribution:
         """Return by which part of its strength parts of the captures disagree about the effect.
 
         Captures, levels of light and places are asked in turn, each by a step of Newton's method with the parameters
-        of the other effects eliminated. The result is the root mean square of these steps, weighted with their
-        information and without what chance contributes; 0 where chance suffices.
+        of the other effects eliminated. The result is the root mean square of these steps about their mean, weighted
+        with their information and without what chance contributes; 0 where chance suffices, for a fixed-pattern map
+        (its test is :func:`~sci_lightning.diagnosis.search.map_test.map_p_value`), and for an effect that the others
+        can imitate.
         """
         change = self._change - self._explained_by_others()
         information, gradient = change.square() * self._information, change * self._gradient
         total, largest = information.sum(), 0.0
+        if self._is_map or float(total) < IMITATED * float(self._squared(self._change)):
+            return 0.0
+        common = gradient.sum() / total
         for place, count in self._divisions():
             weight, slope = (
                 torch.zeros(count, dtype=torch.float64).index_add_(0, place.flatten(), values.flatten())
                 for values in (information, gradient)
             )
             known = weight > 1e-9 * total
-            statistic, freedom = float((slope[known].square() / weight[known]).sum()), int(known.sum())
+            apart = slope[known] / weight[known] - common
+            statistic, freedom = float((weight[known] * apart.square()).sum()), int(known.sum()) - 1
             if chi2.sf(statistic, freedom) < self._fitter.settings.max_residual_p_value:
                 largest = max(largest, (statistic - freedom) / float(total))
         return largest**0.5

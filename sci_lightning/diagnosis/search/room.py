@@ -13,6 +13,7 @@ import torch
 from sci_lightning.diagnosis.fit.comparison import judged_by
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
+from sci_lightning.diagnosis.model.likelihood import quantile_residuals
 
 
 def room_for_starts(
@@ -83,16 +84,21 @@ def with_all_predictable(whole: Fitter, fitter: Fitter, fit: Fit) -> tuple[Fitte
 
 
 def misfit_outside(wide: Fitter, fit: Fit, narrow: Fitter) -> float:
-    """Return the mean squared error, in variances, of the pixels that count for one fitter and not for another.
+    """Return reduced chi2, of randomised quantile residuals, of the pixels that count for one fitter and not another.
 
     Args:
         wide: a fitter.
         fit: of it.
         narrow: the other fitter.
     """
-    rows, columns = narrow.split.window
+    prediction = wide.with_map_uncertainty(fit.prediction, fit.maps)
+    residual = quantile_residuals(
+        wide.intervals(prediction.bits),
+        prediction.mean,
+        prediction.deviation,
+        torch.Generator().manual_seed(0),
+        prediction.clipped,
+    )
     outside = torch.ones(wide.model.observation.size, dtype=torch.bool)
-    outside[rows, columns] = False
-    rows, columns = wide.split.window
-    error = (wide.dn - fit.prediction.mean)[:, outside[rows, columns]]
-    return float((error / fit.prediction.deviation[:, outside[rows, columns]]).square().mean())
+    outside[narrow.split.window] = False
+    return float(residual[:, outside[wide.split.window]].square().mean())

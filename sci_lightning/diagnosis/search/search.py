@@ -16,6 +16,7 @@ from sci_lightning.diagnosis.search.remaining_misfit import (
     Unnamed,
     best_free_form,
     explain_remaining_misfit,
+    quantified,
     unnamed_threshold,
 )
 from sci_lightning.diagnosis.search.room import (
@@ -123,7 +124,7 @@ def complete(
     unnamed: Sequence[Unnamed],
     on_progress: OnProgress,
 ) -> tuple[Fitter, Fit, list[Unnamed]]:
-    """Take in every pixel that the selected model can predict, explain what only shows there, and doubt the names.
+    """Take in every pixel that the selected model can predict, localise what only shows there, and doubt the names.
 
     Args:
         whole: a fitter that leaves nothing out.
@@ -138,9 +139,10 @@ def complete(
         the fitter, the model, and its deviations without a name; the same as before where nothing changes.
     """
     wide, fit = with_all_predictable(whole, fitter, fit)
-    if wide is not fitter and misfit_outside(wide, fit, fitter) > wide.settings.negligible_chi2:
-        wide, fit, further = explain_remaining_misfit(wide, fit, ideal, noise, (), on_progress)
-        unnamed = [*(one for one in unnamed if one.name in fit.hypothesis.effects), *further]
+    if wide is not fitter:
+        unnamed = [quantified(wide, fit, one) for one in unnamed]
+        if not unnamed and misfit_outside(wide, fit, fitter) > wide.settings.negligible_chi2:
+            wide, fit, unnamed = explain_remaining_misfit(wide, fit, ideal, noise, (), on_progress)
     return wide, *without_doubtful_names(wide, fit, noise, unnamed, on_progress)
 
 

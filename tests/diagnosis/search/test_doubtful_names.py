@@ -5,9 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import torch
 
 from sci_lightning.diagnosis.diagnosis import diagnose
-from sci_lightning.diagnosis.search.doubtful_names import Contribution, without_doubtful_names
+from sci_lightning.diagnosis.search.doubtful_names import Contribution, doubtful, without_doubtful_names
+from sci_lightning.diagnosis.search.room import misfit_outside, with_all_predictable
+from sci_lightning.diagnosis.search.search import complete
+from sci_lightning.encoder.border import Border
 from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.diagnosis.fit.test_fit import NOISE, fitter
 
@@ -33,6 +37,35 @@ def test_levels_of_light_and_captures_agree_about_a_right_name(
     remaining, unnamed = without_doubtful_names(subject, fit, NOISE, [], messages.append)
     assert (name in remaining.hypothesis.effects) == stays and unnamed == []
     assert messages == ([] if stays else [f"{name} is not named: parts of the captures say different things about it"])
+
+
+@pytest.mark.parametrize("std", [0.003, 0.02])
+def test_a_weak_map_is_not_doubted(tmp_path: Path, std: float) -> None:
+    """Its values are drawn towards 0 by their prior: every capture asks for a stronger map."""
+    subject = fitter(tmp_path, {"prnu": {"std": std}})
+    fit = subject.fit(NOISE.with_effect("prnu", {"std": std}, torch.zeros(64, 64)), iterations=20)
+    assert doubtful(subject, fit, set(NOISE.effects), []) == {}
+
+
+def test_an_effect_that_another_one_imitates_is_not_doubted(tmp_path: Path) -> None:
+    """Beside a gain, a duty cycle has nothing of its own by which parts of the captures could disagree."""
+    subject = fitter(tmp_path, {"gain": {"factor": 0.9}})
+    fit = subject.fit(NOISE.with_effect("gain", {"factor": 0.95}).with_effect("duty_cycle", {"fraction": 0.95}))
+    assert Contribution(subject, fit, "duty_cycle").disagreement() == 0
+
+
+def test_what_shows_only_outside_is_localised_and_quantified_once(tmp_path: Path) -> None:
+    """A dead column that the search left out is seen in the end, without any misfit where it had looked."""
+    whole = fitter(tmp_path, {"dead_column": {"loss": 0.7, "column": 61}})
+    narrow = whole.with_border(Border(4, 4, 4, 4))
+    fit, ideal = narrow.fit(NOISE), narrow.fit(NOISE)
+    wide, again = with_all_predictable(whole, narrow, fit)
+    assert wide is whole and misfit_outside(wide, again, narrow) > 2
+    wide, completed, unnamed = complete(whole, narrow, fit, ideal, NOISE, [], lambda message: None)
+    assert wide is whole and [one.stage for one in unnamed] == ["sensor"]
+    assert not unnamed[0].picture.isnan().any() and unnamed[0].nats > 1000
+    same, unchanged, still = complete(whole, wide, completed, ideal, NOISE, unnamed, lambda message: None)
+    assert same is wide and unchanged is completed and still == unnamed
 
 
 @pytest.mark.slow
