@@ -193,7 +193,7 @@ def test_gains_margins_and_costs(made: Made, tmp_path: Path) -> None:
         f"comparisons {scope}, " in note and "decided)" in note
         for scope, note in zip(SCOPES, grid.notes[3:], strict=True)
     )
-    assert "5 of rows tested through the encoder that they were trained with, 0 of those" in grid.notes[2]
+    assert "7 of rows tested through the encoder that they were trained with, 0 of those" in grid.notes[2]
     counted = verdict_table(PAPER["claims"], TABLES, find_runs([tmp_path])[0], costs)
     assert row(counted, "Under the deep optics framework, E2E-CNN gains most in PSNR and SSIM")[1:] == [
         "4 reproduced"
