@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import torch
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.gap import residuals
 from sci_lightning.diagnosis.fit.split import Split
 from sci_lightning.diagnosis.fit.verification import transferred
-from sci_lightning.diagnosis.model.likelihood import quantile_residuals
 from sci_lightning.diagnosis.model.observation import Observation
 
 CLIP = 6.0
@@ -38,9 +38,7 @@ def misfit_by_capture(fitter: Fitter, fit: Fit, observation: Observation, seed: 
     judge = judge_of(fitter, observation)
     moved = transferred(judge, fit)
     prediction = judge.with_map_uncertainty(moved.prediction, moved.maps)
-    random = torch.Generator().manual_seed(seed)
-    intervals = judge.intervals(prediction.bits)
-    residual = quantile_residuals(intervals, prediction.mean, prediction.deviation, random, prediction.clipped)
+    residual = residuals(judge, prediction, seed)
     return residual.clamp(-CLIP, CLIP).square().mean((1, 2), dtype=torch.float64)
 
 

@@ -11,6 +11,7 @@ from scipy.stats import chi2 as chi2_distribution
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.model.likelihood import quantile_residuals
+from sci_lightning.diagnosis.model.prediction import Prediction
 from sci_lightning.diagnosis.search_settings import SearchSettings
 
 OUTLIER = 4.0
@@ -71,9 +72,7 @@ def held_out_gap(fitter: Fitter, fit: Fit, seed: int, estimated_from: float | No
     """
     observation = fitter.model.observation
     prediction = fitter.with_map_uncertainty(fit.prediction, fit.maps)
-    random = torch.Generator().manual_seed(seed)
-    intervals = fitter.intervals(prediction.bits)
-    residual = quantile_residuals(intervals, prediction.mean, prediction.deviation, random, prediction.clipped)
+    residual = residuals(fitter, prediction, seed)
     log_likelihood = fitter.log_likelihood(prediction)
     error = (fitter.dn - prediction.mean.clamp(0, observation.full_scale)).square()
     judging = (fitter.held_out if fitter.held_out.any() else fitter.fitted) > 0
@@ -92,6 +91,19 @@ def held_out_gap(fitter: Fitter, fit: Fit, seed: int, estimated_from: float | No
             by_kind[kind] = misfit(pixels)
     limit = chi2_limit(fitter, fit, residual, judging, estimated_from)
     return Gap(**asdict(misfit(judging)), pixels=int(judging.sum()), chi2_limit=limit, by_kind=by_kind)
+
+
+def residuals(fitter: Fitter, prediction: Prediction, seed: int) -> torch.Tensor:
+    """Return randomised quantile residuals (K, h, w) of every pixel of the window, standard normal for a right model.
+
+    Args:
+        fitter: holds captures, split and model.
+        prediction: with the uncertainty of its maps.
+        seed: of the randomisation.
+    """
+    random = torch.Generator().manual_seed(seed)
+    intervals = fitter.intervals(prediction.bits)
+    return quantile_residuals(intervals, prediction.mean, prediction.deviation, random, prediction.clipped)
 
 
 def chi2_limit(

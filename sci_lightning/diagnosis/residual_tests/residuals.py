@@ -8,7 +8,7 @@ from functools import cached_property
 import torch
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.model.likelihood import quantile_residuals
+from sci_lightning.diagnosis.fit.gap import residuals
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.model.prediction import Prediction
 
@@ -48,9 +48,7 @@ class Residuals:
     def of(fitter: Fitter, fit: Fit, seed: int) -> Residuals:
         """Return the residuals of a fit for all pixels, fitted and held out."""
         prediction = predict_ahead(fitter, fit)
-        random = torch.Generator().manual_seed(seed)
-        intervals = fitter.intervals(prediction.bits)
-        raw = quantile_residuals(intervals, prediction.mean, prediction.deviation, random, prediction.clipped)
+        raw = residuals(fitter, prediction, seed)
         return Residuals(fitter, fit, raw, replace(prediction, clipped=None), seed)
 
     @cached_property

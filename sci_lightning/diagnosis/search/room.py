@@ -12,8 +12,8 @@ import torch
 
 from sci_lightning.diagnosis.fit.comparison import judged_by
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.gap import residuals
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
-from sci_lightning.diagnosis.model.likelihood import quantile_residuals
 
 
 def room_for_starts(
@@ -92,13 +92,7 @@ def misfit_outside(wide: Fitter, fit: Fit, narrow: Fitter) -> float:
         narrow: the other fitter.
     """
     prediction = wide.with_map_uncertainty(fit.prediction, fit.maps)
-    residual = quantile_residuals(
-        wide.intervals(prediction.bits),
-        prediction.mean,
-        prediction.deviation,
-        torch.Generator().manual_seed(0),
-        prediction.clipped,
-    )
+    residual = residuals(wide, prediction, seed=0)
     outside = torch.ones(wide.model.observation.size, dtype=torch.bool)
     outside[narrow.split.window] = False
     return float(residual[:, outside[wide.split.window]].square().mean())
