@@ -18,7 +18,7 @@ READY  := $(VENV)/ready
 train: $(READY)
 	$(BIN)/python -m sci_lightning.train experiment=quickstart
 
-# the effect and its parameters are chosen by SEED, and told only at the end
+# the effect and its parameters are chosen by SEED, and revealed only at the end
 diagnose: FOUND := outputs/diagnose/seed_$(SEED)
 diagnose: $(READY)
 	$(BIN)/python -m sci_lightning.virtual_camera out=$(FOUND)/captures.h5 size=[64,64] effects=random seed=$(SEED)

@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.mismatch.finetuning``: what fine-tuning with the camera that was found is worth."""
+"""``python -m sci_lightning.mismatch.finetuning``: what fine-tuning with the diagnosed camera is worth."""
 
 from __future__ import annotations
 
