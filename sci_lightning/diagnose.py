@@ -114,37 +114,17 @@ def _blind(task: Task) -> None:
     """Diagnose snapshots of unknown scenes, write the report and print it."""
     from sci_lightning.diagnosis.blind.blind_diagnosis import diagnose_blind
     from sci_lightning.diagnosis.blind.prior import scene_statistics
-    from sci_lightning.diagnosis.blind.search_by_prediction import LONGEST_VIDEO
     from sci_lightning.diagnosis.report.blind_report import print_blind_report, write_blind_report
     from sci_lightning.diagnosis.report.terminal import search_progress
 
     cfg = task.cfg
     task.console.say("no scene is known: the diagnosis is blind")
-    if task.captures.frames > LONGEST_VIDEO:
-        _by_prediction(task)
-        return
     with search_progress(task.console, cfg.most) as on_progress:
         statistics = None if cfg.prior is None else scene_statistics(cfg.prior)
         diagnosis = diagnose_blind(task.captures, task.candidates, cfg.seed, task.settings, on_progress, statistics)
         on_progress("writing the report")
         write_blind_report(diagnosis, Path(cfg.out), task.provenance())
     print_blind_report(diagnosis, task.console)
-
-
-def _by_prediction(task: Task) -> None:
-    """Diagnose snapshots of more slots than the statistics of video reach over: by held-out pixels alone."""
-    from sci_lightning.diagnosis.blind.search_by_prediction import PredictionSettings, search_by_prediction
-    from sci_lightning.diagnosis.blind.snapshot_camera import snapshots_of
-    from sci_lightning.diagnosis.report.prediction_report import print_prediction, write_prediction_report
-    from sci_lightning.diagnosis.report.terminal import search_progress
-
-    cfg = task.cfg
-    camera, settings = snapshots_of(task.captures, task.candidates), PredictionSettings(most=cfg.most)
-    with search_progress(task.console, cfg.most) as on_progress:
-        result = search_by_prediction(camera, seed=cfg.seed, settings=settings, on_progress=on_progress)
-        on_progress("writing the report")
-        write_prediction_report(result, camera, cfg.out, task.provenance())
-    print_prediction(result, camera, task.console)
 
 
 def read_input(cfg: DictConfig, console: PlainConsole) -> Captures | None:

@@ -14,16 +14,18 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import torch
 
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis import vocabulary as effects_vocabulary
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter
+from sci_lightning.diagnosis.blind.block_prediction import judge_by_blocks
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prediction_verdict import PredictionVerdict, judge_by_prediction
-from sci_lightning.diagnosis.blind.prior import BLOCK, ScenePrior
-from sci_lightning.diagnosis.blind.search import UNDETERMINED, BlindNamed, BlindSearch
+from sci_lightning.diagnosis.blind.prior import BLOCK, LONGEST_VIDEO, ScenePrior, statistics_for
+from sci_lightning.diagnosis.blind.search import BlindNamed, BlindSearch, undetermined_effects
 from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera, snapshots_of
-from sci_lightning.diagnosis.blind.snapshots import observe_snapshots
+from sci_lightning.diagnosis.blind.snapshots import observe_snapshots, textured_part
 from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.search.evidence import Estimate, NamedEffect, systematic_limit
@@ -34,6 +36,17 @@ from sci_lightning.imaging.patches import PatchPrior
 
 LEAST_USABLE = 0.05
 """Part of the blocks without a saturated pixel below which nothing can be said."""
+LARGEST_SEARCHED = 256
+"""Side in pixels of the part of a larger field that is searched where there are many slots."""
+OF_THE_FIELD = (
+    "mask_rotation",
+    "mask_scale",
+    "mask_keystone",
+    "mask_distortion",
+    "mask_orientation",
+    "rolling_shutter",
+)
+"""Effects that depend on the place in the field, and are not looked for where only a part of it is searched."""
 FEW_SNAPSHOTS = 3
 """Fewer snapshots say little about how scenes differ, so that uncertainties are widened."""
 NO_MASK_IS_AS_GOOD = (
@@ -158,8 +171,16 @@ def diagnose_blind(
     aside = aside if len(aside) < len(unknown) else []
     observation = observe_snapshots(captures, leave_out=aside)
     vocabulary = effects_vocabulary.vocabulary() if vocabulary is None else vocabulary
-    model = CameraModel(observation, vocabulary, {"mask_contrast": MaskContrast})
-    likelihood = BlindLikelihood(model, ScenePrior(observation.frames, statistics))
+    model = searched = CameraModel(observation, vocabulary, {"mask_contrast": MaskContrast})
+    part = textured_part(captures, LARGEST_SEARCHED, aside) if observation.frames > LONGEST_VIDEO else captures
+    if part is not captures:
+        of_a_part = {name: effect for name, effect in vocabulary.items() if name not in OF_THE_FIELD}
+        searched = CameraModel(observe_snapshots(part, leave_out=aside), of_a_part, {"mask_contrast": MaskContrast})
+    if statistics is None:
+        on_progress("statistics of the scenes")
+        statistics = statistics_for(observation.patterns[observation.sequences[0]])
+    prior = ScenePrior(observation.frames, statistics)
+    likelihood = BlindLikelihood(searched, prior)
     if (usable := float(likelihood.usable.double().mean())) < LEAST_USABLE:
         raise BadInput(
             f"{captures.name}: {100 * (1 - usable):.0f} % of the blocks of {BLOCK} x {BLOCK} pixels are saturated "
@@ -170,12 +191,21 @@ def diagnose_blind(
     prediction = camera = None
     if explanation.mask_is_visible:
         named = tuple(one.name for one in explanation.named)
-        paths = model.path(noise), model.path(explanation.fit.hypothesis)
-        border = (model.border(noise) | model.border(explanation.fit.hypothesis)).rounded()
+        corrected = explanation.fit.hypothesis
         judged = [*observation.number.tolist(), *aside]
         camera = snapshots_of(captures.take(judged), vocabulary)
         camera = replace(camera, numbers=tuple(judged[place] for place in camera.numbers))
-        prediction = judge_by_prediction(camera, *paths, named, seed=seed, border=border, on_progress=on_progress)
+        if observation.frames > LONGEST_VIDEO:
+            seen = observe_snapshots(part.take(camera.numbers))
+            camera = camera.take(torch.isin(torch.arange(len(camera)), seen.number))
+            judge = BlindLikelihood(CameraModel(seen, vocabulary, {"mask_contrast": MaskContrast}), prior)
+            apart = camera.verification.nonzero()[:, 0].tolist()
+            prediction = judge_by_blocks(judge, noise, corrected, named, apart, seed, on_progress)
+        else:
+            paths, border = (model.path(noise), model.path(corrected)), model.border(noise) | model.border(corrected)
+            prediction = judge_by_prediction(
+                camera, *paths, named, seed=seed, border=border.rounded(), on_progress=on_progress
+            )
     return BlindDiagnosis(
         observation=observation,
         model=model,
@@ -185,7 +215,7 @@ def diagnose_blind(
         corrected=explanation.fit,
         effects=tuple(_named(model, explanation.fit, one) for one in explanation.named),
         rounds=explanation.rounds,
-        undetermined={name: why for name, why in UNDETERMINED.items() if name in model.vocabulary},
+        undetermined=undetermined_effects(model),
         notes=_notes(captures, likelihood, len(aside), explanation.mask_is_visible, prediction),
         mask_is_visible=explanation.mask_is_visible,
         prediction=prediction,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import torch
@@ -41,6 +42,31 @@ class BlockScores:
     weights: torch.Tensor
 
 
+@dataclass(frozen=True)
+class SeenBlocks:
+    """Some blocks of some snapshots in relative light, 1 being the mean of the snapshot, and what is expected there.
+
+    Attributes:
+        places: ``(b,)``, which of the blocks that were asked for.
+        members: ``(M,)``, which snapshots.
+        measured: ``(b, M, n)``.
+        per_light: ``(b, M, n)``, recorded signal per relative light, 1.0 being full scale.
+        log_density: ``(b, M)``, logarithm of the density of recorded values over that of relative light.
+        mean: ``(b, n)``, expected.
+        covariance: ``(K, b, n, n)`` of the light, by component of the prior.
+        noise: ``(b, n)``, variance of the noise.
+    """
+
+    places: torch.Tensor
+    members: torch.Tensor
+    measured: torch.Tensor
+    per_light: torch.Tensor
+    log_density: torch.Tensor
+    mean: torch.Tensor
+    covariance: torch.Tensor
+    noise: torch.Tensor
+
+
 class BlindLikelihood:
     r"""The likelihood of a hypothesis about the camera, whatever the scenes are.
 
@@ -71,18 +97,18 @@ class BlindLikelihood:
         height, width = observation.size
         self.rows, self.columns = height // BLOCK, width // BLOCK
         top, left = (height - self.rows * BLOCK) // 2, (width - self.columns * BLOCK) // 2
-        self._origin = top, left
+        self.origin = top, left
         signal = observation.dn.double() / observation.full_scale
-        self._signal = self._cut(signal, 0).transpose(0, 1)  # (blocks, N, n)
-        saturated = self._cut((observation.dn >= observation.full_scale).float(), 0).transpose(0, 1)
+        self._signal = self.cut(signal, 0).transpose(0, 1)  # (blocks, N, n)
+        saturated = self.cut((observation.dn >= observation.full_scale).float(), 0).transpose(0, 1)
         self.usable = ~saturated.bool().any(2)
         down, across = max(1, int(CENTRE * height)), max(1, int(CENTRE * width))
         self._centre = slice(down, height - down), slice(across, width - across)
         self._flat_signal = signal[:, self._centre[0], self._centre[1]].flatten(1)
 
-    def _cut(self, image: torch.Tensor, reach: int) -> torch.Tensor:
+    def cut(self, image: torch.Tensor, reach: int) -> torch.Tensor:
         """Return the blocks of images ``(C, H, W)`` with ``reach`` pixels around them, ``(C, blocks, n)``."""
-        top, left = self._origin
+        top, left = self.origin
         padded = torch.nn.functional.pad(image[None], (reach,) * 4, mode="replicate")[0] if reach else image
         side = BLOCK + 2 * reach
         padded = padded[:, top : top + self.rows * BLOCK + 2 * reach, left : left + self.columns * BLOCK + 2 * reach]
@@ -94,7 +120,7 @@ class BlindLikelihood:
         counted = torch.zeros(1, height, width)
         rows, columns = border.rounded().window((height, width))
         counted[0, rows, columns] = 1
-        return self._cut(counted, 0)[0].bool().all(1)
+        return self.cut(counted, 0)[0].bool().all(1)
 
     @torch.no_grad()
     def evaluate(
@@ -110,31 +136,18 @@ class BlindLikelihood:
         """
         counted = self.inside(self.model.border(hypothesis))
         numbers = (counted if blocks is None else counted & blocks).nonzero()[:, 0]
-        observation, path = self.model.observation, self.model.path(hypothesis)
-        response = SensorResponse.of(path, observation.full_scale)
-        light, log_slope = response.light(self._signal[numbers])
-        brightness = response.light(self._flat_signal)[0].mean(1).clamp(min=LEAST_LIGHT)
-        measured = light / brightness[:, None]
-        log_density = -log_slope.sum(2) - BLOCK**2 * brightness.log()
-        typical = brightness.mean()
+        observation = self.model.observation
         scores = torch.full((len(self.prior.weights), len(numbers), len(observation)), math.nan, dtype=torch.float64)
-        for which, sequence in enumerate(observation.sequences):
-            members = (observation.sequence == which).nonzero()[:, 0]
-            masks, operator = self._masks(path, sequence, numbers), self._optics(path)
-            for part in torch.arange(len(numbers)).split(CHUNK):
-                mean, signal = self._moments(masks[part], operator)
-                noise = response.noise(mean * typical) / typical.square()
-                covariance = signal + torch.diag_embed(noise)
-                factor = torch.linalg.cholesky(covariance)
-                deviation = (measured[part][:, members] - mean[:, None]).mT
-                whitened = torch.linalg.solve_triangular(factor, deviation, upper=False)
-                distance = whitened.square().sum(2)
-                determinant = 2 * factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
-                scores[:, part[:, None], members] = -0.5 * (
-                    distance + determinant[..., None] + BLOCK**2 * math.log(2 * math.pi)
-                )
-        scores = scores + log_density
         usable = self.usable[numbers]
+        for seen in self.moments(hypothesis, numbers):
+            factor = torch.linalg.cholesky(seen.covariance + torch.diag_embed(seen.noise))
+            deviation = (seen.measured - seen.mean[:, None]).mT
+            whitened = torch.linalg.solve_triangular(factor, deviation, upper=False)
+            distance = whitened.square().sum(2)
+            determinant = 2 * factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
+            scores[:, seen.places[:, None], seen.members] = seen.log_density - 0.5 * (
+                distance + determinant[..., None] + BLOCK**2 * math.log(2 * math.pi)
+            )
         if weights is None:
             weights = self.prior.estimate_weights(scores[:, usable])
         mixed = (scores + weights.log()[:, None, None]).logsumexp(0)
@@ -142,12 +155,43 @@ class BlindLikelihood:
         every[numbers] = torch.where(usable, mixed, math.nan)
         return BlockScores(every, weights)
 
+    @torch.no_grad()
+    def moments(self, hypothesis: Hypothesis, numbers: torch.Tensor) -> Iterator[SeenBlocks]:
+        """Yield what is expected of some blocks, and what is recorded there, a part of the blocks at a time.
+
+        Args:
+            hypothesis: about the camera.
+            numbers: of the blocks.
+        """
+        observation, path = self.model.observation, self.model.path(hypothesis)
+        response = SensorResponse.of(path, observation.full_scale)
+        light, log_slope = response.light(self._signal[numbers])
+        brightness = response.light(self._flat_signal)[0].mean(1).clamp(min=LEAST_LIGHT)
+        measured = light / brightness[:, None]
+        log_density = -log_slope.sum(2) - BLOCK**2 * brightness.log()
+        typical = brightness.mean()
+        for which, sequence in enumerate(observation.sequences):
+            members = (observation.sequence == which).nonzero()[:, 0]
+            masks, operator = self._masks(path, sequence, numbers), self._optics(path)
+            for part in torch.arange(len(numbers)).split(CHUNK):
+                mean, covariance = self._moments(masks[part], operator)
+                yield SeenBlocks(
+                    places=part,
+                    members=members,
+                    measured=measured[part][:, members],
+                    per_light=brightness[members, None] * log_slope[part][:, members].exp(),
+                    log_density=log_density[part][:, members],
+                    mean=mean,
+                    covariance=covariance,
+                    noise=response.noise(mean * typical) / typical.square(),
+                )
+
     def _masks(self, path: LightPath, sequence: torch.Tensor, numbers: torch.Tensor) -> torch.Tensor:
         """Return blocks of the relative mask, ``(blocks, T, n)``; with optics, n counts the pixels around them too."""
         seen = LightPath([*path.of(ModulatorEffect), *path.of(RelayEffect), *path.of(ExposureEffect)], path.grid)
         shown = seen.transmittance(self.model.observation.patterns, sequence[None])[0].double()
         level = shown.sum(0)[self._centre].mean().clamp(min=1e-6)
-        return self._cut(shown / level, REACH if path.of(OpticsEffect) else 0)[:, numbers].transpose(0, 1)
+        return self.cut(shown / level, REACH if path.of(OpticsEffect) else 0)[:, numbers].transpose(0, 1)
 
     def _optics(self, path: LightPath) -> torch.Tensor | None:
         """Return how much of the light of every pixel around a block falls on every pixel of it, ``(n, m)``."""

@@ -10,11 +10,16 @@ from sci_lightning.data.reader import find_clips, read_clip
 from sci_lightning.imaging.patches import PatchFactors, PatchPrior
 from sci_lightning.imaging.patches.fit import fit_prior
 from sci_lightning.imaging.patches.prior import read_prior
+from sci_lightning.imaging.patches.smooth_scenes import pattern_drift, smooth_scene_prior
 
 BLOCK = 8
 """Side of a block in pixels."""
 MODES = 2
 """Modes of a patch that are kept, times the pixels of a block; the others count as noise of their own strength."""
+LONGEST_VIDEO = 16
+"""Slots over which the statistics of video reach."""
+SMOOTH_MODES = 4
+"""As :data:`MODES`, for snapshots of more slots: scenes that move through a block have more modes."""
 ITERATIONS = 8
 """Iterations of expectation-maximisation for the shares; they start from those of many videos, and few are needed."""
 PSEUDO_COUNT = 2.0
@@ -33,6 +38,19 @@ def scene_statistics(place: str | Path) -> PatchPrior:
     if not Path(place).is_dir():
         return read_prior(place)
     return fit_prior([torch.from_numpy(read_clip(path)) for path in find_clips(place)])
+
+
+def statistics_for(patterns: torch.Tensor) -> PatchPrior | None:
+    """Return statistics of scenes behind these patterns ``(T, H, W)``; None where those of video reach over T slots.
+
+    Of more slots nothing is known but that scenes are smooth. Where the patterns are one mask that moves, scenes may
+    move with it, as in a coded-aperture spectral camera; both kinds are among the components, and the snapshots
+    decide which of them they are made of.
+    """
+    if len(patterns) <= LONGEST_VIDEO:
+        return None
+    drifts = dict.fromkeys([(0, 0), pattern_drift(patterns)])
+    return PatchPrior.mixture([smooth_scene_prior(len(patterns), drift=drift) for drift in drifts])
 
 
 class ScenePrior:
@@ -65,8 +83,10 @@ class ScenePrior:
     def factors(self, block: int = BLOCK) -> PatchFactors:
         """Return the covariances of patches of mean 1, factored, for blocks of so many pixels a side."""
         if block not in self._factors:
-            covariance = self._statistics.covariance(self.frames, block).double() / self._statistics.level**2
-            self._factors[block] = PatchFactors.of(covariance, MODES * BLOCK**2)
+            smooth = self.frames > LONGEST_VIDEO
+            covariance = self._statistics.covariance(self.frames, block, *([0.0] if smooth else []))
+            modes = (SMOOTH_MODES if smooth else MODES) * BLOCK**2
+            self._factors[block] = PatchFactors.of(covariance.double() / self._statistics.level**2, modes)
         return self._factors[block]
 
     def only(self, components: torch.Tensor) -> ScenePrior:

@@ -9,10 +9,11 @@ import torch
 
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price
 from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
+from sci_lightning.diagnosis.blind.prior import LONGEST_VIDEO
 from sci_lightning.diagnosis.laboratory import SceneEffect
-from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting
 from sci_lightning.diagnosis.search_settings import SearchSettings
-from sci_lightning.encoder.effects import SensorEffect
+from sci_lightning.encoder.effects import OpticsEffect, SensorEffect
 from sci_lightning.encoder.effects.parameter import Value
 
 OnProgress = Callable[[str], None]
@@ -43,6 +44,8 @@ UNDETERMINED = {
     "saturation": "the brightest parts of the scenes; saturated pixels are left out",
 }
 """Effects that snapshots of unknown scenes cannot tell from something about the scenes."""
+OF_THE_OPTICS = "a blur of the mask, and scenes that are less sharp"
+"""What effects of the optics look like where patches of many slots are too large for light from around them."""
 
 
 @dataclass(frozen=True)
@@ -128,10 +131,11 @@ class BlindSearch:
         self.screened_blocks = _spread(self.all_blocks & self._inner(), SCREENED_BLOCKS)
         self.fitted_blocks = _spread(self.all_blocks, FITTED_BLOCKS)
         self._contenders: dict[frozenset[str], list[Contender]] = {}
+        self.undetermined = undetermined_effects(fitter.model)
         self.candidates = [
             name
             for name, effect in fitter.model.vocabulary.items()
-            if not (effect.noise or effect.map_kind or issubclass(effect, SceneEffect) or name in UNDETERMINED)
+            if not (effect.noise or effect.map_kind or issubclass(effect, SceneEffect) or name in self.undetermined)
             and not (issubclass(effect, SensorEffect) and effect.is_discrete())
         ]
 
@@ -277,6 +281,15 @@ class BlindSearch:
             nats = min(comparison.calibrated, self.fitter.distance(fit, name))
             named.append(BlindNamed(name, comparison, nats, cost, tuple(rivals)))
         return tuple(named)
+
+
+def undetermined_effects(model: CameraModel) -> dict[str, str]:
+    """Return the effects that the snapshots cannot tell from something about the scenes, and from what."""
+    unclear = {name: why for name, why in UNDETERMINED.items() if name in model.vocabulary}
+    if model.observation.frames > LONGEST_VIDEO:
+        optics = [name for name, effect in model.vocabulary.items() if issubclass(effect, OpticsEffect)]
+        unclear |= dict.fromkeys(optics, OF_THE_OPTICS)
+    return unclear
 
 
 def _between(neutral: Value | None, value: Value) -> Value:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 
 import numpy as np
 import torch
 
 from sci_lightning.captures import Captures
+from sci_lightning.diagnosis.blind.prediction import textured_window
 from sci_lightning.diagnosis.model.observation import Observation, grid_of
 from sci_lightning.errors import BadInput
 
@@ -77,4 +79,28 @@ def observe_snapshots(captures: Captures, leave_out: Collection[int] = ()) -> Ob
         position=torch.from_numpy(kept),
         dark_surround=captures.surround == "dark",
         grid=grid_of(captures),
+    )
+
+
+def textured_part(captures: Captures, side: int, leave_out: Collection[int] = ()) -> Captures:
+    """Return the square part of the field in which the snapshots vary most, as captures of a smaller field.
+
+    A field that is no larger, and patterns on a grid of their own, are returned as they are.
+
+    Args:
+        captures: of one camera.
+        side: of the part, in pixels.
+        leave_out: numbers of captures that are not looked at.
+    """
+    if max(captures.size) <= side or captures.sensor_to_modulator is not None:
+        return captures
+    looked_at = [n for n in np.flatnonzero(~captures.known) if n not in leave_out]
+    measurement = torch.from_numpy(captures.measurement[looked_at].astype(np.float32)) / captures.full_scale
+    rows, columns = textured_window(measurement, side, border=SMALLEST)
+    scene = captures.scene if captures.scene.shape[-2:] == (1, 1) else captures.scene[..., rows, columns]
+    return replace(
+        captures,
+        patterns=np.ascontiguousarray(captures.patterns[:, rows, columns]),
+        measurement=np.ascontiguousarray(captures.measurement[:, rows, columns]),
+        scene=scene,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -51,15 +52,27 @@ class PatchPrior:
         """L, the largest displacement, in pixels."""
         return self.autocovariance.shape[2] // 2
 
+    @staticmethod
+    def mixture(priors: Sequence[PatchPrior]) -> PatchPrior:
+        """Return the mixture, in equal parts, of priors of one level that reach equally far."""
+        weights = torch.cat([prior.weights for prior in priors]) / len(priors)
+        return PatchPrior(priors[0].level, weights, torch.cat([prior.autocovariance for prior in priors]))
+
     def merged(self) -> PatchPrior:
         """Return the one Gaussian of the same mean and covariance."""
         mean = torch.einsum("k,ktyx->tyx", self.weights, self.autocovariance)
         return PatchPrior(self.level, torch.ones(1), mean[None])
 
-    def covariance(self, frames: int, block: int) -> torch.Tensor:
+    def covariance(self, frames: int, block: int, floor: float = FLOOR) -> torch.Tensor:
         """Return the covariance of patches of T = ``frames`` frames and B = ``block`` pixels a side.
 
         Beyond the frames that the statistics reach over, correlations go on falling at their last rate.
+
+        Args:
+            frames: T.
+            block: B.
+            floor: smallest eigenvalue; 0 for autocovariances that are positive definite as they are, which saves the
+                decomposition.
 
         Returns:
             float32 ``(K, T, n, T, n)`` with n = B * B, positive definite.
@@ -89,8 +102,10 @@ class PatchPrior:
         ]
         values = frames * block**2
         full = patches.reshape(-1, values, values).double()
+        if not floor:
+            return full.float().reshape(-1, frames, block**2, frames, block**2)
         eigenvalues, vectors = torch.linalg.eigh(full)
-        full = (vectors * eigenvalues.clamp(min=FLOOR).unsqueeze(1)) @ vectors.mT
+        full = (vectors * eigenvalues.clamp(min=floor).unsqueeze(1)) @ vectors.mT
         return full.float().reshape(-1, frames, block**2, frames, block**2)
 
     def save(self, path: str | Path) -> None:

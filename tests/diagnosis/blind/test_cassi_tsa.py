@@ -1,34 +1,29 @@
-"""Real snapshots with a calibrated mask that predicts worse than a blurred one, and worse than no mask at all."""
+"""Real snapshots whose mask, as it was calibrated, is sharper than the one in the camera."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from sci_lightning.captures.snapshots import captures_of_snapshots, matching_files, read_snapshots
+from sci_lightning.diagnosis.blind.blind_diagnosis import diagnose_blind
 from sci_lightning.diagnosis.blind.paired_comparison import compare
 from sci_lightning.diagnosis.blind.prediction import Predictor
-from sci_lightning.diagnosis.blind.search_by_prediction import PredictionSettings, search_by_prediction
 from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera, snapshots_of
 from sci_lightning.diagnosis.vocabulary import vocabulary
-
-SCENES = (3, 4)
-"""Snapshots that only verify: nothing was fitted to them."""
+from tests.diagnosis.cassi_tsa import read_cassi
 
 
 def cassi(shared_data: Path, side: int) -> SnapshotCamera:
     """A square of the field around its centre, as a camera of its own."""
-    folder = shared_data / "real" / "cassi_tsa"
-    dn, bits = read_snapshots(matching_files(folder / "scene*.mat"))
-    assert bits == 12 and dn.shape == (5, 660, 714)
-    captures = captures_of_snapshots(dn, bits, folder / "mask.mat", step=(0, 2), verification=SCENES)
     part = slice(336 - side // 2, 336 + side // 2)
-    return snapshots_of(captures, vocabulary()).window(part, part)
+    return snapshots_of(read_cassi(shared_data / "real" / "cassi_tsa"), vocabulary()).window(part, part)
 
 
 def test_a_weaker_mask_predicts_better(shared_data: Path) -> None:
-    """A blur helps more than a displacement; but so does a mask without contrast, so that nothing is proven."""
+    """By a decoder that knows little, a blur helps more than a displacement; but so does a mask without contrast."""
     camera = cassi(shared_data, 88)
     camera = camera.take(camera.verification)
     window = (slice(12, 76), slice(12, 76))
@@ -51,8 +46,16 @@ def test_a_weaker_mask_predicts_better(shared_data: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_search_says_that_nothing_is_proven(shared_data: Path) -> None:
-    settings = PredictionSettings(window=96, window_folds=1, folds=1, most=1, finest=0.2, polished=2)
-    result = search_by_prediction(cassi(shared_data, 160), settings=settings)
-    assert [effect.name for effect in result.effects] == ["mask_blur"]
-    assert result.verdict == "unexplained" and not result.mask_is_visible
+def test_the_mask_is_blurred(shared_data: Path) -> None:
+    """Smooth scenes make a blurred mask more likely than the mask of the file, and than none, which is the control."""
+    captures = read_cassi(shared_data / "real" / "cassi_tsa")
+    part = slice(272, 400)
+    size = np.full((len(captures), 1, 1, 1), np.nan, np.float32)
+    patterns, measurement = captures.patterns[:, part, part], captures.measurement[:, part, part]
+    captures = replace(captures, patterns=patterns.copy(), measurement=measurement.copy(), scene=size)
+    names = ("mask_blur", "mask_shift", "mask_contrast", "shot_noise", "read_noise")
+    diagnosis = diagnose_blind(captures, {name: vocabulary()[name] for name in names})
+    assert diagnosis.names == ("mask_blur",) and diagnosis.verdict == "explained" and diagnosis.mask_is_visible
+    assert diagnosis.effects[0].parameters["sigma"].value == pytest.approx(0.8, abs=0.2)
+    assert diagnosis.prediction is not None and diagnosis.prediction.verification is not None
+    assert diagnosis.prediction.verification.fall > 0.1 and diagnosis.prediction.mask_helps()
