@@ -1,0 +1,176 @@
+"""``python -m tests.diagnosis.blind.validation CLIPS CASES.jsonl [SIDE] [ROUNDS]``: is a blind diagnosis right?
+
+In each round every effect of modulator and relay is hidden once, clearly, in a virtual camera that records eight
+snapshots of real clips, eight slots long; twice nothing is hidden. A case is a line of CASES.jsonl once it is done, and
+the same command goes on where it was interrupted. In the end docs/results/blind-validation.json is written.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sci_lightning.captures import Captures
+from sci_lightning.data.reader import find_clips, read_clip
+from sci_lightning.diagnosis.blind.blind_diagnosis import diagnose_blind
+from sci_lightning.proving_ground.proportion import Proportion
+from sci_lightning.virtual_camera import Session
+from sci_lightning.virtual_camera.acquisition import Acquisition, World
+from sci_lightning.virtual_camera.hardware.camera import Camera
+from sci_lightning.virtual_camera.hidden_effects import choose_effects
+from tests.measurements_file import MeasurementsFile
+
+HIDDEN = (
+    "mask_shift",
+    "mask_blur",
+    "mask_rotation",
+    "mask_scale",
+    "mask_contrast",
+    "mask_lag",
+    "mask_keystone",
+    "mask_distortion",
+    "mask_orientation",
+    "pattern_order",
+    "none",
+    "none",
+)
+"""What is hidden in the cases of a round."""
+SNAPSHOTS, SLOTS, BEYOND = 8, 8, 12
+"""Of a case; pixels of the scene on every side beyond the field."""
+RESULTS = Path("docs/results/blind-validation.json")
+
+
+def record(clips: list[Path], hidden: str, side: int, seed: int) -> tuple[Captures, dict[str, dict[str, Any]]]:
+    """Return snapshots of pieces of real clips, and the parameters of what is hidden."""
+    silent = dict.fromkeys(("dark", "flat", "all_on", "all_off", "pattern", "static", "dynamic"), 0)
+    mask = ("binary", "structural")[seed % 2]
+    session = Session(size=(side, side), frames=SLOTS, mask=mask, unknown=SNAPSHOTS, oversampling=4, **silent)
+    planned, random = session.acquisition(seed), np.random.default_rng(seed + 1000)
+    whole = side + 2 * BEYOND
+    scene = np.empty((SNAPSHOTS, SLOTS, whole, whole), np.float32)
+    for number in range(SNAPSHOTS):
+        clip = read_clip(clips[(number + seed) % len(clips)])
+        first, row, column = (
+            int(random.integers(0, length - part + 1))
+            for length, part in zip(clip.shape, (SLOTS, whole, whole), strict=True)
+        )
+        piece = clip[first : first + SLOTS, row : row + whole, column : column + whole]
+        scene[number] = piece / (255 if clip.dtype == np.uint8 else 1)
+    inside = (..., slice(BEYOND, -BEYOND), slice(BEYOND, -BEYOND))
+    acquisition = Acquisition(
+        planned.patterns,
+        planned.sequence,
+        scene[inside],
+        planned.aperture,
+        planned.exposure,
+        planned.kind,
+        World(BEYOND, planned.world.patterns, scene),
+    )
+    effects = choose_effects([] if hidden == "none" else [hidden], session, seed)
+    captures = Captures(
+        patterns=planned.patterns,
+        sequence=planned.sequence,
+        measurement=Camera(session, effects, seed).record(acquisition),
+        scene=np.full((SNAPSHOTS, SLOTS, side, side), np.nan, np.float32),
+        aperture=planned.aperture,
+        exposure=planned.exposure,
+        kind=("unknown",) * SNAPSHOTS,
+        bit_depth=session.bit_depth,
+        read_noise_dn=session.read_noise_dn,
+        full_well_e=session.full_well_e,
+        name="snapshots of real clips",
+    )
+    return captures, {name: dict(effect.values) for name, effect in effects.items()}
+
+
+def case(clips: list[Path], hidden: str, side: int, number: int) -> dict[str, Any]:
+    """Diagnose one case."""
+    seed = zlib.crc32(f"blind {hidden} {number}".encode()) % 100_000
+    captures, truth = record(clips, hidden, side, seed)
+    start = time.process_time()
+    diagnosis = diagnose_blind(captures)
+    named = {
+        effect.name: {key: (one.value, one.std) for key, one in effect.parameters.items()}
+        for effect in diagnosis.effects
+    }
+    alternatives = {effect.name: effect.alternatives for effect in diagnosis.effects}
+    seconds = time.process_time() - start
+    about = {"hidden": hidden, "number": number, "side": side, "seed": seed, "truth": truth, "named": named}
+    return {**about, "alternatives": alternatives, "verdict": diagnosis.verdict, "cpu_seconds": seconds}
+
+
+def inside(truth: dict[str, Any], named: dict[str, Any]) -> list[bool]:
+    """Return of every number of effects that were rightly named whether its 95 % interval holds the truth."""
+    held = []
+    for name in truth.keys() & named.keys():
+        for key, true in truth[name].items():
+            value, std = named[name].get(key, (None, 0.0))
+            if isinstance(true, float) and isinstance(value, float) and std > 0:
+                held.append(abs(value - true) < 1.96 * std)
+    return held
+
+
+def summary(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return a row for every hidden effect, and one for all."""
+    rows = []
+    effects = [one for one in cases if one["hidden"] != "none"]
+    groups = [(name, [one for one in cases if one["hidden"] == name]) for name in dict.fromkeys(HIDDEN)]
+    for title, group in [*groups, ("all effects", effects)]:
+        if group:
+            right = [one for one in group if set(one["named"]) == set(one["truth"])]
+            wrong = [one for one in group if set(one["named"]) - set(one["truth"])]
+            held = [each for one in group for each in inside(one["truth"], one["named"])]
+            instead = sorted({", ".join(sorted(one["named"])) or "nothing" for one in group if one not in right})
+            rows.append(
+                {
+                    "hidden": title,
+                    "right": _text(Proportion(len(right), len(group))),
+                    "wrong": _text(Proportion.of(one in wrong and one["verdict"] == "explained" for one in group)),
+                    "held": f"{sum(held)} of {len(held)}" if held else "",
+                    "instead": "; ".join(instead) if title != "all effects" else "",
+                    "seconds": float(np.median([one["cpu_seconds"] for one in group])),
+                }
+            )
+    return rows
+
+
+def _text(proportion: Proportion) -> str:
+    low, high = (round(100 * end) for end in proportion.interval)
+    return f"{proportion.count} of {proportion.total} ({low} % to {high} %)"
+
+
+def main(clips: Path, out: Path, side: int, rounds: int) -> None:
+    found = find_clips(clips)
+    file = MeasurementsFile(
+        RESULTS,
+        machine="one thread",
+        scale=f"eight snapshots of {side} x {side} pixels, eight slots, binary and structural masks, real clips",
+        seeds="one of its own in every case",
+        command=f"python -m tests.diagnosis.blind.validation CLIPS CASES.jsonl {side} {rounds}",
+    )
+    done = [json.loads(line) for line in out.read_text().splitlines()] if out.is_file() else []
+    for number in range(rounds * len(HIDDEN)):
+        if not any(one["number"] == number and one["side"] == side for one in done):
+            done.append(case(found, HIDDEN[number % len(HIDDEN)], side, number))
+            with out.open("a") as stream:
+                stream.write(json.dumps(done[-1]) + "\n")
+            print(f"{number}: {done[-1]['hidden']} -> {', '.join(done[-1]['named']) or 'nothing'}", flush=True)
+        columns: list[tuple[str, str, int | None]] = [
+            ("hidden", "hidden", None),
+            ("right", "named, and nothing else", None),
+            ("wrong", "a wrong name, `explained`", None),
+            ("held", "95 % intervals that hold", None),
+            ("instead", "named otherwise", None),
+            ("seconds", "processor seconds", 0),
+        ]
+        file.write(columns, summary([one for one in done if one["side"] == side]))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]), *(int(word) for word in (*sys.argv[3:], "64", "1")[:2]))
