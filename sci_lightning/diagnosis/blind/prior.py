@@ -89,15 +89,6 @@ class ScenePrior:
             self._factors[block] = PatchFactors.of(covariance.double() / self._statistics.level**2, modes)
         return self._factors[block]
 
-    def only(self, components: torch.Tensor) -> ScenePrior:
-        """Return the prior with some of its components only, ``components`` being their numbers."""
-        chosen = PatchPrior(
-            self._statistics.level,
-            self._statistics.weights[components] / self._statistics.weights[components].sum(),
-            self._statistics.autocovariance[components],
-        )
-        return ScenePrior(self.frames, chosen)
-
     def estimate_weights(self, log_likelihood: torch.Tensor) -> torch.Tensor:
         """Return the shares of the components, ``(K,)``, from the log-likelihoods ``(K, blocks)`` of blocks."""
         weights = self.weights

@@ -46,6 +46,8 @@ UNDETERMINED = {
 """Effects that snapshots of unknown scenes cannot tell from something about the scenes."""
 OF_THE_OPTICS = "a blur of the mask, and scenes that are less sharp"
 """What effects of the optics look like where patches of many slots are too large for light from around them."""
+OF_THE_SENSOR = "scenes of another distribution of brightness"
+"""What a response of the sensor looks like where scenes are only assumed to be smooth."""
 
 
 @dataclass(frozen=True)
@@ -177,13 +179,21 @@ class BlindSearch:
         Candidates beside a model with the same effects are remembered, wherever its parameters were.
         """
         key = frozenset(base.hypothesis.effects)
-        if key in self._contenders:
-            return self._contenders[key]
-        screened = self.screen(base)
-        kept = [entry for entry in screened if entry[1] > 0][: self.settings.candidates_fitted]
-        contenders = [self._contender(base, name, start) for name, _, start in kept]
-        self._contenders[key] = sorted(contenders, key=lambda one: -one.gain)
+        if key not in self._contenders:
+            self._contenders[key] = self._fitted(base, self.settings.candidates_fitted, STARTS_FITTED)
         return self._contenders[key]
+
+    def rivals(self, base: BlindFit) -> list[Contender]:
+        """Return what might stand in the place of an effect that a model lacks: fewer candidates and starts are fitted.
+
+        The candidates of a round of the search are taken where there was one with this model.
+        """
+        known = self._contenders.get(frozenset(base.hypothesis.effects))
+        return self._fitted(base, 1 + self.settings.rivals_fitted, 1) if known is None else known
+
+    def _fitted(self, base: BlindFit, count: int, starts: int) -> list[Contender]:
+        kept = [entry for entry in self.screen(base, count, starts) if entry[1] > 0][:count]
+        return sorted((self._contender(base, name, start) for name, _, start in kept), key=lambda one: -one.gain)
 
     def _contender(self, base: BlindFit, name: str, start: Setting) -> Contender:
         hypothesis = base.hypothesis.with_effect(name, start)
@@ -193,12 +203,17 @@ class BlindSearch:
         nats = min(comparison.calibrated, self.fitter.distance(fit, name))
         return Contender(name, fit, comparison, nats, nats - penalty - self.settings.min_gain_nats)
 
-    def screen(self, base: BlindFit) -> list[tuple[str, float, Setting]]:
+    def screen(self, base: BlindFit, count: int, starts: int) -> list[tuple[str, float, Setting]]:
         """Return (name, nats, start) of every candidate that the model lacks, the most promising first.
 
         Every start is tried, the best ones at a part of their strength too. The likelihood has local maxima (a mask
         that is displaced by a whole cell), so that the best starts of the most promising candidates are fitted to a few
         blocks.
+
+        Args:
+            base: the model.
+            count: candidates whose starts are fitted.
+            starts: of each of them.
         """
         model = self.fitter.model
         entries = []
@@ -206,8 +221,8 @@ class BlindSearch:
             if name in base.hypothesis.effects:
                 continue
             about = model.effects[name].about
-            starts = model.starts(name, base.hypothesis)
-            trials = [(self._screened(base, name, start), start) for start in starts]
+            settings = model.starts(name, base.hypothesis)
+            trials = [(self._screened(base, name, start), start) for start in settings]
             if not model.effects[name].is_discrete():
                 trials.sort(key=lambda trial: -trial[0])
                 weaker: list[Setting] = [
@@ -221,8 +236,8 @@ class BlindSearch:
         entries.sort(key=lambda entry: -entry[1][0][0])
         screened = []
         for place, (name, trials) in enumerate(entries):
-            promising = place < self.settings.candidates_fitted and trials[0][0] > 0
-            best = self._fitted_start(base, name, trials) if promising else trials[0]
+            promising = place < count and trials[0][0] > 0
+            best = self._fitted_start(base, name, trials[:starts]) if promising else trials[0]
             screened.append((name, *best))
         return sorted(screened, key=lambda entry: -entry[1])
 
@@ -231,7 +246,7 @@ class BlindSearch:
         if self.fitter.model.effects[name].is_discrete():
             return trials[0]
         fitted = []
-        for _, start in trials[:STARTS_FITTED]:
+        for _, start in trials:
             hypothesis = base.hypothesis.with_effect(name, start)
             fit = self.fitter.fit(hypothesis, self.screened_blocks, FINAL_ITERATIONS)
             nats = compare(fit.log_likelihood, base.log_likelihood, self.columns).nats
@@ -274,7 +289,7 @@ class BlindSearch:
             comparison = compare(fit.log_likelihood, without.log_likelihood, self.columns)
             cost = price(fit.hypothesis, fit) - price(without.hypothesis, without)
             rivals = []
-            for rival in self.contenders(without):
+            for rival in self.rivals(without):
                 direct = compare(fit.log_likelihood, rival.fit.log_likelihood, self.columns)
                 if rival.name != name and (direct.z < SURE_Z or direct.calibrated < self.settings.indistinct_nats):
                     rivals.append(rival.name)
@@ -287,8 +302,11 @@ def undetermined_effects(model: CameraModel) -> dict[str, str]:
     """Return the effects that the snapshots cannot tell from something about the scenes, and from what."""
     unclear = {name: why for name, why in UNDETERMINED.items() if name in model.vocabulary}
     if model.observation.frames > LONGEST_VIDEO:
-        optics = [name for name, effect in model.vocabulary.items() if issubclass(effect, OpticsEffect)]
-        unclear |= dict.fromkeys(optics, OF_THE_OPTICS)
+        for name, effect in model.vocabulary.items():
+            if issubclass(effect, OpticsEffect):
+                unclear[name] = OF_THE_OPTICS
+            elif issubclass(effect, SensorEffect) and not (effect.noise or effect.map_kind):
+                unclear.setdefault(name, OF_THE_SENSOR)
     return unclear
 
 
