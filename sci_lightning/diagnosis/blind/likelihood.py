@@ -10,7 +10,8 @@ import torch
 
 from sci_lightning.diagnosis.blind.prior import BLOCK, ScenePrior
 from sci_lightning.diagnosis.blind.sensor_response import SensorResponse
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, effect_key
+from sci_lightning.diagnosis.model.recent import Recent
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import OpticsEffect
 from sci_lightning.encoder.effects.stage import ExposureEffect, ModulatorEffect, RelayEffect
@@ -25,6 +26,8 @@ CENTRE = 0.125
 """Part of the field, on every side, that does not count for the mean brightness of a snapshot."""
 LEAST_LIGHT = 1e-4
 """Mean light below which a snapshot counts as that bright; black snapshots are left out before."""
+IMAGES = 4
+"""Images of the patterns that are kept: most hypotheses differ from the last ones elsewhere."""
 CHUNK = 128
 """Blocks whose covariances are computed at a time."""
 
@@ -98,6 +101,7 @@ class BlindLikelihood:
         self.rows, self.columns = height // BLOCK, width // BLOCK
         top, left = (height - self.rows * BLOCK) // 2, (width - self.columns * BLOCK) // 2
         self.origin = top, left
+        self._images: Recent[torch.Tensor] = Recent(IMAGES)
         signal = observation.dn.double() / observation.full_scale
         self._signal = self.cut(signal, 0).transpose(0, 1)  # (blocks, N, n)
         saturated = self.cut((observation.dn >= observation.full_scale).float(), 0).transpose(0, 1)
@@ -188,8 +192,11 @@ class BlindLikelihood:
 
     def _masks(self, path: LightPath, sequence: torch.Tensor, numbers: torch.Tensor) -> torch.Tensor:
         """Return blocks of the relative mask, ``(blocks, T, n)``; with optics, n counts the pixels around them too."""
-        seen = LightPath([*path.of(ModulatorEffect), *path.of(RelayEffect), *path.of(ExposureEffect)], path.grid)
-        shown = seen.transmittance(self.model.observation.patterns, sequence[None])[0].double()
+        displayed = (*path.of(ModulatorEffect), *path.of(RelayEffect))
+        seen = LightPath([*displayed, *path.of(ExposureEffect)], path.grid)
+        key = tuple(effect_key(effect) for effect in displayed)
+        images = self._images.get(key, lambda: seen.images(self.model.observation.patterns))
+        shown = seen.during(images, sequence[None])[0].double()
         level = shown.sum(0)[self._centre].mean().clamp(min=1e-6)
         return self.cut(shown / level, REACH if path.of(OpticsEffect) else 0)[:, numbers].transpose(0, 1)
 

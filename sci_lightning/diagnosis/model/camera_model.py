@@ -259,7 +259,7 @@ class CameraModel:
                 scenes = changed_scenes(effect, scenes)
             return scenes
 
-        return self._scenes.get(tuple(_key(effect) for effect in effects), change)
+        return self._scenes.get(tuple(effect_key(effect) for effect in effects), change)
 
     def border(self, hypothesis: Hypothesis) -> Border:
         """Return how far what lies beyond the patterns reaches into the field, if that is unknown; else 0."""
@@ -273,9 +273,9 @@ class CameraModel:
         """Predict mean and standard deviation of every pixel of every capture, of those in the window."""
         path = self.path(hypothesis)
         before_lens = (*path.of(ModulatorEffect), *path.of(RelayEffect), *path.of(ExposureEffect))
-        shown = tuple(_key(effect) for effect in self.laboratory(hypothesis))
-        modulation = shown, tuple(_key(effect) for effect in before_lens), path.cells
-        optics = tuple(_key(effect) for effect in path.of(OpticsEffect))
+        shown = tuple(effect_key(effect) for effect in self.laboratory(hypothesis))
+        modulation = shown, tuple(effect_key(effect) for effect in before_lens), path.cells
+        optics = tuple(effect_key(effect) for effect in path.of(OpticsEffect))
 
         def form() -> Signal:
             return path.form(self._modulated.get(modulation, lambda: self._modulate(path, self.scenes(hypothesis))))
@@ -339,7 +339,7 @@ class CameraModel:
         """Return the light of every capture behind the modulator: the sum over the slots of mask times scene."""
         observation, cells = self.observation, path.cells
         displayed = (*path.of(ModulatorEffect), *path.of(RelayEffect))
-        key = tuple(_key(effect) for effect in displayed), cells
+        key = tuple(effect_key(effect) for effect in displayed), cells
         shown = self._images.get(key, lambda: path.images(observation.patterns))
         lit = self._lit if scenes is observation.scene else lit_scenes(scenes)
         light = modulated_light(path, shown, observation, scenes, lit).mul_(observation.aperture)
@@ -370,7 +370,7 @@ def _set_map(effect: MapEffect, values: torch.Tensor | None, size: tuple[int, in
         effect.map = values
 
 
-def _key(effect: Effect) -> Hashable:
+def effect_key(effect: Effect) -> Hashable:
     """Return what identifies an effect with its parameters and every value of its map."""
     content = effect.map.numpy().tobytes() if isinstance(effect, MapEffect) else None
     return effect.name, tuple(effect.values.items()), content
