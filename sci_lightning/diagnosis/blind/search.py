@@ -46,6 +46,8 @@ UNDETERMINED = {
 """Effects that snapshots of unknown scenes cannot tell from something about the scenes."""
 OF_THE_OPTICS = "a blur of the mask, and scenes that are less sharp"
 """What effects of the optics look like where patches of many slots are too large for light from around them."""
+OF_THE_SLOTS = "scenes that are brighter in some slots, such as those of a spectral camera"
+"""What flicker looks like there."""
 OF_THE_SENSOR = "scenes of another distribution of brightness"
 """What a response of the sensor looks like where scenes are only assumed to be smooth."""
 
@@ -307,6 +309,8 @@ def undetermined_effects(model: CameraModel) -> dict[str, str]:
                 unclear[name] = OF_THE_OPTICS
             elif issubclass(effect, SensorEffect) and not (effect.noise or effect.map_kind):
                 unclear.setdefault(name, OF_THE_SENSOR)
+        if "flicker" in model.vocabulary:
+            unclear["flicker"] = OF_THE_SLOTS
     return unclear
 
 
