@@ -59,7 +59,9 @@ def by_hypothesis(captures: Captures) -> list[dict[str, Any]]:
     part = textured_part(captures, LARGEST_SEARCHED, VERIFY)
     observation = observe_snapshots(part, leave_out=VERIFY)
     model = CameraModel(observation, vocabulary(), {"mask_contrast": MaskContrast})
-    likelihood = BlindLikelihood(model, ScenePrior(observation.frames, statistics_for(observation.patterns)))
+    likelihood = BlindLikelihood(
+        model, ScenePrior(observation.frames, statistics_for(observation.frames, observation.patterns))
+    )
     noise, _ = datasheet_noise(observation)
     hypotheses = {f"mask blurred by {sigma:g} pixels": {"mask_blur": {"sigma": sigma}} for sigma in SIGMAS[1:]}
     hypotheses = {"mask as it is": {}} | hypotheses

@@ -22,7 +22,7 @@ from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter
 from sci_lightning.diagnosis.blind.block_prediction import judge_by_blocks
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prediction_verdict import PredictionVerdict, judge_by_prediction
-from sci_lightning.diagnosis.blind.prior import BLOCK, LONGEST_VIDEO, ScenePrior, statistics_for
+from sci_lightning.diagnosis.blind.prior import BLOCK, LONGEST_VIDEO, MOST_SLOTS, ScenePrior, statistics_for
 from sci_lightning.diagnosis.blind.search import BlindNamed, BlindSearch, undetermined_effects
 from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera, snapshots_of
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots, textured_part
@@ -163,13 +163,18 @@ def diagnose_blind(
 
     Raises:
         BadInput: see :func:`~sci_lightning.diagnosis.blind.snapshots.observe_snapshots`; or nearly every block of the
-            snapshots has a saturated pixel.
+            snapshots has a saturated pixel; or there are more than 64 slots.
     """
     settings = settings or SearchSettings()
     unknown = [int(number) for number in np.flatnonzero(~captures.known)]
     aside = [number for number in unknown if number in (captures.verification or ())]
     aside = aside if len(aside) < len(unknown) else []
     observation = observe_snapshots(captures, leave_out=aside)
+    if observation.frames > MOST_SLOTS:
+        raise BadInput(
+            f"{captures.name}: {observation.frames} slots, where snapshots of unknown scenes are diagnosed up to "
+            f"{MOST_SLOTS}: record captures of known scenes"
+        )
     vocabulary = effects_vocabulary.vocabulary() if vocabulary is None else vocabulary
     model = searched = CameraModel(observation, vocabulary, {"mask_contrast": MaskContrast})
     part = textured_part(captures, LARGEST_SEARCHED, aside) if observation.frames > LONGEST_VIDEO else captures
@@ -178,7 +183,8 @@ def diagnose_blind(
         searched = CameraModel(observe_snapshots(part, leave_out=aside), of_a_part, {"mask_contrast": MaskContrast})
     if statistics is None:
         on_progress("statistics of the scenes")
-        statistics = statistics_for(observation.patterns[observation.sequences[0]])
+        patterns = observation.patterns[observation.sequences[0]] if observation.grid is None else None
+        statistics = statistics_for(observation.frames, patterns)
     prior = ScenePrior(observation.frames, statistics)
     likelihood = BlindLikelihood(searched, prior)
     if (usable := float(likelihood.usable.double().mean())) < LEAST_USABLE:

@@ -18,6 +18,8 @@ MODES = 2
 """Modes of a patch that are kept, times the pixels of a block; the others count as noise of their own strength."""
 LONGEST_VIDEO = 16
 """Slots over which the statistics of video reach."""
+MOST_SLOTS = 64
+"""Slots of the largest patches whose covariance is decomposed."""
 SMOOTH_MODES = 4
 """As :data:`MODES`, for snapshots of more slots: scenes that move through a block have more modes."""
 ITERATIONS = 8
@@ -40,17 +42,21 @@ def scene_statistics(place: str | Path) -> PatchPrior:
     return fit_prior([torch.from_numpy(read_clip(path)) for path in find_clips(place)])
 
 
-def statistics_for(patterns: torch.Tensor) -> PatchPrior | None:
-    """Return statistics of scenes behind these patterns ``(T, H, W)``; None where those of video reach over T slots.
+def statistics_for(frames: int, patterns: torch.Tensor | None = None) -> PatchPrior | None:
+    """Return statistics of scenes behind T = ``frames`` slots; None where those of video reach over them.
 
     Of more slots nothing is known but that scenes are smooth. Where the patterns are one mask that moves, scenes may
     move with it, as in a coded-aperture spectral camera; both kinds are among the components, and the snapshots
     decide which of them they are made of.
+
+    Args:
+        frames: T.
+        patterns: ``(T, H, W)`` of the slots, of which every value is a pixel; None for mirrors on a grid of their own.
     """
-    if len(patterns) <= LONGEST_VIDEO:
+    if frames <= LONGEST_VIDEO:
         return None
-    drifts = dict.fromkeys([(0, 0), pattern_drift(patterns)])
-    return PatchPrior.mixture([smooth_scene_prior(len(patterns), drift=drift) for drift in drifts])
+    drifts = dict.fromkeys([(0, 0), (0, 0) if patterns is None else pattern_drift(patterns)])
+    return PatchPrior.mixture([smooth_scene_prior(frames, drift=drift) for drift in drifts])
 
 
 class ScenePrior:

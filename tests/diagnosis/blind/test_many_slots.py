@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 import torch
 
@@ -13,6 +16,7 @@ from sci_lightning.diagnosis.blind.snapshots import observe_snapshots
 from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder.effects import MaskContrast
+from sci_lightning.errors import BadInput
 from tests.diagnosis.blind.conftest import snapshots
 
 SLOTS = 18
@@ -30,7 +34,7 @@ def test_held_out_pixels() -> None:
     captures = snapshots(BLUR, frames=SLOTS, side=40, count=2)
     observation = observe_snapshots(captures)
     model = CameraModel(observation, vocabulary(), {"mask_contrast": MaskContrast})
-    likelihood = BlindLikelihood(model, ScenePrior(SLOTS, statistics_for(observation.patterns)))
+    likelihood = BlindLikelihood(model, ScenePrior(SLOTS, statistics_for(observation.frames, observation.patterns)))
     noise, _ = datasheet_noise(observation)
     blurred = noise.with_effect("mask_blur", BLUR["mask_blur"])
     predictor = BlockPredictor(likelihood, likelihood.inside(model.border(blurred)), folds=2)
@@ -41,6 +45,14 @@ def test_held_out_pixels() -> None:
     assert torch.equal(right.squared.isnan(), wrong.squared.isnan())
     assert right.prediction_error < 0.9 * flat.prediction_error
     assert flat.prediction_error < wrong.prediction_error  # too sure of a wrong mask
+
+
+def test_too_many_slots() -> None:
+    captures = snapshots(frames=33, side=24, count=1)
+    twice = np.concatenate([captures.sequence, captures.sequence], axis=1)
+    captures = replace(captures, sequence=twice, scene=np.full((1, 66, 24, 24), np.nan, np.float32))
+    with pytest.raises(BadInput, match=r"66 slots, .* up to 64: record captures of known scenes"):
+        diagnose_blind(captures)
 
 
 @pytest.mark.slow
