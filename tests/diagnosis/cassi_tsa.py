@@ -10,6 +10,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+
 from sci_lightning.captures import Captures
 from sci_lightning.captures.snapshots import captures_of_snapshots, matching_files, read_snapshots
 from sci_lightning.diagnosis.blind.blind_diagnosis import LARGEST_SEARCHED, BlindDiagnosis, diagnose_blind
@@ -18,6 +21,7 @@ from sci_lightning.diagnosis.blind.prior import BLOCK, ScenePrior, statistics_fo
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots, textured_part
 from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.report.blind_report import write_blind_report
+from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, FAINT, style
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder.effects import MaskContrast
 from tests.measurements_file import MeasurementsFile
@@ -63,7 +67,7 @@ def by_hypothesis(captures: Captures) -> list[dict[str, Any]]:
         model, ScenePrior(observation.frames, statistics_for(observation.frames, observation.patterns))
     )
     noise, _ = datasheet_noise(observation)
-    hypotheses = {f"mask blurred by {sigma:g} pixels": {"mask_blur": {"sigma": sigma}} for sigma in SIGMAS[1:]}
+    hypotheses = {f"mask blurred by {sigma:.1f} pixels": {"mask_blur": {"sigma": sigma}} for sigma in SIGMAS[1:]}
     hypotheses = {"mask as it is": {}} | hypotheses
     hypotheses["mask displaced by (0.35, 0.35) pixels"] = {"mask_shift": {"dx": 0.35, "dy": 0.35}}
     hypotheses["no mask: the same everywhere"] = {"mask_contrast": {"leak": 1.0}}
@@ -77,9 +81,27 @@ def by_hypothesis(captures: Captures) -> list[dict[str, Any]]:
     return [{**row, "gained": row["nats"] - rows[0]["nats"]} for row in rows]
 
 
+def picture(rows: list[dict[str, Any]], report: Path) -> Figure:
+    """Draw the report's reconstructions above the prediction errors of every scene."""
+    with style():
+        figure = Figure(figsize=(8.6, 6.6), layout="constrained")
+        above, below = figure.subplots(2, 1, height_ratios=(2.2, 1))
+        above.imshow(imread(report / "reconstruction.png"), interpolation="lanczos")
+        above.set_axis_off()
+        bars = ((-0.27, BEFORE, "before", "the mask of the file"), (0.0, AFTER, "after", "the corrected camera"))
+        for shift, colour, key, label in (*bars, (0.27, FAINT, "without_mask", "no mask")):
+            places = [place + shift for place in range(len(rows))]
+            below.bar(places, [row[key] for row in rows], 0.25, color=colour, label=label)
+        names = [f"{row['snapshot']}\n({row['role']})" for row in rows]
+        below.set_xticks(range(len(rows)), names)
+        below.set(ylabel="error of held-out pixels")
+        below.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3)
+        return figure
+
+
 def main(folder: Path, out: Path) -> None:
     captures = read_cassi(folder)
-    about = {"machine": "two threads", "seeds": "0", "command": COMMAND}
+    about = {"machine": "one thread", "seeds": "0", "command": COMMAND}
     scale = f"the {LARGEST_SEARCHED} x {LARGEST_SEARCHED} pixels with the most texture, 28 slots"
     file = MeasurementsFile(RESULTS / "cassi-tsa.json", scale=scale, **about)
     likely = MeasurementsFile(RESULTS / "cassi-tsa-blur.json", scale=f"{scale}; scenes 1 to 3", **about)
@@ -96,7 +118,9 @@ def main(folder: Path, out: Path) -> None:
     for effect in diagnosis.effects:
         print(effect.name, {name: (one.value, one.std) for name, one in effect.parameters.items()})
     print(diagnosis.verdict)
-    file.write(columns, by_snapshot(diagnosis))
+    rows = by_snapshot(diagnosis)
+    file.write(columns, rows)
+    picture(rows, out).savefig(RESULTS / "real-snapshots.png", dpi=110, facecolor="white")
     columns = [("camera", "camera", None), ("nats", "nats per pixel", 3), ("gained", "gained", 3)]
     likely.write(columns, by_hypothesis(captures))
 
