@@ -44,7 +44,7 @@ UNDETERMINED = {
     "saturation": "the brightest parts of the scenes; saturated pixels are left out",
 }
 """Effects that snapshots of unknown scenes cannot tell from something about the scenes."""
-OF_THE_OPTICS = "a blur of the mask, and scenes that are less sharp"
+OF_THE_OPTICS = "a blur of the mask, and scenes that are less sharp or have less contrast"
 """What effects of the optics look like where patches of many slots are too large for light from around them."""
 OF_THE_SLOTS = "scenes that are brighter in some slots, such as those of a spectral camera"
 """What flicker looks like there."""
@@ -306,7 +306,7 @@ def undetermined_effects(model: CameraModel) -> dict[str, str]:
     if model.observation.frames > LONGEST_VIDEO:
         for name, effect in model.vocabulary.items():
             if issubclass(effect, OpticsEffect):
-                unclear[name] = OF_THE_OPTICS
+                unclear.setdefault(name, OF_THE_OPTICS)
             elif issubclass(effect, SensorEffect) and not (effect.noise or effect.map_kind):
                 unclear.setdefault(name, OF_THE_SENSOR)
         if "flicker" in model.vocabulary:
