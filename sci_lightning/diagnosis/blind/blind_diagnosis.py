@@ -21,7 +21,7 @@ from sci_lightning.diagnosis import vocabulary as effects_vocabulary
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter
 from sci_lightning.diagnosis.blind.block_prediction import judge_by_blocks
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
-from sci_lightning.diagnosis.blind.prediction_verdict import PredictionVerdict, judge_by_prediction
+from sci_lightning.diagnosis.blind.prediction_verdict import PredictionVerdict
 from sci_lightning.diagnosis.blind.prior import BLOCK, LONGEST_VIDEO, MOST_SLOTS, ScenePrior, statistics_for
 from sci_lightning.diagnosis.blind.search import BlindNamed, BlindSearch, undetermined_effects
 from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera, snapshots_of
@@ -201,17 +201,11 @@ def diagnose_blind(
         judged = [*observation.number.tolist(), *aside]
         camera = snapshots_of(captures.take(judged), vocabulary)
         camera = replace(camera, numbers=tuple(judged[place] for place in camera.numbers))
-        if observation.frames > LONGEST_VIDEO:
-            seen = observe_snapshots(part.take(camera.numbers))
-            camera = camera.take(torch.isin(torch.arange(len(camera)), seen.number))
-            judge = BlindLikelihood(CameraModel(seen, vocabulary, {"mask_contrast": MaskContrast}), prior)
-            apart = camera.verification.nonzero()[:, 0].tolist()
-            prediction = judge_by_blocks(judge, noise, corrected, named, apart, seed, on_progress)
-        else:
-            paths, border = (model.path(noise), model.path(corrected)), model.border(noise) | model.border(corrected)
-            prediction = judge_by_prediction(
-                camera, *paths, named, seed=seed, border=border.rounded(), on_progress=on_progress
-            )
+        seen = observe_snapshots(part.take(camera.numbers))
+        camera = camera.take(torch.isin(torch.arange(len(camera)), seen.number))
+        judge = BlindLikelihood(CameraModel(seen, vocabulary, {"mask_contrast": MaskContrast}), prior)
+        apart = camera.verification.nonzero()[:, 0].tolist()
+        prediction = judge_by_blocks(judge, noise, corrected, named, apart, seed, on_progress)
     return BlindDiagnosis(
         observation=observation,
         model=model,

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.diagnosis.blind.paired_comparison import PairedComparison, compare
+from sci_lightning.diagnosis.blind.paired_comparison import PairedComparison
 from sci_lightning.diagnosis.blind.prediction import Predictor, textured_window
-from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera, effects_of
+from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import MaskContrast
 from sci_lightning.encoder.light_path import LightPath
@@ -65,42 +64,3 @@ def predictor_of(
     """Return what predicts held-out pixels of snapshots; of a large field, the window with the most texture."""
     window = textured_window(camera.measurement, LARGEST_FIELD) if max(camera.size) > LARGEST_FIELD else None
     return Predictor(camera.measurement, decoder, folds=folds, seed=seed, border=border, window=window)
-
-
-def judge_by_prediction(
-    camera: SnapshotCamera,
-    ideal: LightPath,
-    corrected: LightPath,
-    names: tuple[str, ...],
-    decoder: Decoder | None = None,
-    seed: int = 0,
-    folds: int = 2,
-    border: Border | None = None,
-    on_progress: Callable[[str], None] = lambda message: None,
-) -> PredictionVerdict:
-    """Predict held-out pixels by the ideal camera, by the corrected one, and by that without one of its effects.
-
-    Args:
-        camera: the snapshots.
-        ideal, corrected: the effects of the two hypotheses.
-        names: effects that were named.
-        decoder, seed, folds: see :class:`~sci_lightning.diagnosis.blind.prediction.Predictor`.
-        border: pixels along the sides that depend on what lies beyond the field by one of the hypotheses.
-        on_progress: called with a one-line message at the end.
-    """
-    predictor = predictor_of(camera, border, seed, decoder, folds)
-    after = predictor.errors(camera.encoder_of(corrected))
-    before = predictor.errors(camera.encoder_of(ideal)) if names else after
-    gap = compare(before, after)
-    by_effect = {}
-    for name in names:
-        others = LightPath(effect for effect in effects_of(corrected) if effect.name != name)
-        by_effect[name] = gap if len(names) == 1 else compare(predictor.errors(camera.encoder_of(others)), after)
-    aside = camera.verification.nonzero()[:, 0].tolist()
-    on_progress(f"held-out pixels: prediction error {gap.before:.4f} to {gap.after:.4f}")
-    return PredictionVerdict(
-        gap=gap,
-        by_effect=by_effect,
-        without_mask=compare(predictor.errors(camera.encoder_of(WITHOUT_MASK)), after),
-        verification=compare(before.take(aside), after.take(aside)) if aside else None,
-    )

@@ -6,16 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis, diagnose_blind
-from sci_lightning.diagnosis.blind.block_prediction import BlockPredictor
-from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
-from sci_lightning.diagnosis.blind.prior import ScenePrior, statistics_for
-from sci_lightning.diagnosis.blind.snapshots import observe_snapshots
-from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.vocabulary import vocabulary
-from sci_lightning.encoder.effects import MaskContrast
 from sci_lightning.errors import BadInput
 from tests.diagnosis.blind.conftest import snapshots
 
@@ -28,23 +21,6 @@ def diagnosed(hidden: dict[str, dict[str, float]]) -> BlindDiagnosis:
     captures = snapshots(hidden, frames=SLOTS, side=48)
     known = vocabulary()
     return diagnose_blind(captures, {name: known[name] for name in (*NAMES, "shot_noise", "read_noise")})
-
-
-def test_held_out_pixels() -> None:
-    captures = snapshots(BLUR, frames=SLOTS, side=40, count=2)
-    observation = observe_snapshots(captures)
-    model = CameraModel(observation, vocabulary(), {"mask_contrast": MaskContrast})
-    likelihood = BlindLikelihood(model, ScenePrior(SLOTS, statistics_for(observation.frames, observation.patterns)))
-    noise, _ = datasheet_noise(observation)
-    blurred = noise.with_effect("mask_blur", BLUR["mask_blur"])
-    predictor = BlockPredictor(likelihood, likelihood.inside(model.border(blurred)), folds=2)
-    right = predictor.errors(blurred)
-    wrong = predictor.errors(noise)
-    flat = predictor.errors(noise.with_effect("mask_contrast", {"leak": 1.0}))
-    assert right.squared.shape == (2, 40, 40) and 80 < right.pixels < 150  # a tenth of nine blocks in two snapshots
-    assert torch.equal(right.squared.isnan(), wrong.squared.isnan())
-    assert right.prediction_error < 0.9 * flat.prediction_error
-    assert flat.prediction_error < wrong.prediction_error  # too sure of a wrong mask
 
 
 def test_too_many_slots() -> None:

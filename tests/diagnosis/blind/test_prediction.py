@@ -10,7 +10,6 @@ import torch
 from sci_lightning.decoder import Linear
 from sci_lightning.diagnosis.blind.paired_comparison import compare
 from sci_lightning.diagnosis.blind.prediction import Predictor, default_decoder, effective_mask, textured_window
-from sci_lightning.diagnosis.blind.prediction_verdict import judge_by_prediction
 from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera
 from sci_lightning.errors import BadInput
 
@@ -107,15 +106,3 @@ def test_the_window_has_the_texture() -> None:
     rows, columns = textured_window(image, 32)
     assert abs(rows.start - 49) <= 6 and abs(columns.start - 8) <= 6 and rows.stop - rows.start == 32
     assert textured_window(image, 200) == (slice(0, 96), slice(0, 96))
-
-
-def test_the_verdict(record: Record) -> None:
-    """What is right is confirmed, what is wrong is contradicted, and what the decoder cannot see has no vote."""
-    camera = record(HYPOTHESES["mask_blur"], count=2)
-    wrong = {"mask_contrast": {"leak": 0.3}}
-    unseen = {"pattern_order": {"offset": 1}}
-    ideal, corrected = (camera.encoder(effects).path for effects in ({}, HYPOTHESES["mask_blur"] | wrong | unseen))
-    names = ("mask_blur", "mask_contrast", "pattern_order")
-    verdict = judge_by_prediction(camera, ideal, corrected, names, default_decoder(10), folds=1)
-    assert verdict.contradicted() == ("mask_contrast",)
-    assert verdict.by_effect["mask_blur"].p_value < 1e-3 and abs(verdict.by_effect["pattern_order"].fall) < 1e-4
