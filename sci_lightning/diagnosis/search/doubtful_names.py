@@ -1,14 +1,17 @@
 """Doubtful names: effects that may only stand in for something that has no name.
 
 Where the vocabulary lacks the true deviation, the search names the effects that come closest to it, and a free-form
-deviation takes what they leave. An effect that is really there betrays itself by three properties, which a stand-in
-lacks: it explains a fair part of what the free-form deviations do, the fit says the same of it with and without them,
-and every part of the captures says by itself that it is as strong as the others say. Names that lack one of these are
-withdrawn, the most doubtful first, because a stand-in beside it makes a right name look doubtful too.
+deviation takes what they leave. An effect that is really there betrays itself by four properties, which a stand-in
+lacks: its parameters differ from those of doing nothing, it explains a fair part of what the free-form deviations do,
+the fit says the same of it with and without them, and every part of the captures says by itself that it is as strong
+as the others say. (The first is no matter of course: the form of an effect's noise alone, such as that of a saturation
+at full scale, may take up pixels that nothing explains.) Names that lack one of these are withdrawn, the most doubtful
+first, because a stand-in beside it makes a right name look doubtful too.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterator, Sequence
 
 import torch
@@ -22,6 +25,8 @@ from sci_lightning.diagnosis.search.remaining_misfit import Unnamed, quantified
 
 LEVELS = 12
 """Levels of light, of equally many pixels each, that are asked by themselves."""
+LEAST_DISTANCE = 2.0
+"""Nats by which the parameters of an effect must differ from those of doing nothing: two standard deviations."""
 IMITATED = 1e-6
 """Part of its information that an effect must keep beside the others' parameters, or rounding is all that is left."""
 PLACES = 4
@@ -76,7 +81,11 @@ def doubtful(
     strongest = max((deviation.nats for deviation in unnamed), default=0.0)
     for name in names:
         beside = Contribution(fitter, fit, name)
-        signs = {"parts of the captures say different things about it": beside.disagreement() / settings.name_agreement}
+        distance = distance_from_nothing(fitter, fit, name)
+        signs = {
+            "parts of the captures say different things about it": beside.disagreement() / settings.name_agreement,
+            "its parameters are those of doing nothing": LEAST_DISTANCE / max(distance, 1e-9),
+        }
         if alone is not None:
             difference = beside.difference(alone.hypothesis) / settings.name_agreement
             signs["it says something else without what has no name"] = difference
@@ -86,6 +95,26 @@ def doubtful(
         if doubt > 1:
             doubts[name] = doubt, why
     return doubts
+
+
+def distance_from_nothing(fitter: Fitter, fit: Fit, name: str) -> float:
+    """Return half the squared distance of an effect's numbers from their neutral values, in standard deviations.
+
+    That is what their likelihood gains where it is a parabola (Wald); infinite for choices, maps, and effects without
+    neutral values.
+    """
+    about, setting = fitter.model.effects[name].about, fit.hypothesis.effects[name]
+    offsets = {
+        (name, parameter): float(setting[parameter]) - float(one.neutral)
+        for parameter, one in about.items()
+        if isinstance(one.neutral, (int, float)) and not one.choices and not one.log
+    }
+    places = [place for place, parameter in enumerate(fit.free) if parameter in offsets]
+    if not places or name in fit.maps:
+        return math.inf
+    covariance = torch.linalg.pinv(fit.information, hermitian=True)[places][:, places]
+    offset = torch.tensor([offsets[fit.free[place]] for place in places], dtype=covariance.dtype)
+    return 0.5 * float(offset @ torch.linalg.pinv(covariance, hermitian=True) @ offset)
 
 
 def _without(fitter: Fitter, fit: Fit, unnamed: Sequence[Unnamed]) -> Fit:

@@ -8,7 +8,12 @@ import pytest
 import torch
 
 from sci_lightning.diagnosis.diagnosis import diagnose
-from sci_lightning.diagnosis.search.doubtful_names import Contribution, doubtful, without_doubtful_names
+from sci_lightning.diagnosis.search.doubtful_names import (
+    Contribution,
+    distance_from_nothing,
+    doubtful,
+    without_doubtful_names,
+)
 from sci_lightning.diagnosis.search.room import misfit_outside, with_all_predictable
 from sci_lightning.diagnosis.search.search import complete
 from sci_lightning.encoder.border import Border
@@ -45,6 +50,16 @@ def test_a_weak_map_is_not_doubted(tmp_path: Path, std: float) -> None:
     subject = fitter(tmp_path, {"prnu": {"std": std}})
     fit = subject.fit(NOISE.with_effect("prnu", {"std": std}, torch.zeros(64, 64)), iterations=20)
     assert doubtful(subject, fit, set(NOISE.effects), []) == {}
+
+
+@pytest.mark.parametrize(("hidden", "level", "stays"), [(0.7, 0.72, True), (1.0, 0.9999, False)])
+def test_a_name_does_something(tmp_path: Path, hidden: float, level: float, stays: bool) -> None:
+    """A saturation at full scale changes nothing, whatever its likelihood is."""
+    subject = fitter(tmp_path, {"saturation": {"level": hidden}} if hidden < 1 else {})
+    fit = subject.fit(NOISE.with_effect("saturation", {"level": level}))
+    distance = distance_from_nothing(subject, fit, "saturation")
+    assert distance > 100 if stays else distance < 2
+    assert ("saturation" not in doubtful(subject, fit, set(NOISE.effects), [])) == stays
 
 
 def test_an_effect_that_another_one_imitates_is_not_doubted(tmp_path: Path) -> None:
