@@ -68,6 +68,10 @@ class SnapshotOperator:
         """
         return (self.total() if total is None else total) * self.on_cells(frame)
 
+    def uniform_scene(self, levels: torch.Tensor) -> torch.Tensor:
+        """Return the measurement ``(qH, qW)`` of frames without structure, of one brightness each, ``(T,)``."""
+        return (self.mask * levels[:, None, None]).sum(0)
+
     def adjoint(self, measurement: torch.Tensor) -> torch.Tensor:
         """Return ``A^T y``, ``(N, T, H, W)``: the measurement y ``(N, H, W)`` times the mask of every slot."""
         return self.mask * measurement.unsqueeze(1)
@@ -136,18 +140,6 @@ class SnapshotOperator:
         if self.cells == 1:
             return image
         return image.repeat_interleave(self.cells, -2).repeat_interleave(self.cells, -1)
-
-
-def even_light(images: torch.Tensor, sequence: torch.Tensor, levels: torch.Tensor) -> torch.Tensor:
-    """Return measurements ``(N, qH, qW)`` of scenes without structure: every one is a mixture of a few images.
-
-    Args:
-        images: ``(P, qH, qW)``, the different masks.
-        sequence: ``(N, T)``, which of them each slot has.
-        levels: ``(N, T)``, the brightness of the frames.
-    """
-    parts = images.new_zeros(len(sequence), len(images)).scatter_add_(1, sequence, levels.to(images))
-    return (parts @ images.flatten(1)).unflatten(1, images.shape[1:])
 
 
 def _or_one(divisor: torch.Tensor) -> torch.Tensor:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from sci_lightning.imaging.operator import SnapshotOperator, even_light
+from sci_lightning.imaging.operator import SnapshotOperator
 
 FRAMES, HEIGHT, WIDTH = 6, 5, 7
 
@@ -65,8 +65,7 @@ def test_scenes_at_rest_and_without_structure(mask: torch.Tensor, video: torch.T
     still = frame[:, None].expand(-1, FRAMES, -1, -1)
     assert torch.allclose(operator.static_scene(frame), operator(still), atol=1e-6)
     even = levels[None, :, None, None].expand(1, -1, HEIGHT, WIDTH)
-    mixed = even_light(mask, torch.arange(FRAMES)[None], levels[None])
-    assert torch.allclose(mixed, operator(even), atol=1e-6)
+    assert torch.allclose(operator.uniform_scene(levels), operator(even)[0], atol=1e-6)
     opened = mask.sum(0) > 0
     assert torch.allclose(operator.mean_video(operator(still))[..., opened], still[..., opened], atol=1e-6)
 

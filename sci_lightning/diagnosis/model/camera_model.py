@@ -11,7 +11,6 @@ import torch
 from sci_lightning.diagnosis.laboratory import SceneEffect
 from sci_lightning.diagnosis.model.free_forms import free_forms_for
 from sci_lightning.diagnosis.model.likelihood import LEAST_DEVIATION, ClippedSignal
-from sci_lightning.diagnosis.model.modulation import modulated_light
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.model.prediction import Prediction
 from sci_lightning.diagnosis.model.recent import Recent
@@ -23,6 +22,7 @@ from sci_lightning.encoder.effects.parameter import Value
 from sci_lightning.encoder.effects.stage import ExposureEffect, ModulatorEffect, RelayEffect
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.signal import Signal
+from sci_lightning.imaging.operator import SnapshotOperator
 
 Setting = dict[str, Value]
 """Values of an effect's parameters by name."""
@@ -341,8 +341,26 @@ class CameraModel:
         displayed = (*path.of(ModulatorEffect), *path.of(RelayEffect))
         key = tuple(effect_key(effect) for effect in displayed), cells
         shown = self._images.get(key, lambda: path.images(observation.patterns))
+        images: list[torch.Tensor] = [torch.zeros(shown.shape[-2:])] * len(observation)
         lit = self._lit if scenes is observation.scene else lit_scenes(scenes)
-        light = modulated_light(path, shown, observation, scenes, lit).mul_(observation.aperture)
+        timed = path.mixes_slots(observation.frames)
+        for which, sequence in enumerate(observation.sequences):  # one by one: the masks of all do not fit in memory
+            numbers = ((observation.sequence == which) & lit).nonzero()[:, 0].tolist()
+            if not numbers:
+                continue
+            masks = path.during(shown, sequence[None])[0] if timed else shown[sequence]
+            # cells are many: they are added up slot by slot, without memory for every slot's product
+            operator, total = SnapshotOperator(masks, cells, slot_by_slot=cells > 1), None
+            for number in numbers:
+                scene = scenes[number]
+                if scene.shape[0] == 1:  # the scene is at rest, so that the masks may be summed first
+                    total = operator.total() if total is None else total
+                    images[number] = operator.static_scene(scene, total)[0]
+                elif scene.shape[1:] == (1, 1):
+                    images[number] = operator.uniform_scene(scene[:, 0, 0])
+                else:
+                    images[number] = operator(scene[None])[0]
+        light = torch.stack(images) * observation.aperture
         return Signal(
             light,
             torch.zeros(()),
