@@ -62,9 +62,10 @@ def proving_ground(composition: Composition) -> None:
 def run_missing(cases: list[Case], files: Records, workers: int, threads: int, console: PlainConsole) -> None:
     """Run the cases that have no record yet, and write each record as soon as it is there."""
     from sci_lightning.proving_ground.outcome import Failure, parse_record
+    from sci_lightning.proving_ground.plan import in_turns
     from sci_lightning.proving_ground.worker_processes import run_cases
 
-    missing = files.missing(cases)
+    missing = files.missing(in_turns(cases))
     console.print(f"{len(missing)} cases to try, {len(cases) - len(missing)} done before: {files.path}")
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left:"), TimeRemainingColumn())
     with Progress(*columns, console=console, speed_estimate_period=600) as progress:

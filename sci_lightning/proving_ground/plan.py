@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
@@ -93,6 +94,16 @@ def plan(
         for repetition in range(seeds)
         for case in _cases_of_repetition(suite, repetition, cameras, several, allowed)[:cases]
     ]
+
+
+def in_turns(cases: Sequence[Case]) -> list[Case]:
+    """Return the cases in an order in which a run that is stopped has tried about the same share of every suite."""
+    sizes, seen = Counter(case.suite for case in cases), Counter[str]()
+    shares = []
+    for case in cases:
+        seen[case.suite] += 1
+        shares.append(seen[case.suite] / sizes[case.suite])
+    return [cases[index] for index in sorted(range(len(cases)), key=shares.__getitem__)]
 
 
 def _cases_of_repetition(

@@ -11,7 +11,7 @@ import pytest
 
 from sci_lightning.errors import BadInput
 from sci_lightning.proving_ground.case import Case
-from sci_lightning.proving_ground.plan import SUITES, plan
+from sci_lightning.proving_ground.plan import SUITES, in_turns, plan
 from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY
 
 LATER = (
@@ -70,6 +70,16 @@ def test_cases_are_those_of_earlier_records() -> None:
     suites = [suite for suite in SUITES if suite != "outside"]  # two of its effects have got a name
     digests = "".join(in_a_dark_world(case).digest for case in plan(suites, seeds=2, effects=FORMER))
     assert hashlib.sha256(digests.encode()).hexdigest().startswith("fd0382a2f7412ee9")
+
+
+def test_a_run_that_is_stopped_has_tried_every_suite() -> None:
+    cases = plan(seeds=2)
+    turns = in_turns(cases)
+    assert sorted(case.name for case in turns) == sorted(case.name for case in cases)
+    for suite in SUITES:
+        in_first_half = len(by_suite(turns[: len(turns) // 2], suite))
+        assert abs(in_first_half - len(by_suite(cases, suite)) / 2) <= 1, suite
+        assert by_suite(turns, suite) == by_suite(cases, suite)
 
 
 def test_masks_and_bit_depths_take_turns() -> None:
