@@ -20,8 +20,10 @@ class Signal:
         origin: (row, column) of the first pixel within the field.
         field: (height, width) of the whole field, of which these pixels may be a window.
         cells: q; 1 from the sensor on.
-        position: ``(N,)`` integers, where each capture stands in its file, for what one capture leaves to the next or
-            what drifts from capture to capture; None: the snapshots have no order.
+        position: ``(N,)`` integers, where each capture stands in its file, for what drifts from capture to capture;
+            None: the snapshots have no order.
+        recorded_before: ``(N, H, W)`` what was recorded just before each capture, 1 at full scale, for what one capture
+            leaves to the next; None: the snapshots have no order.
     """
 
     mean: torch.Tensor
@@ -32,6 +34,7 @@ class Signal:
     field: tuple[int, int]
     cells: int = 1
     position: torch.Tensor | None = None
+    recorded_before: torch.Tensor | None = None
 
     def with_mean(self, mean: torch.Tensor) -> Signal:
         """Return the signal with another mean."""

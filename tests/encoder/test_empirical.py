@@ -31,7 +31,9 @@ def seen(path: LightPath) -> torch.Tensor:
     video, patterns = torch.rand(N, T, *SIZE, generator=random), torch.rand(T, *SIZE, generator=random)
     light = (video * path.transmittance(patterns)).sum(1) / T
     ones, position = torch.ones(N, 1, 1), torch.arange(N)
-    return path.respond(path.form(Signal(light, torch.zeros(()), ones, 1 / 255, (0, 0), SIZE, position=position))).mean
+    before = torch.cat((torch.zeros_like(light[:1]), light[:-1]))
+    signal = Signal(light, torch.zeros(()), ones, 1 / 255, (0, 0), SIZE, position=position, recorded_before=before)
+    return path.respond(path.form(signal)).mean
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -20,6 +20,9 @@ FINE_DIFFERENCE = 1e-3
 """Part of a parameter's step over which the log-likelihood itself is differentiated, which is curved."""
 LONGEST_STEP = 20
 """Steps of a parameter that one iteration may move it by: further, its derivative says nothing."""
+LONGEST_PART = 0.5
+"""The same as a part of its distance from doing nothing, if that is more: noise that has stood in for an effect is many
+times as strong as it should be."""
 LONGEST_LOG_STEP = 1.5
 """The same for a logarithm, in natural units."""
 SMALLEST_STEP = 1e-9
@@ -62,12 +65,15 @@ class FreeParameters:
 
         Args:
             hypothesis: where to differentiate.
-            part: of the parameter's step that is taken; backwards where it would leave the bounds.
+            part: of the parameter's step that is taken, away from the neutral value; the other way where that would
+                leave the bounds.
         """
         for name, parameter in self.names:
             about = self.model.effects[name].about[parameter]
             value = float(hypothesis.effects[name][parameter])
             step = about.step * part
+            if isinstance(about.neutral, (int, float)) and not about.log and value < about.neutral:
+                step = -step  # away from doing nothing, where footprints of pixels and mirrors have their kink
             start = math.log(value) if about.log else value
             moved = math.exp(start + step) if about.log else start + step
             if not about.low <= moved <= about.high:
@@ -143,7 +149,8 @@ class FreeParameters:
             low, high = math.log(max(about.low, 1e-300) / value), math.log(about.high / value)
             low, high = max(low, -LONGEST_LOG_STEP), min(high, LONGEST_LOG_STEP)
         else:
-            longest = LONGEST_STEP * about.step
+            neutral = about.neutral if isinstance(about.neutral, (int, float)) else value
+            longest = max(LONGEST_STEP * about.step, LONGEST_PART * abs(value - neutral))
             low, high = max(about.low - value, -longest), min(about.high - value, longest)
         if step < low:
             return low

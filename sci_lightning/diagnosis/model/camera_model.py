@@ -78,8 +78,7 @@ def datasheet_noise(observation: Observation) -> tuple[Hypothesis, tuple[Paramet
 class CameraModel:
     """Predicts captures from hypotheses.
 
-    The light before the sensor is remembered for the last few hypotheses, because a fit changes one parameter at a
-    time and most parameters belong to the sensor.
+    The light before the sensor is remembered for the last few hypotheses: most parameters belong to the sensor.
 
     Args:
         observation: the captures.
@@ -101,6 +100,7 @@ class CameraModel:
         self.free_forms = free_forms_for(observation) if free_forms is None else dict(free_forms)
         self.effects: Mapping[str, type[Effect]] = {**self.free_forms, **self.vocabulary}
         self.window = Border().window(observation.size)
+        self._recorded_before = self._in_window(observation.before)
         self._lit = lit_scenes(observation.scene)
         self._modules: Recent[Effect] = Recent(MODULES)
         self._scenes: Recent[list[torch.Tensor]] = Recent(memory)
@@ -130,12 +130,17 @@ class CameraModel:
         if stride > 1:
             rows, columns = (slice(part.start, part.stop, stride) for part in view.window)
             view.window = rows, columns
+        view._recorded_before = view._in_window(self.observation.before)
         return view
 
     def windowed(self, field: torch.Tensor) -> torch.Tensor:
         """Return the predicted pixels' part of a field ``(.., H, W)``, ``(.., 1, W)`` or ``(.., H, 1)``."""
         rows, columns = self._parts(field.shape[-2:])
         return field[..., rows, columns].contiguous()
+
+    def _in_window(self, dn: torch.Tensor | None) -> torch.Tensor | None:
+        """Return raw DN as fractions of full scale at the predicted pixels."""
+        return None if dn is None else self.windowed(dn) / self.observation.full_scale
 
     def whole(self, values: torch.Tensor) -> torch.Tensor:
         """Return a field like that of :meth:`windowed` as one of the whole field, 0 at all other pixels."""
@@ -282,6 +287,7 @@ class CameraModel:
 
         light = self._formed.get((modulation, optics), form)
         light = replace(light, mean=self.windowed(light.mean), variance=torch.zeros(()), origin=self._origin)
+        light = replace(light, recorded_before=self._recorded_before)
         mean, deviation = self._in_dn(path.respond(light))
         bits = path.effective_bits(self.observation.bit_depth)
         return Prediction(mean, deviation, bits, self._clipped(path, light), self.window)

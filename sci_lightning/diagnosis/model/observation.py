@@ -40,6 +40,8 @@ class Observation:
         read_noise, full_well: the datasheet's values in DN and electrons; None where it is silent.
         position: ``(N,)`` place of each capture in the order in which they were taken, for what depends on time;
             None if they were not taken one after the other.
+        before: ``(N, H, W)`` raw DN of what was recorded just before each capture, whether its scene is known or not; 0
+            before the first; None if they were not taken one after the other.
         verification: ``(N,)`` bool, captures that the file sets aside for verification; None where it does not say.
         grid: where the mirrors nominally lie in the field; None where every mirror is a pixel.
         dark_surround: whether no light comes from beyond the patterns; False where nobody knows what lies there.
@@ -58,6 +60,7 @@ class Observation:
     read_noise: float | None
     full_well: float | None
     position: torch.Tensor | None = None
+    before: torch.Tensor | None = None
     dark_surround: bool = False
     verification: torch.Tensor | None = None
     grid: ModulatorGrid | None = None
@@ -80,7 +83,8 @@ class Observation:
     def window(self, rows: slice, columns: slice) -> Observation:
         """Return the captures of a part of the field; the patterns stay whole."""
         scene = [one[..., rows, columns] if one.shape[-1] > 1 else one for one in self.scene]
-        return replace(self, scene=scene, dn=self.dn[:, rows, columns])
+        before = None if self.before is None else self.before[:, rows, columns]
+        return replace(self, scene=scene, dn=self.dn[:, rows, columns], before=before)
 
     def take(self, which: torch.Tensor) -> Observation:
         """Return some of the captures, ``which`` being ``(N,)`` bool."""
@@ -97,6 +101,7 @@ class Observation:
             kinds=tuple(self.kinds[place] for place in places.tolist()),
             number=self.number[places],
             position=None if self.position is None else self.position[places],
+            before=None if self.before is None else self.before[places],
             verification=None,
         )
 
@@ -150,10 +155,17 @@ def observe(captures: Captures) -> Observation:
         read_noise=captures.read_noise_dn,
         full_well=captures.full_well_e,
         position=torch.tensor(order),
+        before=torch.stack([_recorded(captures, n - 1) for n in order]),
         dark_surround=captures.surround == "dark",
         verification=_set_aside(captures, order),
         grid=grid_of(captures),
     )
+
+
+def _recorded(captures: Captures, number: int) -> torch.Tensor:
+    """Return the raw DN ``(H, W)`` of a capture; 0 for those that are not in the file."""
+    recorded = captures.measurement[number] if number >= 0 else np.zeros(captures.size)
+    return torch.from_numpy(recorded.astype(np.float32))
 
 
 def grid_of(captures: Captures) -> ModulatorGrid | None:

@@ -14,10 +14,11 @@ from sci_lightning.diagnosis.fit.comparison import judged_by
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.gap import residuals
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
+from sci_lightning.encoder.effects.parameter import part_of
 
 
 def room_for_starts(
-    fitter: Fitter, hypothesis: Hypothesis, further: Mapping[str, list[Setting]] | None = None
+    fitter: Fitter, hypothesis: Hypothesis, further: Mapping[str, list[Setting]] | None = None, part: float = 1.0
 ) -> Fitter:
     """Return a fitter that leaves out what depends on the surround for any candidate at its starts.
 
@@ -25,12 +26,13 @@ def room_for_starts(
         fitter: fits hypotheses to the captures.
         hypothesis: the model without the candidates.
         further: starts by effect beside those that the effect always has.
+        part: of the starts' distance from doing nothing that is tried.
     """
     model, seen = fitter.model, fitter.model.observation
     return fitter.covering(
         hypothesis,
         *(
-            hypothesis.with_effect(name, start)
+            hypothesis.with_effect(name, part_of(start, effect.about, part))
             for name, effect in model.vocabulary.items()
             if name not in hypothesis.effects and not effect.noise and not effect.map_kind
             for start in [*effect.starts(seen.frames, seen.size, seen.bit_depth), *(further or {}).get(name, [])]
@@ -39,7 +41,7 @@ def room_for_starts(
 
 
 def with_room_for_starts(
-    fitter: Fitter, base: Fit, further: Mapping[str, list[Setting]] | None = None
+    fitter: Fitter, base: Fit, further: Mapping[str, list[Setting]] | None = None, part: float = 1.0
 ) -> tuple[Fitter, Fit]:
     """Return a fitter that leaves out what depends on the surround for any candidate at its starts, and its base fit.
 
@@ -49,8 +51,9 @@ def with_room_for_starts(
         fitter: fits hypotheses to the captures.
         base: the model without the candidates.
         further: starts by effect beside those that the effect always has.
+        part: of the starts' distance from doing nothing that is tried.
     """
-    wider = room_for_starts(fitter, base.hypothesis, further)
+    wider = room_for_starts(fitter, base.hypothesis, further, part)
     return wider, judged_by(wider, base, fitter)
 
 

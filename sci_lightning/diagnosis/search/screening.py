@@ -12,7 +12,7 @@ from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.local_gain import LocalGain
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting
 from sci_lightning.diagnosis.model.fixed_pattern_map import estimate_map
-from sci_lightning.encoder.effects.parameter import Parameter, Value
+from sci_lightning.encoder.effects.parameter import part_of
 
 BATCH = 12
 """Starts whose predictions are held in memory at a time."""
@@ -40,7 +40,9 @@ class Candidate:
         return model.adding(hypothesis, self.name, self.start, model.zero_map(self.name))
 
 
-def screen(fitter: Fitter, base: Fit, further: Mapping[str, list[Setting]] | None = None) -> list[Candidate]:
+def screen(
+    fitter: Fitter, base: Fit, further: Mapping[str, list[Setting]] | None = None, part: float = 1.0
+) -> list[Candidate]:
     """Estimate the gain of every effect of the vocabulary that the model lacks; the most promising comes first.
 
     Noise is left out: it explains variance, and must not be asked about the mean. Where pixels are many, a part of them
@@ -50,17 +52,18 @@ def screen(fitter: Fitter, base: Fit, further: Mapping[str, list[Setting]] | Non
         fitter: holds captures, split and model.
         base: the fitted model.
         further: starts by effect beside those that the effect always has.
+        part: of the starts' distance from doing nothing that is tried.
     """
     coarse, seen = fitter.seen_coarsely(base)
     if coarse is not fitter:
-        candidates = _screened(coarse, seen, further or {})
+        candidates = _screened(coarse, seen, further or {}, part)
         if candidates and candidates[0].gain > fitter.settings.coarse_nats:
             surplus = float(fitter.fitted.sum() / coarse.fitted.sum())
             return [replace(candidate, gain=candidate.gain * surplus) for candidate in candidates]
-    return _screened(fitter, base, further or {})
+    return _screened(fitter, base, further or {}, part)
 
 
-def _screened(fitter: Fitter, base: Fit, further: Mapping[str, list[Setting]]) -> list[Candidate]:
+def _screened(fitter: Fitter, base: Fit, further: Mapping[str, list[Setting]], part: float) -> list[Candidate]:
     """Estimate the gain of every candidate on the pixels that count for a fitter."""
     model, prediction = fitter.model, base.prediction
     likelihood, local = fitter.pixel_likelihood(prediction), LocalGain(fitter, base)
@@ -75,7 +78,8 @@ def _screened(fitter: Fitter, base: Fit, further: Mapping[str, list[Setting]]) -
             start: Setting = dict.fromkeys(effect.about, one.std)
             candidates.append(Candidate(name, one.evidence, start))
             continue
-        starts = model.starts(name, base.hypothesis) + further.get(name, [])
+        all_starts = model.starts(name, base.hypothesis) + further.get(name, [])
+        starts = [part_of(start, effect.about, part) for start in all_starts]
         if not starts:  # a converter of one bit can lose none, a single slot cannot come late
             continue
         best = _best_start(fitter, base, name, starts, local, chi2)
@@ -98,19 +102,18 @@ def _best_start(
 
 
 def _beside(start: Setting, parameters: Sequence[str]) -> list[Setting]:
-    """Return the settings around a displacement by whole pixels to the side or down; of any other one none.
+    """Return the settings on the other side of the nearest whole displacement; on both sides of one that is whole.
 
-    Where the edges of pixels and mirrors meet, the likelihood has a kink, and a maximum of its own on either side: a
-    fit that begins on the kink may end on the wrong one.
+    Where the edges of pixels and mirrors meet, the likelihood has a kink, and a maximum of its own on either side: the
+    nearest start may lie on the wrong one, and a fit that begins on the kink may end there.
     """
-    if not any(float(start[name]).is_integer() for name in parameters):
-        return []
-    steps = product((-BESIDE, 0.0, BESIDE), repeat=len(parameters))
-    return [
-        {**start, **{name: float(start[name]) + step for name, step in zip(parameters, moved, strict=True)}}
-        for moved in steps
-        if any(moved)
-    ]
+    choices = []
+    for name in parameters:
+        place = float(start[name])
+        whole = float(round(place))
+        choices.append((place - BESIDE, place, place + BESIDE) if place == whole else (place, 2 * whole - place))
+    settings = [{**start, **dict(zip(parameters, moved, strict=True))} for moved in product(*choices)]
+    return [setting for setting in settings if setting != start]
 
 
 def _screen_starts(
@@ -137,7 +140,7 @@ def _screen_starts(
         small, factors = local.gain_of_single_changes(changes)
         for i, (gain, factor) in enumerate(zip(small.tolist(), factors.tolist(), strict=True)):
             if gain > candidates[i].gain:
-                candidates[i] = Candidate(name, gain, _scaled(starts[i], about, factor))
+                candidates[i] = Candidate(name, gain, part_of(starts[i], about, min(factor, 2.0)))
     return candidates
 
 
@@ -176,7 +179,7 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
             size = information.diagonal()[1:].clamp(min=1e-9)
             best = int((information[0, 1:].square() / size).argmax())
             factor = min(max(float(information[0, 1 + best] / size[best]), 1e-3), 1.0)
-            close.append((unexplained, other, _scaled(starts[best], effect.about, factor)))
+            close.append((unexplained, other, part_of(starts[best], effect.about, factor)))
     close.sort(key=lambda rival: rival[0])
     to_reach = fit.fitted_log_likelihood - settings.give_up_nats
     same = [rival for rival in close if model.effects[rival[1]].plainer == name]  # takes no other rival's place
@@ -193,18 +196,6 @@ def _unexplained(information: torch.Tensor) -> float:
         return 1.0
     explained = information[0, 1:] @ torch.linalg.pinv(information[1:, 1:], hermitian=True) @ information[1:, 0]
     return max(0.0, 1 - float(explained) / own)
-
-
-def _scaled(start: Setting, about: dict[str, Parameter], factor: float) -> Setting:
-    """Return a setting whose distance from the neutral one is multiplied with a factor, 2 at most."""
-
-    def scaled(value: Value, parameter: Parameter) -> Value:
-        if parameter.choices or not isinstance(parameter.neutral, (int, float)):
-            return value
-        moved = parameter.neutral + min(factor, 2.0) * (float(value) - parameter.neutral)
-        return min(max(moved, parameter.low), parameter.high)
-
-    return {name: scaled(value, about[name]) for name, value in start.items()}
 
 
 def _chi2(fitter: Fitter, mean: torch.Tensor, deviation: torch.Tensor) -> torch.Tensor:

@@ -10,6 +10,7 @@ from sci_lightning.diagnosis.fit.comparison import judged_by
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, prune
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, datasheet_noise
+from sci_lightning.diagnosis.search.contest import NEAR, hold_contest
 from sci_lightning.diagnosis.search.displacement import far_displacements
 from sci_lightning.diagnosis.search.doubtful_names import without_doubtful_names
 from sci_lightning.diagnosis.search.remaining_misfit import (
@@ -22,10 +23,8 @@ from sci_lightning.diagnosis.search.remaining_misfit import (
 from sci_lightning.diagnosis.search.room import (
     misfit_outside,
     with_all_predictable,
-    with_room_for_contenders,
-    with_room_for_starts,
 )
-from sci_lightning.diagnosis.search.screening import Candidate, rivals, screen
+from sci_lightning.diagnosis.search.screening import rivals
 
 OnProgress = Callable[[str], None]
 """Called with a one-line message after every step of the search."""
@@ -143,7 +142,12 @@ def complete(
         unnamed = [quantified(wide, fit, one) for one in unnamed]
         if not unnamed and misfit_outside(wide, fit, fitter) > wide.settings.negligible_chi2:
             wide, fit, unnamed = explain_remaining_misfit(wide, fit, ideal, noise, (), on_progress)
-    return wide, *without_doubtful_names(wide, fit, noise, unnamed, on_progress)
+    certain, unnamed = without_doubtful_names(wide, fit, noise, unnamed, on_progress)
+    if (
+        certain is not fit and not unnamed
+    ):  # what the withdrawn names stood for has no name now, and should have a place
+        return explain_remaining_misfit(wide, certain, ideal, noise, (), on_progress)
+    return wide, certain, unnamed
 
 
 def select_effects(
@@ -154,7 +158,9 @@ def select_effects(
     Every round adds the effect whose joint fit gains most and refits everything. The noise is refitted every round too,
     so that it absorbs what is not explained yet and gives it back later. Where held-out pixels confirm no effect, one
     that gains much is added on trial: beside several deviations, a right name alone may predict other captures worse.
-    It stays if another one follows, and the two together pass the test that it failed alone.
+    It stays if another one follows, and the two together pass the test that it failed alone. Strong candidates leave
+    out much at the sides of the field, because nobody knows what lies beyond it; where none of them is worth adding,
+    weak ones are looked for, which need less room.
 
     Args:
         fitter: fits hypotheses to the captures.
@@ -164,40 +170,29 @@ def select_effects(
     Returns:
         the fitter whose border suffices for the model, the model fitted with it, and the rounds.
     """
-    fitter = fitter.covering(start)
+    whole, fitter = fitter, fitter.covering(start)
     best = ideal = fitter.fit(start, iterations=30)
     rounds, settings = [], fitter.settings
     before_trial: tuple[Fitter, Fit] | None = None
     for _ in range(settings.max_effects):
-        far = far_displacements(fitter, best)
-        fitter, best = with_room_for_starts(fitter, best, far)
-        screened = screen(fitter, best, far)
-        narrow, fits = fitter, fit_candidates(fitter, best, screened)
-        fitter, best, fits = with_room_for_contenders(fitter, best, fits)
-        gains = {
-            name: (
-                fit.log_likelihood - best.log_likelihood,
-                fit.held_out_log_likelihood - best.held_out_log_likelihood,
-            )
-            for name, fit in fits.items()
-        }
-        least = settings.formula_error * fitter.explained_nats(best, ideal, best)
-        # an effect that is the same as a plainer one is named only where captures tell them apart
-        plainer = {name for name in fits if fitter.model.effects[name].plainer in (*fits, *best.hypothesis.effects)}
-        less = {name: settings.indistinct_nats if name in plainer else 0.0 for name in fits}
-        bic_gains = {name: bic_gain(fitter, best, fit) - less[name] for name, fit in fits.items()}
-        added = max((name for name in fits if bic_gains[name] > least), key=bic_gains.__getitem__, default=None)
+        contest = hold_contest(fitter, best, far_displacements(fitter, best))
+        least = settings.formula_error * contest.fitter.explained_nats(contest.best, ideal, contest.best)
+        added = contest.winner(least)
+        if added is None and contest.leaves_out_much(whole):
+            narrow = whole.covering(best.hypothesis)
+            near = hold_contest(narrow, judged_by(narrow, best, fitter), part=NEAR)
+            if (added := near.winner(least)) is not None:
+                contest = near
+        fitter, best, fits = contest.fitter, contest.best, contest.fits
         if on_trial := added is None and before_trial is None:
-            refused = [name for name in fits if bic_gains[name] == -math.inf]
-            refused_gains = {name: bic(fitter, fits[name]) - bic(fitter, best) - less[name] for name in refused}
-            enough = [name for name in refused if refused_gains[name] > max(least, settings.on_trial_nats)]
-            added = max(enough, key=refused_gains.__getitem__, default=None)
-        screened_gains = {candidate.name: candidate.gain for candidate in screened}
+            added = contest.refused(max(least, settings.on_trial_nats))
+        gains = contest.gains()
+        screened_gains = {candidate.name: candidate.gain for candidate in contest.screened}
         rounds.append(Round(screened_gains, gains, added, on_trial and added is not None))
         if added is None:
             break
         on_progress(f"{added}: {gains[added][0]:.0f} nats{', on trial' if on_trial else ''}")
-        needed = narrow.covering(fits[added].hypothesis)
+        needed = contest.screener.covering(fits[added].hypothesis)
         larger = judged_by(needed, fits[added], fitter)
         if before_trial is not None:
             maker, untried = before_trial
@@ -209,32 +204,6 @@ def select_effects(
             best = prune(fitter, larger, start, settings.formula_error * fitter.explained_nats(larger, ideal, larger))
     fitter, best = exchange(*(before_trial or (fitter, best)), start)
     return fitter, best, rounds
-
-
-def fit_candidates(fitter: Fitter, best: Fit, screened: list[Candidate]) -> dict[str, Fit]:
-    """Fit the most promising candidates jointly with everything in the model, by name.
-
-    A candidate whose screened gain is a small part of what it must gain is left out, and so is one whose fit cannot
-    reach what another one has reached. Effects that are chosen from a few values, such as turned patterns, are fitted
-    wherever they stand: nothing leads to them step by step, and blurs and displacements may promise more as long as the
-    noise stands in for them all.
-
-    Args:
-        fitter: fits hypotheses to the captures.
-        best: the model without them.
-        screened: candidates, the most promising first.
-    """
-    settings, fits, reached = fitter.settings, dict[str, Fit](), -math.inf
-    first, others = screened[: settings.candidates_fitted], screened[settings.candidates_fitted :]
-    for candidate in (*first, *(one for one in others if fitter.model.effects[one.name].is_discrete())):
-        price = settings.min_gain_nats + 0.5 * len(candidate.start) * math.log(fitter.pixels)
-        if candidate.gain > max(settings.min_gain_nats, settings.screened_share * price):
-            start = candidate.added(fitter.model, best.hypothesis)
-            fit = fitter.fit(start, 20, to_reach=reached - settings.give_up_nats, from_afar=True)
-            if not fit.given_up:
-                fits[candidate.name] = fit
-                reached = max(reached, fit.fitted_log_likelihood)
-    return fits
 
 
 def exchange(fitter: Fitter, fit: Fit, keep: Hypothesis) -> tuple[Fitter, Fit]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -49,3 +50,18 @@ class Parameter:
             unit = "" if self.unit == "1" else f" {self.unit}"
             raise BadInput(f"{where} must be a number from {self.low:g} to {self.high:g}{unit}, got {value!r}")
         return float(value)
+
+
+def part_of(setting: Mapping[str, Value], about: Mapping[str, Parameter], part: float) -> dict[str, Value]:
+    """Return a setting of several parameters whose distance from the neutral one is multiplied by ``part``.
+
+    Choices, and numbers without a neutral value, stay as they are; no number leaves its bounds.
+    """
+
+    def moved(value: Value, parameter: Parameter) -> Value:
+        if part == 1 or parameter.choices or not isinstance(parameter.neutral, (int, float)):
+            return value
+        far = parameter.neutral + part * (float(value) - parameter.neutral)
+        return min(max(far, parameter.low), parameter.high)
+
+    return {name: moved(value, about[name]) for name, value in setting.items()}

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import torch
-
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import SensorEffect
 from sci_lightning.encoder.empirical.empirical import Empirical
@@ -11,7 +9,7 @@ from sci_lightning.encoder.signal import Signal
 
 
 class CarryOver(Empirical, SensorEffect):
-    """A part c0 of every capture's signal is added to the next capture of the file.
+    """A part c0 of what was recorded is added to the next capture of the file.
 
     Args:
         count: 1.
@@ -29,8 +27,6 @@ class CarryOver(Empirical, SensorEffect):
         return min(1, captures - 1)
 
     def respond(self, signal: Signal) -> Signal:
-        if signal.position is None:
+        if signal.recorded_before is None:
             return signal
-        follows = (signal.position[:, None] == signal.position + 1).to(signal.mean)  # (capture, its predecessor)
-        left = torch.einsum("ij,jhw->ihw", follows, signal.mean)
-        return signal.with_mean(signal.mean + self.coefficients.to(signal.mean) * left)
+        return signal.with_mean(signal.mean + self.coefficients.to(signal.mean) * signal.recorded_before)

@@ -60,3 +60,13 @@ def test_it_costs_its_rows_and_not_the_diagnosis() -> None:
         assert abs(estimate["value"] - value) < 5 * estimate["std"] < 0.05
     border = describe(result)["split"]["border"]
     assert 13 <= border["left"] <= 16 and max(border["top"], border["right"], border["bottom"]) <= 4  # others need 3
+
+
+def test_the_other_side_of_a_whole_displacement_is_screened() -> None:
+    """Truth lies at 0.7, where the start at 1.2 looks nearer than that at 0.4 and leads to another maximum."""
+    session = Session(size=(32, 32), frames=4, mask="binary", aperture=0.28, dark=2, flat=4, static=4, dynamic=4)
+    recorded = VirtualCamera(session, {"mask_shift": {"dx": 0.7, "dy": -0.4}}).capture(seed=3)
+    result = diagnose(recorded, {name: vocabulary()[name] for name in ("mask_shift", "shot_noise", "read_noise")})
+    (shift,) = result.effects
+    assert shift.parameters["dx"].value == pytest.approx(0.7, abs=0.01)
+    assert shift.parameters["dy"].value == pytest.approx(-0.4, abs=0.01)

@@ -48,3 +48,47 @@ def test_exactly_what_is_hidden_is_named(effects: tuple[str, ...], session: Sess
     result = diagnose(simulation.captures())
     noise = {"shot_noise", "read_noise"} if session.datasheet_factor != 1 else set()  # the datasheet is wrong
     assert set(result.names) - (noise - set(effects)) == set(effects) and result.verdict == "explained"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("effect", "session", "seed"),
+    [
+        pytest.param("mask_keystone", Session(size=SIZE, bit_depth=9), 1268607181, id="differences across a kink"),
+        pytest.param(
+            "scene_scale",
+            Session(size=SIZE, bit_depth=12, mask="binary", datasheet_factor=2.0),
+            2619485472,
+            id="little room at the sides",
+        ),
+    ],
+)
+def test_weak_effects_that_show_at_the_sides_are_named(effect: str, session: Session, seed: int) -> None:
+    result = diagnose(VirtualCamera(session, (effect,), magnitude="weak").simulate(seed).captures())
+    assert set(result.names) - {"shot_noise", "read_noise"} == {effect} and result.verdict == "explained"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("effect", "session", "seed", "stage"),
+    [
+        pytest.param(
+            "image_lag",
+            Session(size=SIZE, bit_depth=11, datasheet_factor=2.0),
+            1725002458,
+            "sensor",
+            id="what precedes a capture was kept for verification",
+        ),
+        pytest.param(
+            "mask_drift",
+            Session(size=SIZE, bit_depth=12, datasheet=False),
+            1014977920,
+            "relay",
+            id="a name that is withdrawn leaves a place",
+        ),
+    ],
+)
+def test_what_has_no_name_has_a_stage(effect: str, session: Session, seed: int, stage: str) -> None:
+    result = diagnose(VirtualCamera(session, (effect,), magnitude="clear").simulate(seed).captures())
+    strongest = max(result.unnamed, key=lambda deviation: deviation.nats)
+    assert not result.names and result.verdict == "unexplained" and strongest.stage == stage
