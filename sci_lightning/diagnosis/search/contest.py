@@ -52,6 +52,10 @@ class Contest:
         enough = [name for name, gain in self._bic_gains.items() if gain > least]
         return max(enough, key=self._bic_gains.__getitem__, default=None)
 
+    def gain_of(self, name: str | None) -> float:
+        """Return the gain of a candidate by the information criterion, in nats; 0 of None."""
+        return 0.0 if name is None else self._bic_gains[name]
+
     def refused(self, least: float) -> str | None:
         """Return the candidate of the largest gain among those that held-out pixels do not confirm; None as above."""
         refused = [name for name, gain in self._bic_gains.items() if gain == -math.inf]

@@ -22,11 +22,14 @@ from sci_lightning.diagnosis.fit.information_criterion import prune
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.model.camera_model import Hypothesis
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed, quantified
+from sci_lightning.encoder.effects.parameter import part_of
 
 LEVELS = 12
 """Levels of light, of equally many pixels each, that are asked by themselves."""
 LEAST_DISTANCE = 2.0
-"""Nats by which the parameters of an effect must differ from those of doing nothing: two standard deviations."""
+"""Nats by which the parameters of an effect must be likelier than those of doing nothing: two standard deviations."""
+NEARLY_NOTHING = 1e-3
+"""Part of the distance from their neutral values that the parameters of an effect keep which does nearly nothing."""
 IMITATED = 1e-6
 """Part of its information that an effect must keep beside the others' parameters, or rounding is all that is left."""
 PLACES = 4
@@ -98,23 +101,18 @@ def doubtful(
 
 
 def distance_from_nothing(fitter: Fitter, fit: Fit, name: str) -> float:
-    """Return half the squared distance of an effect's numbers from their neutral values, in standard deviations.
+    """Return the nats by which the numbers of an effect are likelier than nearly neutral ones, all else unchanged.
 
-    That is what their likelihood gains where it is a parabola (Wald); infinite for choices, maps, and effects without
-    neutral values.
+    The effect itself stays, so that the form of its noise does not count. Infinite for maps and for effects without
+    neutral numbers.
     """
     about, setting = fitter.model.effects[name].about, fit.hypothesis.effects[name]
-    offsets = {
-        (name, parameter): float(setting[parameter]) - float(one.neutral)
-        for parameter, one in about.items()
-        if isinstance(one.neutral, (int, float)) and not one.choices and not one.log
-    }
-    places = [place for place, parameter in enumerate(fit.free) if parameter in offsets]
-    if not places or name in fit.maps:
+    if name in fit.maps or not any(isinstance(one.neutral, (int, float)) for one in about.values() if not one.choices):
         return math.inf
-    covariance = torch.linalg.pinv(fit.information, hermitian=True)[places][:, places]
-    offset = torch.tensor([offsets[fit.free[place]] for place in places], dtype=covariance.dtype)
-    return 0.5 * float(offset @ torch.linalg.pinv(covariance, hermitian=True) @ offset)
+    nothing = part_of(setting, about, NEARLY_NOTHING)
+    prediction = fitter.model.predict(fit.hypothesis.with_effect(name, nothing))
+    loss = (fitter.log_likelihood(fit.prediction) - fitter.log_likelihood(prediction)) * fitter.fitted
+    return float(loss.sum(dtype=torch.float64))
 
 
 def _without(fitter: Fitter, fit: Fit, unnamed: Sequence[Unnamed]) -> Fit:

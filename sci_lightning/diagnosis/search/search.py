@@ -159,7 +159,7 @@ def select_effects(
     so that it absorbs what is not explained yet and gives it back later. Where held-out pixels confirm no effect, one
     that gains much is added on trial: beside several deviations, a right name alone may predict other captures worse.
     It stays if another one follows, and the two together pass the test that it failed alone. Strong candidates leave
-    out much at the sides of the field, because nobody knows what lies beyond it; where none of them is worth adding,
+    out much at the sides of the field, because nobody knows what lies beyond it; where none of them gains much,
     weak ones are looked for, which need less room.
 
     Args:
@@ -178,11 +178,11 @@ def select_effects(
         contest = hold_contest(fitter, best, far_displacements(fitter, best))
         least = settings.formula_error * contest.fitter.explained_nats(contest.best, ideal, contest.best)
         added = contest.winner(least)
-        if added is None and contest.leaves_out_much(whole):
+        if contest.gain_of(added) < settings.on_trial_nats and contest.leaves_out_much(whole):
             narrow = whole.covering(best.hypothesis)
             near = hold_contest(narrow, judged_by(narrow, best, fitter), part=NEAR)
-            if (added := near.winner(least)) is not None:
-                contest = near
+            if (weak := near.winner(least)) is not None:
+                contest, added = near, weak
         fitter, best, fits = contest.fitter, contest.best, contest.fits
         if on_trial := added is None and before_trial is None:
             added = contest.refused(max(least, settings.on_trial_nats))
