@@ -142,12 +142,13 @@ def complete(
         unnamed = [quantified(wide, fit, one) for one in unnamed]
         if not unnamed and misfit_outside(wide, fit, fitter) > wide.settings.negligible_chi2:
             wide, fit, unnamed = explain_remaining_misfit(wide, fit, ideal, noise, (), on_progress)
-    certain, unnamed = without_doubtful_names(wide, fit, noise, unnamed, on_progress)
-    if (
-        certain is not fit and not unnamed
-    ):  # what the withdrawn names stood for has no name now, and should have a place
-        return explain_remaining_misfit(wide, certain, ideal, noise, (), on_progress)
-    return wide, certain, unnamed
+    certain, left = without_doubtful_names(wide, fit, noise, unnamed, on_progress)
+    if certain is fit:
+        return wide, fit, list(unnamed)
+    named = certain.hypothesis  # what was localised beside names that are withdrawn may have another place without them
+    for deviation in left:
+        named = named.without(deviation.name)
+    return explain_remaining_misfit(wide, wide.fit(named, iterations=20), ideal, noise, (), on_progress)
 
 
 def select_effects(
@@ -181,7 +182,8 @@ def select_effects(
         if contest.gain_of(added) < settings.on_trial_nats and contest.leaves_out_much(whole):
             narrow = whole.covering(best.hypothesis)
             near = hold_contest(narrow, judged_by(narrow, best, fitter), part=NEAR)
-            if (weak := near.winner(least)) is not None:
+            weak = near.winner(least)
+            if 0 < near.gain_of(weak) < settings.on_trial_nats:  # else it is a matter of some pixels at the sides
                 contest, added = near, weak
         fitter, best, fits = contest.fitter, contest.best, contest.fits
         if on_trial := added is None and before_trial is None:
@@ -216,7 +218,10 @@ def exchange(fitter: Fitter, fit: Fit, keep: Hypothesis) -> tuple[Fitter, Fit]:
         fit: the selected model.
         keep: effects that stay.
     """
-    for name in [name for name in fit.hypothesis.effects if name not in keep.effects]:
+    waiting, asked = [name for name in fit.hypothesis.effects if name not in keep.effects], set[str]()
+    while waiting:
+        name = waiting.pop(0)
+        asked.add(name)
         if name in fit.hypothesis.effects and len(fit.hypothesis.effects) - len(keep.effects) > 1:
             maker, without = fitter, fitter.fit(fit.hypothesis.without(name))
             effects, now = fitter.model.effects, name
@@ -232,6 +237,8 @@ def exchange(fitter: Fitter, fit: Fit, keep: Hypothesis) -> tuple[Fitter, Fit]:
                     fitter, fit, now = judge, instead, other
                     if needed < 0:  # the next rival would have to be better than what the plainer one replaced
                         break
+            if now not in asked:  # what took its place may have rivals of its own, with fewer parameters
+                waiting.append(now)
     return fitter, fit
 
 

@@ -61,9 +61,16 @@ def test_exactly_what_is_hidden_is_named(effects: tuple[str, ...], session: Sess
             2619485472,
             id="little room at the sides",
         ),
+        pytest.param("mask_shift", Session(size=SIZE, bit_depth=11), 841742160, id="a name that needs more room"),
+        pytest.param(
+            "saturation",
+            Session(size=SIZE, frames=4, bit_depth=12, mask="binary", datasheet=False),
+            1643175495,
+            id="a level one DN below full scale",
+        ),
     ],
 )
-def test_weak_effects_that_show_at_the_sides_are_named(effect: str, session: Session, seed: int) -> None:
+def test_weak_effects_are_named(effect: str, session: Session, seed: int) -> None:
     result = diagnose(VirtualCamera(session, (effect,), magnitude="weak").simulate(seed).captures())
     assert set(result.names) - {"shot_noise", "read_noise"} == {effect} and result.verdict == "explained"
 
