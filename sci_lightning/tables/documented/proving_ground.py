@@ -1,4 +1,4 @@
-"""Tables of a proving ground's folder: ``proving_ground.summary``, ``.outside`` and ``.rays``."""
+"""Tables of a proving ground's folder: ``proving_ground.headline``, ``.summary``, ``.outside`` and ``.rays``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from sci_lightning.tables.documentation import DocumentedTable
 from sci_lightning.tables.provenance import NOT_YET, Provenance, read_provenance
 from sci_lightning.virtual_camera import OTHER_FIELDS
 
-PARTS = ("summary", "outside", "rays")
+PARTS = ("headline", "summary", "outside", "rays")
+
+OF_THE_MACHINE = ("memory", "cases that failed")
+"""Rows of a summary that say nothing of the diagnosis itself."""
 
 
 def build(path: str | Path, part: str) -> DocumentedTable:
@@ -22,8 +25,9 @@ def build(path: str | Path, part: str) -> DocumentedTable:
 
     Args:
         path: of the folder with ``cases.jsonl`` and ``summary.json``; as long as it is not there, the table is empty.
-        part: ``summary`` (every figure beside its target), ``outside`` (a line for each case with a deviation known
-            from other fields) or ``rays`` (a line for each case that was sampled by rays).
+        part: ``headline`` (the figures that have a target, but those of the machine), ``summary`` (every figure),
+            ``outside`` (a line for each case with a deviation known from other fields) or ``rays`` (a line for each
+            case that was sampled by rays).
 
     Raises:
         BadInput: another part, or a file of no use.
@@ -34,8 +38,10 @@ def build(path: str | Path, part: str) -> DocumentedTable:
     records = Records(path / "cases.jsonl").read()
     outcomes = [record for record in records if isinstance(record, Outcome)]
     provenance = _provenance(path) if records else NOT_YET
-    if part == "summary":
+    if part in ("headline", "summary"):
         rows = [row for row in summarise(records) if row.figure != "no cases"] if records else []
+        if part == "headline":
+            rows = [row for row in rows if row.target and row.what not in OF_THE_MACHINE]
         cells = [[row.what, row.figure, row.target, ANSWERS[row.met]] for row in rows]
         return DocumentedTable(["what", "result (95 % interval)", "target", "reached"], cells, provenance)
     if part == "outside":
