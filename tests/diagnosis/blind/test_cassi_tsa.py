@@ -46,8 +46,12 @@ def test_a_weaker_mask_predicts_better(shared_data: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_mask_is_blurred(shared_data: Path) -> None:
-    """Smooth scenes make a blurred mask more likely than the mask of the file, and than none, which is the control."""
+def test_the_mask_is_softer_than_in_its_file(shared_data: Path) -> None:
+    """Smooth scenes make a softer mask more likely than the mask of the file, and than none, which is the control.
+
+    A displacement by half a pixel softens a mask nearly as a blur does. Which of them is named depends on the part of
+    the field; the other one is always among its alternatives.
+    """
     captures = read_cassi(shared_data / "real" / "cassi_tsa")
     part = slice(272, 400)
     size = np.full((len(captures), 1, 1, 1), np.nan, np.float32)
@@ -55,7 +59,7 @@ def test_the_mask_is_blurred(shared_data: Path) -> None:
     captures = replace(captures, patterns=patterns.copy(), measurement=measurement.copy(), scene=size)
     names = ("mask_blur", "mask_shift", "mask_contrast", "shot_noise", "read_noise")
     diagnosis = diagnose_blind(captures, {name: vocabulary()[name] for name in names})
-    assert diagnosis.names == ("mask_blur",) and diagnosis.verdict == "explained" and diagnosis.mask_is_visible
-    assert diagnosis.effects[0].parameters["sigma"].value == pytest.approx(0.8, abs=0.2)
+    assert len(diagnosis.effects) == 1 and diagnosis.verdict == "explained" and diagnosis.mask_is_visible
+    assert {"mask_blur", "mask_shift"} <= {diagnosis.effects[0].name, *diagnosis.effects[0].alternatives}
     assert diagnosis.prediction is not None and diagnosis.prediction.verification is not None
-    assert diagnosis.prediction.verification.fall > 0.1 and diagnosis.prediction.mask_helps()
+    assert all(after < 0.9 * before for before, after in diagnosis.prediction.verification.by_capture)
