@@ -46,7 +46,8 @@ class SearchSettings:
         min_gain_nats: gain in nats beyond the information criterion's penalty that an effect must bring; 2 nats
             are odds of 7.
         on_trial_nats: gain in nats beyond that penalty from which an effect is added on trial that held-out pixels do
-            not confirm; small ones are nearly always chance.
+            not confirm; small ones are nearly always chance. Below it, effects are compared once more with narrow
+            borders.
         formula_error: part of the log-likelihood that the model explains already which an effect must gain as well;
             formulas are right to a thousandth of what they change, and log-likelihood goes with the square of that.
         rival_nats: nats of an effect's evidence that another effect may leave unexplained and still be fitted in its

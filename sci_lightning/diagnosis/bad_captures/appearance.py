@@ -201,6 +201,7 @@ def _joined(captures: list[Observation]) -> Observation:
         kinds=first.kinds * count,
         number=first.number.expand(count),
         position=None if first.position is None else first.position.expand(count),
+        before=None if first.before is None else first.before.expand(count, -1, -1),
     )
 
 

@@ -21,7 +21,7 @@ FINE_DIFFERENCE = 1e-3
 LONGEST_STEP = 20
 """Steps of a parameter that one iteration may move it by: further, its derivative says nothing."""
 LONGEST_PART = 0.5
-"""The same as a part of its distance from doing nothing, if that is more: noise that has stood in for an effect is many
+"""The same for noise, as a part of its distance from none, if that is more: what has stood in for an effect is many
 times as strong as it should be."""
 LONGEST_LOG_STEP = 1.5
 """The same for a logarithm, in natural units."""
@@ -65,8 +65,8 @@ class FreeParameters:
 
         Args:
             hypothesis: where to differentiate.
-            part: of the parameter's step that is taken, away from the neutral value; the other way where that would
-                leave the bounds.
+            part: of the parameter's step that is taken: away from the neutral value if it is positive (a logarithm
+                grows), and the other way where that would leave the bounds.
         """
         for name, parameter in self.names:
             about = self.model.effects[name].about[parameter]
@@ -149,8 +149,9 @@ class FreeParameters:
             low, high = math.log(max(about.low, 1e-300) / value), math.log(about.high / value)
             low, high = max(low, -LONGEST_LOG_STEP), min(high, LONGEST_LOG_STEP)
         else:
-            neutral = about.neutral if isinstance(about.neutral, (int, float)) else value
-            longest = max(LONGEST_STEP * about.step, LONGEST_PART * abs(value - neutral))
+            longest = LONGEST_STEP * about.step
+            if self.model.effects[name].noise and isinstance(about.neutral, (int, float)):
+                longest = max(longest, LONGEST_PART * abs(value - about.neutral))
             low, high = max(about.low - value, -longest), min(about.high - value, longest)
         if step < low:
             return low

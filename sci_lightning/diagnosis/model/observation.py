@@ -41,7 +41,8 @@ class Observation:
         position: ``(N,)`` place of each capture in the order in which they were taken, for what depends on time;
             None if they were not taken one after the other.
         before: ``(N, H, W)`` raw DN of what was recorded just before each capture, whether its scene is known or not; 0
-            before the first; None if they were not taken one after the other.
+            before the first; None if they were not taken one after the other. Captures that are kept for verification
+            are among them: no fit sees them but as what the next capture may have kept.
         verification: ``(N,)`` bool, captures that the file sets aside for verification; None where it does not say.
         grid: where the mirrors nominally lie in the field; None where every mirror is a pixel.
         dark_surround: whether no light comes from beyond the patterns; False where nobody knows what lies there.

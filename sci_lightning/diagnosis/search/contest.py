@@ -57,10 +57,13 @@ class Contest:
         return 0.0 if name is None else self._bic_gains[name]
 
     def refused(self, least: float) -> str | None:
-        """Return the candidate of the largest gain among those that held-out pixels do not confirm; None as above."""
+        """Return the candidate of the largest gain among those that held-out pixels do not confirm.
+
+        None if no gain exceeds ``least``.
+        """
         refused = [name for name, gain in self._bic_gains.items() if gain == -math.inf]
         before = bic(self.fitter, self.best)
-        gains = {name: bic(self.fitter, self.fits[name]) - before - self._less[name] for name in refused}
+        gains = {name: bic(self.fitter, self.fits[name]) - before - self._handicap[name] for name in refused}
         return max((name for name in refused if gains[name] > least), key=gains.__getitem__, default=None)
 
     def leaves_out_much(self, whole: Fitter) -> bool:
@@ -69,10 +72,10 @@ class Contest:
 
     @cached_property
     def _bic_gains(self) -> dict[str, float]:
-        return {name: bic_gain(self.fitter, self.best, fit) - self._less[name] for name, fit in self.fits.items()}
+        return {name: bic_gain(self.fitter, self.best, fit) - self._handicap[name] for name, fit in self.fits.items()}
 
     @cached_property
-    def _less(self) -> dict[str, float]:
+    def _handicap(self) -> dict[str, float]:
         """Nats taken off: an effect that is the same as a plainer one is named only where captures tell them apart."""
         effects, present = self.fitter.model.effects, (*self.fits, *self.best.hypothesis.effects)
         plainer = {name for name in self.fits if effects[name].plainer in present}

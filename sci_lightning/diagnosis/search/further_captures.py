@@ -78,6 +78,7 @@ def further_captures(observation: Observation) -> dict[str, Observation]:
             kinds=("further",),
             number=torch.zeros(1, dtype=torch.long),
             position=None,
+            before=None,
         )
         for kind, (sequence, scene, aperture, exposure) in kinds.items()
     }

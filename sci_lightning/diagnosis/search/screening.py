@@ -18,7 +18,7 @@ BATCH = 12
 """Starts whose predictions are held in memory at a time."""
 
 BESIDE = 0.2
-"""Pixels around the best displacement at which it is screened again: half of what its starts are apart."""
+"""Pixels on either side of a whole displacement at which it is screened again: half of what its starts are apart."""
 
 
 @dataclass(frozen=True)

@@ -125,6 +125,8 @@ def complete(
 ) -> tuple[Fitter, Fit, list[Unnamed]]:
     """Take in every pixel that the selected model can predict, localise what only shows there, and doubt the names.
 
+    Where a name is withdrawn, what has no name is localised anew.
+
     Args:
         whole: a fitter that leaves nothing out.
         fitter: that of the search, which left out what its candidates cannot predict.
@@ -183,7 +185,8 @@ def select_effects(
             narrow = whole.covering(best.hypothesis)
             near = hold_contest(narrow, judged_by(narrow, best, fitter), part=NEAR)
             weak = near.winner(least)
-            if 0 < near.gain_of(weak) < settings.on_trial_nats:  # else it is a matter of some pixels at the sides
+            # one that gains more there is a matter of some pixels at the sides, which are localised in the end
+            if contest.gain_of(added) < near.gain_of(weak) < settings.on_trial_nats:
                 contest, added = near, weak
         fitter, best, fits = contest.fitter, contest.best, contest.fits
         if on_trial := added is None and before_trial is None:
@@ -237,7 +240,7 @@ def exchange(fitter: Fitter, fit: Fit, keep: Hypothesis) -> tuple[Fitter, Fit]:
                     fitter, fit, now = judge, instead, other
                     if needed < 0:  # the next rival would have to be better than what the plainer one replaced
                         break
-            if now not in asked:  # what took its place may have rivals of its own, with fewer parameters
+            if now not in asked:  # what took its place may have other rivals
                 waiting.append(now)
     return fitter, fit
 

@@ -55,7 +55,8 @@ class Parameter:
 def part_of(setting: Mapping[str, Value], about: Mapping[str, Parameter], part: float) -> dict[str, Value]:
     """Return a setting of several parameters whose distance from the neutral one is multiplied by ``part``.
 
-    Choices, and numbers without a neutral value, stay as they are; no number leaves its bounds.
+    Choices, and numbers without a neutral value, stay as they are; no number leaves its bounds. Numbers that are fitted
+    as logarithms are multiplied like all others.
     """
 
     def moved(value: Value, parameter: Parameter) -> Value:
