@@ -27,8 +27,8 @@ from sci_lightning.encoder.effects.parameter import part_of
 LEVELS = 12
 """Levels of light, of equally many pixels each, that are asked by themselves."""
 LEAST_DISTANCE = 2.0
-"""Nats by which the parameters of an effect must be likelier than those of doing nothing, the other effects' unchanged: two
-standard deviations of an effect that the others cannot imitate."""
+"""Nats by which the parameters of an effect must be likelier than those of doing nothing, while the other effects stay
+unchanged: two standard deviations of an effect that the others cannot imitate."""
 NEARLY_NOTHING = 1e-3
 """Part of the distance from their neutral values that the parameters of an effect keep which does nearly nothing."""
 IMITATED = 1e-6
