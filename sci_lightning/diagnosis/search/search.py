@@ -145,8 +145,8 @@ def complete(
         if not unnamed and misfit_outside(wide, fit, fitter) > wide.settings.negligible_chi2:
             wide, fit, unnamed = explain_remaining_misfit(wide, fit, ideal, noise, (), on_progress)
     certain, left = without_doubtful_names(wide, fit, noise, unnamed, on_progress)
-    if certain is fit:
-        return wide, fit, list(unnamed)
+    if certain is fit or any(deviation.name in wide.model.vocabulary for deviation in left):
+        return wide, certain, list(left)  # the map of a rejected effect is where nothing else would be localised
     named = certain.hypothesis  # what was localised beside names that are withdrawn may have another place without them
     for deviation in left:
         named = named.without(deviation.name)
