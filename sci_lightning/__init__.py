@@ -19,6 +19,7 @@ The modules behind it are ordinary ones and may be imported directly as well; th
 
 from __future__ import annotations
 
+import signal
 import sys
 from importlib import import_module
 from types import ModuleType
@@ -136,3 +137,13 @@ def _version() -> str:
         return version("sci-lightning")
     except PackageNotFoundError:
         return "0+unknown"
+
+
+def _die_of_interrupts_while_loading() -> None:
+    """Let Ctrl-C end ``python -m sci_lightning...`` without a traceback until its command runs."""
+    is_command = sys.argv[:1] == ["-m"] and any(word.startswith("sci_lightning") for word in sys.orig_argv)
+    if is_command and signal.getsignal(signal.SIGINT) == signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+_die_of_interrupts_while_loading()
