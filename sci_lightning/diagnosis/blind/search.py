@@ -14,7 +14,7 @@ from sci_lightning.diagnosis.laboratory import SceneEffect
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.effects import OpticsEffect, SensorEffect
-from sci_lightning.encoder.effects.parameter import Value
+from sci_lightning.encoder.effects.parameter import part_of
 
 OnProgress = Callable[[str], None]
 """Called with a one-line message after every step of the search."""
@@ -227,10 +227,7 @@ class BlindSearch:
             trials = [(self._screened(base, name, start), start) for start in settings]
             if not model.effects[name].is_discrete():
                 trials.sort(key=lambda trial: -trial[0])
-                weaker: list[Setting] = [
-                    {parameter: _between(about[parameter].neutral, value) for parameter, value in start.items()}
-                    for _, start in trials[:STARTS_FITTED]
-                ]
+                weaker = [part_of(start, about, WEAK_PART) for _, start in trials[:STARTS_FITTED]]
                 trials += [(self._screened(base, name, start), start) for start in weaker]
             trials.sort(key=lambda trial: -trial[0])
             if trials:
@@ -312,13 +309,6 @@ def undetermined_effects(model: CameraModel) -> dict[str, str]:
         if "flicker" in model.vocabulary:
             unclear["flicker"] = OF_THE_SLOTS
     return unclear
-
-
-def _between(neutral: Value | None, value: Value) -> Value:
-    """Return the value at a part of a start's distance from the neutral one."""
-    if not isinstance(neutral, (int, float)) or not isinstance(value, (int, float)):
-        return value
-    return neutral + WEAK_PART * (value - neutral)
 
 
 def _spread(blocks: torch.Tensor, count: int) -> torch.Tensor:
