@@ -1,4 +1,7 @@
-"""The alignment: a homography is improved until the patterns lie on their images, from coarse cells to fine ones."""
+"""The alignment: a homography is improved until the patterns lie on their images, from coarse cells to fine ones.
+
+In the last step a radial distortion is fitted beside it, so that a lens that distorts does not bend the homography.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +24,12 @@ CONVERGED = 0.005
 """Cells by which a step moves the field's corners when a level is finished."""
 LEAST_KEPT = 0.8
 """Part of what is compared that a level has to keep: fewer cells are easier to match."""
+WORTH_DISTORTION = 0.01
+"""Part of the squared difference that a radial distortion has to explain to be believed."""
+MOST_DISTORTION = 0.3
+"""Largest radial distortion that is believed, as that of ``mask_distortion``."""
+NEWTON_STEPS = 6
+"""Steps to undo a distortion."""
 BLOCKS = 8
 """Blocks along either side of the field whose displacements make up the residual."""
 
@@ -34,12 +43,28 @@ class Level:
         part: largest part of the field that is compared, its middle.
         blur: standard deviation in cells.
         perspective: whether perspective is free as well.
+        distortion: whether a radial distortion is free as well.
     """
 
     cell: int
     part: float
     blur: float
     perspective: bool = False
+    distortion: bool = False
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """Where the mirrors are seen.
+
+    Attributes:
+        matrix: (3, 3) homography, from (x, y, 1) of a pixel's centre to (u, v, 1) in mirrors.
+        distortion: what the homography shows at a distance r from the field's centre is seen at
+            r (1 + distortion r^2 / R^2), where R is half the field's diagonal, as for ``mask_distortion``.
+    """
+
+    matrix: np.ndarray
+    distortion: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -50,7 +75,8 @@ class Comparison:
         drawn, image: ``(P, h, w)``, band-passed; 0 where the field is not on the modulator.
         along_u, along_v: ``(P, h, w)`` derivatives of what is drawn with respect to the place in mirrors.
         u, v: ``(h, w)`` places in mirrors.
-        x, y: ``(h, w)`` places in pixels.
+        x, y: ``(h, w)`` places in pixels, without the distortion.
+        bent: ``(2, h, w)`` derivatives of x and y with respect to the distortion.
         inside: ``(h, w)`` bool.
         cell: pixels along a cell's side.
     """
@@ -63,6 +89,7 @@ class Comparison:
     v: np.ndarray
     x: np.ndarray
     y: np.ndarray
+    bent: np.ndarray
     inside: np.ndarray
     cell: int
 
@@ -114,31 +141,37 @@ def levels(field: tuple[int, int], cell: int, perspective: bool) -> list[Level]:
         cell = max(1, cell // 2)
         steps.append(Level(cell, 1.0, 1.2))
     steps.append(Level(cell, 1.0, 0.8))
-    return [*steps, Level(cell, 1.0, 0.8, True)] if perspective else steps
+    if perspective:
+        steps.append(Level(cell, 1.0, 0.8, True))
+    return [*steps, Level(cell, 1.0, 0.8, perspective, True)]
 
 
-def align(shown: list[ShownPattern], matrix: np.ndarray, steps: list[Level]) -> np.ndarray:
+def align(shown: list[ShownPattern], matrix: np.ndarray, steps: list[Level]) -> Alignment:
     """Return the homography that a start is improved to, level by level, by a damped Gauss-Newton method.
 
-    It minimises the squared difference between images and patterns as drawn, each with its own brightness.
+    It minimises the squared difference between images and patterns as drawn, each with its own brightness. A distortion
+    that explains next to nothing is left out.
     """
+    best = Alignment(matrix)
     for level in steps:
-        prepared = Prepared(shown, matrix, level)
-        damping, current = 1e-3, prepared.compare(matrix)
-        least = LEAST_KEPT * float(current.inside.mean())
+        prepared, start = Prepared(shown, best.matrix, level), best
+        damping, current = 1e-3, prepared.compare(best)
+        before, least = current.correlation, LEAST_KEPT * float(current.inside.mean())
         for _ in range(STEPS):
             for more in range(4):
-                proposal = _step(current, matrix, damping * 10.0**more, level.perspective)
+                proposal = _step(current, best, damping * 10.0**more, level)
                 trial = prepared.compare(proposal)
                 if trial.correlation > current.correlation and trial.inside.mean() > least:
                     break
             else:
                 break
-            moved = _corner_shift(current, matrix, proposal)
-            matrix, current, damping = proposal, trial, max(damping * 10.0 ** (more - 1), 1e-6)
+            moved = _corner_shift(current, best.matrix, proposal.matrix)
+            best, current, damping = proposal, trial, max(damping * 10.0 ** (more - 1), 1e-6)
             if moved < CONVERGED:
                 break
-    return matrix
+        if level.distortion and 1 - current.correlation**2 > (1 - WORTH_DISTORTION) * (1 - before**2):
+            best = start
+    return best
 
 
 def _corner_shift(comparison: Comparison, before: np.ndarray, after: np.ndarray) -> float:
@@ -149,12 +182,12 @@ def _corner_shift(comparison: Comparison, before: np.ndarray, after: np.ndarray)
     return float(np.hypot(back[0] - x, back[1] - y).max()) / comparison.cell
 
 
-def _step(comparison: Comparison, matrix: np.ndarray, damping: float, perspective: bool) -> np.ndarray:
-    """Return the homography after one damped Gauss-Newton step."""
+def _step(comparison: Comparison, start: Alignment, damping: float, level: Level) -> Alignment:
+    """Return the alignment after one damped Gauss-Newton step."""
     x, y, inside = comparison.x, comparison.y, comparison.inside
     centre, half = np.array([x.mean(), y.mean()]), max(float(np.ptp(x)), float(np.ptp(y)), 1.0) / 2
     normal = np.array([[half, 0, centre[0]], [0, half, centre[1]], [0, 0, 1.0]])
-    local = matrix @ normal
+    local = start.matrix @ normal
     local = local / local[2, 2]
     x, y = (x - centre[0]) / half, (y - centre[1]) / half
     depth = local[2, 0] * x + local[2, 1] * y + 1
@@ -162,7 +195,10 @@ def _step(comparison: Comparison, matrix: np.ndarray, damping: float, perspectiv
     along_u, along_v = gains * comparison.along_u / depth, gains * comparison.along_v / depth
     away = -(along_u * comparison.u + along_v * comparison.v)
     columns = [along_u * x, along_u * y, along_u, along_v * x, along_v * y, along_v]
-    columns += [away * x, away * y] if perspective else []
+    columns += [away * x, away * y] if level.perspective else []
+    if level.distortion:
+        along = [along_u * local[0, i] + along_v * local[1, i] + away * local[2, i] for i in (0, 1)]
+        columns.append((along[0] * comparison.bent[0] + along[1] * comparison.bent[1]) / half)
     design = np.stack([column[:, inside].ravel() for column in columns])
     left = (comparison.image - gains * comparison.drawn)[:, inside].ravel()
     information = design @ design.T
@@ -171,10 +207,32 @@ def _step(comparison: Comparison, matrix: np.ndarray, damping: float, perspectiv
     changed = local.copy()
     changed[0] += step[:3]
     changed[1] += step[3:6]
-    if perspective:
-        changed[2, :2] += step[6:]
+    if level.perspective:
+        changed[2, :2] += step[6:8]
     moved = changed @ np.linalg.inv(normal)
-    return np.asarray(moved / moved[2, 2])
+    distortion = start.distortion + float(step[-1]) * level.distortion
+    return Alignment(np.asarray(moved / moved[2, 2]), float(np.clip(distortion, -MOST_DISTORTION, MOST_DISTORTION)))
+
+
+def _undistorted(
+    x: np.ndarray, y: np.ndarray, field: tuple[int, int], distortion: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return where what is seen at (x, y) would be seen without distortion, and ``(2, h, w)`` how that changes with it.
+
+    Args:
+        x, y: in pixels.
+        field: (H, W).
+        distortion: see :class:`Alignment`.
+    """
+    centre = (field[1] - 1) / 2, (field[0] - 1) / 2
+    x, y = x - centre[0], y - centre[1]
+    square = (x**2 + y**2) * (4 / (field[0] ** 2 + field[1] ** 2))
+    part = np.ones_like(square)
+    for _ in range(NEWTON_STEPS):  # part + distortion * square * part**3 = 1
+        bend = distortion * square * part**2
+        part = np.clip(part - (part + bend * part - 1) / np.maximum(1 + 3 * bend, 0.1), 0.5, 1.5)
+    bent = -square * part**3 / np.maximum(1 + 3 * distortion * square * part**2, 0.1)
+    return x * part + centre[0], y * part + centre[1], np.stack([x * bent, y * bent])
 
 
 class Prepared:
@@ -188,13 +246,14 @@ class Prepared:
 
     def __init__(self, shown: list[ShownPattern], matrix: np.ndarray, level: Level) -> None:
         self._cell = level.cell
-        field = shown[0].image.shape
+        field = (shown[0].image.shape[0], shown[0].image.shape[1])
+        self._field = field
         sides = [max(1, int(level.part * length) // level.cell) for length in field]
         first = [(length - side * level.cell) // 2 for length, side in zip(field, sides, strict=True)]
         part = tuple(slice(f, f + side * level.cell) for f, side in zip(first, sides, strict=True))
         y, x = (f + (level.cell - 1) / 2 + level.cell * np.arange(side) for f, side in zip(first, sides, strict=True))
         self._x, self._y = np.meshgrid(x, y)
-        across, down = pixels_per_mirror(matrix, (field[0], field[1]))
+        across, down = pixels_per_mirror(matrix, field)
         pitch = level.cell / down, level.cell / across
         self._mirrors = [band_pass(pattern.mirrors, pitch, level.blur) for pattern in shown]
         self._slopes = [np.gradient(mirrors) for mirrors in self._mirrors]
@@ -202,9 +261,10 @@ class Prepared:
         binned = (pattern.image[part].reshape(shape).mean((1, 3)) for pattern in shown)
         self._images = np.stack([band_pass(image, (1.0, 1.0), level.blur, box=False) for image in binned])
 
-    def compare(self, matrix: np.ndarray) -> Comparison:
-        """Return the patterns as a homography draws them beside their images."""
-        u, v = on_modulator(matrix, self._x, self._y)
+    def compare(self, alignment: Alignment) -> Comparison:
+        """Return the patterns as an alignment draws them beside their images."""
+        x, y, bent = _undistorted(self._x, self._y, self._field, alignment.distortion)
+        u, v = on_modulator(alignment.matrix, x, y)
         rows, columns = self._mirrors[0].shape
         inside = (u >= 0) & (u <= columns - 1) & (v >= 0) & (v <= rows - 1)
         place = [np.where(inside, v, 0.0), np.where(inside, u, 0.0)]
@@ -219,8 +279,9 @@ class Prepared:
             drawn([slope[0] for slope in self._slopes]),
             place[1],
             place[0],
-            self._x,
-            self._y,
+            x,
+            y,
+            bent,
             inside,
             self._cell,
         )

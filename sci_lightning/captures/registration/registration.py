@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sci_lightning.captures.captures import Captures
-from sci_lightning.captures.registration.alignment import Prepared, align, levels, residual
+from sci_lightning.captures.registration.alignment import Alignment, Prepared, align, levels, residual
 from sci_lightning.captures.registration.coarse_search import (
     CELLS,
     Candidate,
@@ -38,13 +38,16 @@ class Registration:
 
     Attributes:
         matrix: (3, 3) float64 homography, from (x, y, 1) of a pixel's centre to (u, v, 1) in mirrors.
-        residual: pixels, r.m.s., by which the patterns still lie beside their images: lens distortion, mostly.
+        distortion: radial distortion of the lens, as the parameter of ``mask_distortion``, that was fitted beside the
+            homography; 0 where none is seen.
+        residual: pixels, r.m.s., by which the patterns lie beside their images without the distortion.
         correlation: of the patterns with their images, 0 to 1.
         significance: the same in standard deviations of that of unrelated images.
         captures: numbers of the captures that were compared.
     """
 
     matrix: np.ndarray
+    distortion: float
     residual: float
     correlation: float
     significance: float
@@ -124,11 +127,14 @@ def _aligned(
 ) -> Registration:
     """Align a candidate and judge it by the finest comparison."""
     steps = levels(field, cell, perspective)
-    matrix = align(shown, candidate.matrix, steps)
-    last = Prepared(shown, matrix, steps[-1]).compare(matrix)
+    alignment = align(shown, candidate.matrix, steps)
+    matrix = alignment.matrix
+    prepared = Prepared(shown, matrix, steps[-1])
+    last = prepared.compare(alignment)
     return Registration(
         matrix=matrix,
-        residual=residual(last, matrix),
+        distortion=alignment.distortion,
+        residual=residual(prepared.compare(Alignment(matrix)), matrix),
         correlation=last.correlation,
         significance=last.significance if covered(matrix, field, mirrors).mean() > LEAST_COVERED else 0.0,
         captures=tuple(sorted(number for pattern in shown for number in pattern.captures)),
