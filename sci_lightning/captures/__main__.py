@@ -77,9 +77,14 @@ def register(composition: Composition) -> None:
     across, down = pixels_per_mirror(registration.matrix, captures.size)
     part = covered(registration.matrix, captures.size, captures.mirrors).mean()
     written = write_homography(cfg.captures, registration.matrix)
+    bent = (
+        f"lens distortion {registration.distortion:+.3f}, residual without it"
+        if registration.distortion
+        else "residual"
+    )
     console.print(
         f"{captures.mirrors[0]} x {captures.mirrors[1]} mirrors of {across:.4g} x {down:.4g} pixels (wide, high) cover "
-        f"{100 * part:.0f} % of the field; residual {registration.residual:.2f} pixels, correlation "
+        f"{100 * part:.0f} % of the field; {bent} {registration.residual:.2f} pixels, correlation "
         f"{registration.correlation:.3f}, from {len(registration.captures)} captures"
     )
     console.say(styled(written), ": sensor_to_modulator")

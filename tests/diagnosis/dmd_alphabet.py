@@ -21,6 +21,7 @@ from sci_lightning.diagnosis.fit.split import split
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, datasheet_noise
 from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.vocabulary import vocabulary
+from sci_lightning.encoder.effects import MaskDistortion
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.modulator_grid import ModulatorGrid
 from sci_lightning.imaging.homography import of_binned_field
@@ -93,22 +94,22 @@ def judged(path: LightPath, folder: Path, factor: int) -> Judged:
     return Judged(float(np.median(errors)), float(np.sqrt(np.mean(np.square(errors)))))
 
 
-def registered(folder: Path) -> tuple[Registration, ModulatorGrid]:
-    """Register means over ``REGISTERED`` x ``REGISTERED`` pixels of the photograph by an affine map, without a hint."""
+def registered(folder: Path) -> tuple[Registration, LightPath]:
+    """Register means over ``REGISTERED`` x ``REGISTERED`` pixels of the photograph, without a hint."""
     captures = as_captures(*photograph(folder), REGISTERED)
-    registration = register(captures, perspective=False)
-    return registration, ModulatorGrid(registration.matrix, captures.size, captures.mirrors)
+    registration = register(captures)
+    grid = ModulatorGrid(registration.matrix, captures.size, captures.mirrors)
+    return registration, LightPath([MaskDistortion(registration.distortion)], grid)
 
 
 EXPECTED = (
-    {"mask_contrast": {"leak": 0.3}, "gain": {"factor": 0.5}, "mask_blur": {"sigma": 1.0}},
+    {"mask_contrast": {"leak": 0.3}, "gain": {"factor": 1.0}, "mask_blur": {"sigma": 1.5}},
     {"illumination": {"std": 0.1}},
     {
-        "mask_keystone": {"tilt_x": 0.0, "tilt_y": 0.03},
-        "mask_distortion": {"k": -0.03},
+        "mask_keystone": {"tilt_x": 0.0, "tilt_y": 0.0},
         "mask_shift": {"dx": 0.0, "dy": 0.0},
         "mask_scale": {"scale": 1.0},
-        "mask_rotation": {"angle": 0.1},
+        "mask_rotation": {"angle": 0.0},
     },
 )
 """What is expected by hand (haze, defocus, uneven light, keystone, barrel distortion), and where its fit starts."""
@@ -118,26 +119,27 @@ IN_PIXELS = ("mask_shift", "mask_blur")
 """Effects whose parameters are lengths in pixels."""
 
 
-def fitted(folder: Path, matrix: np.ndarray) -> tuple[Hypothesis, LightPath]:
-    """Fit the expected effects to means over ever fewer pixels, from a registered map on, without a search.
+def fitted(folder: Path, registration: Registration) -> tuple[Hypothesis, LightPath]:
+    """Fit the expected effects to means over ever fewer pixels, from a registration on, without a search.
 
     The first fit adds effect after effect; the next ones start where it ended, apart from the map of uneven light.
     """
     before: dict[str, dict[str, float]] = {}
+    distortion = {"mask_distortion": {"k": registration.distortion}}
     for factor in FITTED:
-        nominal = of_binned_field(matrix, factor // REGISTERED)
+        nominal = of_binned_field(registration.matrix, factor // REGISTERED)
         captures = replace(as_captures(*photograph(folder), factor), sensor_to_modulator=nominal)
         observation = observe(captures)
         model = CameraModel(observation, vocabulary())
         hypothesis, _ = datasheet_noise(observation)
         fitter = Fitter(model, split(observation))
-        starts = EXPECTED if not before else ({**EXPECTED[1], **before},)
+        starts = ({**EXPECTED[0], **distortion}, *EXPECTED[1:]) if not before else ({**EXPECTED[1], **before},)
         for settings in starts:
             for name, setting in settings.items():
                 hypothesis = hypothesis.with_effect(name, dict(setting), model.zero_map(name))
             fitter = fitter.covering(hypothesis)
             hypothesis = fitter.fit(hypothesis, iterations=25).hypothesis
-        for name in (*EXPECTED[0], *EXPECTED[2]):  # pixels of the next fit are half as wide
+        for name in (*EXPECTED[0], *EXPECTED[2], *distortion):  # pixels of the next fit are half as wide
             longer = 2 if name in IN_PIXELS else 1
             before[name] = {key: longer * float(value) for key, value in hypothesis.effects[name].items()}
     return hypothesis, model.path(hypothesis)

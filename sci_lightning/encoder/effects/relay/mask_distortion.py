@@ -11,6 +11,9 @@ from sci_lightning.encoder.effects.parameter import Parameter, Value
 from sci_lightning.encoder.effects.stage import RelayEffect
 from sci_lightning.encoder.relay import Pose
 
+MUCH = 0.06
+"""Distortion of a lens that distorts much."""
+
 
 class MaskDistortion(RelayEffect):
     r"""Radial distortion: what should lie at distance r from the field's centre lies at :math:`r\,(1 + k r^2 / R^2)`.
@@ -29,9 +32,11 @@ class MaskDistortion(RelayEffect):
 
     @classmethod
     def starts(cls, frames: int, size: tuple[int, int], bit_depth: int) -> list[dict[str, Value]]:
-        """Return settings by which the corners move by about a pixel, and by a few."""
+        """Return settings by which the corners move by about a pixel, and by a few; by many in a large field."""
         corner = 0.8 / ((size[0] ** 2 + size[1] ** 2) ** 0.5 / 2)
-        return [{"k": min(max(pixels * corner, -0.2), 0.2)} for pixels in (-5, -2.5, -1, 1, 2.5, 5)]
+        far = [pixels * corner for pixels in (1, 2.5, 5, 10, 20)]
+        distortions = [min(k, 0.2) for k in far[:3]] + [k for k in far[3:] if k < MUCH]
+        return [{"k": sign * k} for sign in (-1, 1) for k in distortions]
 
     def border(self, size: tuple[int, int]) -> Border:
         barrel = max(-float(self.k), 0.0)
