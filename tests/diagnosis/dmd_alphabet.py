@@ -26,8 +26,8 @@ from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.modulator_grid import ModulatorGrid
 from sci_lightning.imaging.homography import of_binned_field
 
-REGISTERED, FITTED = 4, (16, 8, 4)
-"""Pixels of the photograph along the side of a pixel that is registered, and of those that are fitted in turn."""
+REGISTERED, FITTED = 4, 16
+"""Pixels of the photograph along the side of a pixel that is registered, and of one that is fitted."""
 THEIR_K = -0.05
 """Of the authors' correction by hand, with which their camera points are given."""
 
@@ -99,7 +99,7 @@ def registered(folder: Path) -> tuple[Registration, LightPath]:
     captures = as_captures(*photograph(folder), REGISTERED)
     registration = register(captures)
     grid = ModulatorGrid(registration.matrix, captures.size, captures.mirrors)
-    return registration, LightPath([MaskDistortion(registration.distortion)], grid)
+    return registration, LightPath([MaskDistortion(k=registration.distortion)], grid)
 
 
 EXPECTED = (
@@ -115,31 +115,18 @@ EXPECTED = (
 """What is expected by hand (haze, defocus, uneven light, keystone, barrel distortion), and where its fit starts."""
 
 
-IN_PIXELS = ("mask_shift", "mask_blur")
-"""Effects whose parameters are lengths in pixels."""
-
-
 def fitted(folder: Path, registration: Registration) -> tuple[Hypothesis, LightPath]:
-    """Fit the expected effects to means over ever fewer pixels, from a registration on, without a search.
-
-    The first fit adds effect after effect; the next ones start where it ended, apart from the map of uneven light.
-    """
-    before: dict[str, dict[str, float]] = {}
-    distortion = {"mask_distortion": {"k": registration.distortion}}
-    for factor in FITTED:
-        nominal = of_binned_field(registration.matrix, factor // REGISTERED)
-        captures = replace(as_captures(*photograph(folder), factor), sensor_to_modulator=nominal)
-        observation = observe(captures)
-        model = CameraModel(observation, vocabulary())
-        hypothesis, _ = datasheet_noise(observation)
-        fitter = Fitter(model, split(observation))
-        starts = ({**EXPECTED[0], **distortion}, *EXPECTED[1:]) if not before else ({**EXPECTED[1], **before},)
-        for settings in starts:
-            for name, setting in settings.items():
-                hypothesis = hypothesis.with_effect(name, dict(setting), model.zero_map(name))
-            fitter = fitter.covering(hypothesis)
-            hypothesis = fitter.fit(hypothesis, iterations=25).hypothesis
-        for name in (*EXPECTED[0], *EXPECTED[2], *distortion):  # pixels of the next fit are half as wide
-            longer = 2 if name in IN_PIXELS else 1
-            before[name] = {key: longer * float(value) for key, value in hypothesis.effects[name].items()}
+    """Fit the expected effects, one group after the other, from a registration on, without a search."""
+    nominal = of_binned_field(registration.matrix, FITTED // REGISTERED)
+    captures = replace(as_captures(*photograph(folder), FITTED), sensor_to_modulator=nominal)
+    observation = observe(captures)
+    model = CameraModel(observation, vocabulary())
+    hypothesis, _ = datasheet_noise(observation)
+    hypothesis = hypothesis.with_effect("mask_distortion", {"k": registration.distortion})
+    fitter = Fitter(model, split(observation))
+    for settings in EXPECTED:
+        for name, setting in settings.items():
+            hypothesis = hypothesis.with_effect(name, dict(setting), model.zero_map(name))
+        fitter = fitter.covering(hypothesis)
+        hypothesis = fitter.fit(hypothesis, iterations=25).hypothesis
     return hypothesis, model.path(hypothesis)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import fft
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import map_coordinates, spline_filter
 
 from sci_lightning.captures.registration.coarse_search import CELLS, band_pass
 from sci_lightning.captures.registration.shown_patterns import ShownPattern
@@ -24,6 +24,8 @@ CONVERGED = 0.005
 """Cells by which a step moves the field's corners when a level is finished."""
 LEAST_KEPT = 0.8
 """Part of what is compared that a level has to keep: fewer cells are easier to match."""
+FINE = 1.0
+"""Cells of blur below which mirrors are interpolated by splines."""
 WORTH_DISTORTION = 0.01
 """Part of the squared difference that a radial distortion has to explain to be believed."""
 MOST_DISTORTION = 0.3
@@ -248,6 +250,7 @@ class Prepared:
         self._cell = level.cell
         field = (shown[0].image.shape[0], shown[0].image.shape[1])
         self._field = field
+        self._fine = level.blur < FINE  # straight lines between mirrors blur them a little more
         sides = [max(1, int(level.part * length) // level.cell) for length in field]
         first = [(length - side * level.cell) // 2 for length, side in zip(field, sides, strict=True)]
         part = tuple(slice(f, f + side * level.cell) for f, side in zip(first, sides, strict=True))
@@ -257,6 +260,9 @@ class Prepared:
         pitch = level.cell / down, level.cell / across
         self._mirrors = [band_pass(pattern.mirrors, pitch, level.blur) for pattern in shown]
         self._slopes = [np.gradient(mirrors) for mirrors in self._mirrors]
+        if self._fine:
+            self._mirrors = [spline_filter(mirrors) for mirrors in self._mirrors]
+            self._slopes = [[spline_filter(slope) for slope in slopes] for slopes in self._slopes]
         shape = (sides[0], level.cell, sides[1], level.cell)
         binned = (pattern.image[part].reshape(shape).mean((1, 3)) for pattern in shown)
         self._images = np.stack([band_pass(image, (1.0, 1.0), level.blur, box=False) for image in binned])
@@ -269,8 +275,10 @@ class Prepared:
         inside = (u >= 0) & (u <= columns - 1) & (v >= 0) & (v <= rows - 1)
         place = [np.where(inside, v, 0.0), np.where(inside, u, 0.0)]
 
+        order = 3 if self._fine else 1
+
         def drawn(images: list[np.ndarray]) -> np.ndarray:
-            return np.stack([map_coordinates(image, place, order=1) * inside for image in images])
+            return np.stack([map_coordinates(image, place, order=order, prefilter=False) * inside for image in images])
 
         return Comparison(
             drawn(self._mirrors),
