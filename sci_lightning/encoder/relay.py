@@ -12,7 +12,7 @@ import torch
 from sci_lightning.encoder.border import TAIL, Border
 from sci_lightning.encoder.footprint import image_by_parts
 from sci_lightning.encoder.modulator_grid import ModulatorGrid
-from sci_lightning.encoder.square_kernel import reach, square_kernel
+from sci_lightning.encoder.square_kernel import reach, square_kernel, without_negligible
 
 NEWTON_STEPS = 6
 """Steps after which the inverse of a radial distortion is exact to rounding, for any in range."""
@@ -288,7 +288,7 @@ def _blurred(patterns: torch.Tensor, sigma: torch.Tensor, axis: int) -> torch.Te
     """Return patterns blurred along an axis by a Gaussian of ``sigma`` mirrors, dark beyond their edges."""
     distance = torch.arange(patterns.shape[axis], dtype=torch.float64, device=patterns.device)
     weight = torch.exp(-((distance[:, None] - distance) / sigma).square() / 2) / (sigma * math.sqrt(2 * math.pi))
-    weight = weight.to(patterns.dtype)
+    weight = without_negligible(weight).to(patterns.dtype)
     return weight @ patterns if axis == -2 else patterns @ weight
 
 

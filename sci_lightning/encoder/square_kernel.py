@@ -8,6 +8,9 @@ import torch
 
 REACH = 4.0
 """Standard deviations beyond which a blur is cut off (6e-5 of the light are lost)."""
+NEGLIGIBLE = 1e-15
+"""Shares of light below it are 0: in float32 they may become denormal numbers, which processors multiply a hundred
+times as slowly as others."""
 
 
 def square_kernel(
@@ -30,7 +33,12 @@ def square_kernel(
     )  # far out on the negative side the antiderivatives are near 0, so that no digits cancel
     edges = (distance + wide, distance + narrow, distance - narrow, distance - wide)
     a, b, c, d = (_twice_integrated(edge, sigma) for edge in edges)
-    return ((a - b - c + d) / pixel).to(given)
+    return without_negligible((a - b - c + d) / pixel).to(given)
+
+
+def without_negligible(weights: torch.Tensor) -> torch.Tensor:
+    """Return weights of which those below ``NEGLIGIBLE`` are 0."""
+    return torch.where(weights.abs() < NEGLIGIBLE, torch.zeros_like(weights), weights)
 
 
 def _twice_integrated(x: torch.Tensor, sigma: torch.Tensor | None) -> torch.Tensor:

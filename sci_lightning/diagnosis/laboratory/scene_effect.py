@@ -12,9 +12,7 @@ import torch
 from torch.nn.functional import embedding_bag
 
 from sci_lightning.encoder.effects.effect import Effect
-
-NOTHING = 1e-15
-"""Weights below it are 0: they would become numbers in float32 that processors multiply a hundred times as slowly."""
+from sci_lightning.encoder.square_kernel import without_negligible
 
 
 class SceneEffect(Effect):
@@ -102,5 +100,4 @@ def _coefficients(length: int, like: torch.Tensor) -> torch.Tensor:
 
 @lru_cache(maxsize=8)
 def _inverse(length: int) -> torch.Tensor:
-    inverse = torch.linalg.inv(_weights(torch.arange(length, dtype=torch.float64), length))
-    return torch.where(inverse.abs() < NOTHING, 0.0, inverse)
+    return without_negligible(torch.linalg.inv(_weights(torch.arange(length, dtype=torch.float64), length)))
