@@ -19,7 +19,7 @@ from sci_lightning.mismatch.protocol import Protocol
 from sci_lightning.mismatch.records import earlier_record, record_digest, record_path, write_record
 from sci_lightning.runs.checkpoint import read_checkpoint
 from sci_lightning.runs.device import device_name, resolve_device
-from sci_lightning.tables.provenance import machine_name, provenance_now
+from sci_lightning.tables.provenance import commit, machine_name, provenance_now
 
 DATASHEET = ("bit_depth", "full_well_e", "read_noise_dn")
 """Settings of the camera that its datasheet states."""
@@ -94,6 +94,7 @@ def prepare(composition: Composition, folder: str | Path, command: str) -> Prepa
     Raises:
         BadInput: settings that do not go together, see :func:`.plan_cameras` and :func:`.prepare_bench`.
     """
+    commit()  # records state the code that began, not what the checkout holds when they are written
     cfg = composition.cfg
     settings, folder = plain(cfg), Path(folder)
     device = resolve_device(cfg.device)

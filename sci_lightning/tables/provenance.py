@@ -10,6 +10,7 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -87,10 +88,12 @@ def machine_name(cores: int | None = None) -> str:
     return f"{'one core' if used == 1 else f'{used} cores'} of {every}, {model}"
 
 
+@lru_cache(maxsize=1)
 def commit() -> str:
     """Return the short hash of the checkout that this program runs from, with ``+`` if files differ from it.
 
-    An installed package belongs to no checkout; its version is returned instead.
+    It is that of the first call, however far the checkout moves on while the program runs: a long measurement asks when
+    it begins. An installed package belongs to no checkout; its version is returned instead.
     """
     from sci_lightning import __version__
 
