@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 from sci_lightning.imaging.homography import pixels_per_mirror
-from tests.diagnosis.dmd_alphabet import REGISTERED, judged, registered
+from tests.captures.registration.dmd_alphabet import REGISTERED, judged, registered
 
 
 @pytest.mark.slow
 def test_letters_are_found(shared_data: Path) -> None:
     """Homography and distortion are righter at the points, which they have not seen, than a homography fitted to them.
 
-    The median of that one is 6.4 pixels, its root mean square 8.1.
+    The root mean square of that one is 8.1 pixels, its median 6.4; the aim is 5.
     """
     folder = shared_data / "real" / "dmd_alphabet"
     registration, path = registered(folder)
@@ -24,4 +24,4 @@ def test_letters_are_found(shared_data: Path) -> None:
     assert across == pytest.approx(5.2, rel=0.05) and down == pytest.approx(2.6, rel=0.05)
     assert registration.correlation > 0.8 and -0.08 < registration.distortion < -0.03
     result = judged(path, folder, REGISTERED)
-    assert result.median < 6.4 and result.rms < 8.1
+    assert result.median < 5 and result.rms < 8.1

@@ -5,7 +5,7 @@ The fiducial points (clicked by hand on the letters) only judge: no registration
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,18 +16,12 @@ from scipy.optimize import fsolve
 
 from sci_lightning.captures import Captures
 from sci_lightning.captures.registration import Registration, register
-from sci_lightning.diagnosis.fit.fit import Fitter
-from sci_lightning.diagnosis.fit.split import split
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, datasheet_noise
-from sci_lightning.diagnosis.model.observation import observe
-from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder.effects import MaskDistortion
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.modulator_grid import ModulatorGrid
-from sci_lightning.imaging.homography import of_binned_field
 
-REGISTERED, FITTED = 4, 16
-"""Pixels of the photograph along the side of a pixel that is registered, and of one that is fitted."""
+REGISTERED = 4
+"""Pixels of the photograph along the side of a pixel that is registered."""
 THEIR_K = -0.05
 """Of the authors' correction by hand, with which their camera points are given."""
 
@@ -100,33 +94,3 @@ def registered(folder: Path) -> tuple[Registration, LightPath]:
     registration = register(captures)
     grid = ModulatorGrid(registration.matrix, captures.size, captures.mirrors)
     return registration, LightPath([MaskDistortion(k=registration.distortion)], grid)
-
-
-EXPECTED = (
-    {"mask_contrast": {"leak": 0.3}, "gain": {"factor": 1.0}, "mask_blur": {"sigma": 1.5}},
-    {"illumination": {"std": 0.1}},
-    {
-        "mask_keystone": {"tilt_x": 0.0, "tilt_y": 0.0},
-        "mask_shift": {"dx": 0.0, "dy": 0.0},
-        "mask_scale": {"scale": 1.0},
-        "mask_rotation": {"angle": 0.0},
-    },
-)
-"""What is expected by hand (haze, defocus, uneven light, keystone, barrel distortion), and where its fit starts."""
-
-
-def fitted(folder: Path, registration: Registration) -> tuple[Hypothesis, LightPath]:
-    """Fit the expected effects, one group after the other, from a registration on, without a search."""
-    nominal = of_binned_field(registration.matrix, FITTED // REGISTERED)
-    captures = replace(as_captures(*photograph(folder), FITTED), sensor_to_modulator=nominal)
-    observation = observe(captures)
-    model = CameraModel(observation, vocabulary())
-    hypothesis, _ = datasheet_noise(observation)
-    hypothesis = hypothesis.with_effect("mask_distortion", {"k": registration.distortion})
-    fitter = Fitter(model, split(observation))
-    for settings in EXPECTED:
-        for name, setting in settings.items():
-            hypothesis = hypothesis.with_effect(name, dict(setting), model.zero_map(name))
-        fitter = fitter.covering(hypothesis)
-        hypothesis = fitter.fit(hypothesis, iterations=25).hypothesis
-    return hypothesis, model.path(hypothesis)
