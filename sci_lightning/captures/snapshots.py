@@ -27,6 +27,8 @@ def matching_files(name: str | Path) -> list[str]:
     Raises:
         BadInput: no file fits.
     """
+    if Path(name).is_dir():
+        raise BadInput(f"{name}: is a folder, expected a file; several are given as '{name}/*.tiff'")
     if Path(name).is_file():
         return [str(name)]
     files = [path for path in glob.glob(str(name)) if Path(path).is_file()]
@@ -138,6 +140,8 @@ def _read_mask(file: str | Path, key: str | None) -> np.ndarray:
             raise three from None
     low, high = float(patterns.min()), float(patterns.max())
     if not (low >= 0 and high <= 1):  # also for NaN
+        if np.isnan(low):
+            raise BadInput(f"{file}: the mask holds NaN; every value must be a transmittance in [0, 1]")
         raise BadInput(
             f"{file}: mask values must lie in [0, 1] (transmittance), found {low:g} to {high:g}; divide by the largest "
             "displayed level first"

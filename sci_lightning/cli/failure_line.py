@@ -44,7 +44,10 @@ def one_line(error: BaseException) -> str:
         return line
     if isinstance(cause, OverrideParseException):
         reason = re.sub(r"\s*See https?://\S+.*", "", str(cause.message), flags=re.DOTALL)
-        written = "lists are [a,b], mappings {a: b} without quotes around keys"
+        written = (
+            "lists are [a,b], mappings {a: b} without quotes around keys; a path with spaces or accents stands in "
+            "quotes of its own inside the shell's: \"captures='MY FILE.h5'\""
+        )
         return f"{excerpt(cause.override)}: cannot be read ({excerpt(reason)}); {written}"
     if isinstance(cause, MissingMandatoryValue) and cause.full_key:
         return f"give {cause.full_key}=..; --help says what it is"

@@ -36,7 +36,7 @@ def read_array(path: str | Path, *, prefer: str, dimensions: int, key: str | Non
     """
     path = Path(path)
     if not path.is_file():
-        raise BadInput(f"{path}: no such file")
+        raise BadInput(f"{path}: {'is a folder, expected a file' if path.is_dir() else 'no such file'}")
     if path.suffix.lower() not in ENDINGS:
         raise BadInput(f"{path}: cannot read an array from '{path.suffix}'; use one of {', '.join(ENDINGS)}")
     try:

@@ -59,6 +59,8 @@ def read_pictures(path: str | Path, *, prefer: str, key: str | None = None) -> n
                 return read_array(path, key=key, prefer=prefer, dimensions=2)
             except BadInput:
                 raise three from None
+    if path.is_dir():
+        raise BadInput(f"{path}: is a folder, expected a file")
     if path.suffix.lower() not in PICTURES:
         raise BadInput(
             f"{path}: cannot read a picture from '{path.suffix}'; use one of {', '.join(PICTURES + ENDINGS)}"

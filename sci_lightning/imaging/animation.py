@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,8 @@ from PIL import Image
 
 from sci_lightning.files.atomic_file import atomic_write
 
+FRAME = re.compile(r"\d{3,}_\d{2,}\.png")
+"""Names of the pictures of single frames."""
 Video = torch.Tensor | np.ndarray
 """A video, also one that is read from a file as it is needed."""
 
@@ -21,11 +24,20 @@ def picture(frame: Video) -> Image.Image:
 
 
 def write_frames(video: Video, folder: str | Path) -> None:
-    """Write ``(N, T, H, W)`` as 8-bit ``NNN_TT.png``: snapshot and frame, both counted from 0."""
+    """Write ``(N, T, H, W)`` as 8-bit ``NNN_TT.png``: snapshot and frame, both counted from 0.
+
+    Frames of that name that an earlier video left in the folder and this one has not are removed.
+    """
+    folder = Path(folder)
+    earlier = {path for path in folder.glob("*.png") if FRAME.fullmatch(path.name) and not path.is_symlink()}
     for snapshot, frames in enumerate(video):
         for slot, frame in enumerate(frames):
-            with atomic_write(Path(folder) / f"{snapshot:03d}_{slot:02d}.png") as temporary:
+            path = folder / f"{snapshot:03d}_{slot:02d}.png"
+            with atomic_write(path) as temporary:
                 picture(frame).save(temporary)
+            earlier.discard(path)
+    for path in earlier:
+        path.unlink()
 
 
 def write_gif(video: Video, path: str | Path, fps: float = 8.0) -> None:

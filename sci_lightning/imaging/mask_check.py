@@ -140,6 +140,8 @@ def mask_warning(measurement: torch.Tensor, mask: torch.Tensor) -> str:
         measurement: ``(N, H, W)``, linear in the light, 1.0 is full scale; at most ``MAX_SNAPSHOTS`` are tested.
         mask: ``(T, H, W)`` in [0, 1].
     """
+    if len(mask) > 1 and bool((mask == mask[:1]).all()):
+        return "all slots of the mask are equal: they code nothing, so that the frames cannot be told apart"
     checks = [check_mask(one, mask) for one in measurement[:MAX_SNAPSHOTS]]
     answers = [check for check in checks if check is not None]
     doubts = [check for check in answers if not check.belongs]

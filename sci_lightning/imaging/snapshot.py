@@ -17,6 +17,8 @@ DIM_LEVEL = 0.25
 """An integer file whose largest value is below this part of full scale may hold numbers of fewer bits."""
 DARK_LEVEL = 0.01
 """A snapshot whose mean is below this part of full scale is almost dark."""
+MOST_SATURATED = 0.1
+"""Part of the pixels that may be saturated without a word."""
 LARGEST_SUM = 100.0
 """A sum of frames that no sensor clipped is at most T times full scale; larger values are taken for DN."""
 
@@ -54,6 +56,12 @@ class Snapshot:
             likely = f"full_scale={fits}" if fits else "another full_scale="
             return (
                 f"{about}; with this mask no more than {brightest:.3g} can be reached: check the units, give {likely}?"
+            )
+        saturated = float((self.measurement >= 1).float().mean()) if self.integer or brightest <= 1 else 0.0
+        if saturated > MOST_SATURATED:
+            return (
+                f"{self.path}: {100 * saturated:.3g} % of the pixels are saturated (full_scale={self.full_scale:g}): "
+                "what they show cannot be recovered; expose for a shorter time"
             )
         if self.integer and top <= DIM_LEVEL and fitting and fitting[0] < self.full_scale:
             bits = fitting[0].bit_length()

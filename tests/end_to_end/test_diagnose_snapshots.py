@@ -47,6 +47,14 @@ def test_without_a_mask(snapshot: np.ndarray, tmp_path: Path, ran: Ran) -> None:
         (["measurement=meas.mat", "mask=none.mat"], "none.mat: no such file"),
         (["measurement=meas.mat", "mask=large.mat"], "mask_origin=[5,9]"),
         (["measurement=meas.mat", "mask=closed.mat"], "never opens"),
+        (["measurement=meas.mat", "mask=open.mat"], "is the same everywhere"),
+        (["measurement=meas.mat", "mask=nan.mat"], "holds NaN"),
+        (["measurement=folder"], "folder: is a folder, expected a file"),
+        (["measurement=meas.mat", "mask=folder"], "folder: is a folder, expected a file"),
+        (
+            ["measurement=meas.mat", "mask=mask.mat", "verification=[0]"],
+            "sets all 1 captures aside",
+        ),
         (["measurement=meas.mat", "bit_depth=4"], "do not fit into 4 bits"),
         (["measurement=meas.mat", "mask=mask.mat", "verification=[1]"], "numbered from 0 to 0"),
         (["measurement=meas.mat", "mask=mask.mat", "mask_step=[0,2,1]"], "mask_step"),
@@ -57,6 +65,9 @@ def test_bad_input(words: list[str], answer: str, snapshot: np.ndarray, tmp_path
     large = np.random.default_rng(1).integers(0, 2, (80, 90, 4))
     large[5:69, 9:73] = mask
     savemat(tmp_path / "large.mat", {"mask": large})
+    savemat(tmp_path / "open.mat", {"mask": np.ones((64, 64, 4))})
+    savemat(tmp_path / "nan.mat", {"mask": np.full((64, 64, 4), np.nan)})
+    (tmp_path / "folder").mkdir()
     savemat(tmp_path / "closed.mat", {"mask": np.zeros((64, 64, 4))})
     assert answer in refused("diagnose", *words, "out=found")
     assert not (tmp_path / "found" / "report.json").exists()

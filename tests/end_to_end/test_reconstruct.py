@@ -120,6 +120,28 @@ def test_numbers_that_do_not_fit_the_full_scale(
     assert (not lines and not told) or (len(lines) == 1 and told in lines[0] and "full_scale=" in lines[0]), lines
 
 
+def test_what_cannot_be_decoded_well(warnings: Callable[..., list[str]], camera: np.ndarray, tmp_path: Path) -> None:
+    np.save(tmp_path / "saturated.npy", np.full((SIDE, SIDE), 255, np.uint8))
+    (line,) = warnings("measurement=saturated.npy", "mask=mask.npy")
+    assert "100 % of the pixels are saturated (full_scale=255)" in line
+    np.save(tmp_path / "snapshot.npy", camera.astype(np.float32))
+    np.save(tmp_path / "ones.npy", np.ones((4, SIDE, SIDE), np.float32))
+    assert any(
+        "all slots of the mask are equal" in line for line in warnings("measurement=snapshot.npy", "mask=ones.npy")
+    )
+
+
+def test_frames_of_an_earlier_video_are_removed(ran: Callable[..., str], camera: np.ndarray, tmp_path: Path) -> None:
+    """Nothing else is: a picture of another name stays."""
+    np.save(tmp_path / "two.npy", np.stack([camera, camera]).astype(np.float32))
+    np.save(tmp_path / "one.npy", camera.astype(np.float32))
+    ran("reconstruct", *QUICK, "measurement=two.npy", "mask=mask.npy")
+    (tmp_path / "run" / "frames" / "mine.png").write_bytes(b"")
+    ran("reconstruct", *QUICK, "measurement=one.npy", "mask=mask.npy")
+    names = sorted(path.name for path in (tmp_path / "run" / "frames").iterdir())
+    assert names == ["000_00.png", "000_01.png", "000_02.png", "000_03.png", "mine.png"]
+
+
 def test_in_tiles(ran: Callable[..., str], camera: np.ndarray, tmp_path: Path) -> None:
     snapshots = np.stack([camera, camera[::-1]]).astype(np.float32)
     np.save(tmp_path / "snapshot.npy", snapshots)

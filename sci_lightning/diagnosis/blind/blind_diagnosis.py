@@ -168,7 +168,12 @@ def diagnose_blind(
     settings = settings or SearchSettings()
     unknown = [int(number) for number in np.flatnonzero(~captures.known)]
     aside = [number for number in unknown if number in (captures.verification or ())]
-    aside = aside if len(aside) < len(unknown) else []
+    if len(aside) == len(unknown):
+        if aside and not captures.known.any():
+            raise BadInput(
+                f"{captures.name}: 'verification' sets all {len(unknown)} captures aside; leave some to be fitted"
+            )
+        aside = []
     observation = observe_snapshots(captures, leave_out=aside)
     if observation.frames > MOST_SLOTS:
         raise BadInput(

@@ -302,7 +302,7 @@ def _light(facts: SnapshotFacts) -> list[str]:
     full_scale = 2**facts.bit_depth - 1
     said = []
     if levels.at_zero > CLIPPED:
-        said.append(f"no black pedestal: {100 * levels.at_zero:.2g} % of the pixels are cut off at 0 DN")
+        said.append(f"no black pedestal: {100 * levels.at_zero:.3g} % of the pixels are cut off at 0 DN")
     elif levels.black_level is not None:
         said.append(
             f"black level near {levels.black_level:.3g} DN: the values pile up there, and it must be subtracted"
@@ -310,7 +310,7 @@ def _light(facts: SnapshotFacts) -> list[str]:
     else:
         said.append(f"black level: at most {levels.lowest} DN, no pixel is darker")
     if clipped > CLIPPED:
-        said.append(f"up to {100 * clipped:.2g} % of a snapshot's pixels are saturated ({full_scale} DN)")
+        said.append(f"up to {100 * clipped:.3g} % of a snapshot's pixels are saturated ({full_scale} DN)")
     elif levels.saturates_at is not None:
         said.append(f"values pile up at {levels.saturates_at} DN, below full scale ({full_scale}): it saturates there")
     else:

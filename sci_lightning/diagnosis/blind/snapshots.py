@@ -34,8 +34,8 @@ def observe_snapshots(captures: Captures, leave_out: Collection[int] = ()) -> Ob
         leave_out: numbers of captures that are left out as well.
 
     Raises:
-        BadInput: no capture with an unknown scene, patterns that never open, no snapshot with light in it, or a field
-            smaller than three blocks of 8 pixels.
+        BadInput: no capture with an unknown scene, patterns that never open or are the same everywhere, no snapshot
+            with light in it, or a field smaller than three blocks of 8 pixels.
     """
     unknown = np.array([n for n in np.flatnonzero(~captures.known) if n not in leave_out], dtype=int)
     if not len(unknown):
@@ -51,6 +51,12 @@ def observe_snapshots(captures: Captures, leave_out: Collection[int] = ()) -> Ob
         raise BadInput(
             f"{captures.name}: the patterns of the {len(unknown)} captures with unknown scenes never open (mean "
             f"transmittance {open_.max():.2g}); expected coding patterns: check 'patterns' and 'sequence'"
+        )
+    used = captures.patterns[np.unique(captures.sequence[unknown])]
+    if (used.max((1, 2)) == used.min((1, 2))).all():
+        raise BadInput(
+            f"{captures.name}: every pattern of the {len(unknown)} captures with unknown scenes is the same "
+            "everywhere, so that it codes nothing; expected coding patterns: check 'patterns' and 'sequence'"
         )
     dn = captures.measurement[unknown]
     light, saturated = dn.mean((1, 2)), (dn == captures.full_scale).mean((1, 2))
