@@ -26,7 +26,9 @@ LEAST_KEPT = 0.8
 """Part of what is compared that a level has to keep: fewer cells are easier to match."""
 FINE = 1.0
 """Cells of blur below which mirrors are interpolated by splines."""
-WORTH_DISTORTION = 0.01
+EDGE = 2
+"""Cells at the field's edges that fine comparisons leave out: blurred, an image lacks there what patterns have beyond."""
+WORTH_DISTORTION = 0.05
 """Part of the squared difference that a radial distortion has to explain to be believed."""
 MOST_DISTORTION = 0.3
 """Largest radial distortion that is believed, as that of ``mask_distortion``."""
@@ -250,7 +252,7 @@ class Prepared:
         self._cell = level.cell
         field = (shown[0].image.shape[0], shown[0].image.shape[1])
         self._field = field
-        self._fine = level.blur < FINE  # straight lines between mirrors blur them a little more
+        self._fine = level.blur < FINE  # by splines: straight lines between mirrors would blur them a little more
         sides = [max(1, int(level.part * length) // level.cell) for length in field]
         first = [(length - side * level.cell) // 2 for length, side in zip(field, sides, strict=True)]
         part = tuple(slice(f, f + side * level.cell) for f, side in zip(first, sides, strict=True))
@@ -273,6 +275,8 @@ class Prepared:
         u, v = on_modulator(alignment.matrix, x, y)
         rows, columns = self._mirrors[0].shape
         inside = (u >= 0) & (u <= columns - 1) & (v >= 0) & (v <= rows - 1)
+        if self._fine:
+            inside[:EDGE] = inside[-EDGE:] = inside[:, :EDGE] = inside[:, -EDGE:] = False
         place = [np.where(inside, v, 0.0), np.where(inside, u, 0.0)]
 
         order = 3 if self._fine else 1
