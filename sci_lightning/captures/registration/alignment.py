@@ -27,7 +27,7 @@ LEAST_KEPT = 0.8
 FINE = 1.0
 """Cells of blur below which mirrors are interpolated by splines."""
 EDGE = 2
-"""Cells at the field's edges that fine comparisons leave out: blurred, an image lacks there what patterns have beyond."""
+"""Cells at the field's edges that fine comparisons leave out: blurred, images lack there what patterns have beyond."""
 WORTH_DISTORTION = 0.05
 """Part of the squared difference that a radial distortion has to explain to be believed."""
 MOST_DISTORTION = 0.3
