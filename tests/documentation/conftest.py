@@ -49,7 +49,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for scene in ("kobe", "traffic", "runner", "drop", "crash", "aerial"):
         frames = torch.randint(256, (32, 32, 48), dtype=torch.uint8).numpy()
         savemat(place / "SCENES" / f"{scene}_cacti.mat", {"orig": frames})
-    savemat(place / "MASK.mat", {"mask": np.full((32, 32, 8), 1 / 8)})
+    savemat(place / "MASK.mat", {"mask": np.random.default_rng(0).integers(0, 2, (32, 32, 8))})
     imsave(place / "SNAPSHOT.tiff", (torch.rand(32, 32) * 255).byte().numpy(), check_contrast=False)
     (place / "LAB").mkdir()
     np.save(place / "LAB" / "masks.npy", np.full((8, 32, 32), 1 / 8))
