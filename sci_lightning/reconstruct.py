@@ -15,6 +15,8 @@ from sci_lightning.cli.console import PlainConsole, styled, warn
 if TYPE_CHECKING:
     import numpy as np
 
+GIVE_MASK = "give the mask that the snapshot was taken with: mask=FILE"
+
 
 def reconstruct(composition: Composition) -> None:
     """Write the reconstructed frames as PNG, an animated GIF and a float32 ``reconstruction.npy`` (N, T, H, W).
@@ -32,9 +34,10 @@ def reconstruct(composition: Composition) -> None:
     from sci_lightning.decoder import kernels
     from sci_lightning.decoder.complexity import count_parameters
     from sci_lightning.decoder.iterative import Iterative
-    from sci_lightning.encoder.mask import Measured
+    from sci_lightning.encoder.mask.measured import read_mask
     from sci_lightning.errors import BadInput
     from sci_lightning.files.atomic_file import atomic_write
+    from sci_lightning.files.mask_file import doubtful_axes
     from sci_lightning.files.npy_file import write_npy
     from sci_lightning.imaging.animation import write_frames, write_gif
     from sci_lightning.imaging.mask_check import mask_warning
@@ -66,10 +69,10 @@ def reconstruct(composition: Composition) -> None:
     measurement = snapshot.measurement
     pipeline = Pipeline(encoder, decoder.eval())
     with torch.no_grad():
-        mask = pipeline.decoder_mask() if cfg.mask is None else Measured(cfg.mask)()
+        mask = pipeline.decoder_mask() if cfg.mask is None else read_mask(cfg.mask, cfg.mask_key, "mask_key")
     named = f"mask={cfg.mask}" if cfg.mask else "the encoder's mask"
     if not mask.any():
-        raise BadInput(f"{named} is dark: every value is 0; give the mask that the snapshot was taken with: mask=FILE")
+        raise BadInput(f"{named} is dark: every value is 0; {GIVE_MASK}")
     if cfg.mask is not None and frames is not None and frames != len(mask):
         raise BadInput(
             f"frames={frames}, but {named} has {len(mask)} slots: leave frames= out, or give the snapshot's own mask"
@@ -77,7 +80,7 @@ def reconstruct(composition: Composition) -> None:
     if mask.shape[1:] != measurement.shape[1:]:
         raise BadInput(
             f"{cfg.measurement}: the snapshot is {tuple(measurement.shape[1:])}, the mask {tuple(mask.shape[1:])} "
-            "(H, W); give the mask the snapshot was taken with: mask=FILE"
+            f"(H, W); {doubtful_axes(mask.shape, measurement.shape[1:]) or GIVE_MASK}"
         )
     aperture = encoder.aperture if cfg.aperture is None else cfg.aperture
     if not aperture > 0:

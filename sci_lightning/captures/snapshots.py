@@ -13,12 +13,10 @@ from sci_lightning.captures.captures import Captures
 from sci_lightning.captures.mask_fit import moving_masks, place_of_mask, sizes_of_steps
 from sci_lightning.captures.raw_dn import raw_dn
 from sci_lightning.errors import BadInput
-from sci_lightning.files.array_file import read_array
+from sci_lightning.files.mask_file import doubtful_axes, read_mask_file
 from sci_lightning.files.memory_bound import check_memory
 from sci_lightning.files.picture_file import read_pictures
-
-MOST_SLOTS = 4096
-"""Largest number of slots of a mask."""
+from sci_lightning.files.stored_array import readable_shape
 
 
 def matching_files(name: str | Path) -> list[str]:
@@ -63,10 +61,11 @@ def read_snapshots(
     images: list[np.ndarray] = []
     depths: list[int] = []
     for file in files:
-        values = read_pictures(file, prefer="meas", key=key)
+        values = read_pictures(file, prefer="meas", key=key, setting="key")
         dn, bits = raw_dn(values if values.ndim == 3 else values[None], str(file), bit_depth)
         if images and dn.shape[1:] != images[0].shape[1:]:
-            raise BadInput(f"{file}: {_times(dn.shape[1:])} pixels, the first file has {_times(images[0].shape[1:])}")
+            first, size = readable_shape(images[0].shape[1:]), readable_shape(dn.shape[1:])
+            raise BadInput(f"{file}: {size} pixels, the first file has {first}")
         images.append(dn)
         depths.append(bits)
         check_memory(f"{file} with those before it", 3 * sum(image.nbytes for image in images))
@@ -100,7 +99,7 @@ def captures_of_snapshots(
     Raises:
         BadInput: the mask cannot be read or does not fit; the message says which shift or crop would fit, if one does.
     """
-    patterns = _read_mask(mask, key)
+    patterns = read_mask_file(mask, key, one_pattern=True, setting="mask_key")
     if patterns.ndim == 2:
         patterns = _moving(patterns, dn.shape[1:], mask, step)
     elif step is not None:
@@ -115,7 +114,9 @@ def captures_of_snapshots(
         )
     slots = np.arange(len(patterns), dtype=np.int64)
     declared = 4 * count * len(patterns) * dn[0].size
-    check_memory(f"{mask}: {count} snapshots of {len(patterns)} slots, {_times(dn.shape[1:])} pixels,", declared)
+    check_memory(
+        f"{mask}: {count} snapshots of {len(patterns)} slots, {readable_shape(dn.shape[1:])} pixels,", declared
+    )
     return Captures(
         patterns=np.ascontiguousarray(patterns, np.float32),
         sequence=np.tile(slots, (count, 1)),
@@ -130,54 +131,28 @@ def captures_of_snapshots(
     )
 
 
-def _read_mask(file: str | Path, key: str | None) -> np.ndarray:
-    try:
-        patterns = read_array(file, prefer="mask", key=key, dimensions=3)
-    except BadInput as three:
-        try:
-            patterns = read_array(file, prefer="mask", key=key, dimensions=2)
-        except BadInput:
-            raise three from None
-    low, high = float(patterns.min()), float(patterns.max())
-    if not (low >= 0 and high <= 1):  # also for NaN
-        if np.isnan(low):
-            raise BadInput(f"{file}: the mask holds NaN; every value must be a transmittance in [0, 1]")
-        raise BadInput(
-            f"{file}: mask values must lie in [0, 1] (transmittance), found {low:g} to {high:g}; divide by the largest "
-            "displayed level first"
-        )
-    if high == 0:
-        raise BadInput(
-            f"{file}: the mask never opens: every value is 0; give the mask that the snapshots were taken with"
-        )
-    if patterns.ndim == 3 and not 2 <= len(patterns) <= MOST_SLOTS:
-        raise BadInput(
-            f"{file}: {_times(patterns.shape)} (T x H x W), expected 2 to {MOST_SLOTS} slots; are its axes in another "
-            "order?"
-        )
-    return patterns
-
-
 def _moving(pattern: np.ndarray, field: Sequence[int], file: str | Path, step: Sequence[int] | None) -> np.ndarray:
     """Return the patterns ``(T, H, W)`` of one pattern ``(h, w)`` that moves over the field from slot to slot."""
     if step is None:
-        raise BadInput(f"{file}: one pattern of {_times(pattern.shape)} pixels; {sizes_of_steps(pattern.shape, field)}")
+        raise BadInput(
+            f"{file}: one pattern of {readable_shape(pattern.shape)} pixels; {sizes_of_steps(pattern.shape, field)}"
+        )
     if (patterns := moving_masks(pattern, field, (int(step[0]), int(step[1])))) is None:
         raise BadInput(
-            f"mask_step={list(step)}: a pattern of {_times(pattern.shape)} that moves by so much does not end at the "
-            f"edge of {_times(field)} pixels; {sizes_of_steps(pattern.shape, field)}"
+            f"mask_step={list(step)}: a pattern of {readable_shape(pattern.shape)} that moves by so much does not end "
+            f"at the edge of {readable_shape(field)} pixels; {sizes_of_steps(pattern.shape, field)}"
         )
     return patterns
 
 
 def _advice(patterns: np.ndarray, dn: np.ndarray) -> str:
     """Say what is wrong with the size of a mask, and which crop would fit, if one does."""
-    size, field = patterns.shape[1:], dn.shape[1:]
-    wrong = f"the mask is {_times(patterns.shape)} (T x H x W), the snapshots are {_times(field)} pixels"
-    if patterns.shape[:2] == field:
-        return f"{wrong}; time comes first: is it stored as H x W x T?"
-    if size == field[::-1]:
-        return f"{wrong}; are H and W swapped?"
+    field = dn.shape[1:]
+    wrong = (
+        f"the mask is {readable_shape(patterns.shape)} (T x H x W), the snapshots are {readable_shape(field)} pixels"
+    )
+    if question := doubtful_axes(patterns.shape, field):
+        return f"{wrong}; {question}"
     place = place_of_mask(patterns, dn)
     if place is None:
         return f"{wrong}, and no part of the one fits the other; give the mask that the snapshots were taken with"
@@ -195,13 +170,9 @@ def _overlap(patterns: np.ndarray, dn: np.ndarray, origin: Sequence[int]) -> tup
         start, stop = max(0, int(first)), min(mask_side, int(first) + side)
         if stop - start < 16:
             raise BadInput(
-                f"mask_origin={list(origin)}: mask {_times(patterns.shape[1:])} and snapshots {_times(dn.shape[1:])} "
-                "have fewer than 16 pixels in common"
+                f"mask_origin={list(origin)}: mask {readable_shape(patterns.shape[1:])} and snapshots "
+                f"{readable_shape(dn.shape[1:])} have fewer than 16 pixels in common"
             )
         parts.append((slice(start, stop), slice(start - int(first), stop - int(first))))
     (rows, own_rows), (columns, own_columns) = parts
     return patterns[:, rows, columns], dn[:, own_rows, own_columns]
-
-
-def _times(shape: Sequence[int]) -> str:
-    return " x ".join(str(side) for side in shape)

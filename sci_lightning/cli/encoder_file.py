@@ -18,6 +18,7 @@ from sci_lightning.configuration.bounds import Frames, Size
 from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_data import check_plain_data
 from sci_lightning.files.plain_text import excerpt
+from sci_lightning.files.stored_array import readable_shape
 from sci_lightning.files.yaml_file import read_yaml
 
 PLACES = {"encoder": "encoder", "decoder.camera": "encoder@camera"}
@@ -153,8 +154,9 @@ def adapt_to_encoder_files(cfg: DictConfig, files: Mapping[str, EncoderFile], ov
                 continue
             wanted, other = fitted.get(key, (cfg[key], None))
             if (key in given or other) and wanted != value:
+                shape = readable_shape((known.get("frames"), *(known.get("size") or ())))
                 raise BadInput(
-                    f"{file.path}: the encoder is {_times(known)} (T x H x W), {other or 'the command line'} asks for "
+                    f"{file.path}: the encoder is {shape} (T x H x W), {other or 'the command line'} asks for "
                     f"{key}={_compact(wanted)}; set frames={known.get('frames')} size={_compact(known.get('size'))} or "
                     "give another file"
                 )
@@ -199,10 +201,6 @@ def _file(name: str, path: Path, folder: Path, bound: bool) -> str:
             "it on the command line, as in encoder.mask.file=MASK.mat"
         )
     return str(file)
-
-
-def _times(known: Mapping[str, Any]) -> str:
-    return " x ".join(str(side) for side in (known.get("frames"), *(known.get("size") or ())))
 
 
 def _compact(value: Any) -> str:

@@ -8,6 +8,7 @@ from torch.utils.data import Dataset
 
 from sci_lightning.captures import Captures
 from sci_lightning.errors import BadInput
+from sci_lightning.files.stored_array import readable_shape
 
 HALF_A_LEVEL = 0.5 / 255
 """Patterns that differ by at most this count as the same: a modulator of 8 bits displays them alike."""
@@ -38,7 +39,8 @@ class CapturedSnapshots(Dataset[tuple[int, torch.Tensor, torch.Tensor, torch.Ten
             other = taken if taken != wanted else displayed
             mine = wanted if taken != wanted else tuple(mask.shape)
             raise BadInput(
-                f"{name}: captures of {_times(other)}, the mask is {_times(mine)} (T x H x W); they must agree"
+                f"{name}: captures of {readable_shape(other)}, the mask is {readable_shape(mine)} (T x H x W); they "
+                "must agree"
             )
         moving = [kind == "dynamic" for kind in captures.inferred_kind]
         if not any(moving):
@@ -65,7 +67,3 @@ class CapturedSnapshots(Dataset[tuple[int, torch.Tensor, torch.Tensor, torch.Ten
         measurement = self.captures.measurement[index].astype(np.float32) / self.captures.full_scale
         scene, aperture = self.captures.scene[index], self.captures.aperture[index]
         return index, torch.from_numpy(scene), torch.from_numpy(measurement), torch.tensor(aperture)
-
-
-def _times(shape: tuple[int, ...]) -> str:
-    return " x ".join(str(side) for side in shape)

@@ -124,12 +124,12 @@ def _mask(choice: str, checkpoint: Checkpoint | None) -> torch.Tensor | None:
     """Return the mask that goes into the graph; None if it stays an input."""
     import torch
 
-    from sci_lightning.encoder.mask import Measured
+    from sci_lightning.encoder.mask.measured import read_mask
 
     if choice == "input":
         return None
     if choice != "trained":
-        return Measured(choice)().detach()
+        return read_mask(choice, setting="")
     if checkpoint is None:
         raise BadInput("mask=trained: without ckpt_path= there is no trained mask; give one, or mask=FILE")
     encoder = checkpoint.encoder()

@@ -18,7 +18,9 @@ MOST_NAMED = 20
 """Arrays of a file that a message names."""
 
 
-def read_array(path: str | Path, *, prefer: str, dimensions: int, key: str | None = None) -> np.ndarray:
+def read_array(
+    path: str | Path, *, prefer: str, dimensions: int, key: str | None = None, setting: str = ""
+) -> np.ndarray:
     """Read a numeric array with time (or the snapshot's number) first.
 
     MATLAB keeps ``(H, W, T)``: an array out of a .mat file is turned to ``(T, H, W)``, of either version, and a
@@ -29,6 +31,7 @@ def read_array(path: str | Path, *, prefer: str, dimensions: int, key: str | Non
         prefer: name of the array when ``key`` is None; failing that the only array with ``dimensions`` will do.
         dimensions: how many the array must have.
         key: name of the array in a .mat or HDF5 file.
+        setting: what the user sets to choose the array, for the message; empty where there is nothing to set.
 
     Raises:
         BadInput: missing or unreadable file, unknown ending, no such array, not numeric, other dimensions, more than
@@ -41,8 +44,8 @@ def read_array(path: str | Path, *, prefer: str, dimensions: int, key: str | Non
         raise BadInput(f"{path}: cannot read an array from '{path.suffix}'; use one of {', '.join(ENDINGS)}")
     try:
         if path.suffix.lower() in (".npy", ".mat") and not _is_hdf5(path):
-            return _read(path, _choose(path, _arrays(path), prefer, key, dimensions), dimensions)
-        return _read_hdf5(path, prefer, key, dimensions)
+            return _read(path, _choose(path, _arrays(path), prefer, key, dimensions, setting), dimensions)
+        return _read_hdf5(path, prefer, key, dimensions, setting)
     except BadInput as error:
         raise error if str(error).startswith(str(path)) else BadInput(f"{path}: {error}") from error
     except Exception as error:  # the readers raise whatever they like on a damaged file
@@ -61,7 +64,9 @@ def _read(path: Path, stored: StoredArray, dimensions: int) -> np.ndarray:
     return array
 
 
-def _choose(path: Path, arrays: dict[str, StoredArray], prefer: str, key: str | None, dimensions: int) -> StoredArray:
+def _choose(
+    path: Path, arrays: dict[str, StoredArray], prefer: str, key: str | None, dimensions: int, setting: str
+) -> StoredArray:
     if path.suffix.lower() == ".npy":
         return arrays[""]
     if (name := key or prefer) in arrays:
@@ -71,8 +76,9 @@ def _choose(path: Path, arrays: dict[str, StoredArray], prefer: str, key: str | 
         return fitting[0]
     names = [f"{name} {array.shape}" for name, array in arrays.items()]
     more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    choose = f"; choose one with {setting}=NAME" if names and setting else ""
     raise BadInput(
-        f"{path}: no array named '{name}'; the file holds {', '.join(names[:MOST_NAMED]) or 'nothing'}{more}"
+        f"{path}: no array named '{name}'; the file holds {', '.join(names[:MOST_NAMED]) or 'nothing'}{more}{choose}"
     )
 
 
@@ -92,7 +98,7 @@ def _is_hdf5(path: Path) -> bool:
     return path.suffix.lower() == ".mat" and bool(h5py.is_hdf5(path))
 
 
-def _read_hdf5(path: Path, prefer: str, key: str | None, dimensions: int) -> np.ndarray:
+def _read_hdf5(path: Path, prefer: str, key: str | None, dimensions: int, setting: str) -> np.ndarray:
     from sci_lightning.files.hdf5_file import hdf5_datasets, open_hdf5
 
     matlab = path.suffix.lower() == ".mat"
@@ -102,7 +108,7 @@ def _read_hdf5(path: Path, prefer: str, key: str | None, dimensions: int) -> np.
             for name, item in hdf5_datasets(file).items()
             if item.dtype.kind in "buif" and not name.startswith("#")  # what MATLAB keeps for itself
         }
-        return _read(path, _choose(path, arrays, prefer, key, dimensions), dimensions)
+        return _read(path, _choose(path, arrays, prefer, key, dimensions, setting), dimensions)
 
 
 def _stored(name: str, item: h5py.Dataset, matlab: bool) -> StoredArray:

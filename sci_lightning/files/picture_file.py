@@ -36,12 +36,12 @@ COPIES = 4
 """Of a compressed picture while it is read: as it comes out, predicted, put together, returned."""
 
 
-def read_pictures(path: str | Path, *, prefer: str, key: str | None = None) -> np.ndarray:
+def read_pictures(path: str | Path, *, prefer: str, key: str | None = None, setting: str = "") -> np.ndarray:
     """Read ``(H, W)``, or ``(N, H, W)`` of a TIFF stack or a file of arrays (``(H, W, N)`` in a MAT file).
 
     Args:
         path: .tif, .tiff, .png or one of :data:`~sci_lightning.files.array_file.ENDINGS`.
-        prefer, key: name of the array, see :func:`~sci_lightning.files.array_file.read_array`.
+        prefer, key, setting: name of the array, see :func:`~sci_lightning.files.array_file.read_array`.
 
     Returns:
         Numbers of the type that the file has.
@@ -53,10 +53,10 @@ def read_pictures(path: str | Path, *, prefer: str, key: str | None = None) -> n
     path = Path(path)
     if path.suffix.lower() in ENDINGS:
         try:
-            return read_array(path, key=key, prefer=prefer, dimensions=3)
+            return read_array(path, key=key, prefer=prefer, dimensions=3, setting=setting)
         except BadInput as three:
             try:
-                return read_array(path, key=key, prefer=prefer, dimensions=2)
+                return read_array(path, key=key, prefer=prefer, dimensions=2, setting=setting)
             except BadInput:
                 raise three from None
     if path.is_dir():
@@ -95,7 +95,12 @@ def _tiff(path: Path) -> np.ndarray:
         grey = (PHOTOMETRIC.MINISBLACK, PHOTOMETRIC.CFA)
         if first.samplesperpixel > 1 or first.photometric not in grey:
             kind = getattr(first.photometric, "name", first.photometric)
-            raise BadInput(f"one grey channel with black as 0 is expected, this picture is {first.shape} ({kind})")
+            stack = len(first.shape) == 3 and first.shape[0] in (3, 4)  # some writers take so many grey pages for RGB
+            grey_pages = "; grey pages that are labelled as colour? Save them with photometric='minisblack'"
+            raise BadInput(
+                f"one grey channel with black as 0 is expected, this picture is {first.shape} ({kind})"
+                f"{grey_pages if stack else ''}"
+            )
         if first.dtype is None or first.dtype.kind not in "buif":
             raise BadInput(f"real numbers are expected, this picture holds {first.dtype or 'an unknown type'}")
         one = len(file.series) == 1  # several series: pages that were appended one by one

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,3 +24,8 @@ class StoredArray:
     dtype: str
     numeric: bool
     read: Callable[[], np.ndarray]
+
+
+def readable_shape(shape: Iterable[object]) -> str:
+    """Return a shape as messages write it: ``8 x 256 x 256``."""
+    return " x ".join(str(side) for side in shape)

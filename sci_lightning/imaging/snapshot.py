@@ -91,7 +91,7 @@ def read_snapshot(
         BadInput: unreadable file, colour, not finite, a full scale that is not positive or is needed.
     """
     path = Path(path)
-    values = read_pictures(path, prefer="meas", key=key)
+    values = read_pictures(path, prefer="meas", key=key, setting="key")
     if values.ndim == 2:
         values = values[None]
     if full_scale is None:

@@ -160,7 +160,7 @@ def prepare_bench(
     if mask is None:
         patterns = binary(stream(seed, "patterns"), frames, (size[0], size[1]))
     else:
-        patterns = read_mask(mask).numpy().astype(np.float64)
+        patterns = read_mask(mask, setting="").numpy().astype(np.float64)
         if patterns.shape != (frames, *size):
             raise BadInput(
                 f"mask={mask}: holds {patterns.shape} (T, H, W), the scenes are {(frames, *size)}; give a mask of "

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 from tifffile import imwrite
 
 QUICK = ["decoder=gap_tv", "decoder.iterations=[2]", "device=cpu", "out=run"]
@@ -77,7 +78,22 @@ def test_masks_that_cannot_be(refused: Callable[..., str], camera: np.ndarray, t
     given = [*QUICK, "measurement=snapshot.npy"]
     line = refused("reconstruct", *given, "mask=mask.npy", "frames=8")
     assert "frames=8, but mask=mask.npy has 4 slots" in line
-    assert "mask=dark.npy is dark" in refused("reconstruct", *given, "mask=dark.npy")
+    assert "dark.npy: the mask never opens" in refused("reconstruct", *given, "mask=dark.npy")
+    np.save(tmp_path / "order.npy", np.load(tmp_path / "mask.npy").transpose(1, 2, 0))
+    assert "is it stored as H x W x T?" in refused("reconstruct", *given, "mask=order.npy")
+    np.save(tmp_path / "single.npy", np.load(tmp_path / "mask.npy")[:1])
+    assert "a single slot" in refused("reconstruct", *given, "mask=single.npy")
+
+
+def test_one_of_two_masks_of_a_file(
+    ran: Callable[..., str], refused: Callable[..., str], camera: np.ndarray, tmp_path: Path
+) -> None:
+    np.save(tmp_path / "snapshot.npy", camera.astype(np.float32))
+    own = np.load(tmp_path / "mask.npy").transpose(1, 2, 0)
+    savemat(tmp_path / "two.mat", {"before": own, "after": own[::-1]})
+    given = [*QUICK, "measurement=snapshot.npy", "mask=two.mat"]
+    assert "choose one with mask_key=NAME" in refused("reconstruct", *given)
+    ran("reconstruct", *given, "mask_key=before")
 
 
 def test_a_mask_that_does_not_belong(warnings: Callable[..., list[str]], camera: np.ndarray, tmp_path: Path) -> None:

@@ -57,6 +57,9 @@ def test_tiff_that_is_no_grey_picture(tmp_path: Path) -> None:
     for name in ("rgb", "palette", "white"):
         with pytest.raises(BadInput, match=rf"{name}\.tif: one grey channel with black as 0 is expected, this picture"):
             read_pictures(tmp_path / f"{name}.tif", prefer="meas")
+    imwrite(tmp_path / "stack.tif", np.stack([page] * 4), photometric="rgb", planarconfig="separate", extrasamples=[0])
+    with pytest.raises(BadInput, match="grey pages that are labelled as colour"):
+        read_pictures(tmp_path / "stack.tif", prefer="meas")
     with TiffWriter(tmp_path / "sizes.tif") as file:
         for size in (8, 9):
             file.write(np.zeros((size, size), np.uint8), photometric="minisblack", metadata=None)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from pathlib import Path
 
 import torch
 
-from sci_lightning.configuration.bounds import MOST_FRAMES, Frames, Size
+from sci_lightning.configuration.bounds import Frames, Size
 from sci_lightning.encoder.mask.mask import Mask
 from sci_lightning.errors import BadInput
-from sci_lightning.files.array_file import read_array
+from sci_lightning.files.mask_file import read_mask_file
+from sci_lightning.files.stored_array import readable_shape
 
 
 class Measured(Mask):
@@ -45,7 +44,7 @@ class Measured(Mask):
         shape, wanted = tuple(pattern.shape), (frames or pattern.shape[0], *(size or pattern.shape[1:]))
         if shape != wanted:
             raise BadInput(
-                f"{file}: the mask is {_times(shape)} (T x H x W), the run needs {_times(wanted)}; "
+                f"{file}: the mask is {readable_shape(shape)} (T x H x W), the run needs {readable_shape(wanted)}; "
                 f"set frames={shape[0]} size=[{shape[1]},{shape[2]}] or give another file"
             )
         super().__init__(shape[0], shape[1:])
@@ -61,25 +60,11 @@ class Measured(Mask):
         return self.pattern
 
 
-def read_mask(file: str | Path, key: str | None = None) -> torch.Tensor:
-    """Read a mask file into float32 ``(T, H, W)`` in [0, 1]; see :class:`Measured` for formats and errors."""
-    array = read_array(file, key=key, prefer="mask", dimensions=3)
-    if len(array) > MOST_FRAMES:
-        raise BadInput(
-            f"{file}: the mask is {_times(array.shape)} (T x H x W), expected at most {MOST_FRAMES} time slots; are "
-            "its axes in another order?"
-        )
-    mask = torch.from_numpy(array.astype("float32"))
-    low, high = float(mask.min()), float(mask.max())
-    if not (low >= 0 and high <= 1):  # also false for NaN
-        if math.isnan(low):
-            raise BadInput(f"{file}: the mask holds NaN; every value must be a transmittance in [0, 1]")
-        raise BadInput(
-            f"{file}: mask values must lie in [0, 1] (transmittance), found {low:g} to {high:g}; "
-            "divide by the largest displayed level first"
-        )
-    return mask
+def read_mask(file: str | Path, key: str | None = None, setting: str = "encoder.mask.key") -> torch.Tensor:
+    """Read a mask file into float32 ``(T, H, W)`` in [0, 1]; see :class:`Measured` for formats and errors.
 
-
-def _times(shape: Sequence[int]) -> str:
-    return " x ".join(str(side) for side in shape)
+    Args:
+        file, key: as of :class:`Measured`.
+        setting: what the user sets to give ``key``, for the message; empty where it cannot be set.
+    """
+    return torch.from_numpy(read_mask_file(file, key, setting=setting).astype("float32"))
