@@ -34,6 +34,16 @@ VISIBLE = 0.05
 INVERTED = -0.3
 """Correlation of measurement and prediction below which the patterns look inverted."""
 
+WRONG_NOISE = 4.0
+"""Ratio of the stated and the measured read noise from which the datasheet is likely to mean another number. Smaller
+ones are left to a diagnosis."""
+
+ROUNDING = 12**-0.5
+"""Standard deviation, in DN, of what rounding to whole numbers adds."""
+
+FULL_WELLS = (100.0, 1e7)
+"""Electrons at full scale between which cameras lie."""
+
 MOST_NAMED = 3
 """Largest number of entries that one warning names."""
 
@@ -144,6 +154,7 @@ def suspicions(
     lines += _inverted(levels)
     lines += _numbers(entries, bit_depth)
     lines += _dark_level(entries, full_scale)
+    lines += _datasheet(top, entries, full_scale)
     return [f"{top.where}{line}" for line in lines]
 
 
@@ -279,6 +290,33 @@ def _dark_level(entries: Sequence[Entry], full_scale: int) -> Iterator[str]:
             f"captures: dark ones reach {max(dark):.4g} DN on average, those with light {np.median(lit):.4g}; "
             "are they mixed up?"
         )
+
+
+def _datasheet(top: Node, entries: Sequence[Entry], full_scale: int) -> Iterator[str]:
+    noise, electrons = top.number("read_noise_dn", low=0), top.number("full_well_e", low=0, above=True)
+    if noise is not None and noise > full_scale / 4:
+        yield f"read_noise_dn: {noise:g} DN, and full scale is {full_scale}: no light would show; is it a variance?"
+    elif noise is not None and (measured := _read_noise(entries)) is not None:
+        stated = float(np.hypot(noise, ROUNDING))
+        if not 1 / WRONG_NOISE < stated / measured < WRONG_NOISE:
+            yield (
+                f"read_noise_dn: {noise:g} DN are stated, repeated dark captures differ by {measured:.3g} DN (standard "
+                "deviation); is it in electrons?"
+            )
+    if electrons is not None and not FULL_WELLS[0] <= electrons <= FULL_WELLS[1]:
+        yield (
+            f"full_well_e: {electrons:g} electrons at full scale, cameras have {FULL_WELLS[0]:g} to {FULL_WELLS[1]:g}; "
+            "leave it out where it is not known, and the diagnosis estimates it"
+        )
+
+
+def _read_noise(entries: Sequence[Entry]) -> float | None:
+    """Return the standard deviation, in DN, by which repeated dark captures differ; None without any."""
+    repeated = [entry.measurement for entry in entries if not entry.is_lit and len(entry.measurement) > 1]
+    if not repeated:
+        return None
+    variances = [stack.astype(np.float32).var(0, ddof=1).mean() for stack in repeated]
+    return max(float(np.sqrt(np.mean(variances))), ROUNDING)
 
 
 def _places(entries: Sequence[Entry]) -> str:

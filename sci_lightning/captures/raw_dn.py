@@ -35,7 +35,10 @@ def raw_dn(values: np.ndarray, where: str, bit_depth: int | None = None) -> tupl
     """
     low, high = (float(values.min()), float(values.max())) if values.size else (np.nan, np.nan)
     if not (low >= 0 and np.isfinite(high)):  # also for NaN
-        raise BadInput(f"{where}: values from {low:g} to {high:g}, expected raw DN: finite numbers of 0 or more")
+        subtracted = "; was a dark frame subtracted? Give the raw snapshot" if -np.inf < low < 0 else ""
+        raise BadInput(
+            f"{where}: values from {low:g} to {high:g}, expected raw DN: finite numbers of 0 or more{subtracted}"
+        )
     if values.dtype.kind != "f" or (high > 1 and np.equal(values, np.round(values)).all()):
         numbers = values
     elif (step := step_of(values)) is not None and high / step < 2**FINEST_BITS:

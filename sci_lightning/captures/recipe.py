@@ -158,11 +158,11 @@ def read_recipe(folder: str | Path) -> Recipe:
         raise BadInput(f"{folder}: no {FILE} in this folder; it says what the files are")
     content = read_yaml(path)
     if not isinstance(content, dict):
-        raise BadInput(f"{path}: expected keys and values ({', '.join(TOP)}), found {type(content).__name__}")
+        raise BadInput(f"{path}: expected keys and values ({', '.join(TOP)}), found {_called(content)}")
     top = _node(f"{path}: ", content, TOP, ("bit_depth", "patterns", "captures"))
     listed = top.values["captures"]
     if not isinstance(listed, list) or not listed:
-        raise top.refusal("captures", f"expected a list of entries, got {type(listed).__name__}")
+        raise top.refusal("captures", f"expected a list of entries, got {_called(listed)}")
     entries = []
     for index, entry in enumerate(listed):
         if not isinstance(entry, dict):
@@ -182,6 +182,10 @@ def as_number(value: object) -> float | None:
     except ValueError:
         return None
     return None if math.isnan(number) else number
+
+
+def _called(value: object) -> str:
+    return "nothing" if value is None else type(value).__name__
 
 
 def _node(where: str, content: dict[Any, Any], known: tuple[str, ...], needed: tuple[str, ...]) -> Node:

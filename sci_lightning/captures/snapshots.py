@@ -63,6 +63,10 @@ def read_snapshots(
     for file in files:
         values = read_pictures(file, prefer="meas", key=key, setting="key")
         dn, bits = raw_dn(values if values.ndim == 3 else values[None], str(file), bit_depth)
+        if not dn.any():
+            raise BadInput(
+                f"{file}: the snapshot is black: every value is 0; is the array the right one, the lens open?"
+            )
         if images and dn.shape[1:] != images[0].shape[1:]:
             first, size = readable_shape(images[0].shape[1:]), readable_shape(dn.shape[1:])
             raise BadInput(f"{file}: {size} pixels, the first file has {first}")

@@ -143,6 +143,9 @@ def test_what_cannot_be_right_is_refused(
         (4, {"aperture": 1800}, "captures[4]: aperture 1800 is a light scale"),
         (0, {"measurement": "bright.npy"}, "captures: dark ones reach 39"),
         (None, {"bit_depth": 16}, "bit_depth: 16 bits reach 65535, no capture exceeds"),
+        (None, {"read_noise_dn": 0.1}, "read_noise_dn: 0.1 DN are stated, repeated dark captures differ by"),
+        (None, {"read_noise_dn": 2000}, "read_noise_dn: 2000 DN, and full scale is 4095"),
+        (None, {"full_well_e": 10}, "full_well_e: 10 electrons at full scale, cameras have 100 to 1e+07"),
         (None, {"patterns": ["inverted.npy", "all_off"]}, "are the patterns inverted?"),
     ],
 )
@@ -163,6 +166,11 @@ def test_every_exposure_the_same(tmp_path: Path) -> None:
         entry["exposure"] = 20
     (line,) = packed(tmp_path / "LAB", content)
     assert "captures[1], captures[2], captures[3] and 1 more: every capture with light has exposure 20" in line
+
+
+def test_a_datasheet_that_is_wrong_by_a_factor_of_two(tmp_path: Path) -> None:
+    content = laboratory(tmp_path / "LAB")
+    assert packed(tmp_path / "LAB", {**content, "read_noise_dn": 1.5, "full_well_e": 9000}) == []  # a diagnosis sees it
 
 
 def test_files_that_are_one_and_the_same(tmp_path: Path) -> None:

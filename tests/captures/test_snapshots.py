@@ -54,7 +54,7 @@ def test_files_in_natural_order(tmp_path: Path) -> None:
     assert [Path(file).name for file in files] == ["scene1.npy", "scene9.npy", "scene10.npy"]
     dn, bits = read_snapshots(files)
     assert bits == 8 and dn.shape == (3, 20, 20) and dn[:, 0, 0].tolist() == [1, 9, 10]
-    np.save(tmp_path / "scene2.npy", np.zeros((20, 21), np.uint8))
+    np.save(tmp_path / "scene2.npy", np.ones((20, 21), np.uint8))
     with pytest.raises(BadInput, match="20 x 21 pixels, the first file has 20 x 20"):
         read_snapshots(matching_files(tmp_path / "scene*.npy"))
     with pytest.raises(BadInput, match="no such file"):
@@ -131,3 +131,14 @@ def test_a_mask_that_belongs_to_nothing(tmp_path: Path) -> None:
         captures_of_snapshots(dn, 12, tmp_path / "right.npy", verification=[1])
     with pytest.raises(BadInput, match="one that moves is"):
         captures_of_snapshots(dn, 12, tmp_path / "right.npy", step=(0, 1))
+
+
+def test_snapshots_that_no_camera_takes(tmp_path: Path) -> None:
+    for name, values, words in (
+        ("black", np.zeros((64, 64), np.uint16), "the snapshot is black"),
+        ("subtracted", np.random.default_rng(0).normal(100, 80, (64, 64)), "was a dark frame subtracted"),
+        ("broken", np.full((64, 64), np.nan), "expected raw DN"),
+    ):
+        np.save(tmp_path / f"{name}.npy", values)
+        with pytest.raises(BadInput, match=words):
+            read_snapshots([tmp_path / f"{name}.npy"])
