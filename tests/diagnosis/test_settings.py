@@ -87,6 +87,7 @@ def test_degenerate_captures_get_a_verdict(degenerate: str, tmp_path: Path) -> N
     [
         ({"aperture": np.float32(1e38)}, "aperture times scene of capture"),
         ({"scene": np.float32(1e30)}, "aperture times scene of capture"),
+        ({"scene": np.float32(255)}, "is it in DN or percent?"),
         ({"exposure": np.float32(1e38)}, "exposure of capture 0 is 1e+38, expected at most 1e+06"),
         ({"read_noise_dn": 1e30}, "attribute 'read_noise_dn' must be a number from 0 to 1000 DN"),
         ({"full_well_e": 1e-30}, "attribute 'full_well_e' must be a number from 1 to 1e"),

@@ -28,6 +28,8 @@ LEAST_SIGNIFICANCE = 14.0
 of places that are compared, with eight numbers fitted to it, reaches 10 by chance."""
 ALIGNED = 6
 """Candidates of a coarse search that are aligned; the right one is nearly always the first."""
+MOST_NAMED = 6
+"""Captures that a message names."""
 ASPECTS = (1.0, 2.0, 0.5)
 """Pitches across over pitches down: square mirrors, and mirrors in a diamond array whose rows are half as high."""
 
@@ -72,6 +74,13 @@ def register(
         BadInput: no pattern with contrast, or none that can be found in its image.
     """
     shown = shown_patterns(captures)
+    compared = [number for pattern in shown for number in pattern.captures]
+    if not captures.known[compared].any():
+        numbers = ", ".join(map(str, compared[:MOST_NAMED])) + (", ..." if len(compared) > MOST_NAMED else "")
+        on_progress(
+            f"no pattern is shown to a target that is known to be even: the unknown scenes of captures {numbers} are "
+            "taken for even ones"
+        )
     best: Registration | None = None
     for what, search, cell in _searches(shown, captures.size, captures.mirrors, pitch):
         on_progress(f"{what}, in cells of {cell} x {cell} pixels")

@@ -19,6 +19,11 @@ PILE_UP_SHARES = (1e-4, 1e-3, 0.01, 0.05)
 PILE_UP_WIDTH = 4.0
 """DN around a saturation level that the read noise fills."""
 
+IMPOSSIBLE_LEVEL = 5.0
+"""Mean level, in units of full scale, that nobody predicts who gives scenes in the units of the format."""
+TOO_BRIGHT = 20.0
+"""Ratio of the predicted and the measured level from which such a scene is refused."""
+
 MAX_LIGHT = 1e6
 """Light and exposure, relative to nominal, above which a capture is refused: no session can have so much."""
 
@@ -139,6 +144,7 @@ def observe(captures: Captures) -> Observation:
         word = "black (0 DN)" if (dn == 0).all() else f"saturated ({captures.full_scale} DN)"
         raise BadInput(f"{captures.name}: every pixel of every capture is {word}: change exposure or aperture")
     _check_values(captures, known)
+    _check_levels(captures, known)
     kinds = captures.inferred_kind
     order = sorted(known, key=lambda n: (kinds[n], _digest(captures, n)))
     sequences, sequence = torch.unique(torch.from_numpy(captures.sequence[order]), dim=0, return_inverse=True)
@@ -209,6 +215,21 @@ def _check_values(captures: Captures, known: list[int]) -> None:
     for name, stated, about in datasheet:
         if stated is not None:
             about.read(f"{captures.name}: attribute '{name}'", stated)
+
+
+def _check_levels(captures: Captures, known: list[int]) -> None:
+    """Refuse scenes in other units, before a search looks for an effect that dims them."""
+    opening = captures.patterns.mean((1, 2), dtype=np.float64)
+    lit = [n for n in known if captures.aperture[n] > 0 and captures.scene[n].any()]
+    for n in lit:
+        level = float(captures.aperture[n]) * float(opening[captures.sequence[n]] @ captures.scene[n].mean((1, 2)))
+        measured, saturated = captures.measurement[n], (captures.measurement[n] == captures.full_scale).mean()
+        part = float(measured.mean()) / captures.full_scale
+        if level > IMPOSSIBLE_LEVEL and level > TOO_BRIGHT * part and saturated < 0.5:
+            raise BadInput(
+                f"{captures.name}: scene and aperture of capture {n} predict {level:.3g} times full scale, {part:.2g} "
+                "was measured; a scene of 1 fills the sensor's range: is it in DN or percent?"
+            )
 
 
 def _digest(captures: Captures, n: int) -> str:

@@ -77,6 +77,11 @@ def test_without_contrast(one: Captures) -> None:
     noise = np.random.default_rng(0).integers(90, 110, one.measurement.shape).astype(np.uint8)
     with pytest.raises(BadInput, match=r"no pattern can be found in its image .best correlation 0"):
         register(replace(one, measurement=noise), pitch=(1.3, 1.3))
+    said: list[str] = []
+    unknown = replace(one, measurement=noise, scene=np.full_like(one.scene, np.nan))
+    with pytest.raises(BadInput, match="no pattern can be found"):
+        register(unknown, pitch=(1.3, 1.3), on_progress=said.append)
+    assert "the unknown scenes of captures" in said[0] and "are taken for even ones" in said[0]
 
 
 def test_into_a_file(one: Captures, tmp_path: Path) -> None:
