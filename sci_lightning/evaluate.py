@@ -59,7 +59,7 @@ def evaluate(composition: Composition) -> float:
         try:
             loader = scene_loader(built(cfg, "data").scenes())
         except OtherSize as error:
-            raise BadInput(f"{error}; {resized(checkpoint, error.size)}") from error
+            raise BadInput(f"{error}; {resized(composition, checkpoint, error.size)}") from error
     else:
         captures = read_captures(cfg.captures)
         loader, test_encoder = DataLoader(CapturedSnapshots(captures, camera.mask(), camera.size)), captures.name

@@ -18,6 +18,8 @@ from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_text import with_article
 from sci_lightning.runs.checkpoint import Checkpoint, read_checkpoint
 
+MASK_SHAPE = ("tile", "bits", "repeat")
+"""Settings of a mask on which the shape of what was trained depends."""
 UNTRAINED = {"frames": 8, "size": [256, 256], "seed": 0}
 """What ``frames``, ``size`` and ``seed`` are where no training tells."""
 
@@ -127,14 +129,18 @@ def resolve_camera(composition: Composition, checkpoint: Checkpoint) -> Encoder 
     return _built_encoder(cfg.camera, f"decoder.camera={composition.choice('encoder@camera')}", checkpoint)
 
 
-def resized(checkpoint: Checkpoint, size: Sequence[int]) -> str:
+def resized(composition: Composition, checkpoint: Checkpoint, size: Sequence[int]) -> str:
     """Say which overrides test a checkpoint on scenes of another size (height, width), ready to paste.
 
-    A mask that can be tiled is repeated; in the place of another one comes a random one.
+    An encoder that the user names with a mask of another kind takes any size. The trained mask is repeated if it can be
+    tiled; in the place of another one comes a random one.
     """
     config = checkpoint.config
     name, mask, (height, width) = config["names"]["encoder"], config["encoder"].get("mask") or {}, size
     words = [f"size=[{height},{width}]"]
+    given = (composition.cfg.get("encoder") or {}).get("mask") or {}
+    if given.get("_target_") not in (None, mask.get("_target_")) and given.get("file") is None:
+        return f"add {words[0]}"
     if "tile" not in mask or name not in group_members("encoder"):
         return f"to test with a random mask add {words[0]} encoder=rbw_sr"
     tile = mask["tile"] or config["size"]
@@ -151,6 +157,14 @@ def _built_encoder(settings: DictConfig, named: str, checkpoint: Checkpoint) -> 
     mask, trained = settings.mask, checkpoint.config["encoder"].get("mask")
     alike = isinstance(trained, Mapping) and mask._target_ == trained.get("_target_")
     if alike and mask.get("file") is None:
-        checkpoint.fill("encoder.mask", encoder.mask)
+        own = {key: trained.get(key) for key in MASK_SHAPE if mask.get(key) != trained.get(key)}
+        try:
+            checkpoint.fill("encoder.mask", encoder.mask)
+        except BadInput as error:
+            words = " ".join(
+                f"encoder.mask.{key}={'null' if value is None else value}".replace(", ", ",")
+                for key, value in own.items()
+            )
+            raise BadInput(f"{error}: {words}" if own else str(error)) from error
     check_recording(encoder, named)
     return encoder
