@@ -27,7 +27,8 @@ LEAST_KEPT = 0.8
 FINE = 1.0
 """Cells of blur below which mirrors are interpolated by splines."""
 EDGE = 2
-"""Cells at the field's edges that fine comparisons leave out: blurred, images lack there what patterns have beyond."""
+"""Cells at the edges of field and modulator that fine comparisons leave out: blurred images and patterns lack what lies
+beyond."""
 WORTH_DISTORTION = 0.05
 """Part of the squared difference that a radial distortion has to explain to be believed."""
 MOST_DISTORTION = 0.3
@@ -36,6 +37,8 @@ NEWTON_STEPS = 6
 """Steps to undo a distortion."""
 BLOCKS = 8
 """Blocks along either side of the field whose displacements make up the residual."""
+FEWEST_REPLICATES = 3
+"""Patterns from which their disagreement tells how noisy a block's displacement is."""
 
 
 @dataclass(frozen=True)
@@ -239,6 +242,12 @@ def _undistorted(
     return x * part + centre[0], y * part + centre[1], np.stack([x * bent, y * bent])
 
 
+def _within(u: np.ndarray, v: np.ndarray, mirrors: tuple[int, int], margin: tuple[float, float]) -> np.ndarray:
+    """Return which places in mirrors lie on the modulator, by a margin down and across at least."""
+    down, across = (length - 1 - side for length, side in zip(mirrors, margin, strict=True))
+    return np.asarray((u >= margin[1]) & (u <= across) & (v >= margin[0]) & (v <= down))
+
+
 class Prepared:
     """Images and patterns of a level, blurred alike.
 
@@ -260,6 +269,7 @@ class Prepared:
         self._x, self._y = np.meshgrid(x, y)
         across, down = pixels_per_mirror(matrix, field)
         pitch = level.cell / down, level.cell / across
+        self._margin = (EDGE * pitch[0], EDGE * pitch[1]) if self._fine else (0.0, 0.0)
         self._mirrors = [band_pass(pattern.mirrors, pitch, level.blur) for pattern in shown]
         self._slopes = [np.gradient(mirrors) for mirrors in self._mirrors]
         if self._fine:
@@ -267,14 +277,17 @@ class Prepared:
             self._slopes = [[spline_filter(slope) for slope in slopes] for slopes in self._slopes]
         shape = (sides[0], level.cell, sides[1], level.cell)
         binned = (pattern.image[part].reshape(shape).mean((1, 3)) for pattern in shown)
-        self._images = np.stack([band_pass(image, (1.0, 1.0), level.blur, box=False) for image in binned])
+        # the light that surrounds a modulator is no background of its patterns
+        half = pitch[0] / 2, pitch[1] / 2
+        seen = _within(*on_modulator(matrix, self._x, self._y), shown[0].mirrors.shape, half) if self._fine else None
+        self._images = np.stack([band_pass(image, (1.0, 1.0), level.blur, False, seen) for image in binned])
 
     def compare(self, alignment: Alignment) -> Comparison:
         """Return the patterns as an alignment draws them beside their images."""
         x, y, bent = _undistorted(self._x, self._y, self._field, alignment.distortion)
         u, v = on_modulator(alignment.matrix, x, y)
         rows, columns = self._mirrors[0].shape
-        inside = (u >= 0) & (u <= columns - 1) & (v >= 0) & (v <= rows - 1)
+        inside = _within(u, v, (rows, columns), self._margin)
         if self._fine:
             inside[:EDGE] = inside[-EDGE:] = inside[:, :EDGE] = inside[:, -EDGE:] = False
         place = [np.where(inside, v, 0.0), np.where(inside, u, 0.0)]
@@ -302,7 +315,9 @@ class Prepared:
 def residual(comparison: Comparison, matrix: np.ndarray) -> float:
     """Return how far the patterns still lie beside their images, in pixels.
 
-    It is the root mean square of the displacements of blocks of the field, as far as these show a displacement.
+    It is the root mean square of the displacements of blocks of the field, as far as these show a displacement. What
+    the patterns of a block disagree about is noise of its displacement, and is subtracted where there are enough of
+    them.
     """
     gains = comparison.gains
     (u_x, u_y), (v_x, v_y) = comparison.jacobian(matrix)
@@ -315,14 +330,33 @@ def residual(comparison: Comparison, matrix: np.ndarray) -> float:
             part = (slice(None), slice(top, bottom), slice(first, last))
             if bottom == top or last == first or not comparison.inside[part[1:]].all():
                 continue
-            design = np.stack([one[part].ravel() for one in slope])
-            entries.append((design @ design.T, design @ left[part].ravel()))
+            design = np.stack([one[part].reshape(len(left), -1) for one in slope])
+            entries.append((design, left[part].reshape(len(left), -1)))
     if not entries:
         return math.inf
-    clear = np.array([np.linalg.eigvalsh(information)[0] for information, _ in entries])
-    shifts = [
-        np.linalg.solve(information, product)
-        for (information, product), least in zip(entries, clear, strict=True)
+    informations = [np.einsum("ipn,jpn->ij", design, design) for design, _ in entries]
+    clear = np.array([np.linalg.eigvalsh(information)[0] for information in informations])
+    squares = [
+        _squared_shift(design, remainder, information)
+        for (design, remainder), information, least in zip(entries, informations, clear, strict=True)
         if least > 0.1 * np.median(clear) and least > 0
     ]
-    return float(np.sqrt(np.mean([shift @ shift for shift in shifts]))) if shifts else math.inf
+    return math.sqrt(max(float(np.mean(squares)), 0.0)) if squares else math.inf
+
+
+def _squared_shift(design: np.ndarray, left: np.ndarray, information: np.ndarray) -> float:
+    """Return the squared displacement of a block, less what noise adds to it; negative where noise is all there is.
+
+    Args:
+        design: ``(2, P, n)`` derivatives along x and y.
+        left: ``(P, n)`` what is to be explained.
+        information: (2, 2) of the derivatives.
+    """
+    shift = np.linalg.solve(information, np.einsum("ipn,pn->i", design, left))
+    count = len(left)
+    if count < FEWEST_REPLICATES:
+        return float(shift @ shift)
+    disagreement = np.einsum("ipn,pn->pi", design, left - np.einsum("ipn,i->pn", design, shift))
+    inverse = np.linalg.inv(information)
+    noise = inverse @ (disagreement.T @ disagreement) @ inverse * count / (count - 1)
+    return float(shift @ shift - np.trace(noise))

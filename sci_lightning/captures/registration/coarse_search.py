@@ -99,7 +99,9 @@ def likely_pitches(field: tuple[int, int], mirrors: tuple[int, int], aspect: flo
     return [(mean * math.sqrt(aspect), mean / math.sqrt(aspect)) for mean in means]
 
 
-def band_pass(image: np.ndarray, cell: tuple[float, float], blur: float, box: bool = True) -> np.ndarray:
+def band_pass(
+    image: np.ndarray, cell: tuple[float, float], blur: float, box: bool = True, part: np.ndarray | None = None
+) -> np.ndarray:
     """Return an image blurred by ``blur`` cells, less its background; beyond its edges nothing counts.
 
     Args:
@@ -107,12 +109,15 @@ def band_pass(image: np.ndarray, cell: tuple[float, float], blur: float, box: bo
         cell: height and width of a cell in the image's own pixels.
         blur: standard deviation in cells.
         box: whether the mean over a cell is taken as well, which the other image has been through.
+        part: bool, of the image's shape: the pixels that count; None for all of them.
     """
+
+    counts = np.ones(image.shape, np.float32) if part is None else part.astype(np.float32)
 
     def blurred(sigma: float) -> np.ndarray:
         sigmas = [math.hypot(sigma * side, side / math.sqrt(12) if box else 0.0) for side in cell]
-        weight = gaussian_filter(np.ones(image.shape, np.float32), sigmas, mode="constant", truncate=3)
-        return np.asarray(gaussian_filter(image, sigmas, mode="constant", truncate=3) / weight.clip(1e-6))
+        weight = gaussian_filter(counts, sigmas, mode="constant", truncate=3)
+        return np.asarray(gaussian_filter(image * counts, sigmas, mode="constant", truncate=3) / weight.clip(1e-6))
 
     return blurred(blur) - blurred(BACKGROUND)
 

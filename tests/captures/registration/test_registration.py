@@ -33,6 +33,7 @@ def furthest(result: np.ndarray, hidden: np.ndarray, size: tuple[int, int] = SIZ
     ("matrix", "known", "pitch"),
     [
         (homography((1.3, 1.3), 2.0, SIZE, MIRRORS, offset=(4.3, -3.1)), True, (1.4, 1.2)),
+        (homography((0.75, 0.75), 30.0, SIZE, MIRRORS), True, (0.75, 0.75)),
         pytest.param(homography((1.6, 1.5), 183.0, SIZE, MIRRORS, mirrored=True), False, None, marks=pytest.mark.slow),
         pytest.param(
             homography((3.2, 1.6), -1.0, SIZE, MIRRORS, tilt=(0.02, -0.01)), False, None, marks=pytest.mark.slow
@@ -40,7 +41,14 @@ def furthest(result: np.ndarray, hidden: np.ndarray, size: tuple[int, int] = SIZ
         pytest.param(homography((1.4, 1.4), 45.0, SIZE, MIRRORS), True, None, marks=pytest.mark.slow),
         pytest.param(homography((0.9, 0.9), 91.0, SIZE, MIRRORS), True, None, marks=pytest.mark.slow),
     ],
-    ids=["turned", "mirrored, unknown scenes", "diamond array, unknown scenes", "at 45 degrees", "a quarter turn"],
+    ids=[
+        "turned",
+        "a field that sees beyond the modulator",
+        "mirrored, unknown scenes",
+        "diamond array, unknown scenes",
+        "at 45 degrees",
+        "a quarter turn",
+    ],
 )
 def test_hidden_homography(matrix: np.ndarray, known: bool, pitch: tuple[float, float] | None) -> None:
     """It is found to a tenth of a pixel wherever the field sees; rotation, place and (slow) pitch are unknown."""
