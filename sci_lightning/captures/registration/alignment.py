@@ -278,8 +278,11 @@ class Prepared:
         shape = (sides[0], level.cell, sides[1], level.cell)
         binned = (pattern.image[part].reshape(shape).mean((1, 3)) for pattern in shown)
         # the light that surrounds a modulator is no background of its patterns
-        half = pitch[0] / 2, pitch[1] / 2
-        seen = _within(*on_modulator(matrix, self._x, self._y), shown[0].mirrors.shape, half) if self._fine else None
+        seen = shown[0].part_in(part, shape)
+        if self._fine:
+            half = pitch[0] / 2, pitch[1] / 2
+            seen = _within(*on_modulator(matrix, self._x, self._y), shown[0].mirrors.shape, half)
+        self._seen = np.ones_like(self._x, bool) if seen is None else seen
         self._images = np.stack([band_pass(image, (1.0, 1.0), level.blur, False, seen) for image in binned])
 
     def compare(self, alignment: Alignment) -> Comparison:
@@ -287,7 +290,7 @@ class Prepared:
         x, y, bent = _undistorted(self._x, self._y, self._field, alignment.distortion)
         u, v = on_modulator(alignment.matrix, x, y)
         rows, columns = self._mirrors[0].shape
-        inside = _within(u, v, (rows, columns), self._margin)
+        inside = _within(u, v, (rows, columns), self._margin) & self._seen
         if self._fine:
             inside[:EDGE] = inside[-EDGE:] = inside[:, :EDGE] = inside[:, -EDGE:] = False
         place = [np.where(inside, v, 0.0), np.where(inside, u, 0.0)]

@@ -140,7 +140,9 @@ class CoarseSearch:
         (top, left), shape = self._first, (rows, size, columns, size)
         part = (slice(top, top + rows * size), slice(left, left + columns * size))
         binned = [pattern.image[part].reshape(shape).mean((1, 3)) for pattern in shown[:PATTERNS]]
-        self._images = [band_pass(image, (1.0, 1.0), BLUR, box=False) for image in binned]
+        seen = shown[0].part_in(part, shape)
+        self._seen = np.ones(self._shape) if seen is None else seen.astype(np.float64)
+        self._images = [band_pass(image, (1.0, 1.0), BLUR, False, seen) * self._seen for image in binned]
         self._last: tuple[tuple[float, float], list[np.ndarray]] = ((0.0, 0.0), [])
         self._energy = np.sum([image**2 for image in self._images], 0)
 
@@ -173,9 +175,10 @@ class CoarseSearch:
             return np.asarray(fft.irfft2(fixed * moved.conj(), shape))
 
         there = transformed(on)
-        cells = correlated(transformed(np.ones(self._shape)), there)
+        field = transformed(self._seen)
+        cells = correlated(field, there)
         energy = correlated(transformed(self._energy), there)
-        drawn_energy = correlated(transformed(np.ones(self._shape)), transformed(np.sum([one**2 for one in drawn], 0)))
+        drawn_energy = correlated(field, transformed(np.sum([one**2 for one in drawn], 0)))
         product_ = sum(
             correlated(transformed(image), transformed(one)) for image, one in zip(self._images, drawn, strict=True)
         )

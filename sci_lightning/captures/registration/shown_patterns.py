@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 from sci_lightning.captures.captures import Captures
 from sci_lightning.errors import BadInput
@@ -15,6 +16,14 @@ UNEVEN = 0.02
 """Standard deviation of a known scene, as a part of its mean, above which it is no even target."""
 MOST_PATTERNS = 6
 """Patterns that are compared, those of most contrast: more do not say more about where they lie."""
+FEWEST_DIFFERING = 3
+"""Patterns whose differences show which part of the field sees the modulator."""
+NEIGHBOURHOOD = 1 / 32
+"""Standard deviation, in the field's longer side, of the blur over which these differences are averaged."""
+SEEN = 0.1
+"""Variance between the patterns, as a part of a high one, above which a pixel sees the modulator."""
+NEARLY_ALL = 0.97
+"""Part of the field from which it counts as whole."""
 
 
 @dataclass(frozen=True)
@@ -25,11 +34,17 @@ class ShownPattern:
         mirrors: (Hm, Wm) float32, what was displayed, summed over the slots; 1 where a mirror is on all the time.
         image: (H, W) float32, the mean of its captures, divided by that of an evenly lit modulator where there is one.
         captures: numbers of the captures.
+        part: (H, W) bool, which pixels see the modulator; None for all of them, or where it is not known.
     """
 
     mirrors: np.ndarray
     image: np.ndarray
     captures: tuple[int, ...]
+    part: np.ndarray | None = None
+
+    def part_in(self, cells: tuple[slice, ...], shape: tuple[int, int, int, int]) -> np.ndarray | None:
+        """Return :attr:`part` of a part of the field in cells of ``shape`` (rows, side, columns, side)."""
+        return None if self.part is None else self.part[cells].reshape(shape).mean((1, 3)) > 0.5
 
 
 def shown_patterns(captures: Captures) -> list[ShownPattern]:
@@ -55,7 +70,21 @@ def shown_patterns(captures: Captures) -> list[ShownPattern]:
             f"{captures.path or captures.name}: {what}, so that nothing says where the mirrors lie; expected a capture "
             "of a pattern with contrast before an even target"
         )
-    return shown[:MOST_PATTERNS]
+    part = _differing(captures, shown[:MOST_PATTERNS])
+    return [replace(pattern, part=part) for pattern in shown[:MOST_PATTERNS]]
+
+
+def _differing(captures: Captures, shown: list[ShownPattern]) -> np.ndarray | None:
+    """Return where patterns differ in their images, (H, W) bool: there the field sees the modulator, else its frame."""
+    if len(shown) < FEWEST_DIFFERING:
+        return None
+    images = np.stack([captures.measurement[list(one.captures)].mean(0, dtype=np.float64) for one in shown])
+    images /= images.mean((1, 2), keepdims=True).clip(1e-6)
+    near = NEIGHBOURHOOD * max(captures.size)
+    fine = images - gaussian_filter(images, (0, near, near), mode="nearest")  # leaking light differs, but smoothly
+    variance = gaussian_filter(fine.var(0), near, mode="nearest")
+    part = variance > SEEN * np.percentile(variance, 90)
+    return part if part.mean() < NEARLY_ALL else None
 
 
 Group = tuple[np.ndarray, list[int]]
