@@ -53,7 +53,7 @@ def test_without_a_mask(snapshot: np.ndarray, tmp_path: Path, ran: Ran) -> None:
         (["measurement=meas.mat", "mask=folder"], "folder: is a folder, expected a file"),
         (
             ["measurement=meas.mat", "mask=mask.mat", "verification=[0]"],
-            "sets all 1 captures aside",
+            "sets all 1 captures of unknown scenes aside",
         ),
         (["measurement=meas.mat", "bit_depth=4"], "do not fit into 4 bits"),
         (["measurement=meas.mat", "mask=mask.mat", "verification=[1]"], "numbered from 0 to 0"),

@@ -19,13 +19,13 @@ import torch
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis import vocabulary as effects_vocabulary
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter
-from sci_lightning.diagnosis.blind.block_prediction import judge_by_blocks
+from sci_lightning.diagnosis.blind.block_prediction import judge_by_blocks, snapshots_that_judge
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prediction_verdict import PredictionVerdict
 from sci_lightning.diagnosis.blind.prior import BLOCK, LONGEST_VIDEO, MOST_SLOTS, ScenePrior, statistics_for
 from sci_lightning.diagnosis.blind.search import BlindNamed, BlindSearch, undetermined_effects
 from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera, snapshots_of
-from sci_lightning.diagnosis.blind.snapshots import observe_snapshots, textured_part
+from sci_lightning.diagnosis.blind.snapshots import observe_snapshots, textured_part, usable_snapshots
 from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.search.evidence import Estimate, NamedEffect, systematic_limit
@@ -168,12 +168,11 @@ def diagnose_blind(
     settings = settings or SearchSettings()
     unknown = [int(number) for number in np.flatnonzero(~captures.known)]
     aside = [number for number in unknown if number in (captures.verification or ())]
-    if len(aside) == len(unknown):
-        if aside and not captures.known.any():
-            raise BadInput(
-                f"{captures.name}: 'verification' sets all {len(unknown)} captures aside; leave some to be fitted"
-            )
-        aside = []
+    if aside and len(aside) == len(unknown):
+        raise BadInput(
+            f"{captures.name}: 'verification' sets all {len(unknown)} captures of unknown scenes aside; leave some to "
+            "be fitted"
+        )
     observation = observe_snapshots(captures, leave_out=aside)
     if observation.frames > MOST_SLOTS:
         raise BadInput(
@@ -199,18 +198,25 @@ def diagnose_blind(
         )
     noise, stated = datasheet_noise(observation)
     explanation = BlindSearch(BlindFitter(likelihood), noise, settings, on_progress).run()
+    judges = [number for number in aside if number in usable_snapshots(captures)]
     prediction = camera = None
     if explanation.mask_is_visible:
         named = tuple(one.name for one in explanation.named)
         corrected = explanation.fit.hypothesis
-        judged = [*observation.number.tolist(), *aside]
+        judged = [*observation.number.tolist(), *judges]
         camera = snapshots_of(captures.take(judged), vocabulary)
         camera = replace(camera, numbers=tuple(judged[place] for place in camera.numbers))
         seen = observe_snapshots(part.take(camera.numbers))
         camera = camera.take(torch.isin(torch.arange(len(camera)), seen.number))
         judge = BlindLikelihood(CameraModel(seen, vocabulary, {"mask_contrast": MaskContrast}), prior)
-        apart = camera.verification.nonzero()[:, 0].tolist()
-        prediction = judge_by_blocks(judge, noise, corrected, named, apart, seed, on_progress)
+        judging = snapshots_that_judge(judge, noise, corrected)
+        camera = camera.take(judging) if judging.any() else None
+        if camera is not None:
+            if not judging.all():  # every block of the others has a saturated pixel
+                model_of_judges = CameraModel(seen.take(judging), vocabulary, {"mask_contrast": MaskContrast})
+                judge = BlindLikelihood(model_of_judges, prior)
+            apart = camera.verification.nonzero()[:, 0].tolist()
+            prediction = judge_by_blocks(judge, noise, corrected, named, apart, seed, on_progress)
     return BlindDiagnosis(
         observation=observation,
         model=model,
@@ -221,7 +227,7 @@ def diagnose_blind(
         effects=tuple(_named(model, explanation.fit, one) for one in explanation.named),
         rounds=explanation.rounds,
         undetermined=undetermined_effects(model),
-        notes=_notes(captures, likelihood, len(aside), explanation.mask_is_visible, prediction),
+        notes=_notes(captures, likelihood, len(judges), explanation.mask_is_visible, prediction),
         mask_is_visible=explanation.mask_is_visible,
         prediction=prediction,
         verification=tuple(aside),
@@ -261,7 +267,7 @@ def _notes(
     mask_is_visible: bool,
     prediction: PredictionVerdict | None,
 ) -> tuple[str, ...]:
-    """Say what is unusual about the snapshots, of which some are set aside."""
+    """Say what is unusual about the snapshots, of which ``aside`` only judge."""
     notes, count = [], len(likelihood.model.observation)
     if not mask_is_visible:
         notes.append(
@@ -274,7 +280,8 @@ def _notes(
         what = "One snapshot says" if count == 1 else "Two snapshots say"
         notes.append(f"{what} little about how scenes differ: uncertainties are widened.")
     if (black := int((~captures.known).sum()) - count - aside) > 0:
-        notes.append(f"{black} snapshots are black or were taken behind closed patterns, and are left out.")
+        what = "1 snapshot is" if black == 1 else f"{black} snapshots are"
+        notes.append(f"{what} left out: black, even, mostly saturated, or taken behind closed patterns.")
     saturated = 1 - float(likelihood.usable.double().mean())
     if saturated > 0.01:
         notes.append(f"{100 * saturated:.0f} % of the blocks have a saturated pixel and are left out.")

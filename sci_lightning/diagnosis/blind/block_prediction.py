@@ -85,6 +85,12 @@ class BlockPredictor:
         return HeldOutErrors(field, variance)
 
 
+def snapshots_that_judge(likelihood: BlindLikelihood, ideal: Hypothesis, corrected: Hypothesis) -> torch.Tensor:
+    """Return which snapshots, (N,) bool, have a block without a saturated pixel where both hypotheses predict."""
+    model = likelihood.model
+    return likelihood.usable[likelihood.inside(model.border(ideal) | model.border(corrected))].any(0)
+
+
 def judge_by_blocks(
     likelihood: BlindLikelihood,
     ideal: Hypothesis,

@@ -58,16 +58,11 @@ def observe_snapshots(captures: Captures, leave_out: Collection[int] = ()) -> Ob
             f"{captures.name}: every pattern of the {len(unknown)} captures with unknown scenes is the same "
             "everywhere, so that it codes nothing; expected coding patterns: check 'patterns' and 'sequence'"
         )
-    dn = captures.measurement[unknown]
-    light, saturated = dn.mean((1, 2)), (dn == captures.full_scale).mean((1, 2))
-    uneven = dn.max((1, 2)) > dn.min((1, 2))
-    usable = (light >= LEAST_LIGHT) & (saturated <= MOST_SATURATED) & uneven
-    if not (usable & (open_ >= NEVER_OPEN)).any():
-        state = (
-            f"saturated ({captures.full_scale} DN)" if saturated.max() > MOST_SATURATED else "black or without detail"
-        )
+    kept = usable_snapshots(captures, leave_out)
+    if not len(kept):
+        saturated = (captures.measurement[unknown] == captures.full_scale).mean((1, 2)).max() > MOST_SATURATED
+        state = f"saturated ({captures.full_scale} DN)" if saturated else "black or without detail"
         raise BadInput(f"{captures.name}: every snapshot is {state}: change exposure or aperture")
-    kept = unknown[usable & (open_ >= NEVER_OPEN)]
     sequences, sequence = torch.unique(torch.from_numpy(captures.sequence[kept]), dim=0, return_inverse=True)
     return Observation(
         patterns=torch.from_numpy(captures.patterns),
@@ -86,6 +81,23 @@ def observe_snapshots(captures: Captures, leave_out: Collection[int] = ()) -> Ob
         dark_surround=captures.surround == "dark",
         grid=grid_of(captures),
     )
+
+
+def usable_snapshots(captures: Captures, leave_out: Collection[int] = ()) -> np.ndarray:
+    """Return the numbers of the captures with unknown scenes that show something.
+
+    The others are black, even or mostly saturated, or were taken behind closed patterns.
+
+    Args:
+        captures: of one camera.
+        leave_out: numbers of captures that are not asked for.
+    """
+    unknown = np.array([n for n in np.flatnonzero(~captures.known) if n not in leave_out], dtype=int)
+    dn = captures.measurement[unknown]
+    lit, saturated = dn.mean((1, 2)) >= LEAST_LIGHT, (dn == captures.full_scale).mean((1, 2)) > MOST_SATURATED
+    uneven = dn.max((1, 2)) > dn.min((1, 2))
+    coded = captures.patterns[captures.sequence[unknown]].sum(1).mean((1, 2)) >= NEVER_OPEN
+    return np.asarray(unknown[lit & ~saturated & uneven & coded])
 
 
 def textured_part(captures: Captures, side: int, leave_out: Collection[int] = ()) -> Captures:

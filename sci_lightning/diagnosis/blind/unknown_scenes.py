@@ -10,6 +10,7 @@ from sci_lightning.captures import Captures
 from sci_lightning.diagnosis.blind.paired_comparison import PairedComparison, compare
 from sci_lightning.diagnosis.blind.prediction_verdict import WITHOUT_MASK, predictor_of
 from sci_lightning.diagnosis.blind.snapshot_camera import snapshots_of
+from sci_lightning.diagnosis.blind.snapshots import usable_snapshots
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
 from sci_lightning.errors import BadInput
 
@@ -66,17 +67,21 @@ def judged_by_unknown_scenes(
         on_progress: called with a one-line message at the end.
 
     Returns:
-        None where no scene is unknown, or where the snapshots are of no use: black, saturated, without a mask.
+        None where no scene is unknown, or where no snapshot is of use: black, saturated, without a mask.
     """
     if captures.known.all():
         return None
+    useful = usable_snapshots(captures).tolist()
+    if not useful:
+        return None
     try:
-        camera = snapshots_of(captures, model.vocabulary)
+        camera = snapshots_of(captures.take(useful), model.vocabulary)
+        predictor = predictor_of(camera, (model.border(ideal) | model.border(corrected)).rounded(), seed)
     except BadInput:
         return None
-    predictor = predictor_of(camera, (model.border(ideal) | model.border(corrected)).rounded(), seed)
     paths = (model.path(ideal), model.path(corrected), WITHOUT_MASK)
     before, after, without_mask = (predictor.errors(camera.encoder_of(path)) for path in paths)
-    judged = UnknownScenes(camera.numbers, compare(before, after), compare(without_mask, after))
+    numbers = tuple(useful[place] for place in camera.numbers)
+    judged = UnknownScenes(numbers, compare(before, after), compare(without_mask, after))
     on_progress(f"snapshots of unknown scenes: prediction error {judged.gap.before:.4f} to {judged.gap.after:.4f}")
     return judged

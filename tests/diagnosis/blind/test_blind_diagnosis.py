@@ -36,6 +36,25 @@ def diagnosed(captures: Captures, names: tuple[str, ...] = FEW) -> BlindDiagnosi
     return diagnose_blind(captures, {name: whole[name] for name in (*names, "shot_noise", "read_noise", "gain")})
 
 
+def test_snapshots_that_cannot_judge_do_not() -> None:
+    """One is black and was to judge, another has a saturated pixel in every block: the others decide."""
+    captures = replace(snapshots({"mask_shift": {"dx": 0.7, "dy": -0.4}}, count=8, size=(40, 40)), verification=(1, 6))
+    dn = captures.measurement.copy()
+    dn[1] = 0
+    dn[4, ::4, ::4] = captures.full_scale
+    result = diagnosed(replace(captures, measurement=dn))
+    assert result.names == ("mask_shift",) and result.verdict == "explained"
+    assert result.prediction is not None and np.isfinite(result.prediction.gap.after)
+    assert result.camera is not None and sorted(result.camera.numbers) == [0, 2, 3, 5, 6, 7]
+    assert result.camera.set_aside == (6,)
+    assert any("1 snapshot is left out" in note for note in result.notes)
+
+
+def test_all_snapshots_are_set_aside() -> None:
+    with pytest.raises(BadInput, match="sets all 6 captures of unknown scenes aside"):
+        diagnosed(replace(snapshots(), verification=tuple(range(6))))
+
+
 @pytest.mark.parametrize(
     ("hidden", "expected"),
     [
