@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     import h5py
 
 ENDINGS = (".npy", ".mat", ".h5", ".hdf5")
+LONGEST_CLASS = 64
+"""Bytes of the name of a MATLAB class."""
 MOST_NAMED = 20
 """Arrays of a file that a message names."""
 
@@ -115,8 +117,22 @@ def _stored(name: str, item: h5py.Dataset, matlab: bool) -> StoredArray:
     from sci_lightning.files.hdf5_file import read_dataset
 
     shape: tuple[int, ...] = item.shape or ()
+    logical = matlab and _is_logical(item)
+
+    def read() -> np.ndarray:
+        values = read_dataset(name, item)
+        return values.astype(bool) if logical else values
+
     if not matlab or len(shape) < 2:
-        return StoredArray(shape, str(item.dtype), True, lambda: read_dataset(name, item))
+        return StoredArray(shape, str(item.dtype), True, read)
     # version 7.3 stores MATLAB's axes in reverse: (T, W, H)
     turned = (*shape[:-2], shape[-1], shape[-2])
-    return StoredArray(turned, str(item.dtype), True, lambda: np.swapaxes(read_dataset(name, item), -1, -2))
+    return StoredArray(turned, str(item.dtype), True, lambda: np.swapaxes(read(), -1, -2))
+
+
+def _is_logical(item: h5py.Dataset) -> bool:
+    """Whether MATLAB calls a dataset of bytes an array of truth values."""
+    name = "MATLAB_class"
+    if name not in item.attrs or item.attrs.get_id(name).get_storage_size() > LONGEST_CLASS:
+        return False
+    return bytes(np.asarray(item.attrs[name], "S")) == b"logical"

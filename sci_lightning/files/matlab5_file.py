@@ -28,7 +28,7 @@ BEGINNING = 4096
 
 NUMBERS = ("float64", "float32", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
 CLASSES = dict(enumerate(("cell", "struct", "object", "char", "sparse", *NUMBERS, "function", "opaque"), start=1))
-COMPLEX = 0x0800
+COMPLEX, LOGICAL = 0x0800, 0x0200
 
 STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 """How an element's numbers are stored, whatever the class of its matrix: doubles that are small and whole as bytes."""
@@ -53,7 +53,7 @@ class _Element:
     dtype: str
 
     def read(self) -> np.ndarray:
-        """Read this variable alone, in MATLAB's order of axes."""
+        """Read this variable alone, in MATLAB's order of axes, as numbers of its class however they are stored."""
         largest = 8 * math.prod(self.shape)
         check_stored(f"'{self.name}' of shape {self.shape}", largest, self.length, compressed=True)
         with self.path.open("rb") as stream:
@@ -71,7 +71,9 @@ class _Element:
         dtype = STORED.get(kind & 0xFFFF if kind >> 16 else kind)
         if dtype is None:  # SciPy would read what is no numbers, and crash over some
             raise ValueError(f"'{self.name}' of class {self.dtype} holds elements of type {kind}, expected numbers")
-        return np.frombuffer(numbers, order + dtype).reshape(self.shape, order="F").astype(dtype)
+        values = np.frombuffer(numbers, order + dtype).reshape(self.shape, order="F")
+        own = bool if self.dtype == "logical" else self.dtype if self.dtype in NUMBERS else dtype
+        return values.astype(own)
 
 
 def matlab5_arrays(path: Path) -> dict[str, StoredArray]:
@@ -133,7 +135,7 @@ def _time_first(element: _Element) -> StoredArray:
     return StoredArray(
         shape,
         element.dtype,
-        element.dtype in NUMBERS,
+        element.dtype in (*NUMBERS, "logical"),
         lambda: np.moveaxis(array, -1, 0) if (array := element.read()).ndim == 3 else array,
     )
 
@@ -167,7 +169,7 @@ def _describe(beginning: bytes, order: str) -> tuple[str, tuple[int, ...], str]:
     shape = struct.unpack(f"{order}{len(dimensions) // 4}i", dimensions)
     if min(shape, default=-1) < 0:
         raise ValueError(f"a variable of shape {shape}")
-    dtype = CLASSES.get(flags & 0xFF, f"class {flags & 0xFF}")
+    dtype = "logical" if flags & LOGICAL else CLASSES.get(flags & 0xFF, f"class {flags & 0xFF}")
     return name.decode("latin1"), shape, f"complex {dtype}" if flags & COMPLEX else dtype
 
 

@@ -83,6 +83,29 @@ def test_every_type_of_matlab(tmp_path: Path, dtype: str, compression: bool) -> 
     np.testing.assert_array_equal(read_array(tmp_path / "4.mat", prefer="mask", dimensions=2), array[0])
 
 
+def test_doubles_that_matlab_stores_as_bytes(tmp_path: Path) -> None:
+    """MATLAB writes whole doubles as bytes; they stay doubles, else 1 would count as one of 255 levels."""
+    array = (values(4, 5, 3) % 2).astype(np.uint8)
+    savemat(tmp_path / "a.mat", {"mask": array})
+    content = bytearray((tmp_path / "a.mat").read_bytes())
+    assert content[144] == 9  # the class of the matrix: uint8
+    content[144] = 6  # double
+    (tmp_path / "a.mat").write_bytes(content)
+    result = read_array(tmp_path / "a.mat", prefer="mask", dimensions=3)
+    assert result.dtype == np.float64 and np.array_equal(result, np.moveaxis(array, -1, 0))
+
+
+def test_truth_values_of_matlab(tmp_path: Path) -> None:
+    array = values(4, 5, 3) % 2 > 0
+    savemat(tmp_path / "a.mat", {"mask": array})
+    with h5py.File(tmp_path / "b.mat", "w", userblock_size=512) as file:
+        file["mask"] = np.moveaxis(array, -1, 0).swapaxes(1, 2).astype(np.uint8)
+        file["mask"].attrs["MATLAB_class"] = np.bytes_("logical")
+    for name in ("a.mat", "b.mat"):
+        result = read_array(tmp_path / name, prefer="mask", dimensions=3)
+        assert result.dtype == bool and np.array_equal(result, np.moveaxis(array, -1, 0))
+
+
 @pytest.mark.parametrize("ending", [".npy", ".mat", ".h5"])
 def test_complex_numbers(tmp_path: Path, ending: str) -> None:
     path, array = tmp_path / f"a{ending}", np.ones((2, 3, 4), complex)

@@ -223,6 +223,8 @@ def _black_level(counts: np.ndarray, at_zero: float, full_scale: int) -> float |
 def _codes(counts: np.ndarray) -> Codes:
     present = np.flatnonzero(counts)
     step = int(np.gcd.reduce(np.diff(present))) if len(present) > 1 else 1
+    if len(counts) <= 8:  # of fewer than 4 bits: every code has neighbours beyond the ends
+        return Codes(0, 0, step)
     below = np.convolve(counts, [0, 0, 0, 0, 0, 0.25, 0.25, 0.25, 0.25], mode="same")
     above = np.convolve(counts, [0.25, 0.25, 0.25, 0.25, 0, 0, 0, 0, 0], mode="same")
     inside = np.arange(len(counts))

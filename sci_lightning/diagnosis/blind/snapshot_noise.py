@@ -18,6 +18,8 @@ BLOCK = 8
 """Side in pixels of the blocks that may be smooth."""
 SMOOTHEST = 0.1
 """Part of the blocks of one brightness that count as smooth: those that vary least."""
+QUIETEST = 0.58
+"""That quantile of the variances of blocks that hold nothing but white noise, over its variance; simulated."""
 OUTLIER = 30.0
 """Squares of differences above so many medians are no noise: something moved. Of noise, two in ten thousand are."""
 LAPLACE = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]]) / 6.0
@@ -49,11 +51,13 @@ class NoiseFacts:
         """Return this in words."""
         if self.source == "none":
             return "noise: neither a repeated snapshot nor smooth parts show it"
-        bound = "" if self.source == "repeated" else "at most "
+        bound = "" if self.source == "repeated" else "at most about "
         where = "two snapshots of one scene" if self.source == "repeated" else "the smoothest blocks"
         parts = [] if self.read_noise_dn is None else [f"read noise {bound}{self.read_noise_dn:.2g} DN"]
         if self.full_well_e is not None:
-            parts.append(f"full well {'near' if self.source == 'repeated' else 'at least'} {self.full_well_e:.2g} e")
+            parts.append(
+                f"full well {'near' if self.source == 'repeated' else 'at least about'} {self.full_well_e:.2g} e"
+            )
         if not parts:
             parts = [
                 f"noise {bound}{self.deviations[0]:.2g} DN in the dark, {self.deviations[-1]:.2g} DN at the bright end"
@@ -92,9 +96,14 @@ def noise_facts(dn: np.ndarray, full_scale: int, black: float) -> NoiseFacts:
 
 
 def _repeated(dn: np.ndarray) -> list[tuple[int, int]]:
-    """Return pairs of snapshots that differ by noise alone: their difference has no structure of its own."""
-    pairs = []
+    """Return pairs of snapshots that differ by noise alone: their difference has no structure of its own.
+
+    A snapshot belongs to one pair at most, so that what the pairs say is independent.
+    """
+    pairs: list[tuple[int, int]] = []
     for first, second in combinations(range(min(len(dn), 40)), 2):
+        if any(number in pair for pair in pairs for number in (first, second)):
+            continue
         a, b = dn[first, ::2, ::2].astype(np.float32), dn[second, ::2, ::2].astype(np.float32)
         if a.std() == 0 or b.std() == 0 or np.corrcoef(a.ravel(), b.ravel())[0, 1] < ALIKE:
             continue
@@ -143,7 +152,7 @@ def _bins(level: np.ndarray, variance: np.ndarray, source: str) -> list[tuple[fl
             moved = variance[part] > OUTLIER * np.median(variance[part])
             typical = float(variance[part][~moved].mean())
         else:
-            typical = float(np.quantile(variance[part], SMOOTHEST))
+            typical = float(np.quantile(variance[part], SMOOTHEST)) / QUIETEST
         bins.append((float(level[part].mean()), max(typical, 1 / 12)))
     return bins
 

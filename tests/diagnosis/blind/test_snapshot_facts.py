@@ -107,6 +107,21 @@ def test_noise_of_smooth_blocks_is_a_bound() -> None:
     assert "the smoothest blocks" in facts.noise.sentence()
 
 
+@pytest.mark.parametrize("read", [3.0, 20.0])
+def test_noise_of_nothing_but_noise_is_no_bound_below_it(read: float) -> None:
+    """The least of many variances is less than all of them: of pure noise it must not count as the bound itself."""
+    even = 1000 + read * np.random.default_rng(0).standard_normal((1, 256, 256))
+    facts = snapshot_facts(np.round(even).astype(np.uint16), 12)
+    assert facts.noise.source == "smooth"
+    assert facts.noise.deviations == pytest.approx([read] * len(facts.noise.deviations), rel=0.12)
+
+
+@pytest.mark.parametrize("bits", [1, 2, 3])
+def test_snapshots_of_few_codes(bits: int) -> None:
+    dn = np.random.default_rng(0).integers(0, 2**bits, (2, 32, 32)).astype(np.uint16)
+    assert snapshot_facts(dn, bits).sentences()
+
+
 def test_what_is_needed() -> None:
     facts = snapshot_facts(record(scenes(1)), 12)
     needed = " ".join(still_needed(facts, False, False))
