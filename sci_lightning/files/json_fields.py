@@ -37,11 +37,11 @@ class Fields:
     def __contains__(self, key: str) -> bool:
         return self.content.get(key) is not None
 
-    def text(self, key: str, default: str | None = None) -> str:
-        """A text of at most ``LONGEST_TEXT`` characters, with control characters written out."""
+    def text(self, key: str, default: str | None = None, longest: int = LONGEST_TEXT) -> str:
+        """A text of at most ``longest`` characters, with control characters written out."""
         value = self._entry(key, default)
-        if not isinstance(value, str) or len(value) > LONGEST_TEXT:
-            raise self._bad(key, value, f"a text of at most {LONGEST_TEXT} characters")
+        if not isinstance(value, str) or len(value) > longest:
+            raise self._bad(key, value, f"a text of at most {longest} characters")
         return printable(value).replace("\n", " ")
 
     def number(self, key: str, low: float, high: float) -> float:

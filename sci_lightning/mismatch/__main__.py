@@ -27,12 +27,12 @@ def mismatch(composition: Composition) -> None:
     """
     from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.mismatch.prepare import prepare
-    from sci_lightning.mismatch.records import read_records
     from sci_lightning.mismatch.summary import summary_table
 
     out, console = Path(composition.cfg.out), PlainConsole()
     decoders = {name: _decoder(composition, name) for name in _names(composition)}
     prepared = prepare(composition, out, _command(composition))
+    records = []
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left:"), TimeRemainingColumn())
     with Progress(*columns, TextColumn("{task.description}"), console=console, speed_estimate_period=3600) as progress:
         task = progress.add_task("", total=len(prepared.cameras) * len(decoders))
@@ -41,9 +41,10 @@ def mismatch(composition: Composition) -> None:
         for camera in prepared.cameras:
             for name, (decoder, described) in decoders.items():
                 record, computed = prepared.score(camera, name, decoder, described, out / "cases")
+                records.append(record)
                 console.say(styled(camera.name), f", {name}: {_line(record)}{'' if computed else ', done before'}")
                 progress.advance(task)
-    heading, *rows = summary_table(read_records(out / "cases"))
+    heading, *rows = summary_table(records)
     table = Table(*heading, title="mean PSNR of the scenes (dB)", title_justify="left")
     for row in rows:
         table.add_row(*row)

@@ -141,7 +141,8 @@ def prepare_bench(
 
     Args:
         scenes: test scenes of one size.
-        folder: where the patterns are kept, in ``patterns.npy``.
+        folder: where the patterns are kept, in a file that is named after what it holds: a training that was made
+            behind other patterns does not pass for one behind these.
         mask: file of the coding patterns (T, H, W) in [0, 1]; None draws random binary ones.
         middle: (H, W) of the middle of scenes and mask that is used; None for all.
         datasheet: ``bit_depth``, ``full_well_e`` and ``read_noise_dn`` of the camera.
@@ -174,17 +175,19 @@ def prepare_bench(
     known = set(Session.__dataclass_fields__)
     if unknown := [kind for kind in calibration if kind not in known]:
         raise BadInput(f"calibration: no '{unknown[0]}'; it has dark, flat, all_on, all_off, pattern, static, dynamic")
+    patterns = patterns.astype(np.float32)
+    content = hashlib.sha256(np.ascontiguousarray(patterns).tobytes()).hexdigest()[:12]
     session = Session(
         size=(int(patterns.shape[1]), int(patterns.shape[2])),
         frames=frames,
-        mask=str(Path(folder) / "patterns.npy"),
+        mask=str(Path(folder) / f"patterns_{content}.npy"),
         aperture=1 / frames if aperture is None else aperture,
         surround="dark",
         **datasheet,
         **calibration,
     )
     names = tuple(scene.name for scene in scenes)
-    return Bench(session, patterns.astype(np.float32), names, videos, seed)
+    return Bench(session, patterns, names, videos, seed)
 
 
 def _middle(array: Any, size: Sequence[int]) -> Any:

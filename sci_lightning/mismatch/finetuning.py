@@ -31,7 +31,6 @@ def mismatch_finetuning(composition: Composition) -> None:
     """
     from sci_lightning.mismatch.mean_measurement import MeanMeasurement
     from sci_lightning.mismatch.prepare import prepare, trained_decoder
-    from sci_lightning.mismatch.records import read_records
     from sci_lightning.mismatch.training_summary import finetuning_table
 
     cfg, out, console = composition.cfg, Path(composition.cfg.out).resolve(), PlainConsole()
@@ -42,8 +41,10 @@ def mismatch_finetuning(composition: Composition) -> None:
     prepared.protocol.on_progress = lambda line: None
     name = compose("train", [*training]).choice("decoder")
     console.say(styled(camera.name), ": its calibration captures are diagnosed")
-    records = out / "records"
-    prepared.score(camera, MEAN, MeanMeasurement().eval(), {"decoder": MEAN}, records, ["ideal", "calibrated"])
+    folder_of_records = out / "records"
+    mean = MeanMeasurement().eval()
+    baseline, _ = prepared.score(camera, MEAN, mean, {"decoder": MEAN}, folder_of_records, ["ideal", "calibrated"])
+    records = [baseline]
     corrected = out / "protocol" / "cameras" / camera.name / "calibrated" / "encoder.yaml"
     ideal = _write_ideal_encoder(prepared, out / "ideal.yaml")
     places = [word for word in training if "/" in word.partition("=")[2]]  # a checkpoint's folders have to be repeated
@@ -70,10 +71,11 @@ def mismatch_finetuning(composition: Composition) -> None:
             wanted = ["ideal", "mismatched", "calibrated"] if kind == "ideal" else ["calibrated"]
             described = {**described, "training": kind, "training_seed": seed}
             label = f"{name}-{kind}-{seed}"
-            record, _ = prepared.score(camera, label, decoder, described, records, wanted)
+            record, _ = prepared.score(camera, label, decoder, described, folder_of_records, wanted)
+            records.append(record)
             scores = {key: f"{values['mean']['psnr']:.2f} dB" for key, values in record["scenarios"].items()}
             console.say(styled(f"seed {seed}"), f": {kind}: {scores}")
-    heading, *rows = finetuning_table(read_records(records))
+    heading, *rows = finetuning_table(records)
     table = Table(*heading, title="mean PSNR of the scenes (dB)", title_justify="left")
     for row in rows:
         table.add_row(*row)

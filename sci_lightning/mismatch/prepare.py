@@ -12,6 +12,7 @@ import torch
 from sci_lightning.cli.composition import Composition, built, plain
 from sci_lightning.decoder import Decoder
 from sci_lightning.errors import BadInput
+from sci_lightning.files.json_fields import Fields
 from sci_lightning.mismatch.beliefs import encoder_effects
 from sci_lightning.mismatch.bench import Bench, prepare_bench
 from sci_lightning.mismatch.cameras import MismatchedCamera, plan_cameras
@@ -19,7 +20,7 @@ from sci_lightning.mismatch.protocol import Protocol
 from sci_lightning.mismatch.records import earlier_record, record_digest, record_path, write_record
 from sci_lightning.runs.checkpoint import read_checkpoint
 from sci_lightning.runs.device import device_name, resolve_device
-from sci_lightning.tables.provenance import commit, machine_name, provenance_now
+from sci_lightning.tables.provenance import commit, joined, machine_name, provenance_now, read_provenance
 
 DATASHEET = ("bit_depth", "full_well_e", "read_noise_dn")
 """Settings of the camera that its datasheet states."""
@@ -79,8 +80,10 @@ class Prepared:
         words = machine_name(1) if device.type == "cpu" and torch.get_num_threads() == 1 else device_name(device)
         height, width = self.bench.session.size
         scale = f"{height} x {width}, {sum(map(len, self.bench.videos))} snapshots of {', '.join(self.bench.names)}"
-        origin = provenance_now(words, scale, [self.bench.seed], self.command).as_json()
-        return write_record(path, camera.name, name, digest, settings, {"provenance": origin, **results}), True
+        made = provenance_now(words, scale, [self.bench.seed], self.command)
+        if earlier is not None:  # some scenarios are taken from it
+            made = joined([read_provenance(Fields(path, earlier)), made])
+        return write_record(path, camera.name, name, digest, settings, {"provenance": made.as_json(), **results}), True
 
 
 def prepare(composition: Composition, folder: str | Path, command: str) -> Prepared:

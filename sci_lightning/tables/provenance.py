@@ -54,11 +54,15 @@ NOT_YET = Provenance("none", "", "", "", "")
 """The provenance of a table without figures."""
 
 
+LONGEST_COMMANDS = 5000
+"""Characters of the commands by which one table was measured."""
+
+
 def read_provenance(content: Fields) -> Provenance:
     """Return the entry ``provenance`` of a JSON file; raises BadInput where a part of it is missing."""
     part = content.part("provenance")
     texts = {key: part.text(key) for key in ("machine", "date", "commit", "scale", "seeds")}
-    return Provenance(**texts, command=part.text("command", ""))
+    return Provenance(**texts, command=part.text("command", "", LONGEST_COMMANDS))
 
 
 def provenance_now(device: str, scale: str, seeds: Sequence[int], command: str = "", remark: str = "") -> Provenance:
@@ -114,11 +118,15 @@ def joined(provenances: Sequence[Provenance]) -> Provenance:
     dates = sorted({date for one in provenances for date in one.date.split(" to ")})
     values: Mapping[str, Any] = {
         key: ", ".join(dict.fromkeys(getattr(one, key) for one in provenances))
-        for key in ("machine", "commit", "scale", "command")
+        for key in ("machine", "scale", "command")
     }
+    commits = ", ".join(dict.fromkeys(part for one in provenances for part in one.commit.split(", ")))
     seeds = sorted({seed for one in provenances for seed in one.seeds.split(", ")})
     return Provenance(
-        date=dates[0] if len(dates) == 1 else f"{dates[0]} to {dates[-1]}", seeds=", ".join(seeds), **values
+        date=dates[0] if len(dates) == 1 else f"{dates[0]} to {dates[-1]}",
+        seeds=", ".join(seeds),
+        commit=commits,
+        **values,
     )
 
 

@@ -55,7 +55,10 @@ def test_records_are_kept_and_completed(
     kept = json.loads(path.read_text())
     assert list(kept["scenarios"]) == ["ideal", "mismatched", "known"]
     assert kept["scenarios"]["known"] == record["scenarios"]["known"]
-    ran(NAME, *SMALL, "out=a", "seed=1")  # other noise: computed anew
+    commands = kept["provenance"]["command"]  # some figures are of the first run, others of the second
+    assert record["provenance"]["command"] in commands and "[ideal,mismatched" in commands
+    fewer = ran(NAME, *SMALL, "out=a", "seed=1", "mismatch.black_level=null")  # other noise: computed anew
+    assert "gain alone" in fewer and "black_level" not in fewer  # the other camera's record is of another seed
     assert json.loads(path.read_text())["scenarios"]["known"] != record["scenarios"]["known"]
 
 
