@@ -87,7 +87,8 @@ def assemble_captures(
         taken = sum(entry.measurement.nbytes for entry in packed)
         check_memory(f"{node.where}all measurements so far", COPIES * taken)
     check_entries(packed)
-    seen = _in_field(recipe, patterns, homography, packed[0].measurement.shape[1:])
+    field = packed[0].measurement.shape[1:]
+    seen = _in_field(recipe, patterns, homography, field) if registered or homography is None else None
     if seen is not None:
         for line in suspicions(recipe.top, packed, seen, len(patterns) - len(words), bit_depth, level):
             on_warning(line)
@@ -165,7 +166,7 @@ def _patterns(recipe: Recipe) -> tuple[np.ndarray, dict[str, int], float | None]
 
 def _frames(recipe: Recipe, coding: int) -> int:
     sequences = (entry.values.get("sequence") for entry in recipe.entries)
-    listed = [len(sequence) for sequence in sequences if isinstance(sequence, list)]
+    listed = [len(sequence) for sequence in sequences if isinstance(sequence, list) and sequence]
     return recipe.top.whole("frames", low=1, high=100_000) or (listed[0] if listed else coding)
 
 

@@ -22,6 +22,8 @@ from sci_lightning.files.picture_file import read_pictures
 COMPARED = 5
 """Captures of a kind from which one is left for verification: a diagnosis keeps one in five of a kind."""
 
+LARGEST_LEVEL = 2**16 - 1
+"""Level of the finest pictures that modulators and cameras have."""
 MOST_CAPTURES = 1000
 """More than anybody records in a session."""
 
@@ -143,7 +145,10 @@ def plan_session(
 
 
 def read_coding_patterns(path: str | Path) -> np.ndarray:
-    """Return the coding patterns of a file, (T, H, W) float64 in [0, 1]; whole levels are divided by their largest.
+    """Return the coding patterns of a file, (T, H, W) float64 in [0, 1].
+
+    Whole levels are divided by the largest of their type, or by the largest there is where the type has more than 16
+    bits.
 
     Raises:
         BadInput: the file cannot be read, or has other values or dimensions.
@@ -159,7 +164,8 @@ def read_coding_patterns(path: str | Path) -> np.ndarray:
     if not np.isfinite(patterns).all() or patterns.min() < 0:
         raise BadInput(f"{path}: expected patterns of 0 or more, found NaN, infinite or negative values")
     if stored.dtype.kind in "ui" and patterns.max() > 1:
-        patterns /= np.iinfo(stored.dtype).max
+        levels = np.iinfo(stored.dtype).max
+        patterns /= levels if levels <= LARGEST_LEVEL else patterns.max()
     if patterns.max() > 1:
         raise BadInput(f"{path}: values up to {patterns.max():g}, expected transmittances from 0 to 1")
     return patterns
@@ -182,6 +188,8 @@ def write_plan(plan: Plan, folder: str | Path) -> None:
         MachineFailure: the disk is full or write-protected.
     """
     folder = Path(folder)
+    if folder.resolve() == Path.cwd():
+        raise BadInput(f"{folder}: is the current folder; name a new one")
     if folder.is_symlink() or folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
         raise BadInput(f"{folder}: is there already; name a new folder, so that no recordings are lost")
     try:

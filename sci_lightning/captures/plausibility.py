@@ -173,7 +173,7 @@ def _levels(entries: Sequence[Entry], patterns: np.ndarray, full_scale: int) -> 
         shown = np.clip(nominal, 0, 1)
         varied = nominal.size >= 64 and shown.std() > 0.02 and mean.std() > 0
         correlation = float(np.corrcoef(shown.ravel(), mean.ravel())[0, 1]) if varied else None
-        net = max(float(mean.mean()) - black, 1 / full_scale)
+        net = max(float(mean.mean()) - black, 1e-3 / full_scale)
         levels.append(Levels(entry, float(nominal.mean()), net, saturated, correlation))
     return levels
 

@@ -20,7 +20,8 @@ def raw_dn(values: np.ndarray, where: str, bit_depth: int | None = None) -> tupl
     """Return the whole numbers that a converter gave, and its bit depth.
 
     Floating-point files often hold DN that somebody has divided by a number. If all values are multiples of one step,
-    they are divided by it. Otherwise they count as fractions of full scale and are rounded to 16 bits.
+    they are divided by it. Otherwise they count as fractions of full scale and are rounded to ``bit_depth``, else to 16
+    bits.
 
     Args:
         values: ``(N, H, W)``, 0 or more.
@@ -44,8 +45,8 @@ def raw_dn(values: np.ndarray, where: str, bit_depth: int | None = None) -> tupl
     elif (step := step_of(values)) is not None and high / step < 2**FINEST_BITS:
         numbers = np.round(values / step)
     elif high <= 1:
-        numbers = np.round(values.astype(np.float64) * (2**FINEST_BITS - 1))
-        return numbers.astype(np.uint16), FINEST_BITS
+        bits = bit_depth or FINEST_BITS
+        return np.round(values.astype(np.float64) * (2**bits - 1)).astype(np.uint16), bits
     else:
         raise BadInput(f"{where}: fractions up to {high:g}, expected raw DN or fractions of full scale from 0 to 1")
     largest = int(numbers.max())

@@ -72,7 +72,7 @@ def _captures(contents: Contents, path: Path, registered: bool) -> Captures:
     for index, label in enumerate(kind or ()):
         if label not in KINDS:
             raise contents.refusal(f"'kind' of capture {index} is {label!r}, expected one of {', '.join(KINDS)}")
-    if homography is not None:
+    if homography is not None and registered:
         try:
             check_homography(homography, (height, width), patterns.shape[1:])
         except BadInput as error:

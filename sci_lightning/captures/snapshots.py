@@ -11,7 +11,7 @@ import numpy as np
 
 from sci_lightning.captures.captures import Captures
 from sci_lightning.captures.mask_fit import moving_masks, place_of_mask, sizes_of_steps
-from sci_lightning.captures.raw_dn import raw_dn
+from sci_lightning.captures.raw_dn import raw_dn, step_of
 from sci_lightning.errors import BadInput
 from sci_lightning.files.mask_file import doubtful_axes, read_mask_file
 from sci_lightning.files.memory_bound import check_memory
@@ -29,7 +29,9 @@ def matching_files(name: str | Path) -> list[str]:
         raise BadInput(f"{name}: is a folder, expected a file; several are given as '{name}/*.tiff'")
     if Path(name).is_file():
         return [str(name)]
-    files = [path for path in glob.glob(str(name)) if Path(path).is_file()]
+    folder = Path(name).parent  # brackets are legal in its name
+    place = str(Path(glob.escape(str(folder)), Path(name).name)) if folder.is_dir() else str(name)
+    files = [path for path in glob.glob(place) if Path(path).is_file()]
     if not files:
         raise BadInput(f"{name}: no such file")
     return sorted(files, key=natural)
@@ -60,6 +62,7 @@ def read_snapshots(
         raise BadInput("measurement: no file is named; give measurement=FILE or measurement=[FILE,FILE]")
     images: list[np.ndarray] = []
     depths: list[int] = []
+    fractions: list[bool] = []
     for file in files:
         values = read_pictures(file, prefer="meas", key=key, setting="key")
         dn, bits = raw_dn(values if values.ndim == 3 else values[None], str(file), bit_depth)
@@ -70,6 +73,10 @@ def read_snapshots(
         if images and dn.shape[1:] != images[0].shape[1:]:
             first, size = readable_shape(images[0].shape[1:]), readable_shape(dn.shape[1:])
             raise BadInput(f"{file}: {size} pixels, the first file has {first}")
+        fractions.append(values.dtype.kind == "f" and float(values.max()) <= 1 and step_of(values) is None)
+        if fractions[-1] != fractions[0]:
+            units = ("fractions of full scale", "DN") if fractions[-1] else ("DN", "fractions of full scale")
+            raise BadInput(f"{file}: {units[0]}, the first file has {units[1]}; give all in the same unit")
         images.append(dn)
         depths.append(bits)
         check_memory(f"{file} with those before it", 3 * sum(image.nbytes for image in images))

@@ -49,5 +49,5 @@ def write_captures(path: str | Path, captures: Captures) -> Captures:
     datasets |= {"aperture": captures.aperture, "exposure": captures.exposure}
     with atomic_write(path) as temporary:
         write_hdf5(temporary, attributes, {**datasets, "kind": captures.kind})
-        written = read_captures(temporary, called=path, registered=False)
+        written = read_captures(temporary, called=path, registered=captures.sensor_to_modulator is not None)
     return replace(written, name=captures.name or path.stem, path=path)

@@ -102,6 +102,7 @@ def write_planes(mask: torch.Tensor, bits: int, folder: str | Path, layout: Layo
     """
     folder = Path(folder)
     levels, full = levels_of(mask, bits)
+    (folder / SHEET).unlink(missing_ok=True)  # written last: it says that all pictures are of one mask
     planes = []
     for slot, level in enumerate(levels):
         for bit in reversed(range(bits)):
@@ -154,8 +155,10 @@ def read_planes(folder: str | Path) -> torch.Tensor:
 def timing_of(frames: int, bits: int, frame_rate: float, binary_rate: float, gray_rate: float) -> dict[str, Any]:
     """Whether the modulator is fast enough for the wanted snapshots per second.
 
-    Bit planes are weighted by how long they are shown, so a slot of b bits lasts 2^b - 1 of the shortest; the
-    shortest must not be shorter than 1 / ``binary_rate``. Gray frames take 1 / ``gray_rate`` each.
+    Bit planes are weighted by how long they are shown, so a slot of b bits lasts at least 2^b - 1 of the shortest, and
+    the shortest must not be shorter than 1 / ``binary_rate``. Planes that fill their slot so, without a dark rest, are
+    shown 2^b / (2^b - 1) times as long as their ``exposure`` says: all of them alike, as by a wider aperture. Gray
+    frames take 1 / ``gray_rate`` each.
 
     Args:
         frames: T; bits: of the mask.

@@ -16,7 +16,7 @@ MAX_BYTES = 1_000_000
 MOST_NODES = 100_000
 """Keys and values; PyYAML takes seconds for so many."""
 
-EXPONENT = re.compile(r"[-+]?[0-9][0-9_]*([eE][-+]?[0-9]+)")
+EXPONENT = re.compile(r"[-+]?[0-9][0-9_]*([eE][-+]?[0-9]+)$")
 """``1e-3``, a number in YAML 1.2 and in Hydra's files, which PyYAML reads as text."""
 
 

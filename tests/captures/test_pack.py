@@ -160,6 +160,7 @@ WRONG = {
         "captures[0].measurement: (H, W) is (4, 4), that of the patterns is (5, 8)",
     ),
     "sizes": ([{"measurement": ["shot0.tif", "small.tif"]}], {}, "small.tif is (4, 4) (H, W), the first is (5, 8)"),
+    "no slots": ([{**SHOT, "sequence": []}], {}, "captures[0].sequence: has 0 slots, expected 3 as the other captures"),
     "index": ([{**SHOT, "sequence": [0, 1, 3]}], {}, "captures[0].sequence: 3 is no listed pattern, expected 0 to 2"),
     "word": (
         [{**SHOT, "sequence": "all_on"}],

@@ -120,3 +120,12 @@ def test_recordings_are_never_lost(plan, tmp_path: Path) -> None:
 def test_pictures_of_whole_levels(tmp_path: Path) -> None:
     imsave(tmp_path / "mask.tif", np.stack([np.full((8, 8), 51, np.uint8)] * 2), check_contrast=False)
     assert read_coding_patterns(tmp_path / "mask.tif") == pytest.approx(0.2)
+    np.save(tmp_path / "mask.npy", np.arange(128).reshape(2, 8, 8))  # NumPy's own whole numbers have 64 bits
+    assert read_coding_patterns(tmp_path / "mask.npy").max() == 1
+
+
+def test_the_current_folder_is_none_to_be_made(plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "empty").mkdir()
+    monkeypatch.chdir(tmp_path / "empty")
+    status, line = plan(".", *SMALL)
+    assert status == 2 and "is the current folder; name a new one" in line

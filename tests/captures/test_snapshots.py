@@ -133,6 +133,24 @@ def test_a_mask_that_belongs_to_nothing(tmp_path: Path) -> None:
         captures_of_snapshots(dn, 12, tmp_path / "right.npy", step=(0, 1))
 
 
+def test_fractions_beside_dn(tmp_path: Path) -> None:
+    random = np.random.default_rng(0)
+    np.save(tmp_path / "fractions.npy", random.random((40, 40)))
+    np.save(tmp_path / "dn.npy", random.integers(0, 255, (40, 40)).astype(np.uint8))
+    np.save(tmp_path / "divided.npy", random.integers(0, 255, (40, 40)) / 255)
+    with pytest.raises(BadInput, match=r"dn\.npy: DN, the first file has fractions of full scale"):
+        read_snapshots([tmp_path / "fractions.npy", tmp_path / "dn.npy"])
+    assert read_snapshots([tmp_path / "divided.npy", tmp_path / "dn.npy"])[1] == 8
+    dn, bits = read_snapshots([tmp_path / "fractions.npy"], None, 12)
+    assert bits == 12 and 4000 < dn.max() <= 4095
+
+
+def test_a_folder_with_brackets(tmp_path: Path) -> None:
+    (tmp_path / "lab [2]").mkdir()
+    np.save(tmp_path / "lab [2]" / "a.npy", np.ones((20, 20)))
+    assert [Path(file).name for file in matching_files(tmp_path / "lab [2]" / "*.npy")] == ["a.npy"]
+
+
 def test_snapshots_that_no_camera_takes(tmp_path: Path) -> None:
     for name, values, words in (
         ("black", np.zeros((64, 64), np.uint16), "the snapshot is black"),

@@ -15,6 +15,7 @@ from PIL import Image
 from sci_lightning.cli.composition import plain
 from sci_lightning.encoder.mask import LearnedStructural, RandomBinary
 from sci_lightning.errors import BadInput
+from sci_lightning.files import modulator_files
 from sci_lightning.files.modulator_files import Layout, levels_of, read_planes, timing_of, write_planes
 from sci_lightning.runs.checkpoint import write_weights
 from tests.schemas.validation import check
@@ -45,6 +46,24 @@ def test_binary_mask(tmp_path: Path) -> None:
     mask = RandomBinary(4, (8, 8), seed=3)()
     write_planes(mask, 1, tmp_path, Layout((8, 8), 1, (8, 8)), {})
     assert torch.equal(read_planes(tmp_path), mask)
+
+
+def test_an_interrupted_export_leaves_no_sheet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An earlier sheet would vouch for pictures of two masks."""
+    layout = Layout((8, 8), 1, (8, 8))
+    write_planes(RandomBinary(4, (8, 8), seed=3)(), 1, tmp_path, layout, {})
+    written: list[Path] = []
+
+    def interrupted(path: Path, picture: object) -> None:
+        if len(written) == 3:
+            raise KeyboardInterrupt
+        written.append(path)
+
+    monkeypatch.setattr(modulator_files, "_write_png", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_planes(RandomBinary(4, (8, 8), seed=4)(), 1, tmp_path, layout, {})
+    with pytest.raises(BadInput, match="not the planes of a mask"):
+        read_planes(tmp_path)
 
 
 def test_timing() -> None:

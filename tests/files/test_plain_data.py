@@ -83,8 +83,16 @@ def test_yaml_that_is_refused(tmp_path: Path, text: str, reason: str) -> None:
 
 
 def test_yaml_numbers(tmp_path: Path) -> None:
-    (tmp_path / "a.yaml").write_text("a: 1e-3\nb: 1.0e-3\nc: -2\nd: 1e5\ne: e5\n")
-    assert read_yaml(tmp_path / "a.yaml") == {"a": 0.001, "b": 0.001, "c": -2, "d": 1e5, "e": "e5"}
+    (tmp_path / "a.yaml").write_text("a: 1e-3\nb: 1.0e-3\nc: -2\nd: 1e5\ne: e5\nf: 3e8_camera.tif\ng: 12e4ab\n")
+    assert read_yaml(tmp_path / "a.yaml") == {
+        "a": 0.001,
+        "b": 0.001,
+        "c": -2,
+        "d": 1e5,
+        "e": "e5",
+        "f": "3e8_camera.tif",
+        "g": "12e4ab",
+    }
 
 
 def test_a_pipe_is_no_file(tmp_path: Path) -> None:

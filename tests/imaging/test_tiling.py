@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 import torch
@@ -12,6 +13,7 @@ from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.mask import RandomBinary
 from sci_lightning.encoder.sensor import Ideal
 from sci_lightning.errors import BadInput
+from sci_lightning.imaging import free_memory as free_memory_module
 from sci_lightning.imaging import tile_choice
 from sci_lightning.imaging.decoding_memory import LiveBytes, decoding_memory
 from sci_lightning.imaging.free_memory import free_memory
@@ -111,6 +113,17 @@ def test_the_estimate_of_memory(network: Decoder) -> None:
         with LiveBytes() as live:
             call()
         assert live.peak + given == pytest.approx(estimated, rel=0.2)
+
+
+def test_free_memory_of_a_container(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files that were read, and can be read again, take nothing away."""
+    for name, text in (("max", "1000"), ("current", "900"), ("stat", "anon 300\nfile 600\ninactive_file 500\n")):
+        (tmp_path / f"memory.{name}").write_text(text)
+    place = (str(tmp_path), "memory.max", "memory.current", "inactive_file")
+    monkeypatch.setattr(free_memory_module, "CGROUP", (place,))
+    assert free_memory(torch.device("cpu")) == 600
+    (tmp_path / "memory.max").write_text("max\n")
+    assert free_memory(torch.device("cpu")) > 2**24
 
 
 def test_free_memory_is_what_the_system_says() -> None:

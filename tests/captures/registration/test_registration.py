@@ -92,6 +92,16 @@ def test_without_contrast(one: Captures) -> None:
     assert "the unknown scenes of captures" in said[0] and "are taken for even ones" in said[0]
 
 
+def test_a_bad_homography_is_found_anew(one: Captures, tmp_path: Path) -> None:
+    file = tmp_path / "a.h5"
+    write_captures(file, replace(one, sensor_to_modulator=homography((1.3, 1.3), 2.0, SIZE, MIRRORS)))
+    with h5py.File(file, "a") as stored:
+        stored.attrs["sensor_to_modulator"] = homography((1.3, 1.3), 2.0, SIZE, MIRRORS, offset=(500.0, 0.0))
+    with pytest.raises(BadInput, match="off the modulator"):
+        read_captures(file)
+    assert len(read_unregistered(file, again=True)) == len(one)
+
+
 def test_into_a_file(one: Captures, tmp_path: Path) -> None:
     """The file is refused for a diagnosis before, and registered afterwards; nothing else in it changes."""
     file = tmp_path / "a.h5"
