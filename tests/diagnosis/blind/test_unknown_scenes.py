@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,9 +19,13 @@ FEW = ("mask_shift", "gain", "shot_noise", "read_noise")
 @pytest.fixture(scope="module")
 def result() -> Diagnosis:
     session = Session(
-        size=(32, 32), frames=4, mask="binary", unknown=3, aperture=0.28, dark=2, flat=4, static=4, dynamic=4
+        size=(32, 32), frames=4, mask="binary", unknown=4, aperture=0.28, dark=2, flat=4, static=4, dynamic=4
     )
     captures = VirtualCamera(session, {"mask_shift": {"dx": 0.7, "dy": -0.4}}).capture(seed=3)
+    measurement, black = captures.measurement.copy(), int((~captures.known).nonzero()[0][0])
+    measurement[black] = 0
+    measurement[black, 5, 9] = captures.full_scale  # a hot pixel, in which there is nothing to be predicted
+    captures = replace(captures, measurement=measurement)
     return diagnose(captures, {name: vocabulary()[name] for name in FEW})
 
 
