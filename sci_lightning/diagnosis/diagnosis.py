@@ -159,7 +159,7 @@ def diagnose(
     Args:
         captures: of one camera, see :func:`~sci_lightning.captures.read_captures`. Those of unknown scenes are not
             fitted; they judge the corrected camera once more.
-        vocabulary: effects that may be named, by name; None for every effect of the package.
+        vocabulary: effects that may be named beside noise, by name; None for every effect of the package.
         seed: of the residuals' randomisation.
         empirical: whether the corrected camera contains what has no name, in free form.
         settings: thresholds and budgets; None for the defaults.
@@ -171,7 +171,9 @@ def diagnose(
     settings = settings or SearchSettings()
     everything = observe(captures)
     seen, unseen = set_aside(everything, settings.verification_one_in)
-    names_of_effects = effects_vocabulary.vocabulary() if vocabulary is None else vocabulary
+    names_of_effects = effects_vocabulary.with_noise(
+        effects_vocabulary.vocabulary() if vocabulary is None else vocabulary
+    )
     agreement = explain_without_bad_captures(CameraModel(seen, names_of_effects), settings, on_progress)
     explained, bad = agreement.explained, agreement.bad
     fitter, explanation = explained.fitter, explained.explanation

@@ -7,8 +7,11 @@ from pkgutil import resolve_name
 
 from sci_lightning.diagnosis.laboratory import laboratory_effects
 from sci_lightning.encoder import effects
-from sci_lightning.encoder.effects import Effect
+from sci_lightning.encoder.effects import Effect, ReadNoise, ShotNoise
 from sci_lightning.errors import BadInput
+
+NOISE: dict[str, type[Effect]] = {effect.name: effect for effect in (ShotNoise, ReadNoise)}
+"""What every camera has."""
 
 
 def vocabulary(
@@ -22,7 +25,7 @@ def vocabulary(
         leave_out: names of effects that are not considered.
 
     Raises:
-        BadInput: an unknown name to be left out.
+        BadInput: an unknown name to be left out, or one of :data:`NOISE`.
         BadInput: a path that leads nowhere or to something that is no effect, or a name other than the effect's own.
     """
     exported = [getattr(effects, name) for name in effects.__all__]
@@ -38,8 +41,15 @@ def vocabulary(
     for name in leave_out:
         if name not in classes:
             raise BadInput(f"leave_out: no effect '{name}'; there are {', '.join(classes)}")
+        if name in NOISE:
+            raise BadInput(f"leave_out: every camera has {name}; it cannot be left out")
         del classes[name]
     return classes
+
+
+def with_noise(classes: Mapping[str, type[Effect]]) -> dict[str, type[Effect]]:
+    """Return effects by name, and those of :data:`NOISE` that are not among them."""
+    return {**classes, **{name: effect for name, effect in NOISE.items() if name not in classes}}
 
 
 def _effect(where: str, path: str) -> type[Effect]:

@@ -54,11 +54,15 @@ class Failure:
         case: its name.
         suite: the suite that it belongs to.
         reason: why it failed, in one line.
+        mask: kind of the mask.
+        formulation: of the virtual camera.
     """
 
     case: str
     suite: str
     reason: str
+    mask: str = ""
+    formulation: str = "overlap"
 
     def __str__(self) -> str:
         return f"{self.case}: {self.reason}"
@@ -249,7 +253,8 @@ def parse_record(record: Mapping[str, Any]) -> Outcome | Failure:
     if record["format"] != "sci-proving-ground-case" or record["format_version"] != 1:
         raise ValueError(f"format {record['format']}, expected sci-proving-ground-case, format_version 1")
     if "failed" in record:
-        return Failure(record["case"], record["suite"], record["failed"])
+        mask, formulation = record.get("mask", ""), record.get("formulation", "overlap")
+        return Failure(record["case"], record["suite"], record["failed"], mask, formulation)
     before, after = record["gap"]["before"], record["gap"]["after"]
     verified = record.get("verification", {})
     judged = verified if "chi2" in verified else after

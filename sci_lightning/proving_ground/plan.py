@@ -69,7 +69,8 @@ def plan(
         if unknown := [name for name in names if name not in known]:
             raise BadInput(f"{key}: no '{unknown[0]}'; choose of {', '.join(known)}")
     lists = {"slots": slots, "masks": masks, "bit_depths": bit_depths}
-    lists |= {"datasheets": datasheets, "formulations": formulations}
+    lists |= {"datasheets": datasheets, "formulations": formulations, "suites": suites}
+    lists |= {} if effects is None else {"effects": effects}
     if empty := [key for key, entries in lists.items() if not entries]:
         raise BadInput(f"{empty[0]} must have at least one entry")
     for key, number in (("seeds", seeds), ("cases", 1 if cases is None else cases)):

@@ -59,13 +59,14 @@ def summarise(records: Iterable[Outcome | Failure]) -> list[Row]:
     """Return the rows of the table. Where a right answer is expected, a failed case counts as a wrong one."""
     records = list(records)
     failures = [record for record in records if isinstance(record, Failure)]
+    lost = [failure for failure in failures if failure.formulation == "overlap"]
     every = [record for record in records if isinstance(record, Outcome)]
     outcomes = [outcome for outcome in every if outcome.formulation == "overlap"]
     named = [outcome for suite, _, _ in EXACT_SUITES for outcome in of_suite(outcomes, suite)]
     fewer, outside = of_suite(outcomes, "fewer"), of_suite(outcomes, "outside")
     return [
-        *(exact_names(outcomes, failures, suite, what, least) for suite, what, least in EXACT_SUITES),
-        *(false_alarms(outcomes, mask) for mask in ("structural", "binary")),
+        *(exact_names(outcomes, lost, suite, what, least) for suite, what, least in EXACT_SUITES),
+        *(false_alarms(outcomes, lost, mask) for mask in ("structural", "binary")),
         at_most("right names, yet something unnamed", [o for o in named if o.exact], lambda o: bool(o.unnamed), 0.02),
         wrong_names("any wrong name", named, 0.05),
         wrong_names("outside the vocabulary: any wrong name", outside, 0.05),
@@ -74,7 +75,7 @@ def summarise(records: Iterable[Outcome | Failure]) -> list[Row]:
             outside,
             lambda o: o.stage_right,
             0.8,
-            failed(failures, "outside"),
+            failed(lost, "outside"),
         ),
         wrong_names("fewer captures: any wrong name", fewer, 0.0),
         interval_coverage([*named, *fewer]),
@@ -86,7 +87,10 @@ def summarise(records: Iterable[Outcome | Failure]) -> list[Row]:
         ),
         closed_gap(named),
         *by_setting(outcomes),
-        *with_rays([outcome for outcome in every if outcome.formulation == "rays"]),
+        *with_rays(
+            [outcome for outcome in every if outcome.formulation == "rays"],
+            [failure for failure in failures if failure.formulation == "rays"],
+        ),
         *times(every),
         memory(every),
         total_time(every),
@@ -120,17 +124,18 @@ def by_setting(outcomes: Sequence[Outcome]) -> list[Row]:
     return rows
 
 
-def with_rays(outcomes: Sequence[Outcome]) -> list[Row]:
+def with_rays(outcomes: Sequence[Outcome], failures: Sequence[Failure]) -> list[Row]:
     """What diagnoses say of the imperfect set-up whose light is sampled by rays."""
-    if not outcomes:
+    if not outcomes and not failures:
         return []
     hidden = [outcome for suite, _, _ in EXACT_SUITES for outcome in of_suite(outcomes, suite) if visible(outcome)]
     nothing = of_suite(outcomes, "nothing")
     shown = Proportion.of(outcome.verdict not in ("consistent", "explained") for outcome in outcomes)
     any_name = Proportion.of(bool(outcome.named) for outcome in nothing)
+    missing = [line for suite, _, _ in EXACT_SUITES for line in failed(failures, suite)]
     rows = [
         wrong_names("rays, nothing hidden: any name but that of its pixels' own PRNU", nothing, 0.05),
-        at_least("rays: the hidden effects are named, and no others", hidden, lambda o: o.exact, 0.95),
+        at_least("rays: the hidden effects are named, and no others", hidden, lambda o: o.exact, 0.95, missing),
         wrong_names("rays: any wrong name", hidden, 0.05),
         Row("rays: the verdict says that something is unexplained", in_words(shown), proportion=shown),
     ]
@@ -165,12 +170,13 @@ def exact_names(outcomes: Sequence[Outcome], failures: Sequence[Failure], suite:
     return replace(row, figure=f"{row.figure}; {left_out} not asked: too faint or too strong")
 
 
-def false_alarms(outcomes: Sequence[Outcome], mask: str) -> Row:
+def false_alarms(outcomes: Sequence[Outcome], failures: Sequence[Failure], mask: str) -> Row:
     """How often something was found though nothing was hidden, behind one kind of mask; noise that is not as the file
     says is no false alarm."""
     cases = [outcome for outcome in of_suite(outcomes, "nothing") if outcome.mask == mask]
     what = f"nothing hidden, {mask} mask: false alarms"
-    return at_most(what, cases, lambda outcome: not outcome.right, 0.02)
+    no_answer = failed([failure for failure in failures if failure.mask == mask], "nothing")
+    return at_most(what, cases, lambda outcome: not outcome.right, 0.02, no_answer)
 
 
 def at_least(
@@ -189,13 +195,19 @@ def at_least(
     return Row(what, in_words(proportion), target, proportion.share >= least, proportion, missed)
 
 
-def at_most(what: str, outcomes: Sequence[Outcome], wrong: Callable[[Outcome], bool], most: float) -> Row:
-    """Return a row for a share of wrong answers that is to be ``most`` or less."""
+def at_most(
+    what: str,
+    outcomes: Sequence[Outcome],
+    wrong: Callable[[Outcome], bool],
+    most: float,
+    failed_cases: Sequence[str] = (),
+) -> Row:
+    """Return a row for a share of wrong answers that is to be ``most`` or less; failed cases count as wrong."""
     target = f"at most {most:.0%}"
-    proportion = Proportion.of(map(wrong, outcomes))
+    proportion = Proportion(sum(map(wrong, outcomes)) + len(failed_cases), len(outcomes) + len(failed_cases))
     if not proportion.total:
         return Row(what, "no cases", target, None, proportion)
-    missed = tuple(str(outcome) for outcome in outcomes if wrong(outcome))
+    missed = (*(str(outcome) for outcome in outcomes if wrong(outcome)), *failed_cases)
     return Row(what, in_words(proportion), target, proportion.share <= most, proportion, missed)
 
 

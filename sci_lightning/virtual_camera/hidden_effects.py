@@ -53,6 +53,7 @@ def choose_effects(
             effects[name] = EFFECTS[name].from_values(values, session)
         else:
             drawn = EFFECTS[name].draw(stream(seed, f"draw {name}"), session)
+            drawn.check(session)
             effects[name] = make_weak(drawn, session, seed) if magnitude == "weak" else drawn
     return effects
 

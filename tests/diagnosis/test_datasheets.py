@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from sci_lightning.captures import Captures
 from sci_lightning.diagnosis.diagnosis import diagnose
 from sci_lightning.diagnosis.report.report import describe
 from sci_lightning.diagnosis.vocabulary import vocabulary
@@ -55,3 +57,38 @@ def test_datasheet(well: float | None, read: float | None, differ: set[str], hid
     assert set(noise["stated_by_the_file"]) == {
         name for name, value in (("shot_noise", well), ("read_noise", read)) if value
     }
+
+
+def moving(patterns: np.ndarray, sequence: list[list[int]], read: float, bits: int, well: float) -> Captures:
+    """Ten captures of scenes that are as stated, by a camera without light from beyond; read noise 0 is stated."""
+    random = np.random.default_rng(0)
+    order = np.array([sequence[number % len(sequence)] for number in range(10)])
+    scene = random.random((10, len(sequence[0]), *patterns.shape[1:])).astype(np.float32)
+    scene[:4] *= 0.04
+    light = np.stack([0.5 * (patterns[slots] * one).sum(0) for slots, one in zip(order, scene, strict=True)])
+    noisy = random.poisson(light * well) / well * (2**bits - 1) + random.normal(0, read, light.shape)
+    return Captures(
+        patterns=patterns,
+        sequence=order,
+        measurement=np.clip(np.round(noisy), 0, 2**bits - 1).astype(np.uint16),
+        scene=scene,
+        aperture=np.full(10, 0.5, np.float32),
+        exposure=np.ones(10, np.float32),
+        kind=("dynamic",) * 10,
+        bit_depth=bits,
+        read_noise_dn=read,
+        full_well_e=well,
+        surround="dark",
+    )
+
+
+def test_no_read_noise_is_a_datasheet_too() -> None:
+    patterns = (np.random.default_rng(1).random((4, 32, 32)) < 0.5).astype(np.float32)
+    result = diagnose(moving(patterns, [[0, 1, 2, 3]], 0.0, 10, 1e5), {"gain": vocabulary()["gain"]})
+    assert result.verdict == "consistent" and result.names == () and result.stated_noise == ("shot_noise", "read_noise")
+
+
+def test_sequences_that_repeat_fewer_patterns_than_slots() -> None:
+    patterns = (np.random.default_rng(1).random((2, 16, 16)) < 0.5).astype(np.float32)
+    sequences = [[0, 1, 0, 1], [0, 0, 1, 1]]
+    assert diagnose(moving(patterns, sequences, 0.8, 8, 1e4), {"gain": vocabulary()["gain"]}).names == ()

@@ -132,6 +132,8 @@ def test_many_cameras_take_turns() -> None:
         ({"effects": ["mask_shft"]}, "no 'mask_shft'"),
         ({"seeds": 0}, "seeds must be a whole number of 1 or more"),
         ({"cases": 0}, "cases must be a whole number of 1 or more"),
+        ({"suites": []}, "suites must have at least one entry"),
+        ({"effects": []}, "effects must have at least one entry"),
         ({"masks": []}, "masks must have at least one entry"),
         ({"slots": []}, "slots must have at least one entry"),
         ({"datasheets": ["wrong"]}, "datasheets: no 'wrong'; choose of stated, silent, double, half"),

@@ -94,6 +94,19 @@ def test_rows(records: list[Outcome | Failure]) -> None:
     assert row(rows, "cases that failed").missed == ("single-bad: ValueError: no",)
 
 
+def test_failed_cases_count_where_they_belong() -> None:
+    lost = {"format": "sci-proving-ground-case", "format_version": 1, "failed": "ValueError: no"}
+    contents = [
+        {**lost, "case": "rays-bad", "suite": "single", "formulation": "rays", "mask": "binary"},
+        {**lost, "case": "nothing-bad", "suite": "nothing", "formulation": "overlap", "mask": "binary"},
+    ]
+    rows = summarise([parse_record(content) for content in contents])
+    assert row(rows, "single effect, clear").proportion == Proportion(0, 0)
+    assert row(rows, "nothing hidden, structural").proportion == Proportion(0, 0)
+    assert row(rows, "nothing hidden, binary").missed == ("nothing-bad failed",)
+    assert row(rows, "rays: the hidden effects").missed == ("rays-bad failed",)
+
+
 def test_rows_of_other_settings(record: Callable[..., Any]) -> None:
     rays = {"formulation": "rays", "also_true": ["prnu"]}
     pixels = {"prnu": {"std": (0.005, 0.0001)}}

@@ -18,6 +18,7 @@ from sci_lightning.diagnosis.fit.verification import transferred
 from sci_lightning.diagnosis.model.camera_model import Hypothesis
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.encoder.border import Border
+from sci_lightning.encoder.effects import MaskShift
 
 ALL_OF_IT = 0.1
 """Part of the excess of chi2 that an explanation may leave."""
@@ -169,8 +170,9 @@ def _moves(fitter: Fitter, model: Hypothesis, one: Observation) -> Iterator[MixU
 
 def _moved(model: Hypothesis, names: tuple[str, ...], dx: float, dy: float) -> Hypothesis:
     for name in names:
-        own = model.effects.get(name, {"dx": 0.0, "dy": 0.0})
-        model = model.with_effect(name, {"dx": float(own["dx"]) + dx, "dy": float(own["dy"]) + dy})
+        own, farthest = model.effects.get(name, {"dx": 0.0, "dy": 0.0}), MaskShift.about["dx"].high
+        moved = {"dx": float(own["dx"]) + dx, "dy": float(own["dy"]) + dy}
+        model = model.with_effect(name, {axis: min(max(by, -farthest), farthest) for axis, by in moved.items()})
     return model
 
 

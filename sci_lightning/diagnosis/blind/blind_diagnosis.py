@@ -155,7 +155,7 @@ def diagnose_blind(
 
     Args:
         captures: of one camera; only those with unknown scenes are used.
-        vocabulary: effects that may be named, by name; None for every effect of the package.
+        vocabulary: effects that may be named beside noise, by name; None for every effect of the package.
         seed: for the report; nothing here is random.
         settings: thresholds and budgets; None for the defaults.
         on_progress: called with a one-line message after every step of the search.
@@ -179,7 +179,7 @@ def diagnose_blind(
             f"{captures.name}: {observation.frames} slots, where snapshots of unknown scenes are diagnosed up to "
             f"{MOST_SLOTS}: record captures of known scenes"
         )
-    vocabulary = effects_vocabulary.vocabulary() if vocabulary is None else vocabulary
+    vocabulary = effects_vocabulary.with_noise(effects_vocabulary.vocabulary() if vocabulary is None else vocabulary)
     model = searched = CameraModel(observation, vocabulary, {"mask_contrast": MaskContrast})
     part = textured_part(captures, LARGEST_SEARCHED, aside) if observation.frames > LONGEST_VIDEO else captures
     if part is not captures:

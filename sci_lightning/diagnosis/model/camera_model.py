@@ -68,10 +68,9 @@ def datasheet_noise(observation: Observation) -> tuple[Hypothesis, tuple[Paramet
     Where the datasheet is silent, the parameter has the value from which a fit should start.
     """
     stated = {"shot_noise": observation.full_well, "read_noise": observation.read_noise}
-    effects: dict[str, Setting] = {
-        name: {parameter: stated[name] or guess} for name, (parameter, guess) in NOISE_GUESS.items()
-    }
+    effects: dict[str, Setting] = {name: {parameter: guess} for name, (parameter, guess) in NOISE_GUESS.items()}
     fixed = tuple((name, parameter) for name, (parameter, _) in NOISE_GUESS.items() if stated[name] is not None)
+    effects |= {name: {parameter: stated[name] or 0.0} for name, parameter in fixed}
     return Hypothesis(effects), fixed
 
 

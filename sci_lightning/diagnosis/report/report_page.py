@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from sci_lightning import __version__
 from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.fit.gap import Misfit
+from sci_lightning.diagnosis.model.camera_model import datasheet_noise
 from sci_lightning.diagnosis.report import pictures
 from sci_lightning.diagnosis.report.digits import chi2, quantity, uncertainty
 from sci_lightning.diagnosis.report.sentences import clause, headline
@@ -280,10 +281,10 @@ def _footer(diagnosis: Diagnosis, provenance: Provenance) -> dict[str, str]:
         f"captures {captures} as numbered in the file, and {split['held_out_blocks']}: "
         f"{100 * split['held_out_fraction']:.0f} % of all pixels"
     )
-    noise = []
+    noise, datasheet = [], datasheet_noise(diagnosis.observation)[0].effects
     for name, values in diagnosis.after.fit.hypothesis.effects.items():
         if diagnosis.model.effects[name].noise:
-            stated = name in diagnosis.stated_noise and name not in diagnosis.names
+            stated = name in diagnosis.stated_noise and values == datasheet[name]
             listed = ", ".join(f"{key} {value:.4g}" for key, value in values.items())
             noise.append(f"{name.replace('_', ' ')}: {listed} ({'stated by the file' if stated else 'estimated'})")
     rows = {"held out": held_out, **_left_out(diagnosis), "noise": "; ".join(noise), "command": provenance.command}

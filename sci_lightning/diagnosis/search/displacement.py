@@ -12,6 +12,7 @@ import torch
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.model.camera_model import Setting
+from sci_lightning.encoder.effects.parameter import within
 from sci_lightning.encoder.effects.stage import RelayEffect
 
 NEAR = 1.5
@@ -79,11 +80,14 @@ def far_displacements(fitter: Fitter, base: Fit) -> dict[str, list[Setting]]:
     places = torch.where(clear, nats, -torch.inf).flatten().topk(PEAKS).indices.tolist()
     peaks = [divmod(place, size[1]) for place in places if clear.flatten()[place]]
     sides = [(right, below) for right in (-ASIDE, ASIDE) for below in (-ASIDE, ASIDE)]
-    return {
-        name: [
-            {dx: float(across[0, column]) + right, dy: float(down[row, 0]) + below}
-            for row, column in peaks
-            for right, below in sides
-        ]
-        for name, (dx, dy) in effects.items()
-    }
+    displacements = [
+        (float(across[0, column]) + right, float(down[row, 0]) + below)
+        for row, column in peaks
+        for right, below in sides
+    ]
+    starts: dict[str, list[Setting]] = {}
+    for name, (dx, dy) in effects.items():
+        about = fitter.model.effects[name].about
+        there: list[Setting] = [{dx: x, dy: y} for x, y in displacements]
+        starts[name] = [setting for setting in there if within(setting, about)]
+    return starts

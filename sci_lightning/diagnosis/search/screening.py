@@ -12,7 +12,7 @@ from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.local_gain import LocalGain
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting
 from sci_lightning.diagnosis.model.fixed_pattern_map import estimate_map
-from sci_lightning.encoder.effects.parameter import part_of
+from sci_lightning.encoder.effects.parameter import part_of, within
 
 BATCH = 12
 """Starts whose predictions are held in memory at a time."""
@@ -83,7 +83,8 @@ def _screened(fitter: Fitter, base: Fit, further: Mapping[str, list[Setting]], p
         if not starts:  # a converter of one bit can lose none, a single slot cannot come late
             continue
         best = _best_start(fitter, base, name, starts, local, chi2)
-        if best.gain > fitter.settings.min_gain_nats and (nearby := _beside(best.start, effect.displacement or ())):
+        nearby = [one for one in _beside(best.start, effect.displacement or ()) if within(one, effect.about)]
+        if nearby and best.gain > fitter.settings.min_gain_nats:
             best = max(best, _best_start(fitter, base, name, nearby, local, chi2), key=lambda one: one.gain)
         candidates.append(best)
     return sorted(candidates, key=lambda candidate: -candidate.gain)

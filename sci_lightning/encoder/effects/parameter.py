@@ -66,3 +66,9 @@ def part_of(setting: Mapping[str, Value], about: Mapping[str, Parameter], part: 
         return min(max(far, parameter.low), parameter.high)
 
     return {name: moved(value, about[name]) for name, value in setting.items()}
+
+
+def within(setting: Mapping[str, Value], about: Mapping[str, Parameter]) -> bool:
+    """Return whether no number of a setting leaves its bounds."""
+    numbers = ((float(value), about[name]) for name, value in setting.items() if not about[name].choices)
+    return all(known.low <= value <= known.high for value, known in numbers)

@@ -28,6 +28,6 @@ class PatternMixing(Empirical, ModulatorEffect):
 
     def show(self, patterns: torch.Tensor) -> torch.Tensor:
         side = round(self.count**0.5)
-        mixture = self.coefficients.view(side, side).to(patterns)
-        coding = patterns[:side]
+        coding = patterns[:side]  # fewer than T where a sequence repeats patterns
+        mixture = self.coefficients.view(side, side)[: len(coding), : len(coding)].to(patterns)
         return torch.cat((coding + torch.einsum("pq,qhw->phw", mixture, coding), patterns[side:]))

@@ -115,3 +115,5 @@ def test_effects_can_be_left_out() -> None:
     assert set(vocabulary()) - set(vocabulary(leave_out=["scene_blur", "gain"])) == {"scene_blur", "gain"}
     with pytest.raises(BadInput, match="leave_out: no effect 'blur'; there are "):
         vocabulary(leave_out=["blur"])
+    with pytest.raises(BadInput, match="every camera has read_noise"):
+        vocabulary(leave_out=["read_noise"])

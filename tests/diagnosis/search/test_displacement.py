@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -34,6 +35,16 @@ def proposed(hidden: dict[str, Any]) -> dict[str, list[Setting]]:
 def test_a_far_displacement_is_proposed(beside: dict[str, Any]) -> None:
     (starts,) = proposed({**FAR, **beside}).values()
     assert any(abs(float(one["dx"]) - 12.3) < 1 and abs(float(one["dy"]) + 0.4) < 1 for one in starts)
+
+
+def test_none_is_proposed_beyond_what_the_effect_takes() -> None:
+    """A displacement of 37 pixels is seen, but has no name: the search must not end over it."""
+    observation = observe(captures({}, size=96))
+    about = vocabulary()["mask_shift"].about
+    moved = replace(observation, dn=observation.dn.roll(37, -1))
+    fitter = Fitter(CameraModel(moved, vocabulary()), split(moved))
+    for starts in far_displacements(fitter, fitter.fit(datasheet_noise(moved)[0])).values():
+        assert all(abs(float(one["dx"])) <= about["dx"].high for one in starts)
 
 
 @pytest.mark.parametrize(
