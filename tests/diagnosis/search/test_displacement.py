@@ -38,13 +38,12 @@ def test_a_far_displacement_is_proposed(beside: dict[str, Any]) -> None:
 
 
 def test_none_is_proposed_beyond_what_the_effect_takes() -> None:
-    """A displacement of 37 pixels is seen, but has no name: the search must not end over it."""
+    """A displacement of 31.6 pixels is proposed on the side below 32 alone: the search must not end over the others."""
     observation = observe(captures({}, size=96))
-    about = vocabulary()["mask_shift"].about
-    moved = replace(observation, dn=observation.dn.roll(37, -1))
+    moved = replace(observation, patterns=observation.patterns.roll(-32, -1))
     fitter = Fitter(CameraModel(moved, vocabulary()), split(moved))
-    for starts in far_displacements(fitter, fitter.fit(datasheet_noise(moved)[0])).values():
-        assert all(abs(float(one["dx"])) <= about["dx"].high for one in starts)
+    (starts,) = far_displacements(fitter, fitter.fit(datasheet_noise(moved)[0])).values()
+    assert starts and all(31 < float(one["dx"]) <= vocabulary()["mask_shift"].about["dx"].high for one in starts)
 
 
 @pytest.mark.parametrize(
