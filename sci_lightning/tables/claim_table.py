@@ -22,9 +22,9 @@ NOTE = (
     "On these scenes: would other trainings, tested on the same scenes, have the same sign? On other scenes: would it "
     "hold on scenes drawn like these as well? Reproduced: the whole "
     f"{CONFIDENCE:.0%} interval lies on the claim's side; contradicted: on the other one. The spread of the seeds is "
-    "pooled over the rows that were trained with several, apart for those tested through another encoder. A row that "
-    f"learned less than {ENOUGH_LEARNED:g} dB beyond the mean measurement decides nothing. Each verdict is at "
-    f"{CONFIDENCE:.0%} by itself, and the comparisons share rows: they are not so many independent findings."
+    "pooled over all rows with several, separately for rows tested through their own encoder and for rows tested "
+    f"through another one. A row that learned less than {ENOUGH_LEARNED:g} dB beyond the mean measurement decides "
+    f"nothing. Each verdict is at {CONFIDENCE:.0%} by itself, and the comparisons share rows: they are not so many independent findings."
 )
 FIGURES_NOTE = "In the cells: the mean difference; its interval on these scenes; on other scenes; the paper's."
 VERDICTS = ("reproduced", "contradicted", "undecided")
