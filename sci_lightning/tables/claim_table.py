@@ -24,7 +24,8 @@ NOTE = (
     f"{CONFIDENCE:.0%} interval lies on the claim's side; contradicted: on the other one. The spread of the seeds is "
     "pooled over all rows with several, separately for rows tested through their own encoder and for rows tested "
     f"through another one. A row that learned less than {ENOUGH_LEARNED:g} dB beyond the mean measurement decides "
-    f"nothing. Each verdict is at {CONFIDENCE:.0%} by itself, and the comparisons share rows: they are not so many independent findings."
+    f"nothing. Each verdict is at {CONFIDENCE:.0%} by itself, and the comparisons share rows: they are not so many "
+    "independent findings."
 )
 FIGURES_NOTE = "In the cells: the mean difference; its interval on these scenes; on other scenes; the paper's."
 VERDICTS = ("reproduced", "contradicted", "undecided")
