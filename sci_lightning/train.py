@@ -100,7 +100,7 @@ def _say_stopped(last: Path, composition: Composition) -> None:
 
 def _print_run(done: Run, composition: Composition) -> None:
     """Print the tables of a run, where it lies and what to run next."""
-    from sci_lightning.cli.next_command import dashboard, invocation, override, print_next
+    from sci_lightning.cli.next_command import dashboard, invocation, print_next
     from sci_lightning.runs.results import print_results
 
     cfg, out, console = composition.cfg, done.folder, PlainConsole()
@@ -114,7 +114,7 @@ def _print_run(done: Run, composition: Composition) -> None:
     root = cfg.benchmark.root or cfg.data.get("root")
     data = "six_scenes" if cfg.benchmark.root else composition.choice("data")
     paths = {"ckpt_path": done.checkpoint}
-    trusted = [override("trusted", f"[{','.join(cfg.trusted)}]")] if cfg.trusted else []
+    trusted = [f"trusted=[{','.join(cfg.trusted)}]"] if cfg.trusted else []  # quoted it would be a text
     lines = [
         invocation("evaluate", f"data={data}", *trusted, paths=paths | ({"data.root": root} if root else {})),
         invocation("export_mask", *trusted, paths=paths),

@@ -108,6 +108,11 @@ def continued(arguments: list[str], encoders: Iterable[str]) -> tuple[list[str],
     kept = overrides_of(path, config)
     if FINETUNE in _names(given.get("experiment", "")):
         return _finetuned(path, config, kept, arguments, given), {}
+    if given.get("finetune", "").lower() == "true" and not config.get("finetune"):
+        raise BadInput(
+            f"{path}: give experiment={FINETUNE} in the place of finetune=true: it begins a training of its own, in a "
+            "folder of its own"
+        )
     was = {**{o.key_or_group: str(_bare(o.value())) for o in kept}, **config["names"]}
     for group in ("encoder", "decoder", "data", "system"):  # others would not even fit the settings of this one
         now = given.get(group, "")

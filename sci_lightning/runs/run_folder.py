@@ -16,6 +16,9 @@ from typing import IO
 
 from sci_lightning.errors import BadInput
 
+LEFTOVER = re.compile(r"\.(last|best)(-\w{8}|\.[0-9a-f]{8}\.[0-9a-f]{8}-\d+-[0-9a-f]{8}\.part)\.ckpt")
+"""Names of temporary files beside checkpoints: those of an earlier version, and those of ``atomic_file``."""
+
 RANKS = ("RANK", "LOCAL_RANK", "SLURM_PROCID")
 """Variables in which launchers of several processes tell each its number."""
 
@@ -147,7 +150,7 @@ def _lock_file(path: Path) -> IO[str]:
 def remove_leftovers(checkpoints: Path) -> None:
     """Remove temporary files that processes were killed over; their names are those of ``atomic_file``."""
     for path in checkpoints.glob(".*.ckpt"):
-        if re.fullmatch(r"\.(last|best)-\w{8}\.ckpt", path.name) and path.is_file() and not path.is_symlink():
+        if LEFTOVER.fullmatch(path.name) and path.is_file() and not path.is_symlink():
             path.unlink(missing_ok=True)
 
 

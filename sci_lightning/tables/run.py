@@ -108,20 +108,24 @@ def find_runs(folders: Iterable[str | Path]) -> tuple[list[Run], list[str]]:
     """
     runs: dict[Any, Run] = {}
     lines: list[str] = []
+    paths: list[Path] = []
+    empty: list[str] = []
     for folder in map(Path, folders):
         files = files_below(folder, *NAMES)
         if not files:
-            lines.append(f"{folder}: {f'no {NAMES[0]} in it' if folder.is_dir() else 'no such folder'}")
-        for path in files:
-            try:
-                run = read_run(path)
-            except BadInput as error:
-                lines.append(str(error))
-                continue
-            key = (tuple(sorted(run.fields.items())), run.group, run.seed)
-            if key in runs and runs[key].path.resolve() != path.resolve():
-                lines.append(f"{runs[key].path}: {path} is the same row and seed, and later")
-            runs[key] = run
+            empty.append(f"{folder}: {f'no {NAMES[0]} in it' if folder.is_dir() else 'no such folder'}")
+        paths += files
+    for path in sorted(paths, key=lambda path: path.stat().st_mtime):
+        try:
+            run = read_run(path)
+        except BadInput as error:
+            lines.append(str(error))
+            continue
+        key = (tuple(sorted(run.fields.items())), run.group, run.seed)
+        if key in runs and runs[key].path.resolve() != path.resolve():
+            lines.append(f"{runs[key].path}: {path} is the same row and seed, and later")
+        runs[key] = run
+    lines += empty
     if not runs:
         more = [f"and {len(lines) - SHOWN} more"] if len(lines) > SHOWN else []
         reasons = "; ".join([*lines[:SHOWN], *more]) or "runs= is empty"

@@ -43,7 +43,8 @@ class Muon(torch.optim.Adam):
     so that every direction of the weight learns equally fast, however unequal the gradients are. On the networks here
     a training needs less than half of Adam's steps for the same loss. Every step adds a matrix of norm eta, so that
     without decay (lambda = 0) norms grow with the training, until features that no training clip showed are amplified
-    beyond all bounds; with it no norm exceeds 1 / lambda.
+    beyond all bounds; with it no norm of a weight of m outputs and n inputs exceeds about
+    1.2 sqrt(max(1, m / n)) / lambda.
 
     Args:
         groups: parameter groups; one with ``"muon": True`` holds large weights only, see :func:`is_large`.

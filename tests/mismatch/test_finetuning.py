@@ -96,6 +96,11 @@ def test_bad_input(refused: Callable[..., str], trained: Path, tmp_path: Path) -
     result = encoder_file(tmp_path / "FOUND")
     line = refused("train", *TINY, f"encoder={result}", "experiment=finetune", *QUIET)
     assert "needs a decoder that is trained already: ckpt_path=" in line
+    before = trained.read_bytes()
+    line = refused(
+        "train", f"ckpt_path={trained}", f"encoder={result}", "finetune=true"
+    )  # it would go on in that folder
+    assert "give experiment=finetune in the place of finetune=true" in line and trained.read_bytes() == before
     line = refused("train", f"ckpt_path={trained}", "experiment=finetune")
     assert "Give encoder=FOUND/encoder.yaml" in line
     line = refused("train", f"ckpt_path={trained}", f"encoder={result}", "experiment=finetune", "decoder=res2former")

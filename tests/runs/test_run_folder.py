@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from sci_lightning.errors import BadInput
+from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.runs.run_folder import is_first_process, remove_leftovers, run_folder
 from tests.conftest import ROOT
 
@@ -100,8 +101,10 @@ def test_leftovers_of_killed_writers_are_removed(tmp_path: Path) -> None:
     checkpoints, elsewhere = tmp_path / "checkpoints", tmp_path / ".last-abcdefgh.ckpt"
     checkpoints.mkdir()
     elsewhere.touch()
+    with atomic_write(checkpoints / "last.ckpt") as written:
+        pass  # its name today; the file itself is not made
     kept = ["last.ckpt", ".mine.ckpt", ".last-mine.ckpt", ".last-abcdefgh.txt"]
-    for name in [*kept, ".last-a1_c3f5h.ckpt", ".best-a1_c3f5h.ckpt"]:
+    for name in [*kept, ".last-a1_c3f5h.ckpt", ".best-a1_c3f5h.ckpt", written.name]:
         (checkpoints / name).touch()
     (checkpoints / ".last-linklink.ckpt").symlink_to(elsewhere)
     remove_leftovers(checkpoints)

@@ -62,6 +62,14 @@ def test_files_of_no_use_are_named_and_the_others_go_on(made: Made, tmp_path: Pa
         find_runs([bad.parent])
 
 
+def test_the_latest_counts_whatever_folder_is_named_first(made: Made) -> None:
+    new, old = (made(f"{name}/a", "lsw_sr", "e2e_cnn", psnr) for name, psnr in (("new", 35.0), ("old", 30.0)))
+    os.utime(new, (5000, 5000))
+    os.utime(old, (4000, 4000))
+    (run,), lines = find_runs([new.parent.parent, old.parent.parent])
+    assert run.path == new and lines == [f"{old}: {new} is the same row and seed, and later"]
+
+
 def test_bytes_that_are_no_text(made: Made, tmp_path: Path) -> None:
     (tmp_path / "metrics.json").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(BadInput, match="not readable as JSON"):
