@@ -111,6 +111,10 @@ def captures_of_snapshots(
         BadInput: the mask cannot be read or does not fit; the message says which shift or crop would fit, if one does.
     """
     patterns = read_mask_file(mask, key, one_pattern=True, setting="mask_key")
+    if not patterns.any():
+        raise BadInput(
+            f"{mask}: the mask never opens: every value is 0; give the mask that the snapshots were taken with"
+        )
     if patterns.ndim == 2:
         patterns = _moving(patterns, dn.shape[1:], mask, step)
     elif step is not None:

@@ -26,7 +26,7 @@ def read_mask_file(
 
     Raises:
         BadInput: the file cannot be read or lacks the array, fewer than 2 slots or more than
-            :data:`~sci_lightning.configuration.bounds.MOST_FRAMES`, values outside [0, 1], or nothing but 0.
+            :data:`~sci_lightning.configuration.bounds.MOST_FRAMES`, or values outside [0, 1].
     """
     try:
         mask = read_array(path, prefer="mask", key=key, dimensions=3, setting=setting)
@@ -49,10 +49,6 @@ def read_mask_file(
         raise BadInput(
             f"{path}: mask values must lie in [0, 1] (transmittance), found {low:g} to {high:g}; divide by the largest "
             "displayed level first"
-        )
-    if high == 0:
-        raise BadInput(
-            f"{path}: the mask never opens: every value is 0; give the mask that the snapshots were taken with"
         )
     return mask
 
