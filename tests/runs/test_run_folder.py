@@ -102,7 +102,7 @@ def test_leftovers_of_killed_writers_are_removed(tmp_path: Path) -> None:
     checkpoints.mkdir()
     elsewhere.touch()
     with atomic_write(checkpoints / "last.ckpt") as written:
-        pass  # its name today; the file itself is not made
+        written.write_bytes(b"weights")  # under a temporary name, as any checkpoint
     kept = ["last.ckpt", ".mine.ckpt", ".last-mine.ckpt", ".last-abcdefgh.txt"]
     for name in [*kept, ".last-a1_c3f5h.ckpt", ".best-a1_c3f5h.ckpt", written.name]:
         (checkpoints / name).touch()
