@@ -34,7 +34,7 @@ GROUPS = {"encoder", "effect", "decoder", "data", "metric", "system", "trainer",
 SECTIONS = {"encoder", "effects", "decoder", "data", "benchmark", "metrics", "system"}
 """Sections of the configuration whose plain values are taken up."""
 
-VALUES = ("frames", "size", "crop", "batch_size", "seed")
+VALUES = ("frames", "size", "crop", "batch_size", "core_minutes", "seed")
 """Settings of the run itself."""
 
 TRAINER = {
@@ -137,7 +137,7 @@ def continued(arguments: list[str], encoders: Iterable[str]) -> tuple[list[str],
     before += [
         f"{key}={str(config[key]).replace(' ', '')}"
         for key in VALUES
-        if kept and key not in named and isinstance(config.get(key), (int, list))
+        if kept and key not in named and isinstance(config.get(key), (int, float, list))
     ]
     if kept and "warmup" not in config["system"] and "system.warmup" not in named:
         before.append("system.warmup=0")  # of an earlier version: its learning rates began at their full height
@@ -182,7 +182,7 @@ def _finetuned(
     field = ("frames", "size") if given["encoder"].endswith(".yaml") else ()  # which the encoder file says
     for key in VALUES:
         whole = key == "crop" and config.get("crop") == config.get("size")
-        if key not in {*named, *field} and isinstance(config.get(key), (int, list)) and not whole:
+        if key not in {*named, *field, *recipe} and isinstance(config.get(key), (int, list)) and not whole:
             before.append(f"{key}={str(config[key]).replace(' ', '')}")
     before = [word for word in before if word.partition("=")[0] not in field]
     rest = [word for word in arguments if word.partition("=")[0].lstrip("+~") != "experiment"]

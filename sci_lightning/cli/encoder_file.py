@@ -103,9 +103,16 @@ def adopt_encoder_files(arguments: list[str], taken: Iterable[str] = ()) -> tupl
         bare = key.lstrip("+")
         if equals and bare in PLACES:
             place = key.replace(bare, PLACES[bare])
-            argument = f"{place}={','.join(member(entry) for entry in value.split(','))}"
+            argument = f"{place}={','.join(map(member, _members(value)))}"
         adopted.append(argument)
     return adopted, files
+
+
+def _members(value: str) -> list[str]:
+    """Split a sweep over encoders at its commas; those of a path in quotes, or of a file that exists, are its own."""
+    if os.path.isfile(os.path.expanduser(value)):
+        return [value]
+    return re.findall(r"'[^']*'|\"[^\"]*\"|[^,]+", value) or [value]
 
 
 def read_encoder_file(path: Path) -> EncoderFile:

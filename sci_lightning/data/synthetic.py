@@ -23,7 +23,7 @@ class Synthetic:
         frames: T, the number of frames in one snapshot.
         size: ``(H, W)`` in pixels, the mask's full size, in which scenes are rendered.
         crop: ``(h, w)`` in pixels, the size of training clips.
-        seed: decides all random choices.
+        seed: decides all random choices in the training clips; the scenes are the same for every seed.
         clips_per_epoch: ``len`` of the training clips.
         scenes_count: number of held-out scenes.
         snapshots_per_scene: length of a scene in groups of T frames, in one continuous motion.
@@ -70,7 +70,7 @@ class Synthetic:
     def _scene(self, number: int, photographs: list[Photograph]) -> Scene:
         again, first = divmod(number, len(photographs))
         name = photographs[first].name + (f"_{again + 1}" if again else "")
-        random = np.random.default_rng((self.seed, number))
+        random = np.random.default_rng((0, number))
         scene = MovingScene(photographs[first:] + photographs[:first], random, self.size)
         video = scene.render(self.snapshots_per_scene * self.frames)
         return Scene(name, video.reshape(-1, self.frames, *self.size))

@@ -6,20 +6,26 @@ of score and PSNR says whether the score predicts which mask is better.
 
 from __future__ import annotations
 
-import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.console import PlainConsole
+from sci_lightning.errors import BadInput
+from sci_lightning.files.json_fields import read_json
+from sci_lightning.files.plain_text import excerpt
 
 if TYPE_CHECKING:
     import torch
 
 FILE = "mask_ranking.json"
+SETTINGS = ("frames", "side", "channels", "blocks", "first_estimate", "seconds", "seed")
+"""What all masks of one ranking share."""
+LARGEST = 1e3
+"""Of a score or PSNR, in dB."""
 
 
 def mask_ranking(composition: Composition) -> None:
@@ -39,19 +45,34 @@ def mask_ranking(composition: Composition) -> None:
     source = Folder(cfg.root, cfg.frames, side, side, cfg.seed, val_root=cfg.val_root, clips_per_epoch=1)
     score = MaskScore(cfg.frames)
     rows: list[dict[str, Any]] = []
+    settings = {key: cfg[key] for key in SETTINGS}
     for name, mask in masks(cfg.frames, cfg.side, cfg.seed):
         file = out / f"{name}.json"
         if not file.is_file():
             row = {"mask": name, "score_dB": float(score(mask)), "psnr_dB": trained_psnr(mask, source, cfg)}
-            write_json(row, file)
-        rows.append(json.loads(file.read_text()))
+            write_json({**row, "settings": settings}, file)
+        rows.append(_row(file, settings))
         console.print(f"{name}: score {rows[-1]['score_dB']:.2f} dB, trained {rows[-1]['psnr_dB']:.2f} dB")
     scores, reached = ([row[key] for row in rows] for key in ("score_dB", "psnr_dB"))
     rank, p_value = spearmanr(scores, reached)
-    settings = {key: cfg[key] for key in ("frames", "side", "channels", "blocks", "first_estimate", "seconds", "seed")}
     content = {"rank_correlation": float(rank), "p_value": float(p_value), "settings": settings, "masks": rows}
     write_json(content, out / FILE)
     console.print(f"rank correlation of {len(rows)} masks: {rank:.2f} (p = {p_value:.2g}); {out / FILE}")
+
+
+def _row(file: Path, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is kept of a mask.
+
+    Raises:
+        BadInput: it is unreadable, or was measured with other settings: one ranking cannot hold both.
+    """
+    content = read_json(file)
+    earlier = content.part("settings", optional=True).content
+    if different := [key for key in settings if key in earlier and earlier[key] != settings[key]]:
+        were = ", ".join(f"{key}={excerpt(str(earlier[key]))}" for key in different)
+        raise BadInput(f"{file}: measured with {were}; give these, or another folder with out=")
+    figures = {key: content.number(key, -LARGEST, LARGEST) for key in ("score_dB", "psnr_dB")}
+    return {"mask": content.text("mask"), **figures}
 
 
 def masks(frames: int, side: int, seed: int) -> Iterator[tuple[str, torch.Tensor]]:

@@ -20,6 +20,9 @@ SHOWN = 5
 LARGEST_SCORE = 1e6
 LARGEST_COUNT = 10**18
 """Of parameters and multiply-accumulates."""
+LARGEST_FRAMES = 10_000
+PAPERS_FRAMES = 8
+"""T of the paper's tables, which is not repeated in the description of a setting."""
 
 
 @dataclass(frozen=True)
@@ -28,19 +31,22 @@ class Setting:
 
     Attributes:
         scale: of ``conf/scale``, with the core minutes of a training that was given so many; "own" is none of these.
+        frames: T, frames of one snapshot.
         size: (H, W) of the tested frames.
         scenes: names of the tested scenes.
         conventions: of the scores, by metric.
     """
 
     scale: str
+    frames: int
     size: tuple[int, int]
     scenes: tuple[str, ...]
     conventions: tuple[tuple[str, str], ...]
 
     def __str__(self) -> str:
         number = len(self.scenes)
-        return f"{self.scale}: {' x '.join(map(str, self.size))}, {number} scene{'s' * (number != 1)}"
+        frames = "" if self.frames == PAPERS_FRAMES else f"T = {self.frames}, "
+        return f"{self.scale}: {frames}{' x '.join(map(str, self.size))}, {number} scene{'s' * (number != 1)}"
 
 
 @dataclass(frozen=True)
@@ -51,7 +57,8 @@ class Run:
         path: of the file.
         fields: what rows and columns are matched by: ``encoder``, ``decoder``, ``test_encoder``, the mask's class
             ``mask``, and its ``bits`` (1 for masks that have none). An encoder with effects is not the paper's: its
-            name carries them, as in ``lsw_sr + mask_shift``. Texts hold no control characters.
+            name carries them, as in ``lsw_sr + mask_shift``; so does the name of a decoder that was fine-tuned to
+            another camera or assumes another one in the test. Texts hold no control characters.
         setting: see :class:`Setting`.
         parameters: of the decoder, which runs of one row must share as well.
         macs: its multiply-accumulates for one measurement of the mask's size.
@@ -141,7 +148,7 @@ def _run(content: Fields) -> Run:
     name = content.text("test_encoder")
     fields: dict[str, str | int] = {
         "encoder": content.text("encoder") + _effects(encoder),
-        "decoder": content.text("decoder"),
+        "decoder": content.text("decoder") + _departures(config, tested),
         "test_encoder": name + _tested_effects(config, name),
         "mask": mask.text("_target_").rpartition(".")[2],
         "bits": mask.whole("bits", 1, 64, default=1),
@@ -153,6 +160,7 @@ def _run(content: Fields) -> Run:
     scenes = content.part("scenes")
     setting = Setting(
         scale=scale,
+        frames=config.whole("frames", 1, LARGEST_FRAMES, default=PAPERS_FRAMES),
         size=(tested if "size" in tested else config).size("size"),
         scenes=tuple(sorted(scenes.names()[:MOST_SCENES])),
         conventions=tuple(sorted((key, conventions.text(key)) for key in conventions.names())),
@@ -175,6 +183,12 @@ def _run(content: Fields) -> Run:
 
 def _scores(part: Fields) -> dict[str, float]:
     return {key: part.number(key, -LARGEST_SCORE, LARGEST_SCORE) for key in part.names()}
+
+
+def _departures(config: Fields, tested: Fields) -> str:
+    """What was done with a decoder that is not in the paper, as it follows its name."""
+    finetuned = " + fine-tuning" if config.content.get("finetune") is True else ""
+    return finetuned + (" + assumed camera" if tested.content.get("camera") else "")
 
 
 def _effects(encoder: Fields) -> str:

@@ -10,6 +10,7 @@ from functools import partial
 from typing import Any
 
 import lightning as L
+import numpy as np
 import torch
 from lightning.pytorch.callbacks import Timer
 
@@ -181,13 +182,14 @@ class System(L.LightningModule):
 
     def _time_spent(self) -> float:
         """Return the part of ``max_time`` or of the processor time that has passed, 0 to 1; 0 in a run without one."""
+        parts = []
         for timer in self.trainer.callbacks:  # type: ignore[attr-defined]  # set by Lightning, not declared
             if isinstance(timer, ProcessorTime):
-                return float(self.trainer.strategy.broadcast(timer.part_spent))
-            if isinstance(timer, Timer) and (left := timer.time_remaining()) is not None:
-                spent = timer.time_elapsed() / max(timer.time_elapsed() + left, 1e-6)
-                return float(self.trainer.strategy.broadcast(spent))  # clocks differ, learning rates may not
-        return 0.0
+                parts.append(timer.part_spent)
+            elif isinstance(timer, Timer) and (left := timer.time_remaining()) is not None:
+                parts.append(timer.time_elapsed() / max(timer.time_elapsed() + left, 1e-6))
+        # the clocks of processes differ, their learning rates may not
+        return float(self.trainer.strategy.broadcast(max(parts))) if parts else 0.0
 
     def on_train_batch_start(self, batch: torch.Tensor, batch_idx: int) -> None:
         self.validated = False
@@ -271,7 +273,9 @@ class System(L.LightningModule):
         return self.encoder.transmittance_window(top, left, height, width), (top, left)
 
     def _seed_step(self, step: int, testing: bool = False) -> None:
-        seed = (((self.seed * 2 + testing) << 40) + (step << 10) + self.global_rank) % 2**63
+        # torch's generator of a CPU keeps 32 bits of a seed: all parts must be mixed into each bit
+        parts = np.random.SeedSequence((self.seed, int(testing), step, self.global_rank))
+        seed = int(parts.generate_state(1, np.uint64)[0])
         if self.device.type == "cpu":
             torch.default_generator.manual_seed(seed)  # torch.manual_seed prints a stack for every other kind of device
         else:

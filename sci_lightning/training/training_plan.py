@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch
+from lightning.pytorch.callbacks import Timer
 
 from sci_lightning.configuration.build import build
 from sci_lightning.errors import BadInput
@@ -32,6 +33,7 @@ class TrainingPlan:
         step_seconds: of one step on the device.
         device: on which the step was measured, and in which precision.
         core_minutes: limit on the processor time of the training, None for none.
+        most_seconds: limit on its duration, None for none.
     """
 
     clips_per_epoch: int
@@ -41,19 +43,22 @@ class TrainingPlan:
     step_seconds: float
     device: str
     core_minutes: float | None = None
+    most_seconds: float | None = None
 
     def lines(self) -> list[str]:
         """Return the plan in sentences."""
         steps, limit = self.steps, ""
         if self.core_minutes is not None and (within := int(60 * self.core_minutes / self.step_seconds)) < steps:
             steps, limit = within, f" in {self.core_minutes:g} minutes of processor time, about"
+        if self.most_seconds is not None and (within := int(self.most_seconds / self.step_seconds)) < steps:
+            steps, limit = within, f" in {duration(self.most_seconds)}, about"
         epochs = steps / self.steps * self.epochs
         return [
             f"{steps:,} steps of {_count(self.batch_size, 'clip')}{limit}: {_count(epochs, 'epoch')} of "
             f"{self.clips_per_epoch:,} clips, {steps * self.batch_size:,} examples",
             f"a step takes about {self.step_seconds:.3g} s on {self.device} (measured on one clip of {SIDE} x {SIDE} "
             "pixels or less, in proportion to pixels and clips)",
-            duration_line(self.steps * self.step_seconds, self.core_minutes),
+            duration_line(self.steps * self.step_seconds, self.core_minutes, self.most_seconds),
         ]
 
 
@@ -61,13 +66,16 @@ def _count(number: float, noun: str) -> str:
     return f"{number:,.3g} {noun}{'' if number == 1 else 's'}"
 
 
-def duration_line(seconds: float, core_minutes: float | None = None) -> str:
+def duration_line(seconds: float, core_minutes: float | None = None, most_seconds: float | None = None) -> str:
     """Return how long a training takes, in words, and what would be shorter if that is more than a day.
 
     Args:
         seconds: of all steps that are left.
         core_minutes: what is left of a limit on processor time; None for none.
+        most_seconds: what is left of a limit on the duration; None for none.
     """
+    if most_seconds is not None and most_seconds < min(seconds, 60 * (core_minutes or math.inf)):
+        return f"training ends after {duration(most_seconds)}"
     if core_minutes is not None and 60 * core_minutes < seconds:
         return f"training ends after {duration(60 * core_minutes)} of processor time"
     shorter = "; scale=cpu takes 45 minutes of one core" if seconds > 86400 else ""
@@ -100,8 +108,8 @@ def training_plan(config: Mapping[str, Any]) -> TrainingPlan:
     batches = clips // batch_size
     if not batches:
         raise BadInput(f"batch_size={batch_size}: an epoch of {clips} clips has no whole batch")
-    if isinstance(limit := trainer.get("limit_train_batches"), int):
-        batches = min(batches, limit)
+    if (limit := trainer.get("limit_train_batches")) is not None:
+        batches = int(batches * limit) if isinstance(limit, float) else min(batches, limit)
     epochs = trainer["max_epochs"]
     steps = math.ceil(batches / trainer["accumulate_grad_batches"]) * epochs
     if trainer["max_steps"] > 0:
@@ -110,7 +118,8 @@ def training_plan(config: Mapping[str, Any]) -> TrainingPlan:
     precision = resolve_precision(trainer["precision"], device)
     seconds = measured_step(config, device, precision)
     name = f"{device_name(device)}, {precision}"
-    return TrainingPlan(clips, epochs, steps, batch_size, seconds, name, config["core_minutes"])
+    most = Timer(trainer["max_time"]).time_remaining() if trainer.get("max_time") else None
+    return TrainingPlan(clips, epochs, steps, batch_size, seconds, name, config["core_minutes"], most)
 
 
 def measured_step(config: Mapping[str, Any], device: torch.device, precision: str) -> float:

@@ -74,6 +74,10 @@ def test_adopted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert node.effects.prnu.file == str(tmp_path / "b" / "camera 1" / "prnu.npy")
     assert adopt_encoder_files(["+encoder=lsw_sr.yaml"], ["lsw_sr"])[0] == ["+encoder='lsw_sr_2'"]
     assert adopt_encoder_files(["encoder=lsw_sr"])[0] == ["encoder=lsw_sr"]
+    comma = encoder_file(tmp_path / "lens a, b")
+    for value in (comma, f"'{comma}'"):
+        assert adopt_encoder_files([f"encoder={value}"])[0] == ["encoder='lens_a__b'"]
+    assert adopt_encoder_files([f"encoder='{comma}',lsw_sr"])[0] == ["encoder='lens_a__b',lsw_sr"]
 
 
 @pytest.mark.parametrize(

@@ -13,16 +13,12 @@ def make(tree, tmp_path):
     return make_folder
 
 
-def test_a_share_is_held_out_by_seed(make):
-    splits = set()
-    for seed in range(8):
-        folder = make(seed=seed, validation=0.4)
-        assert len(folder.held_out) == 2
-        assert len(folder.training) == 3
-        assert not set(folder.training) & set(folder.held_out)
-        assert folder.held_out == make(seed=seed, validation=0.4).held_out
-        splits.add(tuple(folder.held_out))
-    assert len(splits) > 3
+def test_a_share_is_held_out_whatever_the_seed(make):
+    """Else a test with another seed would fall on clips that were trained on."""
+    first, second = (make(seed=seed, validation=0.4) for seed in (0, 1))
+    assert first.held_out == second.held_out and first.training == second.training
+    assert len(first.held_out) == 2 and len(first.training) == 3
+    assert not set(first.training) & set(first.held_out)
 
 
 @pytest.mark.parametrize(("share", "held_out"), [(0.01, 1), (0.5, 2), (0.99, 4)])

@@ -32,10 +32,10 @@ def test_motion_is_of_a_natural_strength():
     assert np.quantile(change, 0.9) < 30
 
 
-def test_the_seed_decides():
+def test_the_seed_decides_what_is_trained_on():
     first, second = (Synthetic(2, (16, 16), (16, 16), seed=seed) for seed in (0, 1))
     assert not torch.equal(first.clips()[0], second.clips()[0])
-    assert not torch.equal(first.scenes()[0].video, second.scenes()[0].video)
+    assert torch.equal(first.scenes()[0].video, second.scenes()[0].video)  # what two seeds reach can be compared
 
 
 def test_indices_start_at_zero():

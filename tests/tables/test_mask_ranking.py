@@ -10,6 +10,7 @@ import torch
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import compose
+from sci_lightning.errors import BadInput
 from sci_lightning.tables import mask_ranking
 from tests.test_configs import clips
 
@@ -33,6 +34,8 @@ def test_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest
     mask_ranking.mask_ranking(compose("mask_ranking", words))
     again = json.loads((tmp_path / "r" / "mask_ranking.json").read_text())["masks"]
     assert [row["psnr_dB"] == 99 for row in again] == [False, True, False]
+    with pytest.raises(BadInput, match=r"0\.2\.json: measured with seconds=0\.2; give these, or another folder"):
+        mask_ranking.mask_ranking(compose("mask_ranking", [*words, "seconds=0.3"]))
 
 
 def test_masks_of_different_kinds(monkeypatch: pytest.MonkeyPatch) -> None:

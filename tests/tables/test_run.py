@@ -41,6 +41,25 @@ def test_an_encoder_with_effects_is_not_the_papers(made: Made) -> None:
 
 
 @pytest.mark.parametrize(
+    ("change", "decoder", "setting"),
+    [
+        ({"frames": 8}, "e2e_cnn", "small: 64 x 64"),
+        ({"frames": 16}, "e2e_cnn", "small: T = 16, 64 x 64"),
+        ({"finetune": True}, "e2e_cnn + fine-tuning", "small: 64 x 64"),
+        ({"evaluate": {"camera": {"mask": {}}}}, "e2e_cnn + assumed camera", "small: 64 x 64"),
+    ],
+)
+def test_what_is_not_in_the_paper_is_a_row_of_its_own(
+    change: dict[str, object], decoder: str, setting: str, made: Made
+) -> None:
+    path = made("a", "lsw_sr", "e2e_cnn", 30.0)
+    content = json.loads(path.read_text())
+    path.write_text(json.dumps({**content, "config": {**content["config"], **change}}))
+    run = read_run(path)
+    assert run.fields["decoder"] == decoder and str(run.setting).startswith(setting)
+
+
+@pytest.mark.parametrize(
     ("text", "reason"),
     [
         ("{", "not readable as JSON"),

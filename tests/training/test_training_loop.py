@@ -47,12 +47,17 @@ def test_a_step_structures_only_the_window_that_it_needs(monkeypatch: pytest.Mon
     assert seen == [(2, 8, 8)]
 
 
-def test_seeds_draw_what_torch_draws() -> None:
-    system = System(Encoder(LearnedStructural(2, 2, (4, 4)), ClipQuantise()), Small(), seed=3)
-    system._seed_step(7)
-    drawn = torch.rand(4)
-    torch.manual_seed((3 * 2 << 40) + (7 << 10))
-    assert torch.equal(drawn, torch.rand(4))
+def test_each_step_of_each_seed_draws_random_numbers_of_its_own() -> None:
+    """A generator of torch on a CPU keeps 32 bits of a seed."""
+
+    def drawn(seed: int, step: int, testing: bool) -> tuple[float, ...]:
+        system = System(Encoder(LearnedStructural(2, 2, (4, 4)), ClipQuantise()), Small(), seed=seed)
+        system._seed_step(step, testing)
+        return tuple(torch.rand(4).tolist())
+
+    steps = [(seed, step, testing) for seed in (0, 1, 2**40) for step in (0, 7) for testing in (False, True)]
+    assert len({drawn(*step) for step in steps}) == len(steps)
+    assert drawn(*steps[-1]) == drawn(*steps[-1])
 
 
 def test_numbers_are_logged_in_the_steps_that_ask_for_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

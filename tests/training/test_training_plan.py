@@ -32,6 +32,17 @@ def test_a_plan_with_a_limit_on_time(ran: Callable[..., str]) -> None:
     assert "training ends after 30 seconds of processor time" in printed
 
 
+def test_a_plan_with_a_limit_on_the_duration(ran: Callable[..., str]) -> None:
+    printed = ran("train", "scale=cpu", *SMALL, "trainer.max_time=00:00:00:20", "dry_run=true")
+    assert "steps of 4 clips in 20 seconds, about: " in printed and "training ends after 20 seconds\n" in printed
+
+
+@pytest.mark.parametrize(("limit", "steps"), [("10", "10 steps"), ("0.1", "33 steps"), ("1.0", "333 steps")])
+def test_a_plan_with_fewer_batches(limit: str, steps: str, ran: Callable[..., str]) -> None:
+    words = (*SMALL, "size=[32,32]", "batch_size=3", "trainer.max_epochs=1", f"+trainer.limit_train_batches={limit}")
+    assert ran("train", *words, "dry_run=true").startswith(steps)
+
+
 def test_a_plan_counts_the_clips_of_the_data(ran: Callable[..., str], refused: Callable[..., str]) -> None:
     printed = ran("train", *SMALL, "size=[32,32]", "batch_size=3", "trainer.max_epochs=2", "dry_run=true")
     assert printed.startswith("666 steps of 3 clips: 2 epochs of 1,000 clips, 1,998 examples")
@@ -61,6 +72,8 @@ def test_what_would_be_shorter() -> None:
     assert duration_line(7200) == "training takes about 2.0 hours on this machine"
     assert duration_line(10**6, 45) == "training ends after 45 minutes of processor time"
     assert "5 minutes on this machine" in duration_line(300, 45)
+    assert duration_line(7200, 45, 600) == "training ends after 10 minutes"
+    assert duration_line(7200, 45, 6000) == "training ends after 45 minutes of processor time"
     assert TrainingPlan(100, 1, 100, 1, 0.1, "cpu").lines()[0].startswith("100 steps of 1 clip: 1 epoch of 100 clips")
 
 

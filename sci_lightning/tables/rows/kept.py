@@ -14,8 +14,15 @@ from sci_lightning.runs.results import write_json
 from sci_lightning.tables.provenance import Provenance
 from sci_lightning.tables.rows.plan import TableRow
 
-RECIPE = ("batch_size", "core_minutes", "crop", "decoder", "encoder", "frames", "size", "system")
+RECIPE = (
+    *("batch_size", "benchmark", "core_minutes", "crop", "data", "decoder", "encoder", "frames", "precision", "size"),
+    *("system", "trainer.accumulate_grad_batches", "trainer.gradient_clip_val", "trainer.limit_train_batches"),
+    *("trainer.max_epochs", "trainer.max_steps", "trainer.max_time"),
+)
 """Entries of a configuration that rows of one table must share with the present one, as far as both have them."""
+
+PLACES = ("root", "store", "val_root")
+"""Settings that say where something lies on one machine."""
 
 
 def kept_files(row: TableRow, results: str | Path) -> list[Path]:
@@ -91,13 +98,20 @@ def check_recipe(row: TableRow, results: str | Path, config: Mapping[str, Any]) 
     path = kept_files(row, results)[0]
     earlier, now = read_json(path).part("config").content, _without_places(config)
     for key in RECIPE:
-        before, after = _flat(earlier.get(key), key), _flat(now.get(key), key)
+        before, after = _flat(_entry(earlier, key), key), _flat(_entry(now, key), key)
         for name in sorted(before.keys() & after.keys()):
-            if before[name] != after[name]:
+            if name.rpartition(".")[2] not in PLACES and before[name] != after[name]:
                 raise BadInput(
                     f"{path}: trained with {name}={before[name]}, now it is {after[name]}; remove {path.parent} to "
                     "train the row again, or give label=NAME for results of their own"
                 )
+
+
+def _entry(config: Any, key: str) -> Any:
+    """Return the entry under a dotted key; an empty mapping where there is none."""
+    for part in key.split("."):
+        config = config.get(part, {}) if isinstance(config, Mapping) else {}
+    return config
 
 
 def _flat(value: Any, place: str) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import time
 from typing import Any
 
 import lightning as L
+from lightning.pytorch.callbacks import Timer
 
 from sci_lightning.configuration.bounds import NonNegative
 from sci_lightning.training.processor_time import ProcessorTime
@@ -42,6 +43,10 @@ class ExpectedTime(L.Callback):
             self._said = True
             left = trainer.estimated_stepping_batches - step
             seconds = (now - self._first[1]) / (step - self._first[0])
-            budgets = [callback for callback in trainer.callbacks if isinstance(callback, ProcessorTime)]  # type: ignore[attr-defined]  # set by Lightning, not declared
-            minutes = (budgets[0].budget - budgets[0].seconds) / 60 if budgets else None
-            print(f"{seconds:.3g} s a step: {duration_line(left * seconds, minutes)}", flush=True)
+            minutes = most = None
+            for callback in trainer.callbacks:  # type: ignore[attr-defined]  # set by Lightning, not declared
+                if isinstance(callback, ProcessorTime):
+                    minutes = (callback.budget - callback.seconds) / 60
+                elif isinstance(callback, Timer):
+                    most = callback.time_remaining()
+            print(f"{seconds:.3g} s a step: {duration_line(left * seconds, minutes, most)}", flush=True)
