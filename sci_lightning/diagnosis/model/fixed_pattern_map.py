@@ -2,8 +2,11 @@
 
 A smooth map is described by a few coordinates (:mod:`~sci_lightning.diagnosis.model.smooth_basis`), which are its
 values below; a hypothesis holds the map itself. The values have a Gaussian prior of mean 0, whose standard deviation is
-the one that makes the captures likeliest (empirical Bayes). Of hot pixels few are positive and all others are 0; naming
-one costs what it takes to say which it is. :class:`FixedPatternMap` is the state of one map during a fit;
+the one that makes the captures likeliest (empirical Bayes). The values of rows and columns are held to a mean of 0, as
+their effects are defined: else a few of them would take over what all pixels share, a black level or a gain. Of hot
+pixels few are positive and all others are 0; naming one costs what it takes to say which it is.
+
+:class:`FixedPatternMap` is the state of one map during a fit;
 :class:`~sci_lightning.diagnosis.model.map_system.MapSystem` solves for the values of all maps at once.
 """
 
@@ -23,6 +26,10 @@ from sci_lightning.diagnosis.model.smooth_basis import SmoothBasis, orthonormal,
 STEEPNESS = (1.0, 2.0, 3.0, 4.0)
 """Powers of the degree with which the prior of a smooth map may fall; the most likely one counts. A steeper prior would
 ask for more digits than maps in single precision have."""
+LINES = ("row", "column")
+"""Kinds of maps whose values are held to a mean of 0."""
+MEAN_IS_ZERO = 1e4
+"""Information about the mean of a row's or column's values that is added, as a multiple of that about one of them."""
 HOT_PIXEL_PENALTY = 5.0
 """Nats that the value of a hot pixel costs, beside the logarithm of the number of pixels for its place."""
 
@@ -131,7 +138,8 @@ class FixedPatternMap:
             lost: ``(H, W)`` information about every pixel that maps of pixels take away.
         """
         if self.smooth is None:
-            return torch.diag((self.precision - self.reduce(lost)).flatten())
+            matrix = torch.diag((self.precision - self.reduce(lost)).flatten())
+            return matrix + MEAN_IS_ZERO * self.precision.mean()
         return torch.diag(self.precision) - self.smooth.gram(lost)
 
     def shared_variance(self, part: torch.Tensor) -> float:
@@ -170,6 +178,8 @@ class FixedPatternMap:
             field = self.smooth.field(self.values + step).float()
             return {"std": min(float(field.std(correction=0)), 1.0)}, field
         values = torch.where(self.active, self.values + step, 0.0).float()
+        if self.kind in LINES:
+            values = values - values.mean()
         if self.kind == "hot":
             values = values.clamp(min=0)
             return {"fraction": float((values > 0).float().mean())}, model.whole(values)
@@ -232,7 +242,10 @@ def estimate_map(
         penalty = float((values > 0).sum()) * _hot_penalty(values)
         evidence = float((gains - _hot_penalty(values))[hot].sum())
     else:
-        std, evidence, std_error = _likeliest_prior(gradient + information * values, information)
+        from_zero = gradient + information * values
+        if kind in LINES:
+            from_zero = from_zero - information * (from_zero.sum() / information.sum().clamp(min=1e-9))
+        std, evidence, std_error = _likeliest_prior(from_zero, information)
         penalty = _penalty(values, information, std)
     return FixedPatternMap(name, kind, values, jacobian, gradient, information, std, std_error, penalty, evidence)
 

@@ -7,9 +7,12 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap
+from sci_lightning.diagnosis.diagnosis import diagnose
+from sci_lightning.diagnosis.model.fixed_pattern_map import MEAN_IS_ZERO, FixedPatternMap
 from sci_lightning.diagnosis.model.map_system import MapSystem
 from sci_lightning.diagnosis.search.map_test import map_p_value
+from sci_lightning.diagnosis.vocabulary import vocabulary
+from sci_lightning.virtual_camera import Session, VirtualCamera
 
 N, H, W = 3, 4, 5
 SHAPES = {"pixel": (H, W), "row": (H, 1), "column": (1, W)}
@@ -42,8 +45,25 @@ def test_as_one_dense_system(kinds: tuple[str, ...]) -> None:
             columns.append((each.jacobian * one.view(each.values.shape)).flatten())
     design = torch.stack(columns)
     dense = design * weight.flatten() @ design.T + torch.eye(len(design)) / 0.7**2
+    for each, part in zip(
+        system.maps, torch.arange(len(design)).split([m.values.numel() for m in system.maps]), strict=True
+    ):
+        if each.kind != "pixel":  # rows and columns are held to a mean of 0
+            dense[part[:, None], part] += MEAN_IS_ZERO * each.precision.mean()
     right = torch.randn(2, len(design), dtype=torch.float64, generator=torch.Generator().manual_seed(5))
     torch.testing.assert_close(system.solve(right), torch.linalg.solve(dense, right.T).T)
+
+
+def test_columns_leave_to_a_black_level_what_all_pixels_share() -> None:
+    hidden = {"black_level": {"offset": 0.03}, "column_noise": {"std": 0.004}}
+    names = ("black_level", "column_noise", "row_noise", "gain", "shot_noise", "read_noise")
+    captures = VirtualCamera(Session(size=(32, 32)), hidden).capture(3)
+    result = diagnose(captures, {name: vocabulary()[name] for name in names})
+    assert set(result.names) == set(hidden) and result.verdict == "explained"
+    found = {effect.name: effect for effect in result.effects}
+    assert abs(float(result.after.fit.hypothesis.maps["column_noise"].mean())) < 1e-6
+    assert abs(float(found["black_level"].parameters["offset"].value) - 0.03) < 1e-3
+    assert 0.002 < float(found["column_noise"].parameters["std"].value) < 0.006
 
 
 def estimated(values: torch.Tensor) -> FixedPatternMap:

@@ -41,6 +41,12 @@ SIZE = (64, 64)
             309580546,
             id="a right name that alone predicts worse",
         ),
+        pytest.param(
+            ("shot_noise", "black_level", "column_noise"),
+            Session(size=SIZE, frames=16, bit_depth=10, mask="binary"),
+            2483632698,
+            id="columns that share a black level",
+        ),
     ],
 )
 def test_exactly_what_is_hidden_is_named(effects: tuple[str, ...], session: Session, seed: int) -> None:
