@@ -123,7 +123,7 @@ class LightPath(nn.Module):
         if self.grid is not None:
             patterns = self.pose.image(patterns, self.cells, self.grid)
         for relay in self.of(RelayEffect):
-            patterns = relay.show(patterns)
+            patterns = relay.show(patterns) if self.grid is None else relay.show(patterns, self.cells)
         return self.pose.image(patterns, self.cells) if self.grid is None else patterns
 
     def transmittance(self, patterns: torch.Tensor, sequence: torch.Tensor | None = None) -> torch.Tensor:

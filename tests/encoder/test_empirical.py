@@ -66,6 +66,11 @@ def test_by_name_as_an_encoder_file_has_it() -> None:
 
 def test_a_mask_field_of_one_displacement_is_a_shift() -> None:
     patterns = torch.rand(1, 12, 12)
+    fine = patterns.repeat_interleave(2, 1).repeat_interleave(2, 2)
+    torch.testing.assert_close(
+        MaskField(count=20, c10=1.0).show(fine, cells=2)[:, :, 2:-2],
+        MaskField(count=20, c10=2.0).show(fine)[:, :, 2:-2],
+    )
     moved = MaskField(count=20, c10=1.0).show(patterns)
     torch.testing.assert_close(moved[..., 1:], patterns[..., :-1], rtol=1e-4, atol=1e-4)
 

@@ -136,7 +136,7 @@ class FreeParameters:
             about = self.model.effects[name].about[parameter]
             value = float(hypothesis.effects[name][parameter])
             new = value * math.exp(float(step[i])) if about.log else value + float(step[i])
-            new = min(max(new, about.low), about.high)
+            new = math.remainder(new, about.period) if about.period else min(max(new, about.low), about.high)
             moved = moved.with_effect(name, {**moved.effects[name], parameter: new})
         return moved, step
 

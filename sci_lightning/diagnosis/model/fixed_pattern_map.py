@@ -2,8 +2,8 @@
 
 A smooth map is described by a few coordinates (:mod:`~sci_lightning.diagnosis.model.smooth_basis`), which are its
 values below; a hypothesis holds the map itself. The values have a Gaussian prior of mean 0, whose standard deviation is
-the one that makes the captures likeliest (empirical Bayes). The values of rows and columns are held to a mean of 0, as
-their effects are defined: else a few of them would take over what all pixels share, a black level or a gain. Of hot
+the one that makes the captures likeliest (empirical Bayes). The offsets of rows and columns are held to a mean of
+0, as their effects are defined: else a few numbers would take over the black level, which all pixels share. Of hot
 pixels few are positive and all others are 0; naming one costs what it takes to say which it is.
 
 :class:`FixedPatternMap` is the state of one map during a fit;
@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 
@@ -26,10 +26,8 @@ from sci_lightning.diagnosis.model.smooth_basis import SmoothBasis, orthonormal,
 STEEPNESS = (1.0, 2.0, 3.0, 4.0)
 """Powers of the degree with which the prior of a smooth map may fall; the most likely one counts. A steeper prior would
 ask for more digits than maps in single precision have."""
-LINES = ("row", "column")
-"""Kinds of maps whose values are held to a mean of 0."""
 MEAN_IS_ZERO = 1e4
-"""Information about the mean of a row's or column's values that is added, as a multiple of that about one of them."""
+"""Information about the mean of centred values that is added, as a multiple of that about one of them."""
 HOT_PIXEL_PENALTY = 5.0
 """Nats that the value of a hot pixel costs, beside the logarithm of the number of pixels for its place."""
 
@@ -53,6 +51,7 @@ class FixedPatternMap:
         smooth: of a smooth map, the functions that its coordinates multiply.
         pixel_gradient, pixel_information: of a smooth map, what the captures say about every pixel of the whole field
             alone.
+        centred: whether the values of rows or columns are held to a mean of 0.
     """
 
     name: str
@@ -68,6 +67,7 @@ class FixedPatternMap:
     smooth: SmoothBasis | None = None
     pixel_gradient: torch.Tensor | None = None
     pixel_information: torch.Tensor | None = None
+    centred: bool = False
 
     @property
     def active(self) -> torch.Tensor:
@@ -139,7 +139,7 @@ class FixedPatternMap:
         """
         if self.smooth is None:
             matrix = torch.diag((self.precision - self.reduce(lost)).flatten())
-            return matrix + MEAN_IS_ZERO * self.precision.mean()
+            return matrix + MEAN_IS_ZERO * self.precision.mean() if self.centred else matrix
         return torch.diag(self.precision) - self.smooth.gram(lost)
 
     def shared_variance(self, part: torch.Tensor) -> float:
@@ -178,7 +178,7 @@ class FixedPatternMap:
             field = self.smooth.field(self.values + step).float()
             return {"std": min(float(field.std(correction=0)), 1.0)}, field
         values = torch.where(self.active, self.values + step, 0.0).float()
-        if self.kind in LINES:
+        if self.centred:
             values = values - values.mean()
         if self.kind == "hot":
             values = values.clamp(min=0)
@@ -243,11 +243,12 @@ def estimate_map(
         evidence = float((gains - _hot_penalty(values))[hot].sum())
     else:
         from_zero = gradient + information * values
-        if kind in LINES:
+        if model.effects[name].centred:
             from_zero = from_zero - information * (from_zero.sum() / information.sum().clamp(min=1e-9))
         std, evidence, std_error = _likeliest_prior(from_zero, information)
         penalty = _penalty(values, information, std)
-    return FixedPatternMap(name, kind, values, jacobian, gradient, information, std, std_error, penalty, evidence)
+    state = FixedPatternMap(name, kind, values, jacobian, gradient, information, std, std_error, penalty, evidence)
+    return replace(state, centred=model.effects[name].centred)
 
 
 def _smooth_map(

@@ -23,6 +23,7 @@ class Parameter:
         step: a small difference that is visible in the measurement; numerical derivatives are taken over it.
         starts: values at which a search starts; the neutral value need not be among them.
         choices: all values of a discrete parameter, in place of bounds; a search tries every one.
+        period: of an angle; values that differ by it do the same, and a fit reports the one nearest to 0.
         log: whether the logarithm is fitted, as for a positive number of unknown magnitude; ``step`` is then relative.
     """
 
@@ -34,6 +35,7 @@ class Parameter:
     starts: tuple[float, ...] = ()
     choices: tuple[Value, ...] = ()
     log: bool = False
+    period: float | None = None
 
     def read(self, where: str, value: Any) -> Value:
         """Return ``value`` as this parameter takes it, a number as a float.

@@ -45,8 +45,8 @@ class RelayEffect(Effect):
 
     stage = "relay"
 
-    def show(self, patterns: torch.Tensor) -> torch.Tensor:
-        """Return the patterns ``(P, H, W)`` as this effect distorts or smears them, before the pose is applied."""
+    def show(self, patterns: torch.Tensor, cells: int = 1) -> torch.Tensor:
+        """Return the patterns ``(P, qH, qW)``, q ``cells`` a pixel, as this effect distorts or smears them."""
         return patterns
 
     def aim(self, pose: Pose) -> Pose:

@@ -132,9 +132,9 @@ class NeighbourTaps(Empirical):
     def border(self, size: tuple[int, int]) -> Border:
         return Border.around(((self.count + 1) ** 0.5 - 1) / 2 if self.coefficients.any() else 0.0)
 
-    def smear(self, images: torch.Tensor) -> torch.Tensor:
+    def smear(self, images: torch.Tensor, cells: int = 1) -> torch.Tensor:
         """Return images ``(N, H, W)`` convolved with the kernel, dark beyond their edges."""
         taps = self.coefficients.to(images)
         middle, side = len(taps) // 2, round((len(taps) + 1) ** 0.5)
         kernel = torch.cat((taps[:middle], torch.ones(1).to(taps), taps[middle:])).view(1, 1, side, side)
-        return torch.nn.functional.conv2d(images[:, None], kernel.flip(-1, -2), padding="same")[:, 0]
+        return torch.nn.functional.conv2d(images[:, None], kernel.flip(-1, -2), padding="same", dilation=cells)[:, 0]

@@ -33,7 +33,7 @@ class MaskField(Empirical, RelayEffect):
         down, across = self.coefficients.abs().view(2, -1).sum(1).tolist()  # Legendre polynomials are at most 1
         return Border.around(down, across)
 
-    def show(self, patterns: torch.Tensor) -> torch.Tensor:
+    def show(self, patterns: torch.Tensor, cells: int = 1) -> torch.Tensor:
         height, width = patterns.shape[-2:]
         y = (torch.arange(height).to(patterns)[:, None] + 0.5) * (2 / height) - 1
         x = (torch.arange(width).to(patterns)[None] + 0.5) * (2 / width) - 1
@@ -41,8 +41,8 @@ class MaskField(Empirical, RelayEffect):
         down, across = self.coefficients.to(patterns).view(2, -1)
         grid = torch.stack(
             (
-                x - torch.einsum("k,khw->hw", across, basis) * (2 / width),
-                y - torch.einsum("k,khw->hw", down, basis) * (2 / height),
+                x - torch.einsum("k,khw->hw", across, basis) * (2 * cells / width),
+                y - torch.einsum("k,khw->hw", down, basis) * (2 * cells / height),
             ),
             -1,
         )

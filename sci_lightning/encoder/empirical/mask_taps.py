@@ -15,5 +15,5 @@ class MaskTaps(NeighbourTaps, RelayEffect):
     rank = 27
     where = "the mask's image is smeared"
 
-    def show(self, patterns: torch.Tensor) -> torch.Tensor:
-        return self.smear(patterns)
+    def show(self, patterns: torch.Tensor, cells: int = 1) -> torch.Tensor:
+        return self.smear(patterns, cells)

@@ -53,6 +53,13 @@ def test_parameters(tmp_path: Path, name: str, start: dict[str, float], truth: d
         assert abs(error) < 5 * deviation[name, parameter] < 0.02
 
 
+def test_an_angle_is_reported_within_half_a_turn(tmp_path: Path) -> None:
+    truth = {"amplitude": 0.1, "frequency": 1.3, "phase": -2.9}
+    subject = fitter(tmp_path, {"flicker": truth})
+    result = subject.fit(NOISE.with_effect("flicker", {**truth, "phase": 2.9}))
+    assert abs(float(result.hypothesis.effects["flicker"]["phase"]) + 2.9) < 0.02
+
+
 def test_map(tmp_path: Path) -> None:
     subject = fitter(tmp_path, {"prnu": {"std": 0.03}})
     result = subject.fit(NOISE.with_effect("prnu", {"std": 0.01}, torch.zeros(64, 64)))

@@ -29,7 +29,7 @@ class Flicker(ExposureEffect):
     about = {
         "amplitude": Parameter("1", 0.0, 0, 1, step=0.01, starts=(0.1,)),
         "frequency": Parameter("cycles per exposure", None, 0.05, 1000, step=0.02, starts=FREQUENCIES),
-        "phase": Parameter("rad", None, -2 * math.pi, 2 * math.pi, step=0.05, starts=PHASES),
+        "phase": Parameter("rad", None, -2 * math.pi, 2 * math.pi, step=0.05, starts=PHASES, period=2 * math.pi),
     }
     sentence = "the light flickers by {amplitude} of its mean, {frequency} times per exposure"
     amplitude: torch.Tensor
