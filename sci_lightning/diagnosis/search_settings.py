@@ -92,7 +92,7 @@ class SearchSettings:
 
     max_effects: Annotated[int, Interval(ge=0, le=10**9)] = 6
     held_out_block: Repeats = 16
-    held_out_one_in: Repeats = 4
+    held_out_one_in: Annotated[int, Interval(ge=2, le=10**9)] = 4
     verification_one_in: Annotated[int, Interval(ge=0, le=10**9)] = 5
     find_bad_captures: bool = True
     border_share: Annotated[float, Interval(ge=0, le=0.45)] = 0.375
