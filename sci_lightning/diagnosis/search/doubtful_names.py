@@ -66,6 +66,12 @@ def without_doubtful_names(
     return fit, [quantified(fitter, fit, one) for one in rest if one.name in fit.hypothesis.effects]
 
 
+def names_are_certain(fitter: Fitter, fit: Fit, noise: Hypothesis, unnamed: Sequence[Unnamed]) -> bool:
+    """Return whether a model has names, and none of them is doubtful; the arguments are as above."""
+    stay = {*noise.effects, *(deviation.name for deviation in unnamed)}
+    return not set(fit.hypothesis.effects) <= stay and not doubtful(fitter, fit, stay, unnamed)
+
+
 def doubtful(
     fitter: Fitter, fit: Fit, stay: Collection[str], unnamed: Sequence[Unnamed]
 ) -> dict[str, tuple[float, str]]:

@@ -127,6 +127,13 @@ def explain_remaining_misfit(
         keep = Hypothesis({**noise.effects, best.name: {}})
         fit = prune(fitter, larger, keep, margin=settings.surrogate_fraction * gained)
         deviations = [one for one in (*deviations, best) if one.name in fit.hypothesis.effects]
+    if as_free_form and not deviations:  # what was worth a name that it does not deserve has none
+        explained = fitter.explained_nats(fit, ideal, fit)
+        least = settings.unnamed_min_gain_nats + settings.formula_error * explained
+        fitter, fit, best, larger = best_free_form(fitter, fit, least, as_free_form, only_maps=True)
+        if best is not None:
+            on_progress(f"unnamed: {best.where}")
+            fit, deviations = larger, [best]
     # in the order of the light: a fault of the mirrors also shows as a gain of the pixels behind them
     deviations.sort(key=lambda deviation: deviation.effect.rank)
     return fitter, fit, [_unnamed(fitter, fit, deviation, contradicted) for deviation in deviations]
@@ -146,7 +153,11 @@ def unnamed_threshold(fitter: Fitter, fit: Fit, ideal: Fit, noise: Fit) -> float
 
 
 def best_free_form(
-    fitter: Fitter, fit: Fit, least: float, maps: Mapping[str, type[Effect]] | None = None
+    fitter: Fitter,
+    fit: Fit,
+    least: float,
+    maps: Mapping[str, type[Effect]] | None = None,
+    only_maps: bool = False,
 ) -> tuple[Fitter, Fit, FreeForm | None, Fit]:
     """Find the free-form deviation of the largest gain in a joint fit.
 
@@ -155,13 +166,15 @@ def best_free_form(
         fit: the model without it.
         least: nats beyond its penalty that it must gain; else None is returned with the model as it was.
         maps: effects of the vocabulary whose maps may serve as free forms too.
+        only_maps: whether these are the only ones.
 
     Returns:
         the fitter whose border suffices for the deviation, the model without it fitted with that, the deviation, and
         the model with it.
     """
     pixels = float(fitter.pixels)
-    promising = [one for one in screen_free_forms(fitter, fit, maps or {}) if one.bic_gain(pixels) > least]
+    screened = screen_free_forms(fitter, fit, maps or {}, only_maps)
+    promising = [one for one in screened if one.bic_gain(pixels) > least]
     best: tuple[Fitter, Fit, FreeForm | None, Fit] = (fitter, fit, None, fit)
     largest = least
     for deviation in promising[: fitter.settings.probes_fitted]:
@@ -183,18 +196,22 @@ def best_free_form(
     return best
 
 
-def screen_free_forms(fitter: Fitter, base: Fit, maps: Mapping[str, type[Effect]]) -> list[FreeForm]:
+def screen_free_forms(
+    fitter: Fitter, base: Fit, maps: Mapping[str, type[Effect]], only_maps: bool = False
+) -> list[FreeForm]:
     """Estimate the gain of every free-form deviation that the model lacks; the most valuable comes first.
 
     Args:
         fitter: holds captures, split and model.
         base: the fitted model.
         maps: effects of the vocabulary whose maps may serve as free forms too.
+        only_maps: whether these are the only ones.
     """
     local, likelihood = LocalGain(fitter, base), fitter.pixel_likelihood(base.prediction)
     light = fitter.model.inside(NO_BORDER).predict(base.hypothesis).mean
     fields = light, fitter.model.whole(local.gradient), fitter.model.whole(local.information)
-    tried = [*fitter.model.free_forms, *(name for name in maps if name not in fitter.model.free_forms)]
+    free_forms = [] if only_maps else fitter.model.free_forms
+    tried = [*free_forms, *(name for name in maps if name not in fitter.model.free_forms)]
     significant = []
     for name in tried:
         effect = fitter.model.effects[name]

@@ -12,7 +12,7 @@ from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, pru
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, datasheet_noise
 from sci_lightning.diagnosis.search.contest import NEAR, hold_contest
 from sci_lightning.diagnosis.search.displacement import far_displacements
-from sci_lightning.diagnosis.search.doubtful_names import without_doubtful_names
+from sci_lightning.diagnosis.search.doubtful_names import names_are_certain, without_doubtful_names
 from sci_lightning.diagnosis.search.remaining_misfit import (
     Unnamed,
     best_free_form,
@@ -72,7 +72,8 @@ def search(fitter: Fitter, ideal: Fit, noise: Hypothesis, on_progress: OnProgres
     Named effects are selected first, then free-form deviations for what they leave. If something is left, or if many
     effects or another noise than the datasheet's were needed, named effects may only imitate something unnamed. Then
     the strongest free-form deviation is taken into the ideal model and the selection is repeated beside it: effects
-    that imitated it are not needed any more. This second model counts if its information criterion is clearly better.
+    that imitated it are not needed any more. This second model counts if its information criterion is clearly better,
+    and by more than the small errors of names that nothing makes doubtful.
     In the end every pixel counts that the model can predict, and names that may only stand in for what has none are
     withdrawn.
 
@@ -85,7 +86,7 @@ def search(fitter: Fitter, ideal: Fit, noise: Hypothesis, on_progress: OnProgres
     whole = fitter
     fitter, selected, rounds = select_effects(fitter, noise, on_progress)
     fitter, fit, unnamed = explain_remaining_misfit(fitter, selected, ideal, noise, (), on_progress)
-    settled, differing = select_noise(fitter, fit)
+    settled, differing = select_noise(fitter, fit, ideal)
     count = len(fit.hypothesis.effects) - len(noise.effects)
     if unnamed or differing or count >= fitter.settings.many_effects:
         start = fitter.fit(noise, iterations=30)
@@ -102,13 +103,16 @@ def search(fitter: Fitter, ideal: Fit, noise: Hypothesis, on_progress: OnProgres
             second, other, rest = explain_remaining_misfit(second, other, ideal, noise, (free_form,), on_progress)
             common = second.with_border(second.split.border | fitter.split.border)
             judged = [judged_by(common, made, by) for made, by in ((fit, fitter), (other, second))]
-            # a free form that is as likely as a named effect (stray light as an offset, say) does not take its place
-            if bic(common, judged[1]) > bic(common, judged[0]) + common.settings.indistinct_nats:
+            # a free form that is as likely as a named effect (stray light as an offset, say) does not take its place,
+            # nor one that is a little likelier than names which nothing makes doubtful: it follows small errors too
+            gain = bic(common, judged[1]) - bic(common, judged[0])
+            least = margin if names_are_certain(fitter, fit, noise, unnamed) else common.settings.indistinct_nats
+            if gain > max(least, common.settings.indistinct_nats):
                 fitter, fit, rounds, unnamed = second, other, other_rounds, rest
-                settled, differing = select_noise(fitter, fit)
+                settled, differing = select_noise(fitter, fit, ideal)
     fitter, completed, unnamed = complete(whole, fitter, fit, ideal, noise, unnamed, on_progress)
     if completed is not fit:
-        settled, differing = select_noise(fitter, completed)
+        settled, differing = select_noise(fitter, completed, ideal)
     free_forms = {deviation.name for deviation in unnamed}
     names = [name for name in completed.hypothesis.effects if name not in noise.effects and name not in free_forms]
     return Explanation(fitter, settled, tuple(names if unnamed else names + differing), tuple(rounds), tuple(unnamed))
@@ -245,14 +249,15 @@ def exchange(fitter: Fitter, fit: Fit, keep: Hypothesis) -> tuple[Fitter, Fit]:
     return fitter, fit
 
 
-def select_noise(fitter: Fitter, fit: Fit) -> tuple[Fit, list[str]]:
+def select_noise(fitter: Fitter, fit: Fit, ideal: Fit) -> tuple[Fit, list[str]]:
     """Return the fit with the datasheet's noise where the captures bear it, and the noise effects that differ from it.
 
     Every combination of stated parameters is fixed at the datasheet's values in turn; a freed one has to be worth its
-    parameter.
+    parameter, and what the formulas of strong effects get wrong, which would pass for noise.
     """
     datasheet, stated = datasheet_noise(fitter.model.observation)
     price = fitter.settings.min_gain_nats + 0.5 * math.log(fitter.pixels)
+    price += fitter.settings.formula_error * fitter.explained_nats(fit, ideal, fit)
     best, differing, best_value = fit, [name for name, _ in stated], -math.inf
     for combination in range(2 ** len(stated)):
         fixed = tuple(parameter for i, parameter in enumerate(stated) if not combination >> i & 1)
