@@ -93,7 +93,6 @@ def test_what_shows_only_outside_is_localised_and_quantified_once(tmp_path: Path
             2898621759,
             set(),
             id="without it",
-            marks=pytest.mark.xfail(reason="mask_blur is named: the part of the blur that all directions have"),
         ),
         pytest.param(("vignetting", "sensor_dust"), Session(size=(64, 64)), 16, set(), id="explains little"),
         pytest.param(("gain", "ghost"), Session(size=(64, 64)), 11, {"gain"}, id="gain beside a ghost"),
