@@ -29,6 +29,7 @@ def folder(tmp_path: Path, record: Callable[..., Any]) -> Path:
         record("outside", fatter, {}, unnamed=("sensor", "optics"), verdict="unexplained", case="a", **WHERE),
         record("outside", {"ghost": {"fraction": 0.1}}, {}, unnamed=("optics",), case="b", **WHERE),
         record("nothing", {}, {}, formulation="rays", unnamed=("exposure",), verdict="unexplained", case="c", **WHERE),
+        record("nothing", {}, {"gain": {"factor": (1.1, 0.01)}}, formulation="rays", case="d", **WHERE),
     ]
     for content in contents:
         Records(tmp_path / "cases.jsonl").write(content)
@@ -42,12 +43,12 @@ def test_tables(folder: Path) -> None:
     outside = build(folder, "outside")
     camera = "structural, 8 bits"
     assert outside.rows == [["`brighter_fatter`", camera, "", "sensor, optics", "", "unexplained", "10", "1"]]
-    assert [row[0] for row in build(folder, "rays").rows] == ["nothing"]
+    assert [row[:3] for row in build(folder, "rays").rows] == [["nothing", camera, "`gain`"]]  # others are right
     summary = build(folder, "summary").as_markdown()
     assert "| outside the vocabulary: any wrong name | 0.0% (0 of 2; 0% to 66%) | at most 5% | yes |" in summary
     headline = build(folder, "headline").as_markdown()
     assert "any wrong name" in headline and "memory" not in headline and "processor time" not in headline
-    assert "an abacus; 2026-11-22; commit 0123abcd; scale: 3 cases of 64 x 64 pixels" in summary
+    assert "an abacus; 2026-11-22; commit 0123abcd; scale: 4 cases of 64 x 64 pixels" in summary
 
 
 def test_no_cases_yet(tmp_path: Path) -> None:

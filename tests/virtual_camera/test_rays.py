@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -125,6 +126,14 @@ def test_lamp_and_prints() -> None:
     assert error["static"].std() == pytest.approx(0.01, rel=0.1)  # one print for both slots
     assert 0.005 < error["dynamic"].std() < 0.0095  # two prints, unequally lit
     assert np.abs(error["flat"]).max() < 1e-9
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_power_law_of_pixels_whose_offset_is_negative() -> None:
+    session = Session(size=(24, 24), frames=4, bit_depth=12, formulation="rays")
+    simulation = VirtualCamera(session, {"response_gamma": {"gamma": 0.8}}).simulate(3)
+    gain = simulation.truth().effects[0].log_likelihood_gain
+    assert gain is not None and math.isfinite(gain)
 
 
 def test_truth_of_an_imperfect_set_up() -> None:

@@ -27,7 +27,7 @@ def build(path: str | Path, part: str) -> DocumentedTable:
         path: of the folder with ``cases.jsonl`` and ``summary.json``; as long as it is not there, the table is empty.
         part: ``headline`` (the main figures that have a target), ``summary`` (every figure),
             ``outside`` (a line for each case with a deviation known from other fields) or ``rays`` (a line for each
-            case that was sampled by rays).
+            case that was sampled by rays and in which a name is missing or wrong).
 
     Raises:
         BadInput: another part, or a file of no use.
@@ -47,7 +47,7 @@ def build(path: str | Path, part: str) -> DocumentedTable:
     if part == "outside":
         shown = [outcome for outcome in outcomes if set(outcome.hidden_names) & set(OTHER_FIELDS)]
     else:
-        shown = [outcome for outcome in outcomes if outcome.formulation == "rays"]
+        shown = [outcome for outcome in outcomes if outcome.formulation == "rays" and not outcome.exact]
     return DocumentedTable(
         [
             "hidden",
