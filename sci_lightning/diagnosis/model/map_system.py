@@ -10,6 +10,8 @@ from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap
 
 DENSE = ("row", "column", "smooth")
 """Kinds of maps with few values, each of which many pixels share."""
+RIDGE = 1e-10
+"""Part of the largest entry that is added to the diagonal first, where rounding leaves no Cholesky factor."""
 
 
 class MapSystem:
@@ -62,7 +64,7 @@ class MapSystem:
                 shared = self._shared[min(i, j), max(i, j)]
                 across.append(self.maps[i].shared_information(self.maps[j], shared))
             blocks.append(torch.cat(across, 1))
-        return torch.linalg.cholesky(torch.cat(blocks)) if blocks else torch.zeros(0, 0)
+        return _cholesky(torch.cat(blocks)) if blocks else torch.zeros(0, 0)
 
     @property
     def gradient(self) -> torch.Tensor:
@@ -104,3 +106,13 @@ class MapSystem:
                 parts[i] = parts[i] - self._shared[i, j] * self.maps[j].spread(parts[j])
             parts[i] = parts[i] * inverse
         return torch.cat([part.flatten(1) for part in parts], 1)
+
+
+def _cholesky(information: torch.Tensor) -> torch.Tensor:
+    """Return the Cholesky factor of an information matrix, of which rounding may leave less than nothing somewhere."""
+    ridge, unit = 0.0, torch.eye(len(information), dtype=information.dtype) * information.abs().max()
+    while True:
+        factor, failed = torch.linalg.cholesky_ex(information + ridge * unit)
+        if not failed or ridge > len(information):
+            return factor
+        ridge = max(RIDGE, 10 * ridge)

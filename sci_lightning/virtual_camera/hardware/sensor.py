@@ -85,13 +85,13 @@ class Saturation(SensorEffect):
 
 @dataclass(frozen=True)
 class ResponseGamma(SensorEffect):
-    """A power law after the wells: out = in ** gamma, and 0 below no charge, where pixels' offsets may lead."""
+    """A power law after the wells: out = in ** gamma, odd about 0, below which pixels' offsets may lead."""
 
     name = "response_gamma"
     gamma: float = parameter("1", 0.1, 10, (0.05, 0.3), neutral=1.0, signed=True)
 
     def respond(self, signal: np.ndarray, readout: Readout) -> np.ndarray:
-        return np.maximum(signal, 0) ** self.gamma
+        return np.sign(signal) * np.abs(signal) ** self.gamma
 
 
 @dataclass(frozen=True)

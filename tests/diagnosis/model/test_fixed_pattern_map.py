@@ -92,3 +92,13 @@ def test_a_trend_over_few_columns_is_none_of_chance() -> None:
     assert min(map_p_value(replace(estimated(values), kind="column")) for values in white) > 1e-3
     fading = torch.exp(-torch.linspace(1, 3, 12, dtype=torch.float64))[None] * 10 + 0.05 * white[0]
     assert map_p_value(replace(estimated(fading), kind="column")) < 1e-5
+
+
+def test_information_of_which_rounding_leaves_less_than_nothing() -> None:
+    """Two maps of columns that do the same, the whole of which a map of pixels can take over."""
+    weight = torch.full((N, H, W), 1e12, dtype=torch.float64)
+    pixel = replace(fixed_pattern("pixel", 0), std=1e6)
+    same = replace(fixed_pattern("column", 1), jacobian=pixel.jacobian, std=1e6)
+    maps = [replace(one, likelihood_information=one.gather(one.jacobian.square() * weight)) for one in (pixel, same)]
+    system = MapSystem([*maps, maps[1]], weight)
+    assert system.solve(torch.ones(1, H * W + 2 * W, dtype=torch.float64)).isfinite().all()
