@@ -83,7 +83,8 @@ def diagnose(composition: Composition) -> None:
         _blind(task)
     console.say(styled(out / "report.html"), "; beside it report.json, encoder.yaml and pictures")
     lines = [invocation("train", "experiment=quickstart", paths={"encoder": out / "encoder.yaml"})]
-    if cfg.captures and (truth := Path(cfg.captures).with_suffix(".truth.json")).is_file():
+    known = bool(captures.known.any())  # a report on unknown scenes has no chi2 to be revealed
+    if known and cfg.captures and (truth := Path(cfg.captures).with_suffix(".truth.json")).is_file():
         lines.append(invocation("virtual_camera.reveal", nearest(truth), nearest(out / "report.json")))
     print_next(console, *lines)
 

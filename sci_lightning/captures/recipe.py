@@ -14,7 +14,8 @@
     captures:
       - measurement: dark/*.tif    # raw DN; a stack or a glob gives several captures
         kind: dark                 # optional label; a dark capture without a scene has the scene 0
-        exposure: 2                # integration time relative to nominal, else 1
+        exposure: 2                # integration time relative to nominal, else 1: for dark signal; light that a longer
+                                   # exposure gathers is part of the aperture
         sequence: all_off          # one pattern in every slot, or [0, 1, all_off, ..] of T; else 0 to T-1
       - measurement: grey.png
         scene: 0.5                 # an even scene

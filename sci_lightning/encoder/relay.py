@@ -123,12 +123,15 @@ class Pose:
         options: Any = {"device": patterns.device, "dtype": torch.float64}
         lines = _centres(grid.field[0], cells, options)
         blurred: list[torch.Tensor | None] = [None, None]  # what the first step of a wide blur has done
+        room = [0, 0]  # mirrors beyond the edges, into which it spreads light
         if sigma is not None:
             for axis, side in zip((-2, -1), self._footprints(grid, lines, cells)[3], strict=True):
                 least = (sigma * cells * side).amin()
                 if float(least.detach()) > FINE_BLUR * math.sqrt(2):
                     blurred[axis] = first = least.square() - FINE_BLUR**2
-                    patterns = _blurred(patterns, first.sqrt(), axis)
+                    room[axis] = more = math.ceil(5 * float(first.detach().sqrt()))
+                    wider = torch.nn.functional.pad(patterns, (0, 0, more, more) if axis == -2 else (more, more))
+                    patterns = _blurred(wider, first.sqrt(), axis)
         images = []
         for some in lines.split(max(1, PARTS_AT_A_TIME // (divided**2 * cells * grid.field[1]))):
             row, column, size, pitch = self._footprints(grid, some, cells, divided)
@@ -137,7 +140,8 @@ class Pose:
                 wide if wide is None or first is None else (wide.square() - first).sqrt()
                 for wide, first in zip(blur, blurred, strict=True)
             ]
-            images.append(image_by_parts(patterns, (row, column), (left[0], left[1]), size, divided))
+            places = (row + room[0], column + room[1])
+            images.append(image_by_parts(patterns, places, (left[0], left[1]), size, divided))
         return torch.cat(images, -2)
 
     def _upright_image(

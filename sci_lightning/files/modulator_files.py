@@ -103,6 +103,8 @@ def write_planes(mask: torch.Tensor, bits: int, folder: str | Path, layout: Layo
     folder = Path(folder)
     levels, full = levels_of(mask, bits)
     (folder / SHEET).unlink(missing_ok=True)  # written last: it says that all pictures are of one mask
+    for stale in (*folder.glob("planes/slot*_bit*.png"), *folder.glob("frames/slot*.png")):
+        stale.unlink()  # of an earlier export with more slots or bits, which a modulator would show as well
     planes = []
     for slot, level in enumerate(levels):
         for bit in reversed(range(bits)):

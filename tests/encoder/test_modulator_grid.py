@@ -96,6 +96,18 @@ def test_blur_is_in_pixels(name: str, sigma: float, patterns: np.ndarray) -> Non
     assert np.sqrt(((blurred - expected)[inner] ** 2).mean()) < 0.02 * patterns.std()
 
 
+@pytest.mark.parametrize("sigma", [0.7, 1.0, 2.0, 4.0])
+def test_blur_spreads_light_beyond_the_modulators_edge_and_back(sigma: float) -> None:
+    """A grid that hardly leans is imaged as one that is upright, for which no step of the blur is taken apart."""
+    upright = np.array([[2.0, 0, -28.0], [0, 2.0, -12.0], [0, 0, 1]])  # the modulator ends inside the field
+    leaning = upright + np.array([[0, 1e-6, 0], [1e-6, 0, 0], [0, 0, 0]])
+    size, mirrors = (32, 48), (40, 64)
+    images = [
+        seen(np.ones((1, *mirrors)), ModulatorGrid(m, size, mirrors), MaskBlur(sigma=sigma)) for m in (upright, leaning)
+    ]
+    np.testing.assert_allclose(images[1], images[0], atol=3e-3)
+
+
 @pytest.mark.parametrize("angle", [2.0, 10.0, 34.0, 36.0, 45.0, 80.0])
 def test_sharp_mirrors_that_are_turned(angle: float) -> None:
     """A random binary pattern is right to a thousandth of its contrast, whatever the angle; its edges aside."""

@@ -48,6 +48,13 @@ def test_binary_mask(tmp_path: Path) -> None:
     assert torch.equal(read_planes(tmp_path), mask)
 
 
+def test_a_second_export_leaves_nothing_of_the_first(tmp_path: Path) -> None:
+    for frames, bits in ((4, 3), (3, 2)):
+        mask = LearnedStructural(bits, frames, (8, 8), seed=1)().detach()
+        write_planes(mask, bits, tmp_path, Layout((8, 8), 1, (8, 8)), {})
+    assert len(list(tmp_path.glob("planes/*.png"))) == 6 and len(list(tmp_path.glob("frames/*.png"))) == 3
+
+
 def test_an_interrupted_export_leaves_no_sheet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An earlier sheet would vouch for pictures of two masks."""
     layout = Layout((8, 8), 1, (8, 8))

@@ -76,7 +76,7 @@ def _into_recipe(folder: Path, matrix: np.ndarray) -> Path:
     recipe = folder / FILE
     rows = [[float(number) for number in row] for row in matrix]
     wanted = {**read_recipe(folder).top.values, KEY: rows}
-    text = re.sub(rf"^{KEY}:.*\n?", "", recipe.read_text(encoding="utf-8"), flags=re.M)
+    text = re.sub(rf"^{KEY}:.*\n?(?:(?:[ \t]+\S.*|-.*|\].*)\n?)*", "", recipe.read_text(encoding="utf-8"), flags=re.M)
     line = f"{KEY}: [{', '.join(str(row) for row in rows)}]  # found by captures register\n"
     with atomic_write(recipe) as temporary:
         temporary.write_text(text + ("" if text.endswith("\n") else "\n") + line, encoding="utf-8")

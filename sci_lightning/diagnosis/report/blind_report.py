@@ -154,9 +154,9 @@ def _verification(diagnosis: BlindDiagnosis) -> dict[str, Any]:
 
 
 def _gap(log_likelihood: np.ndarray) -> dict[str, Any]:
-    """Return nats per pixel of all snapshots and of every one; NaN for a snapshot of which no block counts."""
+    """Return nats per pixel of all snapshots and of every one; None for a snapshot of which no block counts."""
     by_capture = [
-        float("nan") if np.isnan(values).all() else float(-np.nanmean(values) / BLOCK**2) for values in log_likelihood.T
+        None if np.isnan(values).all() else float(-np.nanmean(values) / BLOCK**2) for values in log_likelihood.T
     ]
     pixels = int(np.isfinite(log_likelihood).sum()) * BLOCK**2
     return {"nll": float(-np.nanmean(log_likelihood) / BLOCK**2), "pixels": pixels, "nll_by_capture": by_capture}

@@ -249,7 +249,8 @@ def _maps(diagnosis: Diagnosis) -> dict[str, Figure]:
     """Return a figure of every estimated fixed-pattern map by the effect's name."""
     drawn = {}
     for name in diagnosis.after.fit.maps:
-        unit = next(iter(diagnosis.model.effects[name].about.values())).unit
+        effect = diagnosis.model.effects[name]
+        unit = effect.map_unit or next(iter(effect.about.values())).unit
         values = diagnosis.after.fit.hypothesis.maps[name]
         drawn[name] = pictures.map_figure(values, "relative" if unit == "1" else unit)
     return drawn

@@ -42,6 +42,8 @@ class Effect(nn.Module):
     map_kind: ClassVar[str | None] = None
     """For an effect with an estimated map: ``pixel``, ``column``, ``row``, ``hot`` (few pixels, the others 0) or
     ``smooth`` (no detail much finer than an eighth of the field)."""
+    map_unit: ClassVar[str] = ""
+    """Unit of the map's values; empty where it is that of the first parameter."""
     centred: ClassVar[bool] = False
     """Whether a map of rows or columns is held to a mean of 0, because what they share is another effect."""
     displacement: ClassVar[tuple[str, str] | None] = None

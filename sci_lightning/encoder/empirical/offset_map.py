@@ -19,3 +19,4 @@ class OffsetMap(FixedPatternOffset):
     where = "pixels differ in their offset"
     about = {"std": Parameter("1", 0.0, 0, 1, step=0.0005, starts=(0.005,))}
     map_kind = "pixel"
+    map_unit = "full scale"

@@ -26,7 +26,7 @@ class BrighterFatter(SensorEffect):
         changed = signal.copy()
         for axis in (1, 2):
             changed += _inflow(self.strength * signal**2 / 2, axis)
-        return changed
+        return np.maximum(changed, 0)  # more than there is cannot flow away, however bright the neighbours
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ class HotPixels(MapEffect, SensorEffect):
     about = {"fraction": Parameter("1", 0.0, 0, 1, step=0.001, starts=(0.002,))}
     sentence = "{fraction} of the pixels are hot"
     map_kind = "hot"
+    map_unit = "full scale"
 
     def draw(self, size: tuple[int, int], random: torch.Generator) -> torch.Tensor:
         excess = 0.05 + 0.55 * torch.rand(size, generator=random)
