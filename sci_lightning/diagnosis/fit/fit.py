@@ -17,7 +17,7 @@ from sci_lightning.diagnosis.fit.newton_system import NewtonSystem
 from sci_lightning.diagnosis.fit.parameters import FINE_DIFFERENCE, FreeParameters
 from sci_lightning.diagnosis.fit.split import Split
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, ParameterName
-from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap, estimate_map
+from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap, estimate_map, with_means_given_away
 from sci_lightning.diagnosis.model.likelihood import (
     ClippedSignal,
     Intervals,
@@ -180,6 +180,7 @@ class Fitter:
                 pixels counted, never is.
             from_afar: whether the start may be far from the maximum; :attr:`coarse` then goes most of the way.
         """
+        hypothesis = with_means_given_away(self.model, hypothesis)
         if from_afar and self.coarse is not None:
             nearer = self.coarse.fit(hypothesis, iterations, fixed, fit_maps).hypothesis
             hypothesis = Hypothesis(nearer.effects, hypothesis.maps)

@@ -2,8 +2,8 @@
 
 A smooth map is described by a few coordinates (:mod:`~sci_lightning.diagnosis.model.smooth_basis`), which are its
 values below; a hypothesis holds the map itself. The values have a Gaussian prior of mean 0, whose standard deviation is
-the one that makes the captures likeliest (empirical Bayes). The offsets of rows and columns are held to a mean of
-0, as their effects are defined: else a few numbers would take over the black level, which all pixels share. Of hot
+the one that makes the captures likeliest (empirical Bayes). Beside a black level, the offsets of rows and
+columns are held to a mean of 0: else they would take over what all pixels share. Of hot
 pixels few are positive and all others are 0; naming one costs what it takes to say which it is.
 
 :class:`FixedPatternMap` is the state of one map during a fit;
@@ -200,6 +200,19 @@ class FixedPatternMap:
         return _penalty(model.windowed(values).double(), self.reduce(information).double(), self.std)
 
 
+def with_means_given_away(model: CameraModel, hypothesis: Hypothesis) -> Hypothesis:
+    """Return a hypothesis in which the mean of a map of rows or columns belongs to the effect that is that mean."""
+    for name, values in hypothesis.maps.items():
+        other = model.effects[name].centred_by
+        if other not in hypothesis.effects or not (mean := float(values.mean())):
+            continue
+        (parameter, about), *_ = model.effects[other].about.items()
+        shared = min(max(float(hypothesis.effects[other][parameter]) + mean, about.low), about.high)
+        hypothesis = hypothesis.with_effect(other, {**hypothesis.effects[other], parameter: shared})
+        hypothesis = hypothesis.with_effect(name, hypothesis.effects[name], values - mean)
+    return hypothesis
+
+
 def estimate_map(
     model: CameraModel,
     hypothesis: Hypothesis,
@@ -221,6 +234,7 @@ def estimate_map(
         beside: other maps of the hypothesis; those of pixels hold what a smooth map could say with fewer numbers.
     """
     kind = model.effects[name].map_kind or ""
+    centred = model.effects[name].centred_by in hypothesis.effects
     values = model.map_values(hypothesis, name)
     jacobian = model.map_jacobian(hypothesis, name, prediction)
     slope = (jacobian * likelihood.mean_gradient * fitted).sum(0)
@@ -243,12 +257,12 @@ def estimate_map(
         evidence = float((gains - _hot_penalty(values))[hot].sum())
     else:
         from_zero = gradient + information * values
-        if model.effects[name].centred:
+        if centred:
             from_zero = from_zero - information * (from_zero.sum() / information.sum().clamp(min=1e-9))
         std, evidence, std_error = _likeliest_prior(from_zero, information)
         penalty = _penalty(values, information, std)
     state = FixedPatternMap(name, kind, values, jacobian, gradient, information, std, std_error, penalty, evidence)
-    return replace(state, centred=model.effects[name].centred)
+    return replace(state, centred=centred)
 
 
 def _smooth_map(

@@ -58,7 +58,7 @@ def test_as_one_dense_system(kinds: tuple[str, ...]) -> None:
 def test_columns_leave_to_a_black_level_what_all_pixels_share() -> None:
     hidden = {"black_level": {"offset": 0.03}, "column_noise": {"std": 0.004}}
     names = ("black_level", "column_noise", "row_noise", "gain", "shot_noise", "read_noise")
-    captures = VirtualCamera(Session(size=(32, 32)), hidden).capture(3)
+    captures = VirtualCamera(Session(size=(64, 64)), hidden).capture(3)
     result = diagnose(captures, {name: vocabulary()[name] for name in names})
     assert set(result.names) == set(hidden) and result.verdict == "explained"
     found = {effect.name: effect for effect in result.effects}

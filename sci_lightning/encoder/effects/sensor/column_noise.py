@@ -19,4 +19,4 @@ class ColumnNoise(FixedPatternOffset):
     about = {"std": Parameter("full scale", 0.0, 0, 1, step=0.001, starts=(0.005,))}
     sentence = "columns differ by offsets of {std} of full scale (standard deviation)"
     map_kind = "column"
-    centred = True
+    centred_by = "black_level"
