@@ -7,6 +7,7 @@ import time
 from typing import Any
 
 import lightning as L
+from lightning.pytorch.callbacks import Timer
 
 from sci_lightning.configuration.bounds import Positive
 from sci_lightning.errors import BadInput
@@ -66,3 +67,18 @@ class ProcessorTime(L.Callback):
         if trainer.world_size > 1:  # clocks differ; all processes end with the same step
             spent = trainer.strategy.reduce_boolean_decision(spent, all=False)
         trainer.should_stop = trainer.should_stop or spent
+
+
+def time_limits(trainer: L.Trainer) -> tuple[ProcessorTime | None, Timer | None]:
+    """Return the limit on a training's processor time and that on its duration (``max_time``); None where it has none.
+
+    Args:
+        trainer: of the training.
+    """
+    budget = timer = None
+    for callback in trainer.callbacks:  # type: ignore[attr-defined]  # set by Lightning, not declared
+        if isinstance(callback, ProcessorTime):
+            budget = callback
+        elif isinstance(callback, Timer) and callback.time_remaining() is not None:
+            timer = callback
+    return budget, timer

@@ -12,7 +12,6 @@ from typing import Any
 import lightning as L
 import numpy as np
 import torch
-from lightning.pytorch.callbacks import Timer
 
 from sci_lightning.configuration.bounds import NonNegative, Positive, Seed, Share
 from sci_lightning.decoder.decoder import Decoder
@@ -26,7 +25,7 @@ from sci_lightning.metrics.scene_scores import SceneScores
 from sci_lightning.runs.device import device_name
 from sci_lightning.training.loss import LOSSES
 from sci_lightning.training.muon import Muon, is_large
-from sci_lightning.training.processor_time import ProcessorTime
+from sci_lightning.training.processor_time import time_limits
 from sci_lightning.training.training_position import TrainingPosition
 
 Batch = tuple[torch.Tensor, ...]
@@ -182,14 +181,14 @@ class System(L.LightningModule):
 
     def _time_spent(self) -> float:
         """Return the part of ``max_time`` or of the processor time that has passed, 0 to 1; 0 in a run without one."""
-        parts = []
-        for timer in self.trainer.callbacks:  # type: ignore[attr-defined]  # set by Lightning, not declared
-            if isinstance(timer, ProcessorTime):
-                parts.append(timer.part_spent)
-            elif isinstance(timer, Timer) and (left := timer.time_remaining()) is not None:
-                parts.append(timer.time_elapsed() / max(timer.time_elapsed() + left, 1e-6))
-        # the clocks of processes differ, their learning rates may not
-        return float(self.trainer.strategy.broadcast(max(parts))) if parts else 0.0
+        budget, timer = time_limits(self.trainer)
+        if budget is None and timer is None:
+            return 0.0
+        spent = 0.0 if budget is None else budget.part_spent
+        if timer is not None:
+            elapsed = timer.time_elapsed()
+            spent = max(spent, elapsed / max(elapsed + (timer.time_remaining() or 0.0), 1e-6))
+        return float(self.trainer.strategy.broadcast(spent))  # clocks differ, learning rates may not
 
     def on_train_batch_start(self, batch: torch.Tensor, batch_idx: int) -> None:
         self.validated = False

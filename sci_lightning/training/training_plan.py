@@ -74,7 +74,8 @@ def duration_line(seconds: float, core_minutes: float | None = None, most_second
         core_minutes: what is left of a limit on processor time; None for none.
         most_seconds: what is left of a limit on the duration; None for none.
     """
-    if most_seconds is not None and most_seconds < min(seconds, 60 * (core_minutes or math.inf)):
+    budget = math.inf if core_minutes is None else 60 * core_minutes
+    if most_seconds is not None and most_seconds < min(seconds, budget):
         return f"training ends after {duration(most_seconds)}"
     if core_minutes is not None and 60 * core_minutes < seconds:
         return f"training ends after {duration(60 * core_minutes)} of processor time"
@@ -110,6 +111,8 @@ def training_plan(config: Mapping[str, Any]) -> TrainingPlan:
         raise BadInput(f"batch_size={batch_size}: an epoch of {clips} clips has no whole batch")
     if (limit := trainer.get("limit_train_batches")) is not None:
         batches = int(batches * limit) if isinstance(limit, float) else min(batches, limit)
+        if not batches:
+            raise BadInput(f"trainer.limit_train_batches={limit}: leaves no batch of {clips // batch_size}")
     epochs = trainer["max_epochs"]
     steps = math.ceil(batches / trainer["accumulate_grad_batches"]) * epochs
     if trainer["max_steps"] > 0:

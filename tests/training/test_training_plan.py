@@ -43,6 +43,11 @@ def test_a_plan_with_fewer_batches(limit: str, steps: str, ran: Callable[..., st
     assert ran("train", *words, "dry_run=true").startswith(steps)
 
 
+def test_a_plan_without_batches(refused: Callable[..., str]) -> None:
+    words = (*SMALL, "size=[32,32]", "batch_size=300", "+trainer.limit_train_batches=0.1")
+    assert "limit_train_batches=0.1: leaves no batch of 3" in refused("train", *words, "dry_run=true")
+
+
 def test_a_plan_counts_the_clips_of_the_data(ran: Callable[..., str], refused: Callable[..., str]) -> None:
     printed = ran("train", *SMALL, "size=[32,32]", "batch_size=3", "trainer.max_epochs=2", "dry_run=true")
     assert printed.startswith("666 steps of 3 clips: 2 epochs of 1,000 clips, 1,998 examples")

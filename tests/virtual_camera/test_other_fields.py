@@ -32,6 +32,12 @@ def test_bright_spots_grow_fatter(signal: Signal) -> None:
     assert spread[0] == pytest.approx(100 * spread[1])  # with the square of the charge
 
 
+def test_no_more_charge_flows_away_than_there_is(signal: Signal) -> None:
+    scene = np.full((2, 16, 16), 0.1)
+    scene[:, 8, 8] = 4.0
+    assert signal(one_capture(np.full((2, 16, 16), 0.5), scene), brighter_fatter={"strength": 0.25}).min() >= 0
+
+
 def test_capacitance_couples_neighbours_and_their_noise(signal: Signal) -> None:
     scene = np.zeros((2, 16, 16))
     scene[:, 0, 8] = 1

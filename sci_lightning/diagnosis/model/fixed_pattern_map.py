@@ -2,11 +2,9 @@
 
 A smooth map is described by a few coordinates (:mod:`~sci_lightning.diagnosis.model.smooth_basis`), which are its
 values below; a hypothesis holds the map itself. The values have a Gaussian prior of mean 0, whose standard deviation is
-the one that makes the captures likeliest (empirical Bayes). Beside a black level, the offsets of rows and
-columns are held to a mean of 0: else they would take over what all pixels share. Of hot
-pixels few are positive and all others are 0; naming one costs what it takes to say which it is.
-
-:class:`FixedPatternMap` is the state of one map during a fit;
+the one that makes the captures likeliest (empirical Bayes). Beside a black level, the offsets of rows and columns are
+held to a mean of 0: else they would take over what all pixels share. Of hot pixels few are positive and all others are
+0; naming one costs what it takes to say which it is. :class:`FixedPatternMap` is the state of one map during a fit;
 :class:`~sci_lightning.diagnosis.model.map_system.MapSystem` solves for the values of all maps at once.
 """
 
@@ -14,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 
@@ -261,8 +259,8 @@ def estimate_map(
             from_zero = from_zero - information * (from_zero.sum() / information.sum().clamp(min=1e-9))
         std, evidence, std_error = _likeliest_prior(from_zero, information)
         penalty = _penalty(values, information, std)
-    state = FixedPatternMap(name, kind, values, jacobian, gradient, information, std, std_error, penalty, evidence)
-    return replace(state, centred=centred)
+    numbers = std, std_error, penalty, evidence
+    return FixedPatternMap(name, kind, values, jacobian, gradient, information, *numbers, centred=centred)
 
 
 def _smooth_map(

@@ -14,7 +14,7 @@ from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.fit.gap import Gap
 from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, FAINT, style
 from sci_lightning.diagnosis.residual_tests import Picture, Residuals, ResidualTest
-from sci_lightning.diagnosis.residual_tests.drawing import OWN, draw_map, draw_test, hidden_by, limits
+from sci_lightning.diagnosis.residual_tests.drawing import OWN, draw_map, draw_test, hidden_by, limits, nearly_largest
 from sci_lightning.diagnosis.residual_tests.position import PLACE, extent
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
 from sci_lightning.diagnosis.search.search import Round
@@ -29,11 +29,6 @@ PANEL_WIDTH = 3.3
 MEAN, SIZE = "mean (standard errors)", "RMS (σ; noise: 1)"
 
 
-def _nearly_largest(values: torch.Tensor) -> float:
-    """Return the 99.8 % quantile, of a million values where there are more, which torch would refuse."""
-    return float(torch.quantile(values.flatten()[:: max(1, values.numel() // 10**6)], 0.998))
-
-
 def residuals_figure(before: Residuals, after: Residuals) -> Figure:
     """Draw mean and root mean square of the residuals of every pixel over all captures.
 
@@ -42,7 +37,7 @@ def residuals_figure(before: Residuals, after: Residuals) -> Figure:
     both = before.raw, after.raw
     means = [Picture("map", raw.mean(0) * len(raw) ** 0.5, axes=PLACE, extent=extent(before)) for raw in both]
     sizes = [raw.square().mean(0).sqrt() for raw in both]
-    spans = [(0.0, max(_nearly_largest(size), 1.5)) for size in (torch.stack(sizes), sizes[1])]
+    spans = [(0.0, max(nearly_largest(size), 1.5)) for size in (torch.stack(sizes), sizes[1])]
     own = hidden_by(means[0], means[1])
     rows = 3 if own else 2
     height, width = before.raw.shape[1:]

@@ -74,6 +74,11 @@ def draw_map(axes: Axes, picture: Picture, low: float, high: float) -> AxesImage
     return drawn
 
 
+def nearly_largest(values: torch.Tensor) -> float:
+    """Return the 99.8 % quantile; of about a million values where there are more, which torch would refuse."""
+    return float(torch.quantile(values.flatten()[:: max(1, values.numel() // 10**6)], 0.998))
+
+
 def limits(pictures: Sequence[Picture]) -> tuple[float, float]:
     """Values between which all the pictures are drawn: symmetrical for maps, a few far ones cut off."""
     middle = pictures[0].middle
@@ -82,8 +87,7 @@ def limits(pictures: Sequence[Picture]) -> tuple[float, float]:
     if not len(away):
         return middle - 1, middle + 1
     if pictures[0].kind == "map":
-        far = float(torch.quantile(away.abs()[:: max(1, len(away) // 10**6)], 0.998))
-        far = max(far, 3.0 if middle == 0 and pictures[0].unit == "standard errors" else 1e-6)
+        far = max(nearly_largest(away.abs()), 3.0 if middle == 0 and pictures[0].unit == "standard errors" else 1e-6)
         return middle - far, middle + far
     own = 1.0 if pictures[0].unit == "standard errors" else 0.0
     errors = [entry.errors if entry.errors is not None else torch.full_like(entry.values, own) for entry in pictures]

@@ -106,8 +106,9 @@ def search(fitter: Fitter, ideal: Fit, noise: Hypothesis, on_progress: OnProgres
             # a free form that is as likely as a named effect (stray light as an offset, say) does not take its place,
             # nor one that is a little likelier than names which nothing makes doubtful: it follows small errors too
             gain = bic(common, judged[1]) - bic(common, judged[0])
-            least = margin if names_are_certain(fitter, fit, noise, unnamed) else common.settings.indistinct_nats
-            if gain > max(least, common.settings.indistinct_nats):
+            if gain > common.settings.indistinct_nats and (
+                gain > margin or not names_are_certain(fitter, fit, noise, unnamed)
+            ):
                 fitter, fit, rounds, unnamed = second, other, other_rounds, rest
                 settled, differing = select_noise(fitter, fit, ideal)
     fitter, completed, unnamed = complete(whole, fitter, fit, ideal, noise, unnamed, on_progress)

@@ -17,6 +17,5 @@ class OffsetMap(FixedPatternOffset):
     name = "offset_map"
     rank = 57.5
     where = "pixels differ in their offset"
-    about = {"std": Parameter("1", 0.0, 0, 1, step=0.0005, starts=(0.005,))}
+    about = {"std": Parameter("full scale", 0.0, 0, 1, step=0.0005, starts=(0.005,))}
     map_kind = "pixel"
-    map_unit = "full scale"

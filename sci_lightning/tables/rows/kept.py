@@ -15,9 +15,23 @@ from sci_lightning.tables.provenance import Provenance
 from sci_lightning.tables.rows.plan import TableRow
 
 RECIPE = (
-    *("batch_size", "benchmark", "core_minutes", "crop", "data", "decoder", "encoder", "frames", "precision", "size"),
-    *("system", "trainer.accumulate_grad_batches", "trainer.gradient_clip_val", "trainer.limit_train_batches"),
-    *("trainer.max_epochs", "trainer.max_steps", "trainer.max_time"),
+    "batch_size",
+    "benchmark",
+    "core_minutes",
+    "crop",
+    "data",
+    "decoder",
+    "encoder",
+    "frames",
+    "precision",
+    "size",
+    "system",
+    "trainer.accumulate_grad_batches",
+    "trainer.gradient_clip_val",
+    "trainer.limit_train_batches",
+    "trainer.max_epochs",
+    "trainer.max_steps",
+    "trainer.max_time",
 )
 """Entries of a configuration that rows of one table must share with the present one, as far as both have them."""
 

@@ -6,10 +6,9 @@ import time
 from typing import Any
 
 import lightning as L
-from lightning.pytorch.callbacks import Timer
 
 from sci_lightning.configuration.bounds import NonNegative
-from sci_lightning.training.processor_time import ProcessorTime
+from sci_lightning.training.processor_time import time_limits
 from sci_lightning.training.training_plan import duration_line
 
 
@@ -43,10 +42,7 @@ class ExpectedTime(L.Callback):
             self._said = True
             left = trainer.estimated_stepping_batches - step
             seconds = (now - self._first[1]) / (step - self._first[0])
-            minutes = most = None
-            for callback in trainer.callbacks:  # type: ignore[attr-defined]  # set by Lightning, not declared
-                if isinstance(callback, ProcessorTime):
-                    minutes = (callback.budget - callback.seconds) / 60
-                elif isinstance(callback, Timer):
-                    most = callback.time_remaining()
+            budget, timer = time_limits(trainer)
+            minutes = None if budget is None else (budget.budget - budget.seconds) / 60
+            most = None if timer is None else timer.time_remaining()
             print(f"{seconds:.3g} s a step: {duration_line(left * seconds, minutes, most)}", flush=True)

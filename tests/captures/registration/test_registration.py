@@ -154,6 +154,24 @@ def test_into_a_folder(one: Captures, style: str, tmp_path: Path) -> None:
             pack_captures(tmp_path, tmp_path / "a.h5")
 
 
+@pytest.mark.parametrize(
+    "earlier",
+    [
+        "sensor_to_modulator: [[1, 0, 0],   # of May\n  [0, 1, 0],\n  [0, 0, 1]]\n",
+        "sensor_to_modulator:\n- [1, 0, 0]\n- [0, 1, 0]\n- [0, 0, 1]\n",
+    ],
+)
+def test_a_matrix_of_several_lines_is_replaced_and_nothing_else(one: Captures, earlier: str, tmp_path: Path) -> None:
+    np.save(tmp_path / "masks.npy", one.patterns[:4])
+    np.save(tmp_path / "shots.npy", one.measurement[8:])
+    rest = "# our lab\nbit_depth: 8   # the old camera\npatterns: [masks.npy]\n"
+    last = "captures:   # of Monday\n- {measurement: shots.npy, scene: 0.9}\n"
+    (tmp_path / "captures.yaml").write_text(rest + earlier + last)
+    write_homography(tmp_path, homography((1.3, 1.3), 2.0, SIZE, MIRRORS))
+    written = (tmp_path / "captures.yaml").read_text()
+    assert written.startswith(rest + last + "sensor_to_modulator: [[") and written.count("sensor_to_modulator") == 1
+
+
 def test_homography_of_binned_pixels() -> None:
     matrix = homography((5.2, 2.6), 1.0, SIZE, MIRRORS, tilt=(0.02, 0.01))
     x, y = np.array([0.0, 7.0]), np.array([3.0, 2.0])

@@ -30,7 +30,7 @@ from sci_lightning.diagnosis.report.pictures import (
 from sci_lightning.diagnosis.report.report import UNCERTAINTY, describe, write_report
 from sci_lightning.diagnosis.report.report_page import Provenance, report_page
 from sci_lightning.diagnosis.report.svg import svg
-from sci_lightning.diagnosis.residual_tests.drawing import OWN
+from sci_lightning.diagnosis.residual_tests.drawing import OWN, nearly_largest
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
 from sci_lightning.diagnosis.search.search import Round
 from sci_lightning.diagnosis.vocabulary import vocabulary
@@ -57,6 +57,13 @@ SOURCE = Provenance(
     runtime_s=1.5,
     command="python -m sci_lightning.diagnose captures='<a>.h5'",
 )
+
+
+def test_the_scale_of_a_large_sensors_residuals() -> None:
+    """More values than torch takes a quantile of."""
+    many = torch.zeros(2, 3000, 3000)
+    many[:, ::100] = 5.0  # one row in a hundred
+    assert nearly_largest(many) == 5.0
 
 
 def blank_figures(result: Diagnosis) -> dict[str, Figure]:
