@@ -40,7 +40,7 @@ CASES: dict[str, tuple[Hidden, dict[str, float]]] = {
     "mask blur": (Hidden(mask_blur=0.5), {"mask_blur.sigma": 0.5}),
     "large shift": (Hidden(shift=(2.7, -1.9)), {"mask_shift.dx": 2.7, "mask_shift.dy": -1.9}),
 }
-FAST = ("shift and black level",)
+FAST = ("rotation", "shift and black level", "three")
 
 
 def check(result: Diagnosis, truth: dict[str, float]) -> None:
