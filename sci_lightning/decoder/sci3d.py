@@ -13,15 +13,16 @@ from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.attention import neighbourhood_product
 from sci_lightning.decoder.kernels.layout import channels_last
 from sci_lightning.decoder.kernels.switch import are_plain
+from sci_lightning.decoder.layers.convolution import Conv3d
 from sci_lightning.decoder.layers.sequential import named_block
 from sci_lightning.imaging.operator import SnapshotOperator
 
 Maps = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
 
 
-def conv(inputs: int, outputs: int, stride: int = 1, groups: int = 1) -> nn.Conv3d:
+def conv(inputs: int, outputs: int, stride: int = 1) -> Conv3d:
     """Return a 3x3x3 convolution that keeps T and divides H and W by ``stride``."""
-    return nn.Conv3d(inputs, outputs, 3, stride=(1, stride, stride), padding=1, groups=groups)
+    return Conv3d(inputs, outputs, 3, stride)
 
 
 class ResidualPair(nn.Module):
@@ -64,7 +65,7 @@ class Phase(nn.Module):
         self.eta_step = nn.Parameter(torch.full((1,), 0.01))
         self.inc = named_block(
             "convblock",
-            conv(2, 2 * inner, groups=2),
+            nn.Conv3d(2, 2 * inner, 3, padding=1, groups=2),
             nn.ReLU(inplace=True),
             conv(2 * inner, full),
             nn.ReLU(inplace=True),
