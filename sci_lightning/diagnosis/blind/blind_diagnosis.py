@@ -23,7 +23,12 @@ from sci_lightning.diagnosis.blind.block_prediction import judge_by_blocks, snap
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prediction_verdict import PredictionVerdict
 from sci_lightning.diagnosis.blind.prior import BLOCK, LONGEST_VIDEO, MOST_SLOTS, ScenePrior, statistics_for
-from sci_lightning.diagnosis.blind.search import BlindNamed, BlindSearch, undetermined_effects
+from sci_lightning.diagnosis.blind.search import (
+    BlindExplanation,
+    BlindNamed,
+    BlindSearch,
+    undetermined_effects,
+)
 from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera, snapshots_of
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots, textured_part, usable_snapshots
 from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
@@ -50,8 +55,8 @@ OF_THE_FIELD = (
 FEW_SNAPSHOTS = 3
 """Fewer snapshots say little about how scenes differ, so that uncertainties are widened."""
 NO_MASK_IS_AS_GOOD = (
-    "A camera without any mask predicts held-out pixels as well as the one that was named: the snapshots do not show "
-    "that their mask is the one of the file."
+    "A camera without any mask predicts held-out pixels as well as the likeliest one{effects}: the snapshots do not "
+    "show that their mask is the one of the file, and nothing is named."
 )
 RECORD = "a flat field behind the coding patterns, and an even scene behind one open pattern in one slot only"
 """What tells effects apart that snapshots of unknown scenes do not."""
@@ -94,7 +99,8 @@ class BlindDiagnosis:
         undetermined: what these snapshots cannot tell: the name of an effect, and what about the scenes looks alike.
         notes: what is unusual about the snapshots, in sentences.
         stated_noise: names of the noise effects whose values the captures file states.
-        mask_is_visible: whether the snapshots are likelier with the mask than with none.
+        mask_is_visible: whether the snapshots are likelier with the mask than with none, and held-out pixels more
+            predictable; if not, nothing is named and nothing corrected.
         prediction: what held-out pixels say about the corrected camera; None if they were not asked.
         verification: numbers of the snapshots that were set aside: the search has not seen them.
         camera: the snapshots as held-out pixels were predicted in them; None if they were not asked.
@@ -120,13 +126,10 @@ class BlindDiagnosis:
     def verdict(self) -> str:
         """``consistent`` where nothing is asked for, else ``explained``; nobody looked for what has no name.
 
-        Where no mask is to be seen in the snapshots, it is ``unexplained``, and where a camera without any mask
-        predicts held-out pixels as well as the one that was named; where an effect does not make them more
-        predictable, or snapshots that were set aside do not confirm what was named, ``partly_explained``.
+        Where no mask is to be seen in the snapshots, it is ``unexplained``; where an effect does not make held-out
+        pixels more predictable, or snapshots that were set aside do not confirm what was named, ``partly_explained``.
         """
         if not self.mask_is_visible:
-            return "unexplained"
-        if self.effects and self.prediction is not None and not self.prediction.mask_helps():
             return "unexplained"
         if self.prediction is not None and self.prediction.contradicted():
             return "partly_explained"
@@ -200,6 +203,7 @@ def diagnose_blind(
     explanation = BlindSearch(BlindFitter(likelihood), noise, settings, on_progress).run()
     judges = [number for number in aside if number in usable_snapshots(captures)]
     prediction = camera = None
+    withdrawn: tuple[str, ...] = ()
     if explanation.mask_is_visible:
         named = tuple(one.name for one in explanation.named)
         corrected = explanation.fit.hypothesis
@@ -217,6 +221,11 @@ def diagnose_blind(
                 judge = BlindLikelihood(model_of_judges, prior)
             apart = camera.verification.nonzero()[:, 0].tolist()
             prediction = judge_by_blocks(judge, noise, corrected, named, apart, seed, on_progress)
+            if named and not prediction.mask_helps():  # whatever weakens a wrong mask looks like an effect
+                withdrawn, prediction, camera = named, None, None
+                explanation = BlindExplanation(
+                    explanation.ideal, explanation.ideal, (), explanation.rounds, mask_is_visible=False
+                )
     return BlindDiagnosis(
         observation=observation,
         model=model,
@@ -227,7 +236,7 @@ def diagnose_blind(
         effects=tuple(_named(model, explanation.fit, one) for one in explanation.named),
         rounds=explanation.rounds,
         undetermined=undetermined_effects(model),
-        notes=_notes(captures, likelihood, len(judges), explanation.mask_is_visible, prediction),
+        notes=_notes(captures, likelihood, len(judges), explanation.mask_is_visible, prediction, withdrawn),
         mask_is_visible=explanation.mask_is_visible,
         prediction=prediction,
         verification=tuple(aside),
@@ -266,16 +275,18 @@ def _notes(
     aside: int,
     mask_is_visible: bool,
     prediction: PredictionVerdict | None,
+    withdrawn: tuple[str, ...],
 ) -> tuple[str, ...]:
-    """Say what is unusual about the snapshots, of which ``aside`` only judge."""
+    """Say what is unusual about the snapshots, of which ``aside`` only judge, and which names were withdrawn."""
     notes, count = [], len(likelihood.model.observation)
-    if not mask_is_visible:
+    if withdrawn or (mask_is_visible and prediction is not None and not prediction.mask_helps()):
+        effects = f" (with {', '.join(withdrawn)})" if withdrawn else ""
+        notes.append(NO_MASK_IS_AS_GOOD.format(effects=effects))
+    elif not mask_is_visible:
         notes.append(
             "No mask is to be seen in the snapshots: they have no texture, or other patterns were shown than the file "
             "says, or these were displaced further than the search looks."
         )
-    elif prediction is not None and not prediction.mask_helps():
-        notes.append(NO_MASK_IS_AS_GOOD)
     if count < FEW_SNAPSHOTS:
         what = "One snapshot says" if count == 1 else "Two snapshots say"
         notes.append(f"{what} little about how scenes differ: uncertainties are widened.")

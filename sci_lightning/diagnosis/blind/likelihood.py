@@ -28,8 +28,8 @@ LEAST_LIGHT = 1e-4
 """Mean light below which a snapshot counts as that bright; black snapshots are left out before."""
 IMAGES = 4
 """Images of the patterns that are kept: most hypotheses differ from the last ones elsewhere."""
-CHUNK = 128
-"""Blocks whose covariances are computed at a time."""
+CHUNK = 8
+"""Blocks whose covariances are computed at a time: their matrices stay in the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,8 @@ class BlindLikelihood:
         typical = brightness.mean()
         for which, sequence in enumerate(observation.sequences):
             members = (observation.sequence == which).nonzero()[:, 0]
-            masks, operator = self._masks(path, sequence, numbers), self._optics(path)
+            relative, operator = self._relative_mask(path, sequence), self._optics(path)
+            masks = self.cut(relative, REACH if operator is not None else 0)[:, numbers].transpose(0, 1)
             for part in torch.arange(len(numbers)).split(CHUNK):
                 mean, covariance = self._moments(masks[part], operator)
                 yield SeenBlocks(
@@ -190,15 +191,22 @@ class BlindLikelihood:
                     noise=response.noise(mean * typical) / typical.square(),
                 )
 
-    def _masks(self, path: LightPath, sequence: torch.Tensor, numbers: torch.Tensor) -> torch.Tensor:
-        """Return blocks of the relative mask, ``(blocks, T, n)``; with optics, n counts the pixels around them too."""
+    def relative_mask(self, hypothesis: Hypothesis, sequence: torch.Tensor) -> torch.Tensor:
+        """Return the patterns as the sensor sees them, divided by the mean of their sum, ``(T, H, W)`` float64.
+
+        Args:
+            hypothesis: about the camera.
+            sequence: which pattern every slot shows, ``(T,)``.
+        """
+        return self._relative_mask(self.model.path(hypothesis), sequence)
+
+    def _relative_mask(self, path: LightPath, sequence: torch.Tensor) -> torch.Tensor:
         displayed = (*path.of(ModulatorEffect), *path.of(RelayEffect))
         seen = LightPath([*displayed, *path.of(ExposureEffect)], path.grid)
         key = tuple(effect_key(effect) for effect in displayed)
         images = self._images.get(key, lambda: seen.images(self.model.observation.patterns))
         shown = seen.during(images, sequence[None])[0].double()
-        level = shown.sum(0)[self._centre].mean().clamp(min=1e-6)
-        return self.cut(shown / level, REACH if path.of(OpticsEffect) else 0)[:, numbers].transpose(0, 1)
+        return shown / shown.sum(0)[self._centre].mean().clamp(min=1e-6)
 
     def _optics(self, path: LightPath) -> torch.Tensor | None:
         """Return how much of the light of every pixel around a block falls on every pixel of it, ``(n, m)``."""
@@ -222,7 +230,7 @@ class BlindLikelihood:
     def _moments(self, mask: torch.Tensor, operator: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the mean ``(blocks, n)`` and the covariance ``(K, blocks, n, n)`` of blocks without noise."""
         if operator is None:
-            return mask.sum(1), self.prior.factors().block_covariance(mask)
+            return mask.sum(1), self.prior.at_every_contrast(self.prior.factors().block_covariance(mask))
         from_afar = (1 - operator.sum(1)).clamp(min=0)
         covariance = self.prior.factors(BLOCK + 2 * REACH).block_covariance(mask, operator)
-        return mask.sum(1) @ operator.mT + from_afar, covariance
+        return mask.sum(1) @ operator.mT + from_afar, self.prior.at_every_contrast(covariance)

@@ -22,6 +22,9 @@ MOST_SLOTS = 64
 """Slots of the largest patches whose covariance is decomposed."""
 SMOOTH_MODES = 4
 """As :data:`MODES`, for snapshots of more slots: scenes that move through a block have more modes."""
+CONTRASTS = (0.25, 1.0, 4.0)
+"""Variances of patches over those of many videos: places differ in contrast more than the components do. Chosen by the
+likelihood of snapshots of validation clips behind known cameras, see ``docs/explanation/blind-diagnosis.md``."""
 ITERATIONS = 8
 """Iterations of expectation-maximisation for the shares; they start from those of many videos, and few are needed."""
 PSEUDO_COUNT = 2.0
@@ -62,8 +65,9 @@ def statistics_for(frames: int, patterns: torch.Tensor | None = None) -> PatchPr
 class ScenePrior:
     """A mixture of Gaussians for patches of a scene whose mean brightness is 1.
 
-    The components differ in texture, contrast and motion; which share of the blocks each of them explains is the
-    prior's nuisance parameter, and is estimated anew for every hypothesis about the camera.
+    The components differ in texture and motion, and each of them comes with several contrasts; which share of the
+    blocks each of these K explains is the prior's nuisance parameter, and is estimated anew for every hypothesis about
+    the camera.
 
     Args:
         frames: T.
@@ -71,7 +75,7 @@ class ScenePrior:
         components: how many components are kept, those with the largest shares; None for all.
 
     Attributes:
-        weights: ``(K,)`` shares of the components in many videos.
+        weights: ``(K,)`` shares in many videos, of the components at one contrast after another.
     """
 
     def __init__(self, frames: int, statistics: PatchPrior | None = None, components: int | None = None) -> None:
@@ -83,7 +87,9 @@ class ScenePrior:
             statistics.autocovariance[order],
         )
         self.frames = frames
-        self.weights = self._statistics.weights.double()
+        contrasts = CONTRASTS if frames <= LONGEST_VIDEO else (1.0,)
+        self._contrasts = torch.tensor(contrasts, dtype=torch.float64)
+        self.weights = self._statistics.weights.double().repeat(len(contrasts)) / len(contrasts)
         self._factors: dict[int, PatchFactors] = {}
 
     def factors(self, block: int = BLOCK) -> PatchFactors:
@@ -94,6 +100,10 @@ class ScenePrior:
             modes = (SMOOTH_MODES if smooth else MODES) * BLOCK**2
             self._factors[block] = PatchFactors.of(covariance.double() / self._statistics.level**2, modes)
         return self._factors[block]
+
+    def at_every_contrast(self, covariance: torch.Tensor) -> torch.Tensor:
+        """Return the covariances of all K, ``(K, ..)``, from those that :meth:`factors` gave for the components."""
+        return (self._contrasts.view(-1, *[1] * covariance.ndim) * covariance).flatten(0, 1)
 
     def estimate_weights(self, log_likelihood: torch.Tensor) -> torch.Tensor:
         """Return the shares of the components, ``(K,)``, from the log-likelihoods ``(K, blocks)`` of blocks."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import torch
 
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price
+from sci_lightning.diagnosis.blind.displacement import proposed_displacements
 from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
 from sci_lightning.diagnosis.blind.prior import LONGEST_VIDEO
 from sci_lightning.diagnosis.laboratory import SceneEffect
@@ -218,12 +219,13 @@ class BlindSearch:
             starts: of each of them.
         """
         model = self.fitter.model
+        proposed = proposed_displacements(self.fitter.likelihood, base.hypothesis, self.settings.border_share)
         entries = []
         for name in self.candidates:
             if name in base.hypothesis.effects:
                 continue
             about = model.effects[name].about
-            settings = model.starts(name, base.hypothesis)
+            settings = [*model.starts(name, base.hypothesis), *proposed.get(name, [])]
             trials = [(self._screened(base, name, start), start) for start in settings]
             if not model.effects[name].is_discrete():
                 trials.sort(key=lambda trial: -trial[0])
