@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.progress import Progress
@@ -26,16 +27,21 @@ def design_mask(composition: Composition) -> None:
     from sci_lightning.imaging.mask_design_figure import design_figure, write_mask
     from sci_lightning.imaging.patches import MaskScore, SensorNoise
     from sci_lightning.imaging.patches.prior import read_prior
+    from sci_lightning.imaging.patches.score import MOST_SLOTS
     from sci_lightning.runs.results import write_json
 
     cfg = composition.cfg
     out, console = Path(cfg.out), PlainConsole()
     height, width = (int(side) for side in cfg.size)
+    if not isinstance(cfg.tile, Sequence) or len(cfg.tile) != 2:
+        raise BadInput(f"tile={cfg.tile}: expected two positive whole numbers, height and width, as in tile=[8,8]")
     tile = (int(cfg.tile[0]), int(cfg.tile[1]))
     if cfg.kind not in ("structural", "binary"):
         raise BadInput(f"kind={cfg.kind}: choose structural or binary")
-    if cfg.frames < 2:
-        raise BadInput(f"frames={cfg.frames}: must be at least 2 (one snapshot codes several frames)")
+    if not 2 <= cfg.frames <= MOST_SLOTS:
+        raise BadInput(
+            f"frames={cfg.frames}: must be from 2 to {MOST_SLOTS}, the slots over which a mask can be scored"
+        )
     if tile[0] > height or tile[1] > width:
         raise BadInput(f"tile={list(tile)}: larger than the mask, size={[height, width]}")
     prior = None if cfg.prior is None else read_prior(cfg.prior)
@@ -71,7 +77,8 @@ def design_mask(composition: Composition) -> None:
         f"linear decoder {design.scores[-1]:.2f} dB, of the random start {design.scores[0]:.2f} dB"
     )
     console.say(styled(out), ": mask.npy, mask.mat, mask.png, design.json")
-    words = ["decoder=linear", "encoder=rbw_sr", "encoder/mask=measured", "data=synthetic"]
+    place = [f"frames={cfg.frames}", f"size=[{height},{width}]"]
+    words = ["decoder=linear", "encoder=rbw_sr", "encoder/mask=measured", "data=synthetic", *place]
     print_next(console, invocation("evaluate", *words, paths={"encoder.mask.file": out / "mask.npy"}))
 
 

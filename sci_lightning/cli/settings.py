@@ -70,7 +70,7 @@ SETTINGS: Mapping[str, Any] = {
     "mask": Place,
     "full_scale": Positive,
     "aperture": Positive | str,
-    "fps": Annotated[float, Interval(gt=0, le=1000)],
+    "fps": Annotated[float, Interval(ge=0.1, le=50)],  # of a GIF: browsers slow faster ones down
     # design_mask
     "kind": Literal["structural", "binary"],
     "density": Share,

@@ -13,6 +13,8 @@ from sci_lightning.files.atomic_file import atomic_write
 
 FRAME = re.compile(r"\d{3,}_\d{2,}\.png")
 """Names of the pictures of single frames."""
+LONGEST_PICTURE = 655_350
+"""Milliseconds for which a GIF can show a picture; frames that are alike become one."""
 Video = torch.Tensor | np.ndarray
 """A video, also one that is read from a file as it is needed."""
 
@@ -41,7 +43,15 @@ def write_frames(video: Video, folder: str | Path) -> None:
 
 
 def write_gif(video: Video, path: str | Path, fps: float = 8.0) -> None:
-    """Write ``(N, T, H, W)`` as one animated GIF that repeats, snapshot after snapshot."""
+    """Write ``(N, T, H, W)`` as one animated GIF that repeats, snapshot after snapshot.
+
+    Args:
+        video: in [0, 1].
+        path: of the file.
+        fps: frames per second, at most 50, which is the fastest that browsers show. Frames of a long, slow animation
+            are shown for a shorter time, so that all of them together could be one picture.
+    """
     pictures = (picture(frame) for frames in video for frame in frames)
+    duration = min(1000 / fps, LONGEST_PICTURE / (video.shape[0] * video.shape[1]))
     with atomic_write(path) as temporary:
-        next(pictures).save(temporary, save_all=True, append_images=pictures, duration=1000 / fps, loop=0)
+        next(pictures).save(temporary, save_all=True, append_images=pictures, duration=duration, loop=0)

@@ -6,6 +6,9 @@ import torch
 
 from sci_lightning.metrics.frame_metric import FrameMetric
 
+LEAST_ERROR = 1e-10
+"""Mean squared error that counts as none: 100 dB."""
+
 
 def psnr(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     """Return ``-10 log10(mean squared error)`` of every frame, in dB.
@@ -14,10 +17,11 @@ def psnr(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
         estimate, truth: ``(..., H, W)`` on the scale where 1.0 is white; the estimate is neither clipped nor rounded.
 
     Returns:
-        float64 ``(...)``; a frame without any error gets 100, as in the published evaluations.
+        float64 ``(...)``, at most 100: a frame without any error gets that, as in the published evaluations, and none
+        with an error gets more.
     """
     error = (estimate.double() - truth.double()).square().mean((-2, -1))
-    return torch.where(error == 0, 100.0, -10 * torch.log10(error.clamp(min=1e-300)))
+    return -10 * torch.log10(error.clamp(min=LEAST_ERROR))
 
 
 class PSNR(FrameMetric):

@@ -18,6 +18,7 @@ QUICK = ["frames=3", "size=[12,10]", "tile=[4,4]", "steps=4", "out=run"]
 def test_what_is_written(kind: list[str], ran: Callable[..., str], tmp_path: Path) -> None:
     printed = ran("design_mask", *QUICK, *kind)
     assert "expected PSNR" in printed and "encoder.mask.file" in printed
+    assert "frames=3" in printed and "size=[12,10]" in printed  # the command works as it is printed
     mask = read_mask(tmp_path / "run" / "mask.npy")
     assert mask.shape == (3, 12, 10) and torch.equal(read_mask(tmp_path / "run" / "mask.mat"), mask)
     assert torch.equal(mask[:, 4:8], mask[:, :4]) and torch.equal(mask[..., 4:8], mask[..., :4])
@@ -36,11 +37,13 @@ def test_what_is_written(kind: list[str], ran: Callable[..., str], tmp_path: Pat
         ("aperture=-1", "aperture=-1"),
         ("steps=0", "steps=0: expected a whole number from 1"),
         ("tile=[0,4]", "two positive whole numbers"),
+        ("tile=[8]", "tile=[8]: expected two positive whole numbers"),
+        ("frames=65", "frames=65: must be from 2 to 64"),
         ("read_noise=-1", "read_noise=-1"),
         ("full_well=0", "full_well=0"),
         ("bit_depth=40", "bit_depth=40"),
         ("prior=none.npz", "no such file"),
-        ("frames=4096", "choose a smaller block"),
+        ("frames=4096", "frames=4096: must be from 2 to 64"),
     ],
 )
 def test_what_is_refused(wrong: str, message: str, refused: Callable[..., str], tmp_path: Path) -> None:

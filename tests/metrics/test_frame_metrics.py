@@ -39,6 +39,7 @@ def test_against_scikit_image() -> None:
 def test_no_error_at_all() -> None:
     truth = torch.rand(4, 16, 16)
     assert psnr(truth, truth).tolist() == [100.0] * 4
+    assert psnr(truth + 1e-7, truth).tolist() == [100.0] * 4  # an error does not score better than none
     assert ssim(truth, truth).tolist() == pytest.approx([1.0] * 4)
 
 

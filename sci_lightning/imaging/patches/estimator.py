@@ -235,8 +235,7 @@ class LinearEstimator:
         key = frames, device
         if key not in self._covariances:
             with torch.inference_mode(False), torch.no_grad():  # what is kept may meet a training later
-                covariance = self.prior.covariance(frames, self.block)
-            self._covariances[key] = covariance.to(device)
+                self._covariances[key] = self.prior.covariance(frames, self.block).to(device)
         return self._covariances[key]
 
     def _prepare(self, grid: BlockGrid, mask: torch.Tensor, covariance: torch.Tensor) -> Prepared:

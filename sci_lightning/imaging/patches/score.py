@@ -10,10 +10,13 @@ import torch
 
 from sci_lightning.errors import BadInput
 from sci_lightning.imaging.patches.moments import block_covariance
-from sci_lightning.imaging.patches.prior import PatchPrior, read_prior
+from sci_lightning.imaging.patches.prior import LARGEST, PatchPrior, read_prior
 
 BLOCK = 8
 """Side of the blocks in pixels."""
+
+MOST_SLOTS = LARGEST // BLOCK**2
+"""Slots of the largest masks whose patches have statistics."""
 
 MOST_BLOCKS = 256
 """Of a mask with more blocks, so many at most are looked at, at equal distances."""

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
 
 from sci_lightning.captures import Captures
+from sci_lightning.data.reader import find_clips
+from sci_lightning.diagnosis.blind import prior
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.likelihood_comparison import clustered, compare
-from sci_lightning.diagnosis.blind.prior import ScenePrior
+from sci_lightning.diagnosis.blind.prior import CONTRASTS, ScenePrior
 from sci_lightning.diagnosis.blind.sensor_response import SensorResponse
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, datasheet_noise
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder.effects import BlackLevel, ReadNoise, ResponseGamma
 from sci_lightning.encoder.light_path import LightPath
+from tests.diagnosis.blind.validation import record
 
 SIZE, FRAMES, COUNT = 32, 3, 4
 
@@ -49,11 +54,11 @@ def likelihood_of(captures: Captures) -> tuple[BlindLikelihood, Hypothesis]:
 
 
 def test_a_block_is_gaussian() -> None:
-    """With one component, the likelihood of a block is that of the multivariate normal distribution."""
+    """With one component at one contrast, the likelihood of a block is that of the multivariate normal distribution."""
     likelihood, ideal = likelihood_of(snapshots())
-    one = torch.zeros(len(likelihood.prior.weights))
-    one[2] = 1
-    nats = likelihood.evaluate(ideal, weights=one.double()).log_likelihood
+    one = torch.zeros(len(CONTRASTS), len(likelihood.prior.weights) // len(CONTRASTS))
+    one[2, 2] = 1
+    nats = likelihood.evaluate(ideal, weights=one.flatten().double()).log_likelihood
     patterns = likelihood.model.observation.patterns.double()
     relative = patterns / patterns.sum(0)[4:-4, 4:-4].mean()
     signal = likelihood.model.observation.dn[1].double() / 255
@@ -62,12 +67,25 @@ def test_a_block_is_gaussian() -> None:
     matrix = torch.cat([torch.diag(frame[block].flatten()) for frame in relative], 1)
     factors, rest = likelihood.prior.factors().factors[2], likelihood.prior.factors().rest[2]
     flat = factors.transpose(0, 1).reshape(64 * FRAMES, -1)
-    covariance = matrix @ (flat @ flat.T + torch.diag(rest.flatten())) @ matrix.T
+    covariance = CONTRASTS[2] * matrix @ (flat @ flat.T + torch.diag(rest.flatten())) @ matrix.T
     response = SensorResponse.of(likelihood.model.path(ideal), 255)
     noise = response.noise(matrix.sum(1) * brightness.mean()) / brightness.mean() ** 2
     normal = torch.distributions.MultivariateNormal(matrix.sum(1), covariance + torch.diag(noise))
     expected = normal.log_prob(signal[block].flatten() / brightness[1]) - 64 * brightness[1].log()
     assert float(nats[4 + 2, 1]) == pytest.approx(float(expected), abs=1e-3)
+
+
+def test_places_differ_in_contrast(shared_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Snapshots of real clips behind a known camera are likelier if the prior knows several contrasts."""
+    captures, _ = record(find_clips(shared_data / "val"), "none", side=48, seed=5)
+    nats = []
+    for contrasts in (CONTRASTS, (1.0,)):
+        monkeypatch.setattr(prior, "CONTRASTS", contrasts)
+        observation = observe_snapshots(captures)
+        likelihood = BlindLikelihood(CameraModel(observation, vocabulary(), {}), ScenePrior(observation.frames))
+        assert float(likelihood.prior.weights.sum()) == pytest.approx(1)
+        nats.append(float(likelihood.evaluate(datasheet_noise(observation)[0]).log_likelihood.nanmean()))
+    assert nats[0] > nats[1] + 2
 
 
 def test_brightness_cannot_be_told_and_says_nothing() -> None:
