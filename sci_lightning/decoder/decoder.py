@@ -217,6 +217,10 @@ class Decoder(nn.Module):
         """Return a decoder that needs as much memory in less time, by which :mod:`..imaging.decoding_memory` judges."""
         return self
 
+    def kept_bytes(self, height: int, width: int) -> int:
+        """Return the memory, whatever the number of snapshots, of what is prepared for a mask of H x W pixels."""
+        return 0 if self.linear_estimator is None else self.linear_estimator.kept_bytes(height, width)
+
     def locally(
         self, function: Callable[..., torch.Tensor], halo: int, *images: torch.Tensor, reduced: int = 1
     ) -> torch.Tensor:

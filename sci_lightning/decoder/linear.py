@@ -41,3 +41,6 @@ class Linear(Decoder):
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         return self.estimator(measurement, mask)
+
+    def kept_bytes(self, height: int, width: int) -> int:
+        return self.estimator.kept_bytes(height, width)

@@ -78,6 +78,7 @@ class TileChoice:
         if largest > SMALL:
             most = int(SHARE * free_memory(device))
             need = len(measurement) * self._memory_of(decoder, len(mask), device).in_tiles(field, largest)
+            need += decoder.kept_bytes(*field)
             if need > most:
                 needs = self._needs(decoder, field, need, most)
                 raise BadInput(f"tile=[{size[0]},{size[1]}]: {needs}; give smaller tiles, or tile=auto")
@@ -96,19 +97,20 @@ class TileChoice:
             return None
         memory = self._memory_of(decoder, len(mask), device)
         most = int(SHARE * free_memory(device))
-        whole = snapshots * memory.whole(field)
+        matrices = decoder.kept_bytes(*field)
+        whole = snapshots * memory.whole(field) + matrices
         if self.tile == "none":
             if whole > most:
                 raise BadInput(f"tile=none: {self._needs(decoder, field, whole, most)}; give tile=auto")
             return None
-        kept = snapshots * memory.in_tiles(field, 0)
+        kept = snapshots * memory.in_tiles(field, 0) + matrices
         allowed = most - kept if device.type != "cpu" else min(most - kept, TILE_MEMORY)
         if whole <= kept + allowed:
             return None
         tiling = Tiling(pixels=max(1, int(allowed / max(1.0, snapshots * memory.tile))), watch=self.watch)
         tiles = tiling.tiles(field, decoder.halo, decoder.alignment)
         largest = max(tiles, key=lambda tile: tile.pixels)
-        need = snapshots * memory.in_tiles(field, largest.pixels)
+        need = snapshots * memory.in_tiles(field, largest.pixels) + matrices
         if need > most:
             raise BadInput(
                 f"{self._needs(decoder, field, need, most)}; give fewer snapshots at once, or use a machine with more"

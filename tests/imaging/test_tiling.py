@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from sci_lightning.decoder import E2ECNN, Decoder, GAPNet
+from sci_lightning.decoder import E2ECNN, Decoder, GAPNet, Linear
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.mask import RandomBinary
 from sci_lightning.encoder.sensor import Ideal
@@ -113,6 +113,18 @@ def test_the_estimate_of_memory(network: Decoder) -> None:
         with LiveBytes() as live:
             call()
         assert live.peak + given == pytest.approx(estimated, rel=0.2)
+
+
+@pytest.mark.parametrize("decoder", [Linear(), E2ECNN(frames=8, channels=16, blocks=1, first_estimate="linear")])
+def test_matrices_of_a_mask_do_not_grow_with_the_field(decoder: Decoder, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a linear estimate keeps for a mask is bounded, so that a large field fits into an ordinary machine."""
+    monkeypatch.setattr(tile_choice, "free_memory", lambda device: 8 * 2**30)
+    place = torch.empty(1).expand(1, 1024, 1024), torch.empty(1).expand(8, 1024, 1024)
+    TileChoice("auto").tiling(decoder, *place)
+    assert 2**30 < decoder.kept_bytes(1024, 1024) < 3 * 2**30
+    monkeypatch.setattr(tile_choice, "free_memory", lambda device: 2**30)
+    with pytest.raises(BadInput, match=r"needs about .* may take"):
+        TileChoice("auto").tiling(decoder, *place)
 
 
 def test_free_memory_of_a_container(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

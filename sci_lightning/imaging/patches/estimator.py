@@ -19,6 +19,9 @@ MEMORY = 2**31
 STRIP = 2**27
 """Bytes of patches that are estimated at a time."""
 
+IN_WORK = 5
+"""Matrices of a block that exist at once while they are computed: covariance, noise, factor, inverse, and a copy."""
+
 FEW_KINDS = 64
 """Up to so many distinct blocks, all blocks of a kind are multiplied at once; else every block by itself."""
 
@@ -138,6 +141,8 @@ class LinearEstimator:
         moments = prepared.moments
         if moments is None:
             whitened = self._whitened_anew(mask, blocks, component, covariance)
+        elif mask.is_meta:
+            whitened = (blocks.transpose(0, 1) @ moments.inverse[0, : len(mask)]).mT
         elif len(covariance) > 1:
             whitened = torch.stack(
                 [
@@ -146,7 +151,7 @@ class LinearEstimator:
                 ],
                 dim=2,
             )
-        elif len(moments.total) <= FEW_KINDS and not mask.is_meta:
+        elif len(moments.total) <= FEW_KINDS:
             whitened = self._whitened_by_kind(moments, kind, blocks)[0][0]
         else:
             alike = moments[part] if prepared.in_order else moments[kind]
@@ -169,7 +174,7 @@ class LinearEstimator:
         moments = prepared.apart
         if moments is None:
             masks = self._apart(prepared.mask, grid).flatten(1, 2).transpose(0, 1)
-            count = max(1, STRIP // (4 * len(covariance) * self.block**4))
+            count = self._at_once(len(covariance))
             parts = [
                 BlockMoments.of(part, covariance, self.noise**2).whitened(some, self.prior.level)[1]
                 for part, some in zip(masks.split(count), blocks.split(count, dim=1), strict=True)
@@ -209,12 +214,17 @@ class LinearEstimator:
         """Return S^-1 (y - A m), ``(blocks, n, N)``, of blocks whose moments are too large to be kept."""
         whitened = blocks.new_zeros(blocks.shape[1], blocks.shape[2], len(blocks))
         for number in range(len(covariance)):
-            members = (component == number).any(1).nonzero()[:, 0]
-            if len(members):
-                moments = BlockMoments.of(mask[members], covariance[number : number + 1], self.noise**2)
-                values = moments.whitened(blocks[:, members], self.prior.level)[0][0]
-                whitened[members] += torch.where((component[members] == number)[:, None], values, 0)
+            one = covariance[number : number + 1]
+            for members in (component == number).any(1).nonzero()[:, 0].split(self._at_once(1)):
+                values = BlockMoments.of(mask[members], one, self.noise**2).whitened(
+                    blocks[:, members], self.prior.level
+                )
+                whitened[members] += torch.where((component[members] == number)[:, None], values[0][0], 0)
         return whitened
+
+    def _at_once(self, components: int) -> int:
+        """Return the number of blocks whose matrices are computed at a time."""
+        return max(1, STRIP // (4 * components * self.block**4))
 
     def _whitened_by_kind(
         self, moments: BlockMoments, kind: torch.Tensor, blocks: torch.Tensor
@@ -230,6 +240,15 @@ class LinearEstimator:
             likelihood[:, members] = likely[:, 0].unflatten(-1, (len(blocks), -1)).mT
         return whitened, likelihood
 
+    def kept_bytes(self, height: int, width: int) -> int:
+        """Return the memory that the matrices of a mask take at most, kept or while they are computed."""
+        grid = BlockGrid(height, width, self.block, self.stride)
+        return min(self._matrices(grid.rows * grid.columns), MEMORY) + IN_WORK * STRIP
+
+    def _matrices(self, blocks: int) -> int:
+        """Return the bytes of the matrices of so many distinct blocks; every fourth has a copy in :attr:`apart`."""
+        return 5 * len(self.prior.weights) * blocks * self.block**4
+
     def covariance(self, frames: int, device: torch.device) -> torch.Tensor:
         """Return the covariance of patches, ``(K, T, n, T, n)``, which is computed once for every T and device."""
         key = frames, device
@@ -242,7 +261,7 @@ class LinearEstimator:
         """Return the moments of the distinct blocks of a padded mask: those kept from an earlier call, or new ones."""
         if mask.is_meta:  # only operations are being counted, and preparing the mask does not count
             blocks, pixels = grid.rows * grid.columns, self.block**2
-            inverse = mask.new_empty(len(covariance), blocks, pixels, pixels)
+            inverse = mask.new_empty(1, 1, pixels, pixels).expand(len(covariance), blocks, -1, -1)  # takes no memory
             moments = BlockMoments(mask.new_empty(blocks, pixels), inverse, inverse[:, :, 0, 0])
             return Prepared(mask, moments, moments, mask.new_empty(blocks, dtype=torch.long))
         if torch.is_grad_enabled() and mask.requires_grad:
@@ -264,9 +283,13 @@ class LinearEstimator:
     ) -> Prepared:
         blocks = grid.cut(mask, 0, grid.rows).transpose(0, 1)
         examples, kind = distinct_blocks(blocks)
-        if least_memory and 5 * len(covariance) * len(examples) * self.block**4 > MEMORY:
+        if not least_memory:
+            moments = BlockMoments.of(blocks[examples], covariance, self.noise**2)
+        elif self._matrices(len(examples)) > MEMORY:
             return Prepared(mask, None, None, kind)
-        moments = BlockMoments.of(blocks[examples], covariance, self.noise**2)
+        else:
+            count = self._at_once(len(covariance))
+            moments = BlockMoments.in_parts(blocks[examples], covariance, self.noise**2, count)
         apart = moments
         if len(examples) > FEW_KINDS and len(covariance) > 1:
             rows, columns = self._apart(mask[:1], grid).shape[1:3]

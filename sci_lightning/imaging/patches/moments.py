@@ -131,6 +131,18 @@ class BlockMoments:
         inverse = torch.cholesky_inverse(factor).mT.contiguous()  # symmetric, and torch returns columns
         return cls(mask.sum(1), inverse, log_determinant)
 
+    @classmethod
+    def in_parts(cls, mask: torch.Tensor, covariance: torch.Tensor, noise_variance: float, count: int) -> BlockMoments:
+        """As :meth:`of`, of ``count`` blocks at a time, which takes little memory beside the result; no gradients."""
+        blocks, components, pixels = len(mask), len(covariance), mask.shape[2]
+        inverse = mask.new_empty(components, blocks, pixels, pixels)
+        log_determinant = mask.new_empty(components, blocks)
+        for first in range(0, blocks, count):
+            part = slice(first, first + count)
+            one = cls.of(mask[part], covariance, noise_variance)
+            inverse[:, part], log_determinant[:, part] = one.inverse, one.log_determinant
+        return cls(mask.sum(1), inverse, log_determinant)
+
     def __getitem__(self, blocks: torch.Tensor | slice) -> BlockMoments:
         """Return the moments of some of the blocks."""
         return BlockMoments(self.total[blocks], self.inverse[:, blocks], self.log_determinant[:, blocks])
