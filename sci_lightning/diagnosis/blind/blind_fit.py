@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import torch
 
@@ -18,6 +18,8 @@ ATTEMPTS = 5
 """Steps that one iteration tries, each more cautious, until one does not lower the likelihood."""
 DIFFERENCE = 0.5
 """Part of a parameter's step over which the likelihood is differentiated."""
+NEGLIGIBLE = 0.5
+"""Blocks that a component of the prior must explain to count where the likelihood is differentiated."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,9 @@ class BlindFitter:
         scores = self.likelihood.evaluate(hypothesis, blocks, weights)
         return BlindFit(hypothesis, scores.log_likelihood, blocks, weights=scores.weights)
 
-    def fit(self, hypothesis: Hypothesis, blocks: torch.Tensor, iterations: int = 10) -> BlindFit:
+    def fit(
+        self, hypothesis: Hypothesis, blocks: torch.Tensor, iterations: int = 10, alone: str | None = None
+    ) -> BlindFit:
         """Maximise the likelihood of some blocks over all parameters but choices and the noise.
 
         Every iteration differentiates the log-likelihood of every block once and twice by every parameter. The Newton
@@ -73,8 +77,11 @@ class BlindFitter:
             hypothesis: where to start.
             blocks: ``(blocks,)`` bool: blocks to be fitted.
             iterations: at most.
+            alone: the effect whose parameters alone are fitted; None: those of all effects.
         """
-        free = FreeParameters.of(self.model, hypothesis, self._fixed)
+        others = () if alone is None else [name for name in hypothesis.effects if name != alone]
+        held = tuple((name, parameter) for name in others for parameter in hypothesis.effects[name])
+        free = FreeParameters.of(self.model, hypothesis, (*self._fixed, *held))
         best = self.evaluate(hypothesis, blocks)
         damping = 1e-3
         information, scores = torch.zeros(len(free), len(free)), None
@@ -126,6 +133,9 @@ class BlindFitter:
         The information is minus the matrix of second differences. Far from the maximum some directions may be curved
         upwards; their sign is reversed, so that a Newton step still leads uphill.
         """
+        in_use = fit.weights * (fit.weights > NEGLIGIBLE / float(fit.log_likelihood.isfinite().sum().clamp(min=1)))
+        scores_in_use = self.likelihood.evaluate(fit.hypothesis, fit.blocks, in_use).log_likelihood
+        fit = replace(fit, log_likelihood=scores_in_use, weights=in_use)
         steps = [self._step(fit, *name) for name in free.names]
         scores, near_values = [], []
         curvature = torch.zeros(len(steps), len(steps), dtype=torch.float64)

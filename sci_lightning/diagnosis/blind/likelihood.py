@@ -136,15 +136,19 @@ class BlindLikelihood:
             hypothesis: about the camera.
             blocks: ``(blocks,)`` bool, the blocks to be evaluated; None for all. Blocks that depend on what lies
                 beyond the patterns do not count.
-            weights: ``(K,)`` shares of the prior's components; None to estimate them from these blocks.
+            weights: ``(K,)`` shares of the prior's components, of which those without a share are left out; None to
+                estimate them from these blocks.
         """
+        used = torch.ones_like(self.prior.weights, dtype=torch.bool) if weights is None else weights > 0
         counted = self.inside(self.model.border(hypothesis))
         numbers = (counted if blocks is None else counted & blocks).nonzero()[:, 0]
         observation = self.model.observation
-        scores = torch.full((len(self.prior.weights), len(numbers), len(observation)), math.nan, dtype=torch.float64)
+        scores = torch.full((int(used.sum()), len(numbers), len(observation)), math.nan, dtype=torch.float64)
         usable = self.usable[numbers]
         for seen in self.moments(hypothesis, numbers):
-            factor = torch.linalg.cholesky(seen.covariance + torch.diag_embed(seen.noise))
+            covariance = seen.covariance if used.all() else seen.covariance[used]
+            covariance.diagonal(dim1=-2, dim2=-1).add_(seen.noise)
+            factor = torch.linalg.cholesky(covariance)
             deviation = (seen.measured - seen.mean[:, None]).mT
             whitened = torch.linalg.solve_triangular(factor, deviation, upper=False)
             distance = whitened.square().sum(2)
@@ -154,7 +158,7 @@ class BlindLikelihood:
             )
         if weights is None:
             weights = self.prior.estimate_weights(scores[:, usable])
-        mixed = (scores + weights.log()[:, None, None]).logsumexp(0)
+        mixed = (scores + weights[used].log()[:, None, None]).logsumexp(0)
         every = torch.full(self.usable.shape, math.nan, dtype=torch.float64)
         every[numbers] = torch.where(usable, mixed, math.nan)
         return BlockScores(every, weights)

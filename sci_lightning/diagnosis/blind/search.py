@@ -243,13 +243,13 @@ class BlindSearch:
         return sorted(screened, key=lambda entry: -entry[1])
 
     def _fitted_start(self, base: BlindFit, name: str, trials: list[tuple[float, Setting]]) -> tuple[float, Setting]:
-        """Return nats and setting of the best of a few starts after a short fit to the screened blocks."""
+        """Return nats and setting of the best of a few starts after a short fit beside the model as it stands."""
         if self.fitter.model.effects[name].is_discrete():
             return trials[0]
         fitted = []
         for _, start in trials:
             hypothesis = base.hypothesis.with_effect(name, start)
-            fit = self.fitter.fit(hypothesis, self.screened_blocks, FINAL_ITERATIONS)
+            fit = self.fitter.fit(hypothesis, self.screened_blocks, FINAL_ITERATIONS, alone=name)
             nats = compare(fit.log_likelihood, base.log_likelihood, self.columns).nats
             fitted.append((nats, fit.hypothesis.effects[name]))
         return max(fitted, key=lambda trial: trial[0])
