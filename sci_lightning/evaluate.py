@@ -55,6 +55,10 @@ def evaluate(composition: Composition) -> float:
     encoder, test_encoder = resolve_encoder(composition, checkpoint)
     camera = resolve_camera(composition, checkpoint) or encoder
     loader: DataLoader[Any]
+    if cfg.captures is None and encoder.size != tuple(cfg.size):
+        height, width = encoder.size
+        advice = resized(composition, checkpoint, cfg.size)
+        raise BadInput(f"size={list(cfg.size)}: the mask has {height} x {width} pixels; {advice}")
     if cfg.captures is None:
         try:
             loader = scene_loader(built(cfg, "data").scenes())

@@ -153,6 +153,12 @@ def test_evaluate_with_the_trained_and_with_another_encoder(run: Path, command: 
     other = json.loads((tmp_path / "c" / "metrics.json").read_text())
     assert set(other["mean"]) == {"psnr", "qscore"} and other["mean"]["qscore"] != result["mean"]["qscore"]
 
+    done = command("evaluate", ckpt, *scenes, "size=[48,48]", "out=d")  # before the scenes are looked at
+    assert (
+        done.returncode == 2 and "size=[48, 48]: the mask has 32 x 32 pixels; to test with the trained" in done.stderr
+    )
+    assert not (tmp_path / "d" / "metrics.json").exists()
+
 
 def test_evaluate_on_the_benchmark(run: Path, command: Command, tmp_path: Path, shared_data: Path) -> None:
     """At 256 x 256 after training on 32 x 32: a small mask cannot be stretched, so it is refused and the way named."""

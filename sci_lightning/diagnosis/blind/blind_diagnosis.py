@@ -58,6 +58,10 @@ NO_MASK_IS_AS_GOOD = (
     "A camera without any mask predicts held-out pixels as well as the likeliest one{effects}: the snapshots do not "
     "show that their mask is the one of the file, and nothing is named."
 )
+ONLY_LIKELIER = (
+    "A camera without any mask predicts held-out pixels as well as the one that was named: only the likelihood of the "
+    "snapshots, which relies on statistics of scenes, shows their mask."
+)
 RECORD = "a flat field behind the coding patterns, and an even scene behind one open pattern in one slot only"
 """What tells effects apart that snapshots of unknown scenes do not."""
 
@@ -127,10 +131,13 @@ class BlindDiagnosis:
         """``consistent`` where nothing is asked for, else ``explained``; nobody looked for what has no name.
 
         Where no mask is to be seen in the snapshots, it is ``unexplained``; where an effect does not make held-out
-        pixels more predictable, or snapshots that were set aside do not confirm what was named, ``partly_explained``.
+        pixels more predictable, or snapshots that were set aside do not confirm what was named, or a camera without any
+        mask predicts held-out pixels as well as the one that was named, ``partly_explained``.
         """
         if not self.mask_is_visible:
             return "unexplained"
+        if self.effects and self.prediction is not None and not self.prediction.mask_helps():
+            return "partly_explained"
         if self.prediction is not None and self.prediction.contradicted():
             return "partly_explained"
         return "explained" if self.effects else "consistent"
@@ -221,10 +228,12 @@ def diagnose_blind(
                 judge = BlindLikelihood(model_of_judges, prior)
             apart = camera.verification.nonzero()[:, 0].tolist()
             prediction = judge_by_blocks(judge, noise, corrected, named, apart, seed, on_progress)
-            if named and not prediction.mask_helps():  # whatever weakens a wrong mask looks like an effect
+            if (
+                named and not prediction.mask_helps() and not explanation.mask_is_clear
+            ):  # any mask, weakened, does as well
                 withdrawn, prediction, camera = named, None, None
                 explanation = BlindExplanation(
-                    explanation.ideal, explanation.ideal, (), explanation.rounds, mask_is_visible=False
+                    explanation.ideal, explanation.ideal, (), explanation.rounds, False, mask_is_clear=False
                 )
     return BlindDiagnosis(
         observation=observation,
@@ -279,9 +288,10 @@ def _notes(
 ) -> tuple[str, ...]:
     """Say what is unusual about the snapshots, of which ``aside`` only judge, and which names were withdrawn."""
     notes, count = [], len(likelihood.model.observation)
-    if withdrawn or (mask_is_visible and prediction is not None and not prediction.mask_helps()):
-        effects = f" (with {', '.join(withdrawn)})" if withdrawn else ""
-        notes.append(NO_MASK_IS_AS_GOOD.format(effects=effects))
+    if withdrawn:
+        notes.append(NO_MASK_IS_AS_GOOD.format(effects=f" (with {', '.join(withdrawn)})"))
+    elif mask_is_visible and prediction is not None and not prediction.mask_helps():
+        notes.append(ONLY_LIKELIER if prediction.by_effect else NO_MASK_IS_AS_GOOD.format(effects=""))
     elif not mask_is_visible:
         notes.append(
             "No mask is to be seen in the snapshots: they have no texture, or other patterns were shown than the file "

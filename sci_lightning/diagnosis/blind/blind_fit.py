@@ -80,8 +80,8 @@ class BlindFitter:
             alone: the effect whose parameters alone are fitted; None: those of all effects.
         """
         others = () if alone is None else [name for name in hypothesis.effects if name != alone]
-        held = tuple((name, parameter) for name in others for parameter in hypothesis.effects[name])
-        free = FreeParameters.of(self.model, hypothesis, (*self._fixed, *held))
+        constant = tuple((name, parameter) for name in others for parameter in hypothesis.effects[name])
+        free = FreeParameters.of(self.model, hypothesis, (*self._fixed, *constant))
         best = self.evaluate(hypothesis, blocks)
         damping = 1e-3
         information, scores = torch.zeros(len(free), len(free)), None

@@ -24,7 +24,7 @@ SMOOTH_MODES = 4
 """As :data:`MODES`, for snapshots of more slots: scenes that move through a block have more modes."""
 CONTRASTS = (0.25, 1.0, 4.0)
 """Variances of patches over those of many videos: places differ in contrast more than the components do. Chosen by the
-likelihood of snapshots of validation clips behind known cameras, see ``docs/explanation/blind-diagnosis.md``."""
+likelihood of snapshots of validation clips behind known cameras, see ``docs/results/blind-contrasts.json``."""
 ITERATIONS = 8
 """Iterations of expectation-maximisation for the shares; they start from those of many videos, and few are needed."""
 PSEUDO_COUNT = 2.0

@@ -107,6 +107,7 @@ class BlindExplanation:
         named: its effects, in the order in which light meets them.
         rounds: calibrated nats of the candidates that were fitted, by name, round by round.
         mask_is_visible: whether the snapshots are likelier with the mask than with none; if not, nothing is named.
+        mask_is_clear: whether they are so by more than chance.
     """
 
     ideal: BlindFit
@@ -114,6 +115,7 @@ class BlindExplanation:
     named: tuple[BlindNamed, ...]
     rounds: tuple[dict[str, float], ...]
     mask_is_visible: bool = True
+    mask_is_clear: bool = True
 
 
 class BlindSearch:
@@ -167,14 +169,15 @@ class BlindSearch:
             best = self.prune(winner.fit)
             if winner.name not in best.hypothesis.effects:  # the same would be added again
                 break
-        without_mask = self.fitter.evaluate(self.noise.with_effect("mask_contrast", {"leak": 1.0}), self.fitted_blocks)
-        visible = compare(best.log_likelihood, without_mask.log_likelihood, self.columns).nats > 0
+        even = best.hypothesis.with_effect("mask_contrast", {"leak": 1.0})
+        without_mask = self.fitter.evaluate(even, best.blocks)
+        mask = compare(best.log_likelihood, without_mask.log_likelihood, self.columns)
         if bool((self.all_blocks & ~self.fitted_blocks).any()):
             ideal = self.fitter.evaluate(self.noise, self.all_blocks)
             best = self.fitter.fit(best.hypothesis, self.all_blocks, iterations=FINAL_ITERATIONS)
-        if not visible:
-            return BlindExplanation(ideal, ideal, (), tuple(rounds), mask_is_visible=False)
-        return BlindExplanation(ideal, best, self.evidence(best), tuple(rounds))
+        if mask.nats <= 0:
+            return BlindExplanation(ideal, ideal, (), tuple(rounds), mask_is_visible=False, mask_is_clear=False)
+        return BlindExplanation(ideal, best, self.evidence(best), tuple(rounds), mask_is_clear=mask.z > SURE_Z)
 
     def contenders(self, base: BlindFit) -> list[Contender]:
         """Screen every candidate beside a model and fit the most promising; the best comes first.

@@ -38,7 +38,7 @@ def main(clips: Path) -> None:
     recorded = [record(find_clips(clips), hidden, SIDE, seed) for seed, hidden in enumerate(CAMERAS, 1)]
     rows: list[dict[str, Any]] = []
     for contrasts in CONTRASTS:
-        prior.CONTRASTS = contrasts
+        setattr(prior, "CONTRASTS", contrasts)  # noqa: B010
         nats = []
         for captures, truth in recorded:
             observation = observe_snapshots(captures)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from sci_lightning.captures import Captures, write_captures
-from sci_lightning.diagnosis.blind import blind_diagnosis
+from sci_lightning.diagnosis.blind import blind_diagnosis, search
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis, diagnose_blind
 from sci_lightning.diagnosis.blind.paired_comparison import PairedComparison
 from sci_lightning.diagnosis.blind.prediction_verdict import PredictionVerdict
@@ -154,10 +154,17 @@ def test_held_out_pixels_have_a_veto(
 
 
 def test_a_camera_that_is_no_better_than_none_is_withdrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever weakens a wrong mask makes snapshots likelier, and would make reconstructions worse."""
+    """Whatever weakens a wrong mask makes snapshots likelier, and would make reconstructions worse.
+
+    Where the likelihood shows the mask clearly, the names stay, but do not explain the snapshots.
+    """
     gap = compared(0.7, 0.5, 1e-6)
     verdict = PredictionVerdict(gap, {"mask_contrast": gap}, compared(0.5, 0.5, 0.4))
     monkeypatch.setattr(blind_diagnosis, "judge_by_blocks", lambda *arguments: verdict)
+    kept = diagnosed(snapshots({"mask_contrast": {"leak": 0.2}}, 3, size=(24, 24)), ("mask_contrast",))
+    assert kept.names == ("mask_contrast",) and kept.verdict == "partly_explained"
+    assert any("only the likelihood" in note for note in kept.notes)
+    monkeypatch.setattr(search, "SURE_Z", 1e9)
     diagnosis = diagnosed(snapshots({"mask_contrast": {"leak": 0.2}}, 3, size=(24, 24)), ("mask_contrast",))
     assert diagnosis.verdict == "unexplained" and not diagnosis.names
     assert diagnosis.corrected.hypothesis == diagnosis.ideal.hypothesis
