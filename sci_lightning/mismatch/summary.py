@@ -54,7 +54,8 @@ def _drawn(records: Sequence[Record], scenarios: Sequence[str], kinds: Sequence[
             cells.append(f"{sum(values) / len(values):.2f}" if len(values) == len(mine) else "")
         for kind in kinds:
             parts = [record["recovery"][kind] for record in mine if kind in record.get("recovery", {})]
-            cells.append(f"{100 * min(parts):.1f} to {100 * max(parts):.1f} %" if parts else "")
+            count = f" ({len(parts)} of {len(mine)})" if len(parts) < len(mine) else ""
+            cells.append(f"{100 * min(parts):.1f} to {100 * max(parts):.1f} %{count}" if parts else "")
         rows.append([f"mean of {len(mine)} drawn", decoder, *cells])
     return rows
 

@@ -62,7 +62,15 @@ def test_rows() -> None:
     ]
     assert summary_table(RECORDS[:3])[1][0] == "mean of 2 drawn"
     fewer = [*RECORDS[:2], made("drawn_02", ideal=27.0, mismatched=12.0)]  # interrupted: no mean over one of two
-    assert summary_table(fewer)[1] == ["mean of 2 drawn", "gap_tv", "27.00", "11.00", "", "", "100.0 to 100.0 %"]
+    assert summary_table(fewer)[1] == [
+        "mean of 2 drawn",
+        "gap_tv",
+        "27.00",
+        "11.00",
+        "",
+        "",
+        "100.0 to 100.0 % (1 of 2)",
+    ]
 
 
 def test_documented_table(tmp_path: Path) -> None:
