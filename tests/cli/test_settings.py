@@ -44,7 +44,7 @@ def test_every_setting_has_a_type_and_its_default_is_right(
         ("resume", 1, "resume=1: expected true or false"),
         ("out", None, "out=null: expected the path of a file or a folder"),
         ("out", "", "out="),
-        ("fps", 0, "fps=0: expected a number above 0 and at most 1000"),
+        ("fps", 0, "fps=0: expected a number from 0.1 to 50"),
         ("fps", float("nan"), "fps=nan"),
         ("full_scale", float("inf"), "full_scale=inf"),
         ("trusted", "package", "trusted=package: expected a list"),
