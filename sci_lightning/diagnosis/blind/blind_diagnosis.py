@@ -103,8 +103,8 @@ class BlindDiagnosis:
         undetermined: what these snapshots cannot tell: the name of an effect, and what about the scenes looks alike.
         notes: what is unusual about the snapshots, in sentences.
         stated_noise: names of the noise effects whose values the captures file states.
-        mask_is_visible: whether the snapshots are likelier with the mask than with none, and held-out pixels more
-            predictable; if not, nothing is named and nothing corrected.
+        mask_is_visible: whether the snapshots are likelier with the mask than with none, and that by more than chance
+            or confirmed by held-out pixels where an effect is named; if not, nothing is named and nothing corrected.
         prediction: what held-out pixels say about the corrected camera; None if they were not asked.
         verification: numbers of the snapshots that were set aside: the search has not seen them.
         camera: the snapshots as held-out pixels were predicted in them; None if they were not asked.
@@ -228,9 +228,8 @@ def diagnose_blind(
                 judge = BlindLikelihood(model_of_judges, prior)
             apart = camera.verification.nonzero()[:, 0].tolist()
             prediction = judge_by_blocks(judge, noise, corrected, named, apart, seed, on_progress)
-            if (
-                named and not prediction.mask_helps() and not explanation.mask_is_clear
-            ):  # any mask, weakened, does as well
+            # Any mask, weakened enough, would do as well.
+            if named and not prediction.mask_helps() and not explanation.mask_is_clear:
                 withdrawn, prediction, camera = named, None, None
                 explanation = BlindExplanation(
                     explanation.ideal, explanation.ideal, (), explanation.rounds, False, mask_is_clear=False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import torch
@@ -73,12 +74,20 @@ class ScenePrior:
         frames: T.
         statistics: of patches of video; None for those that come with the package.
         components: how many components are kept, those with the largest shares; None for all.
+        contrasts: variances at which each component comes, over its own; statistics of smooth scenes, for more than 16
+            slots, have contrasts of their own.
 
     Attributes:
         weights: ``(K,)`` shares in many videos, of the components at one contrast after another.
     """
 
-    def __init__(self, frames: int, statistics: PatchPrior | None = None, components: int | None = None) -> None:
+    def __init__(
+        self,
+        frames: int,
+        statistics: PatchPrior | None = None,
+        components: int | None = None,
+        contrasts: Sequence[float] = CONTRASTS,
+    ) -> None:
         statistics = read_prior() if statistics is None else statistics
         order = statistics.weights.argsort(descending=True)[:components]
         self._statistics = PatchPrior(
@@ -87,7 +96,7 @@ class ScenePrior:
             statistics.autocovariance[order],
         )
         self.frames = frames
-        contrasts = CONTRASTS if frames <= LONGEST_VIDEO else (1.0,)
+        contrasts = contrasts if frames <= LONGEST_VIDEO else (1.0,)
         self._contrasts = torch.tensor(contrasts, dtype=torch.float64)
         self.weights = self._statistics.weights.double().repeat(len(contrasts)) / len(contrasts)
         self._factors: dict[int, PatchFactors] = {}

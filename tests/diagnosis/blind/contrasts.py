@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from sci_lightning.data.reader import find_clips
-from sci_lightning.diagnosis.blind import prior
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
+from sci_lightning.diagnosis.blind.prior import ScenePrior
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots
 from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.vocabulary import vocabulary
@@ -38,12 +38,11 @@ def main(clips: Path) -> None:
     recorded = [record(find_clips(clips), hidden, SIDE, seed) for seed, hidden in enumerate(CAMERAS, 1)]
     rows: list[dict[str, Any]] = []
     for contrasts in CONTRASTS:
-        setattr(prior, "CONTRASTS", contrasts)  # noqa: B010
         nats = []
         for captures, truth in recorded:
             observation = observe_snapshots(captures)
             likelihood = BlindLikelihood(
-                CameraModel(observation, vocabulary(), {}), prior.ScenePrior(observation.frames)
+                CameraModel(observation, vocabulary(), {}), ScenePrior(observation.frames, contrasts=contrasts)
             )
             hypothesis = datasheet_noise(observation)[0]
             for name, values in truth.items():

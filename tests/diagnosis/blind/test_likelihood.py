@@ -10,7 +10,6 @@ import torch
 
 from sci_lightning.captures import Captures
 from sci_lightning.data.reader import find_clips
-from sci_lightning.diagnosis.blind import prior
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.likelihood_comparison import clustered, compare
 from sci_lightning.diagnosis.blind.prior import CONTRASTS, ScenePrior
@@ -75,14 +74,15 @@ def test_a_block_is_gaussian() -> None:
     assert float(nats[4 + 2, 1]) == pytest.approx(float(expected), abs=1e-3)
 
 
-def test_places_differ_in_contrast(shared_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_places_differ_in_contrast(shared_data: Path) -> None:
     """Snapshots of real clips behind a known camera are likelier if the prior knows several contrasts."""
     captures, _ = record(find_clips(shared_data / "val"), "none", side=48, seed=5)
     nats = []
     for contrasts in (CONTRASTS, (1.0,)):
-        monkeypatch.setattr(prior, "CONTRASTS", contrasts)
         observation = observe_snapshots(captures)
-        likelihood = BlindLikelihood(CameraModel(observation, vocabulary(), {}), ScenePrior(observation.frames))
+        likelihood = BlindLikelihood(
+            CameraModel(observation, vocabulary(), {}), ScenePrior(observation.frames, contrasts=contrasts)
+        )
         assert float(likelihood.prior.weights.sum()) == pytest.approx(1)
         nats.append(float(likelihood.evaluate(datasheet_noise(observation)[0]).log_likelihood.nanmean()))
     assert nats[0] > nats[1] + 2
