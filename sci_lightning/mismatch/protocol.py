@@ -24,7 +24,7 @@ from sci_lightning.mismatch.cameras import MismatchedCamera
 from sci_lightning.mismatch.scenarios import SCENARIOS, Scenario, recovery
 
 Scores = dict[str, Any]
-"""``{"mean": {"psnr": dB, "ssim": ..}, "scenes": {"kobe": {..}, ..}}``."""
+"""``{"mean": {"psnr": dB, "ssim": .., "psnr_up_to_gain": dB}, "scenes": {"kobe": {..}, ..}}``."""
 
 
 @dataclass(eq=False)
@@ -120,14 +120,31 @@ class Protocol:
         bench, pipeline = self.bench, Pipeline(believed, decoder)
         mask = pipeline.decoder_mask().to(self.device)
         light = torch.from_numpy(measurement.astype(np.float32)) / bench.full_scale
-        scores = SceneScores(bench.names, {"psnr": PSNR(), "ssim": SSIM()})
-        number = 0
+        pairs: list[tuple[int, torch.Tensor, torch.Tensor]] = []
         for scene, video in enumerate(bench.videos):
             for truth in video:
                 self.on_progress(f"{say}: {bench.names[scene]}")
-                linear = pipeline.linearise(light[number : number + 1], bench.aperture).to(self.device)
-                estimate = decoder(linear, mask)[0].float().cpu()
-                scores.update(scene, estimate, truth)
-                number += 1
-        scenes, mean = scores.compute()
-        return {"mean": mean, "scenes": scenes}
+                linear = pipeline.linearise(light[len(pairs) : len(pairs) + 1], bench.aperture).to(self.device)
+                pairs.append((scene, decoder(linear, mask)[0].float().cpu(), truth))
+        scores = SceneScores(bench.names, {"psnr": PSNR(), "ssim": SSIM()})
+        scores_up_to_gain = SceneScores(bench.names, {"psnr_up_to_gain": PSNR()})
+        factor = common_factor([(estimate, truth) for _, estimate, truth in pairs])
+        for scene, estimate, truth in pairs:
+            scores.update(scene, estimate, truth)
+            scores_up_to_gain.update(scene, factor * estimate, truth)
+        (scenes, mean), (more, more_mean) = scores.compute(), scores_up_to_gain.compute()
+        return {"mean": mean | more_mean, "scenes": {name: values | more[name] for name, values in scenes.items()}}
+
+
+def common_factor(pairs: Sequence[tuple[torch.Tensor, torch.Tensor]]) -> float:
+    """Return the one factor by which all estimates come closest to the truth, by least squares.
+
+    A decoder that does not know the gain of its camera returns scenes that are darker or brighter by one factor, and
+    snapshots of unknown scenes cannot tell that gain. What is left beyond this factor is an error of the diagnosis.
+
+    Args:
+        pairs: estimates and truths, videos of any shape.
+    """
+    product = sum(float((estimate.double() * truth.double()).sum()) for estimate, truth in pairs)
+    power = sum(float(estimate.double().square().sum()) for estimate, _ in pairs)
+    return product / power if power > 0 else 1.0

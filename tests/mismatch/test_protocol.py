@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from sci_lightning.decoder import Linear
 from sci_lightning.mismatch import beliefs
 from sci_lightning.mismatch.beliefs import diagnosed_camera
 from sci_lightning.mismatch.bench import Bench
 from sci_lightning.mismatch.cameras import MismatchedCamera
-from sci_lightning.mismatch.protocol import Protocol
+from sci_lightning.mismatch.protocol import Protocol, common_factor
 from sci_lightning.mismatch.scenarios import recovery
 from tests.mismatch.conftest import PUBLISHED, made_bench
 
@@ -50,6 +51,28 @@ def test_what_was_computed_before_is_kept(bench: Bench, tmp_path: Path, monkeypa
     assert whole["scenarios"]["mismatched"] is first["scenarios"]["mismatched"]
     protocol.run(MismatchedCamera("alone_blur", {"mask_blur": {"sigma": 1.0}}), Linear(), "linear", ["ideal", "known"])
     assert len(recorded) == 5  # the ideal camera's scores are those of any camera
+
+
+def test_a_gain_that_nobody_knows_does_not_count_up_to_gain(bench: Bench, tmp_path: Path) -> None:
+    protocol = Protocol(bench, tmp_path, 8)
+    results = protocol.run(BRIGHT, Linear(), "linear", ["mismatched", "known"])
+    unaware, aware = (results["scenarios"][key]["mean"] for key in ("mismatched", "known"))
+    assert unaware["psnr"] < aware["psnr"] - 3
+    assert unaware["psnr_up_to_gain"] == pytest.approx(aware["psnr_up_to_gain"], abs=0.3)
+    assert aware["psnr_up_to_gain"] >= aware["psnr"] - 0.05
+    blurred = protocol.run(
+        MismatchedCamera("alone_blur", {"mask_blur": {"sigma": 1.5}}), Linear(), "linear", ["mismatched", "known"]
+    )
+    unaware, aware = (blurred["scenarios"][key]["mean"]["psnr_up_to_gain"] for key in ("mismatched", "known"))
+    assert unaware < aware - 1
+
+
+def test_the_factor_that_all_estimates_share() -> None:
+    truth = torch.rand(2, 3, 4, 4, generator=torch.Generator().manual_seed(0))
+    assert common_factor([(2 * truth[0], truth[0]), (2 * truth[1], truth[1])]) == pytest.approx(0.5)
+    between = common_factor([(2 * truth[0], truth[0]), (truth[1], truth[1])])
+    assert 0.5 < between < 1
+    assert common_factor([(torch.zeros(1, 2, 2), torch.ones(1, 2, 2))]) == 1.0
 
 
 def test_a_diagnosis_wins_the_loss_back_and_is_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 
 from sci_lightning.errors import BadInput
+from sci_lightning.mismatch.blind_summary import blind_table
 from sci_lightning.mismatch.summary import summary_table
 from sci_lightning.mismatch.training_summary import finetuning_table
-from sci_lightning.tables.documented import finetuning, mismatch
+from sci_lightning.tables.documented import blind_mismatch, finetuning, mismatch
 from tests.schemas.validation import check
 
 
@@ -71,6 +72,38 @@ def test_rows() -> None:
         "",
         "100.0 to 100.0 % (1 of 2)",
     ]
+
+
+def test_what_blind_diagnoses_are_worth(tmp_path: Path) -> None:
+    def diagnosed(camera: str, named: list[str], **psnr: float) -> dict[str, Any]:
+        there = {"gain": {"factor": 0.5}, "mask_blur": {"sigma": 1.0}, "black_level": {"offset": 0.01}}
+        record = made(camera, mismatch=there, **psnr)
+        for scores in record["scenarios"].values():
+            scores["mean"] = {**scores["mean"], "psnr_up_to_gain": scores["mean"]["psnr"] + 2}
+        effects = [{"name": name, "parameters": {}} for name in named]
+        found = {"verdict": "explained", "captures": 8, "effects": effects, "seconds": 1.0, "cpu_seconds": 1.0}
+        return {**record, "diagnosis": {"blind": found}}
+
+    records = [
+        diagnosed("drawn_01", ["mask_blur", "black_level"], mismatched=10.0, known=20.0, blind=19.0),
+        diagnosed("drawn_02", ["mask_blur", "mask_contrast"], mismatched=12.0, known=22.0, blind=19.0),
+        made("drawn_03", mismatched=12.0, known=22.0),
+    ]
+    heading, *rows = blind_table(records)
+    assert heading[4:9] == [
+        "IV-blind",
+        *(f"{title}, up to gain" for title in ("II", "III", "IV-blind", "III less IV-blind")),
+    ]
+    assert rows[0][4:] == ["19.00", "12.00", "22.00", "21.00", "1.00", "", ""]
+    assert rows[1][8:] == ["3.00", "black_level", "mask_contrast"]
+    assert rows[2][0] == "mean of 2 drawn" and rows[2][8:] == ["2.00", "", ""]
+    for record in records:
+        check("mismatch", record)
+        (tmp_path / f"{record['camera']}.gap_tv.json").write_text(json.dumps(record))
+    assert len(blind_mismatch.build(tmp_path, "").rows) == 3
+    assert blind_mismatch.build(tmp_path / "absent", "").rows == []
+    with pytest.raises(BadInput, match="this table has no parts"):
+        blind_mismatch.build(tmp_path, "drawn")
 
 
 def test_documented_table(tmp_path: Path) -> None:

@@ -32,6 +32,7 @@ class BlindFit:
         blocks: ``(blocks,)`` bool, the blocks that were fitted.
         free: names of the fitted parameters.
         covariance: ``(p, p)`` of their errors, from the differences between blocks and snapshots.
+        independent: ``(p, p)``, the same if the prior were right and blocks independent.
         weights: ``(K,)`` shares of the prior's components.
     """
 
@@ -40,6 +41,7 @@ class BlindFit:
     blocks: torch.Tensor
     free: tuple[ParameterName, ...] = ()
     covariance: torch.Tensor = field(default_factory=lambda: torch.zeros(0, 0))
+    independent: torch.Tensor = field(default_factory=lambda: torch.zeros(0, 0))
     weights: torch.Tensor = field(default_factory=lambda: torch.zeros(0))
 
     @property
@@ -66,7 +68,12 @@ class BlindFitter:
         return BlindFit(hypothesis, scores.log_likelihood, blocks, weights=scores.weights)
 
     def fit(
-        self, hypothesis: Hypothesis, blocks: torch.Tensor, iterations: int = 10, alone: str | None = None
+        self,
+        hypothesis: Hypothesis,
+        blocks: torch.Tensor,
+        iterations: int = 10,
+        alone: str | None = None,
+        errors: bool = True,
     ) -> BlindFit:
         """Maximise the likelihood of some blocks over all parameters but choices and the noise.
 
@@ -78,6 +85,7 @@ class BlindFitter:
             blocks: ``(blocks,)`` bool: blocks to be fitted.
             iterations: at most.
             alone: the effect whose parameters alone are fitted; None: those of all effects.
+            errors: whether the covariance of the parameters' errors is asked for, which takes as long as an iteration.
         """
         others = () if alone is None else [name for name in hypothesis.effects if name != alone]
         constant = tuple((name, parameter) for name in others for parameter in hypothesis.effects[name])
@@ -85,8 +93,9 @@ class BlindFitter:
         best = self.evaluate(hypothesis, blocks)
         damping = 1e-3
         information, scores = torch.zeros(len(free), len(free)), None
-        for _ in range(iterations if len(free) else 0):
-            scores, information = self._differentiate(free, best)
+        curvature: torch.Tensor | None = None
+        for _ in range(iterations if len(free) else 0):  # mixed second derivatives take most of the time
+            scores, information, curvature = self._differentiate(free, best, curvature)
             gradient = scores.sum((1, 2))
             gained = 0.0
             for _ in range(ATTEMPTS):
@@ -103,16 +112,27 @@ class BlindFitter:
                 damping = max(damping * 20, 1e-2)
             if gained < PROGRESS:
                 break
-        covariance = torch.zeros(len(free), len(free), dtype=torch.float64)
-        if scores is not None:
+        covariance = inverse = torch.zeros(len(free), len(free), dtype=torch.float64)
+        if scores is not None and errors:
+            scores, information, _ = self._differentiate(free, best)
             inverse = torch.linalg.pinv(information, hermitian=True)
             covariance = inverse @ clustered(scores, self.likelihood.columns) @ inverse
-        return BlindFit(best.hypothesis, best.log_likelihood, blocks, free.names, covariance, best.weights)
+        return BlindFit(best.hypothesis, best.log_likelihood, blocks, free.names, covariance, inverse, best.weights)
 
-    def distance(self, fit: BlindFit, name: str) -> float:
-        """Return how far an effect is from doing nothing, in nats: half its squared distance in standard deviations.
+    def adjusted(self, fit: BlindFit, name: str, nats: float) -> float:
+        r"""Return the nats that an effect gains, adjusted for how much its parameters differ between the snapshots.
 
-        It is infinite for a choice, and for parameters without a neutral value.
+        With the offset o of the parameters from their neutral values, their covariance S and what S would be if the
+        prior were right and blocks independent, :math:`S_0`, these are :math:`o^\top S^{-1} o / o^\top S_0^{-1} o`
+        times the nats. They are not adjusted for a choice, and for parameters without a neutral value.
+
+        Args:
+            fit: with the effect.
+            name: of the effect.
+            nats: that it gains as computed.
+
+        Source: Chandler and Bate, "Inference for clustered data using the independence loglikelihood", Biometrika
+        2007, Section 3.
         """
         about, setting = self.model.effects[name].about, fit.hypothesis.effects[name]
         offsets = {
@@ -122,16 +142,27 @@ class BlindFitter:
         }
         places = [place for place, parameter in enumerate(fit.free) if parameter in offsets]
         if not places:
-            return math.inf
+            return nats
         offset = torch.tensor([offsets[fit.free[place]] for place in places], dtype=torch.float64)
-        inverse = torch.linalg.pinv(fit.covariance[places][:, places], hermitian=True)
-        return 0.5 * float(offset @ inverse @ offset)
+        distance, expected = (
+            float(offset @ torch.linalg.pinv(covariance[places][:, places], hermitian=True) @ offset)
+            for covariance in (fit.covariance, fit.independent)
+        )
+        return nats * distance / expected if expected > 0 else 0.0
 
-    def _differentiate(self, free: FreeParameters, fit: BlindFit) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return the derivatives ``(p, blocks, N)`` of the log-likelihoods, and the information ``(p, p)``.
+    def _differentiate(
+        self, free: FreeParameters, fit: BlindFit, earlier: torch.Tensor | None = None
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Return derivatives ``(p, blocks, N)`` of the log-likelihoods, the information and second derivatives.
 
-        The information is minus the matrix of second differences. Far from the maximum some directions may be curved
-        upwards; their sign is reversed, so that a Newton step still leads uphill.
+        The information ``(p, p)`` is minus the matrix of second derivatives ``(p, p)``, by differences. Far from the
+        maximum some directions may be curved upwards; their sign is reversed, so that a Newton step still leads uphill.
+
+        Args:
+            free: the parameters.
+            fit: where the likelihood is differentiated.
+            earlier: second derivatives at an earlier place; the mixed ones are taken from there, in proportion to the
+                others. None: they are computed.
         """
         in_use = fit.weights * (fit.weights > NEGLIGIBLE / float(fit.log_likelihood.isfinite().sum().clamp(min=1)))
         scores_in_use = self.likelihood.evaluate(fit.hypothesis, fit.blocks, in_use).log_likelihood
@@ -145,15 +176,22 @@ class BlindFitter:
             scores.append(((near * b / a - far * a / b) / (b - a)).nan_to_num(0.0))
             curvature[i, i] = float((2 * (far / b - near / a) / (b - a)).nansum())
             near_values.append((a, near))
+            if earlier is not None:
+                continue
             for j, (other_step, other_places) in enumerate(steps[:i]):
                 a_other, near_other = near_values[j]
                 both = self._change(fit, {free.names[i]: a * step, free.names[j]: other_places[0] * other_step})
                 curvature[i, j] = curvature[j, i] = float((both - near - near_other).nansum()) / (a * a_other)
+        scale = torch.tensor([1 / step for step, _ in steps], dtype=torch.float64)
+        if earlier is not None:
+            mixed = earlier / (scale[:, None] * scale)
+            grown = (curvature.diagonal() / mixed.diagonal()).abs().nan_to_num(1.0, 1.0).sqrt()
+            curvature = (mixed * grown[:, None] * grown).fill_diagonal_(0.0) + curvature
         values, vectors = torch.linalg.eigh(-curvature)
         least = max(1e-6 * float(values.abs().max()), 1e-9)
         information = vectors @ torch.diag(values.abs().clamp(min=least)) @ vectors.mT
-        scale = torch.tensor([1 / step for step, _ in steps], dtype=torch.float64)
-        return torch.stack(scores) * scale[:, None, None], information * scale[:, None] * scale
+        both = scale[:, None] * scale
+        return torch.stack(scores) * scale[:, None, None], information * both, curvature * both
 
     def _step(self, fit: BlindFit, name: str, parameter: str) -> tuple[float, tuple[float, float]]:
         """Return a parameter's step for differences, and the two places, in steps, that lie within its bounds."""

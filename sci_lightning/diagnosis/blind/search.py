@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -27,11 +27,17 @@ FITTED_BLOCKS = 256
 FINAL_ITERATIONS = 4
 """Iterations of fits that start from a model that was fitted already."""
 STARTS_FITTED = 3
-"""Starts of a promising candidate that are fitted to the screened blocks."""
+"""Starts of a promising candidate with several parameters that are fitted to the screened blocks; of one, one fewer."""
+PROMISING = 0.1
+"""Part of the best candidate's nats that another one must gain, fitted by itself, to be fitted beside all others."""
+RIVAL_SHARE = 0.3
+"""Part of an effect's nats that another one must gain in its place, fitted by itself, to be a rival."""
 WEAK_PART = 0.25
 """Part of a start's distance from the neutral setting at which it is tried as well."""
 MIN_Z = 3.0
 """Standard deviations by which an effect must make the snapshots likelier."""
+KEPT_Z = 2.0
+"""The same of an effect that was named; lower, so that none is named and dropped by turns."""
 MIN_AGREE = 0.75
 """Part of the snapshots that must ask for an effect."""
 SURE_Z = 3.0
@@ -138,6 +144,7 @@ class BlindSearch:
         self.screened_blocks = _spread(self.all_blocks & self._inner(), SCREENED_BLOCKS)
         self.fitted_blocks = _spread(self.all_blocks, FITTED_BLOCKS)
         self._contenders: dict[frozenset[str], list[Contender]] = {}
+        self._promising: set[str] = set()
         self.undetermined = undetermined_effects(fitter.model)
         self.candidates = [
             name
@@ -161,10 +168,9 @@ class BlindSearch:
         for _ in range(self.settings.max_effects):
             contenders = self.contenders(best)
             rounds.append({one.name: one.nats for one in contenders})
-            clear = [one for one in contenders if one.clear]
-            if not clear:
+            winner = self._winner(contenders)
+            if winner is None:
                 break
-            winner = self._winner(clear)
             self.on_progress(f"{winner.name}: {winner.nats:.0f} nats")
             best = self.prune(winner.fit)
             if winner.name not in best.hypothesis.effects:  # the same would be added again
@@ -189,16 +195,36 @@ class BlindSearch:
             self._contenders[key] = self._fitted(base, self.settings.candidates_fitted, STARTS_FITTED)
         return self._contenders[key]
 
-    def rivals(self, base: BlindFit) -> list[Contender]:
+    def rivals(self, base: BlindFit, least: float) -> list[Contender]:
         """Return what might stand in the place of an effect that a model lacks: fewer candidates and starts are fitted.
 
-        The candidates of a round of the search are taken where there was one with this model.
+        The candidates of a round of the search are taken where there was one with this model, else those that were
+        among the most promising in any round.
+
+        Args:
+            base: the model without the effect.
+            least: nats on the screened blocks that a rival must gain by itself.
         """
         known = self._contenders.get(frozenset(base.hypothesis.effects))
-        return self._fitted(base, 1 + self.settings.rivals_fitted, 1) if known is None else known
+        if known is not None:
+            return known
+        return self._fitted(base, 1 + self.settings.rivals_fitted, 1, least, sorted(self._promising))
 
-    def _fitted(self, base: BlindFit, count: int, starts: int) -> list[Contender]:
-        kept = [entry for entry in self.screen(base, count, starts) if entry[1] > 0][:count]
+    def _fitted(
+        self, base: BlindFit, count: int, starts: int, least: float = 0.0, names: Sequence[str] | None = None
+    ) -> list[Contender]:
+        """Fit the most promising candidates beside all effects of a model; the best comes first.
+
+        Args:
+            base: the model.
+            count: candidates that are fitted at most.
+            starts: of each of them.
+            least: nats on the screened blocks that a candidate must gain by itself.
+            names: of the candidates; None for all.
+        """
+        screened = [entry for entry in self.screen(base, count, starts, names) if entry[1] > 0]
+        least = max(least, PROMISING * screened[0][1]) if screened else least
+        kept = [entry for entry in screened if entry[1] >= least][:count]
         return sorted((self._contender(base, name, start) for name, _, start in kept), key=lambda one: -one.gain)
 
     def _contender(self, base: BlindFit, name: str, start: Setting) -> Contender:
@@ -206,10 +232,12 @@ class BlindSearch:
         fit = self.fitter.fit(hypothesis, self.fitted_blocks)
         comparison = compare(fit.log_likelihood, base.log_likelihood, self.columns)
         penalty = price(hypothesis, fit) - price(base.hypothesis, base)
-        nats = min(comparison.calibrated, self.fitter.distance(fit, name))
+        nats = min(comparison.calibrated, self.fitter.adjusted(fit, name, comparison.nats))
         return Contender(name, fit, comparison, nats, nats - penalty - self.settings.min_gain_nats)
 
-    def screen(self, base: BlindFit, count: int, starts: int) -> list[tuple[str, float, Setting]]:
+    def screen(
+        self, base: BlindFit, count: int, starts: int, names: Sequence[str] | None = None
+    ) -> list[tuple[str, float, Setting]]:
         """Return (name, nats, start) of every candidate that the model lacks, the most promising first.
 
         Every start is tried, the best ones at a part of their strength too. The likelihood has local maxima (a mask
@@ -220,11 +248,12 @@ class BlindSearch:
             base: the model.
             count: candidates whose starts are fitted.
             starts: of each of them.
+            names: of the candidates; None for all.
         """
         model = self.fitter.model
         proposed = proposed_displacements(self.fitter.likelihood, base.hypothesis, self.settings.border_share)
         entries = []
-        for name in self.candidates:
+        for name in self.candidates if names is None else names:
             if name in base.hypothesis.effects:
                 continue
             about = model.effects[name].about
@@ -241,7 +270,9 @@ class BlindSearch:
         screened = []
         for place, (name, trials) in enumerate(entries):
             promising = place < count and trials[0][0] > 0
-            best = self._fitted_start(base, name, trials[:starts]) if promising else trials[0]
+            self._promising |= {name} if promising else set()
+            fitted = trials[: starts - (len(model.effects[name].about) == 1 and starts > 1)]
+            best = self._fitted_start(base, name, fitted) if promising else trials[0]
             screened.append((name, *best))
         return sorted(screened, key=lambda entry: -entry[1])
 
@@ -252,7 +283,7 @@ class BlindSearch:
         fitted = []
         for _, start in trials:
             hypothesis = base.hypothesis.with_effect(name, start)
-            fit = self.fitter.fit(hypothesis, self.screened_blocks, FINAL_ITERATIONS, alone=name)
+            fit = self.fitter.fit(hypothesis, self.screened_blocks, FINAL_ITERATIONS, alone=name, errors=False)
             nats = compare(fit.log_likelihood, base.log_likelihood, self.columns).nats
             fitted.append((nats, fit.hypothesis.effects[name]))
         return max(fitted, key=lambda trial: trial[0])
@@ -261,8 +292,26 @@ class BlindSearch:
         trial = self.fitter.evaluate(base.hypothesis.with_effect(name, start), self.screened_blocks)
         return compare(trial.log_likelihood, base.log_likelihood, self.columns).nats
 
-    def _winner(self, clear: list[Contender]) -> Contender:
-        """Return the most likely contender: the one that all others are compared with in vain."""
+    def _winner(self, contenders: list[Contender]) -> Contender | None:
+        """Return the effect that is named next; None if there is none.
+
+        It is the most likely one of those that are clear: the one that all others are compared with in vain. Another
+        contender may make the snapshots likelier and leave nothing to it, and yet not be clear itself, because
+        snapshots disagree about it. Then that one is named if it gains anything beyond its penalty, else neither is.
+        """
+        clear = [one for one in contenders if one.clear]
+        while clear:
+            best = self._likeliest(clear)
+            better = [one for one in contenders if not one.clear and self._supersedes(one, best)]
+            if not better:
+                return best
+            likeliest = max(better, key=lambda one: one.comparison.nats)
+            if likeliest.gain > 0:
+                return likeliest
+            clear.remove(best)
+        return None
+
+    def _likeliest(self, clear: list[Contender]) -> Contender:
         best = clear[0]
         for other in clear[1:]:
             direct = compare(other.fit.log_likelihood, best.fit.log_likelihood, self.columns)
@@ -271,15 +320,27 @@ class BlindSearch:
                 best = other
         return best
 
+    def _supersedes(self, other: Contender, one: Contender) -> bool:
+        """Return whether another contender makes the snapshots likelier than one, which it makes superfluous."""
+        if compare(other.fit.log_likelihood, one.fit.log_likelihood, self.columns).nats <= 0:
+            return False
+        both = other.fit.hypothesis.with_effect(one.name, one.fit.hypothesis.effects[one.name])
+        fit = self.fitter.fit(both, other.fit.blocks, FINAL_ITERATIONS)
+        return self._is_superfluous(one.name, fit, other.fit, MIN_Z)
+
+    def _is_superfluous(self, name: str, fit: BlindFit, without: BlindFit, least_z: float) -> bool:
+        """Return whether an effect of a fit gains too little over the fit without it."""
+        comparison = compare(fit.log_likelihood, without.log_likelihood, self.columns)
+        cost = price(fit.hypothesis, fit) - price(without.hypothesis, without)
+        nats = min(comparison.calibrated, self.fitter.adjusted(fit, name, comparison.nats))
+        return nats < cost + self.settings.min_gain_nats or comparison.z < least_z
+
     def prune(self, fit: BlindFit) -> BlindFit:
         """Drop every effect that the others make superfluous."""
         names = [name for name in fit.hypothesis.effects if name not in self.noise.effects]
         for name in names if len(names) > 1 else []:
             without = self.fitter.fit(fit.hypothesis.without(name), fit.blocks, FINAL_ITERATIONS)
-            comparison = compare(fit.log_likelihood, without.log_likelihood, self.columns)
-            cost = price(fit.hypothesis, fit) - price(without.hypothesis, without)
-            nats = min(comparison.calibrated, self.fitter.distance(fit, name))
-            if nats < cost + self.settings.min_gain_nats or comparison.z < MIN_Z:
+            if self._is_superfluous(name, fit, without, KEPT_Z):
                 fit = without
         return fit
 
@@ -289,15 +350,16 @@ class BlindSearch:
         names = [name for name in fit.hypothesis.effects if name not in self.noise.effects]
         named = []
         for name in sorted(names, key=lambda one: effects[one].rank):
-            without = self.fitter.fit(fit.hypothesis.without(name), fit.blocks, FINAL_ITERATIONS)
+            without = self.fitter.fit(fit.hypothesis.without(name), fit.blocks, FINAL_ITERATIONS, errors=False)
             comparison = compare(fit.log_likelihood, without.log_likelihood, self.columns)
             cost = price(fit.hypothesis, fit) - price(without.hypothesis, without)
+            on_screened = (fit.log_likelihood - without.log_likelihood)[self.screened_blocks].nan_to_num(0.0)
             rivals = []
-            for rival in self.rivals(without):
+            for rival in self.rivals(without, RIVAL_SHARE * float(on_screened.sum())):
                 direct = compare(fit.log_likelihood, rival.fit.log_likelihood, self.columns)
                 if rival.name != name and (direct.z < SURE_Z or direct.calibrated < self.settings.indistinct_nats):
                     rivals.append(rival.name)
-            nats = min(comparison.calibrated, self.fitter.distance(fit, name))
+            nats = min(comparison.calibrated, self.fitter.adjusted(fit, name, comparison.nats))
             named.append(BlindNamed(name, comparison, nats, cost, tuple(rivals)))
         return tuple(named)
 

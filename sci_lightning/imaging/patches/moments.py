@@ -44,12 +44,16 @@ class PatchFactors:
     The covariance of a snapshot's blocks then costs a few small products instead of one for every pair of values.
 
     Attributes:
-        factors: F, ``(K, n, T, r)``.
+        factors: F, ``(n, T, K, r)``, so that one product serves all components.
         rest: d, ``(K, T, n)``.
     """
 
     factors: torch.Tensor
     rest: torch.Tensor
+
+    def to(self, precision: torch.dtype) -> PatchFactors:
+        """Return the same in another precision."""
+        return PatchFactors(self.factors.to(precision), self.rest.to(precision))
 
     @classmethod
     def of(cls, covariance: torch.Tensor, rank: int) -> PatchFactors:
@@ -60,29 +64,32 @@ class PatchFactors:
         factors = vectors[..., -rank:] * eigenvalues[:, None, -rank:].clamp(min=0).sqrt()
         left = (vectors[..., :-rank].square() * eigenvalues[:, None, :-rank].clamp(min=0)).sum(2)
         shape = (-1, slots, pixels)
-        return cls(factors.unflatten(1, shape[1:]).transpose(1, 2).contiguous(), left.reshape(shape))
+        return cls(factors.unflatten(1, shape[1:]).permute(2, 1, 0, 3).contiguous(), left.reshape(shape))
 
     def block_covariance(self, mask: torch.Tensor, operator: torch.Tensor | None = None) -> torch.Tensor:
         """Return :func:`block_covariance` of these covariances, seen through optics if there are any.
+
+        The products are computed in the precision of the factors.
 
         Args:
             mask: blocks of a mask, ``(blocks, T, n)``.
             operator: how much of the light of every pixel reaches every pixel of the image, ``(m, n)``; None: its own.
 
         Returns:
-            ``(K, blocks, m, m)``.
+            ``(K, blocks, m, m)`` in the precision of the mask.
         """
-        by_pixel = mask.permute(2, 0, 1)
-        left = torch.einsum("btn,ktn->kbn", mask.square(), self.rest)
-        parts = []
-        for factor, own in zip(self.factors, left, strict=True):
-            seen = (by_pixel @ factor).transpose(0, 1)  # (blocks, n, r)
-            if operator is None:
-                parts.append(seen @ seen.mT + torch.diag_embed(own))
-            else:
-                formed = operator @ seen
-                parts.append(formed @ formed.mT + (operator * own[:, None]) @ operator.mT)
-        return torch.stack(parts)
+        precision, (pixels, _, components, rank) = self.factors.dtype, self.factors.shape
+        seen = mask.permute(2, 0, 1).to(precision) @ self.factors.flatten(2)  # (n, blocks, K * r)
+        seen = seen.reshape(pixels, -1, rank).transpose(0, 1)  # (blocks * K, n, r)
+        left = torch.einsum("btn,ktn->bkn", mask.square().to(precision), self.rest).flatten(0, 1)
+        if operator is None:
+            covariance = seen @ seen.mT
+            covariance.diagonal(dim1=-2, dim2=-1).add_(left)
+        else:
+            operator = operator.to(precision)
+            formed = operator @ seen
+            covariance = formed @ formed.mT + (operator * left[:, None]) @ operator.mT
+        return covariance.unflatten(0, (-1, components)).transpose(0, 1).to(mask.dtype)
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,8 @@ def test_a_block_is_gaussian() -> None:
     brightness = torch.stack([dn[4:-4, 4:-4].double().mean() / 255 for dn in likelihood.model.observation.dn])
     block = slice(8, 16), slice(16, 24)
     matrix = torch.cat([torch.diag(frame[block].flatten()) for frame in relative], 1)
-    factors, rest = likelihood.prior.factors().factors[2], likelihood.prior.factors().rest[2]
+    prior = likelihood.prior.factors()
+    factors, rest = prior.factors[:, :, 2].double(), prior.rest[2].double()
     flat = factors.transpose(0, 1).reshape(64 * FRAMES, -1)
     covariance = CONTRASTS[2] * matrix @ (flat @ flat.T + torch.diag(rest.flatten())) @ matrix.T
     response = SensorResponse.of(likelihood.model.path(ideal), 255)

@@ -38,7 +38,7 @@ def test_factored_covariance_of_blocks() -> None:
     torch.testing.assert_close(every.block_covariance(mask, optics), optics @ exact @ optics.T)
     fewer = PatchFactors.of(covariance, 6)
     whole = covariance.reshape(2, SLOTS * PIXELS, -1).diagonal(dim1=-2, dim2=-1).reshape(2, SLOTS, PIXELS)
-    kept = fewer.factors.square().sum(3).transpose(1, 2)
+    kept = fewer.factors.square().sum(3).permute(2, 1, 0)
     torch.testing.assert_close(kept + fewer.rest, whole)
     left = fewer.block_covariance(mask, optics) - optics @ fewer.block_covariance(mask) @ optics.T
     assert float(left.abs().max()) < 1e-5

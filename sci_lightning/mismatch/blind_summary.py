@@ -1,0 +1,66 @@
+"""What blind diagnoses are worth, camera by camera: beside the decibels, which effects were named, missed and wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+Record = Mapping[str, Any]
+
+SCENARIOS = ("mismatched", "known", "blind")
+"""Scenarios that are compared."""
+OF_THE_BRIGHTNESS = ("gain", "duty_cycle")
+"""Effects that snapshots of unknown scenes cannot tell from the brightness of the scenes: they are never named."""
+HEADING = [
+    "camera",
+    "decoder",
+    "II",
+    "III",
+    "IV-blind",
+    "II, up to gain",
+    "III, up to gain",
+    "IV-blind, up to gain",
+    "III less IV-blind, up to gain",
+    "missed",
+    "wrong",
+]
+
+
+def blind_table(records: Sequence[Record]) -> list[list[str]]:
+    """Return heading and rows: every camera that was diagnosed blind, then the means over the drawn ones.
+
+    Args:
+        records: those without a blind diagnosis, or from before the score up to gain, are left out.
+    """
+    mine = [record for record in records if all(_is_complete(record, key) for key in SCENARIOS)]
+    rows = [
+        [record["camera"], record["decoder"], *map(_decibels, _figures(record)), *_names(record)] for record in mine
+    ]
+    drawn = [record for record in mine if record["camera"].startswith("drawn_")]
+    for decoder in dict.fromkeys(record["decoder"] for record in drawn):
+        figures = [_figures(record) for record in drawn if record["decoder"] == decoder]
+        means = [sum(column) / len(column) for column in zip(*figures, strict=True)]
+        rows.append([f"mean of {len(figures)} drawn", decoder, *map(_decibels, means), "", ""])
+    return [HEADING, *rows]
+
+
+def _is_complete(record: Record, scenario: str) -> bool:
+    return "psnr_up_to_gain" in record["scenarios"].get(scenario, {}).get("mean", {})
+
+
+def _figures(record: Record) -> list[float]:
+    scores = [record["scenarios"][key]["mean"] for key in SCENARIOS]
+    plain, up_to_gain = ([one[key] for one in scores] for key in ("psnr", "psnr_up_to_gain"))
+    return [*plain, *up_to_gain, up_to_gain[1] - up_to_gain[2]]
+
+
+def _names(record: Record) -> list[str]:
+    """Return the effects that were missed, and those that were named and are not there."""
+    named = [effect["name"] for effect in record["diagnosis"]["blind"]["effects"]]
+    there = [name for name in record["mismatch"] if name not in OF_THE_BRIGHTNESS]
+    missed, wrong = [name for name in there if name not in named], [name for name in named if name not in there]
+    return [", ".join(missed), ", ".join(wrong)]
+
+
+def _decibels(value: float) -> str:
+    return f"{value:.2f}"
