@@ -36,12 +36,16 @@ def plan(composition: Composition) -> None:
         bit_depth=cfg.bit_depth,
         datasheet={name: cfg[name] for name in ("read_noise_dn", "full_well_e") if cfg[name] is not None},
         long_exposure=cfg.long_exposure,
+        field=cfg.field,
         **{name: cfg[name] for name in counts},
     )
     write_plan(session, cfg.out)
     console.print(f"{session.captures} captures to record, {len(session.shots)} settings")
     console.say(styled(Path(cfg.out)), ": plan.md, captures.yaml, patterns/, targets/, shots/")
-    print_next(console, invocation("captures", "pack", nearest(cfg.out), "out=lab.h5"))
+    if cfg.field is None:
+        print_next(console, invocation("captures", "pack", nearest(cfg.out), "out=lab.h5"))
+    else:
+        print_next(console, invocation("captures", "register", nearest(cfg.out)))
 
 
 def pack(composition: Composition) -> None:

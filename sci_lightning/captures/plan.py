@@ -27,6 +27,12 @@ LARGEST_LEVEL = 2**16 - 1
 MOST_CAPTURES = 1000
 """More than anybody records in a session."""
 
+REGISTRATION = (
+    "5. The mirrors are not the camera's pixels: `python -m sci_lightning.captures register FOLDER` finds where they",
+    "   lie in its field from these recordings, and writes `sensor_to_modulator` into `captures.yaml`.",
+)
+"""Step of the shot list where the modulator has a grid of its own."""
+
 
 @dataclass(frozen=True)
 class Shot:
@@ -61,10 +67,11 @@ class Plan:
 
     Attributes:
         patterns: the coding patterns, uint8 (T, H, W); 255 is a transmittance of 1.
-        targets: pictures to show, uint8 (K, H, W); 255 is the irradiance 1.0.
+        targets: pictures to show, uint8 (K, H, W) of the camera's field; 255 is the irradiance 1.0.
         shots: the shot list in the order in which it is recorded.
         bit_depth: of the camera.
         datasheet: ``read_noise_dn`` and ``full_well_e`` where they are known.
+        field: (H, W) of the camera in pixels; None: every mirror is a pixel.
     """
 
     patterns: np.ndarray
@@ -72,6 +79,7 @@ class Plan:
     shots: tuple[Shot, ...]
     bit_depth: int
     datasheet: dict[str, float]
+    field: tuple[int, int] | None = None
 
     @property
     def captures(self) -> int:
@@ -92,6 +100,7 @@ def plan_session(
     all_on: int,
     all_off: int,
     target: int,
+    field: Sequence[int] | None = None,
 ) -> Plan:
     """Return a session that shows every effect of the vocabulary, with the captures of most dark signal first.
 
@@ -106,10 +115,14 @@ def plan_session(
         dark, flat, all_on, all_off, target: number of captures, see ``conf/captures_plan.yaml``; besides them, every
             coding pattern is recorded once in a slot of its own.
         long_dark: number of dark captures of ``long_exposure`` times the integration time.
+        field: (H, W) of the camera in pixels where the modulator's mirrors are not its pixels; the targets are of this
+            size. None: that of the patterns.
 
     Raises:
-        BadInput: a pattern that is dark everywhere, no captures or too many.
+        BadInput: a pattern that is dark everywhere, no captures or too many, or a field that is no size.
     """
+    if field is not None and (len(field) != 2 or min(field) < 1):
+        raise BadInput(f"field={list(field)}: expected the camera's height and width in pixels, as field=[512,640]")
     if not 0 < (total := dark + long_dark + flat + all_on + all_off + target) <= MOST_CAPTURES:
         raise BadInput(f"{total} captures besides those of single patterns, expected 1 to {MOST_CAPTURES:,}")
     levels = np.round(255 * patterns).astype(np.uint8)
@@ -136,12 +149,13 @@ def plan_session(
         display = f"coding pattern {slot} in slot {slot}, the other slots off"
         reveals = "where the mask's image lies, its sharpness, its timing"
         shots.append(Shot(f"slot_{slot}", "pattern", 1, sequence, display, 0.9, 1.0, 1.0, reveals))
-    targets = _targets(np.random.default_rng(seed), target, levels.shape[1:])
+    size = (levels.shape[1], levels.shape[2]) if field is None else (int(field[0]), int(field[1]))
+    targets = _targets(np.random.default_rng(seed), target, size)
     for number in range(1, target + 1):
         file, reveals = f"targets/target_{number}.png", "blur of the lens, position of the scene"
         shots.append(Shot(f"target_{number}", "static", 1, None, "coding patterns", file, coded, 1.0, reveals))
     kept = tuple(shot for shot in shots if shot.count)
-    return Plan(levels, targets, kept, bit_depth, datasheet)
+    return Plan(levels, targets, kept, bit_depth, datasheet, None if field is None else size)
 
 
 def read_coding_patterns(path: str | Path) -> np.ndarray:
@@ -245,7 +259,9 @@ def _entry(shot: Shot) -> dict[str, object]:
 
 def shot_list(plan: Plan) -> str:
     """Return the shot list as Markdown: how to set the light, then a row for every shot."""
-    slots, height, width = plan.patterns.shape
+    slots, *mirrors = plan.patterns.shape
+    height, width = plan.field or mirrors
+    own_grid = "" if plan.field is None else f" behind {mirrors[0]} x {mirrors[1]} mirrors"
     full = 2**plan.bit_depth - 1
     level = round(0.95 * full)
     few = [shot.name for shot in plan.shots if shot.name in ("dark", "long_dark") and shot.count < COMPARED]
@@ -257,7 +273,7 @@ def shot_list(plan: Plan) -> str:
     lines = [
         "# Shot list",
         "",
-        f"{plan.captures} captures of {height} x {width} pixels, {slots} slots, {plan.bit_depth} bits.",
+        f"{plan.captures} captures of {height} x {width} pixels{own_grid}, {slots} slots, {plan.bit_depth} bits.",
         "",
         "1. Warm the camera up; switch off automatic exposure, gain, gamma, black level, denoising and compression.",
         "2. Set the light: with all mirrors on (`patterns/on.png` in every slot) and the aperture of that row, an even",
@@ -267,7 +283,8 @@ def shot_list(plan: Plan) -> str:
         "   never by the camera's gain. The exposure is the integration time relative to the nominal one; where a",
         "   longer one gathers more light, the aperture says so: twice the time at the same lamp is aperture 2.",
         "4. Save raw DN as TIFF, one file a capture: `shots/dark_1.tif`, `shots/dark_2.tif` and so on.",
-        "5. Change `captures.yaml` wherever you did something else, then run",
+        *([] if plan.field is None else REGISTRATION),
+        f"{6 - (plan.field is None)}. Change `captures.yaml` wherever you did something else, then run",
         "   `python -m sci_lightning.captures pack FOLDER out=lab.h5`; it names the file that is missing or unlikely.",
         "",
         "| | save as | captures | modulator | before the camera | aperture | exposure | reveals |",

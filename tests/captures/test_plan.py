@@ -14,6 +14,8 @@ from sci_lightning.captures import __main__ as command_line
 from sci_lightning.captures import read_captures
 from sci_lightning.captures.pack import pack_captures
 from sci_lightning.captures.plan import read_coding_patterns
+from sci_lightning.captures.registration import register as find_homography
+from sci_lightning.captures.registration.homography_file import read_unregistered, write_homography
 from sci_lightning.errors import BadInput
 
 SMALL = ("frames=4", "size=[32,40]")
@@ -36,11 +38,15 @@ def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
     return run
 
 
-def record(folder: Path) -> None:
-    """Record what the recipe lists with a camera that is ideal but for its read noise; shares no code with the plan."""
+def record(folder: Path, pixels: int = 1) -> None:
+    """Record what the recipe lists with a camera that is ideal but for its read noise; shares no code with the plan.
+
+    A mirror is so many ``pixels`` wide and high.
+    """
     recipe = yaml.safe_load((folder / "captures.yaml").read_text())
     random = np.random.default_rng(1)
     patterns = np.stack([imread(path) for path in sorted((folder / "patterns").glob("slot_*.png"))]) / 255
+    patterns = patterns.repeat(pixels, 1).repeat(pixels, 2)
     words = {"all_off": np.zeros_like(patterns[0]), "all_on": np.ones_like(patterns[0])}
     for entry in recipe["captures"]:
         sequence = entry.get("sequence", list(range(len(patterns))))
@@ -51,6 +57,30 @@ def record(folder: Path) -> None:
             dn = 255 * entry.get("aperture", 1) * shown * scene + random.normal(0, 0.8, patterns[0].shape) + 2
             name = entry["measurement"].replace("*", str(number + 1))
             imsave(folder / name, np.clip(np.round(dn), 0, 255).astype(np.uint8), check_contrast=False)
+
+
+def test_mirrors_that_are_not_pixels(plan, tmp_path: Path) -> None:
+    """Targets are of the camera's size, and the mirrors are registered before the folder is packed."""
+    status, printed = plan("LAB", "frames=4", "size=[32,40]", "field=[96,120]", "target=2")
+    lab = tmp_path / "LAB"
+    assert status == 0 and "captures register LAB" in printed
+    assert imread(lab / "targets" / "target_1.png").shape == (96, 120)
+    assert imread(lab / "patterns" / "slot_00.png").shape == (32, 40)
+    text = (lab / "plan.md").read_text()
+    assert "captures of 96 x 120 pixels behind 32 x 40 mirrors, 4 slots" in text
+    assert "5. The mirrors are not the camera's pixels" in text and "6. Change `captures.yaml`" in text
+    record(lab, pixels=3)
+    write_homography(lab, find_homography(read_unregistered(lab), perspective=False).matrix)
+    packed = pack_captures(lab, tmp_path / "lab.h5")
+    assert packed.size == (96, 120) and packed.mirrors == (32, 40)
+    assert packed.sensor_to_modulator is not None
+    np.testing.assert_allclose(
+        packed.sensor_to_modulator, [[1 / 3, 0, -1 / 3], [0, 1 / 3, -1 / 3], [0, 0, 1]], atol=0.02
+    )
+
+    status, printed = plan("OTHER", "field=[96]")
+    assert status == 2 and "field=[96]: expected the camera's height and width in pixels" in printed
+    assert not (tmp_path / "OTHER").exists()
 
 
 def test_recorded_and_packed(plan, tmp_path: Path) -> None:

@@ -301,17 +301,17 @@ class BlindSearch:
         """
         clear = [one for one in contenders if one.clear]
         while clear:
-            best = self._likeliest(clear)
+            best = self._most_likely(clear)
             better = [one for one in contenders if not one.clear and self._supersedes(one, best)]
             if not better:
                 return best
-            likeliest = max(better, key=lambda one: one.comparison.nats)
-            if likeliest.gain > 0:
-                return likeliest
+            substitute = max(better, key=lambda one: one.comparison.nats)
+            if substitute.gain > 0:
+                return substitute
             clear.remove(best)
         return None
 
-    def _likeliest(self, clear: list[Contender]) -> Contender:
+    def _most_likely(self, clear: list[Contender]) -> Contender:
         best = clear[0]
         for other in clear[1:]:
             direct = compare(other.fit.log_likelihood, best.fit.log_likelihood, self.columns)
