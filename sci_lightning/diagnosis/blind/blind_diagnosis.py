@@ -27,10 +27,10 @@ from sci_lightning.diagnosis.blind.search import (
     BlindExplanation,
     BlindNamed,
     BlindSearch,
-    undetermined_effects,
 )
 from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera, snapshots_of
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots, textured_part, usable_snapshots
+from sci_lightning.diagnosis.blind.undetermined import undetermined_effects
 from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.search.evidence import Estimate, NamedEffect, systematic_limit

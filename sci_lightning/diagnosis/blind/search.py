@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import torch
 
-from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price
+from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, parameter_count, price
 from sci_lightning.diagnosis.blind.displacement import proposed_displacements
 from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
-from sci_lightning.diagnosis.blind.prior import LONGEST_VIDEO
+from sci_lightning.diagnosis.blind.undetermined import undetermined_effects
 from sci_lightning.diagnosis.laboratory import SceneEffect
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting
+from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 from sci_lightning.diagnosis.search_settings import SearchSettings
-from sci_lightning.encoder.effects import OpticsEffect, SensorEffect
+from sci_lightning.encoder.effects import SensorEffect
 from sci_lightning.encoder.effects.parameter import part_of
 
 OnProgress = Callable[[str], None]
@@ -37,26 +37,13 @@ WEAK_PART = 0.25
 MIN_Z = 3.0
 """Standard deviations by which an effect must make the snapshots likelier."""
 KEPT_Z = 2.0
-"""The same of an effect that was named; lower, so that none is named and dropped by turns."""
+"""The same of an effect that was named, so that none is named and dropped by turns, and of one that gains much."""
+MUCH = 30.0
+"""Adjusted nats that are much: a few blocks may tell so clearly what ranks of many do not."""
 MIN_AGREE = 0.75
 """Part of the snapshots that must ask for an effect."""
 SURE_Z = 3.0
 """Standard deviations below which two hypotheses are not distinguished."""
-
-UNDETERMINED = {
-    "gain": "the brightness of the scenes",
-    "duty_cycle": "the brightness of the scenes",
-    "vignetting": "scenes that are darker towards the corners",
-    "illumination": "scenes that are lit unevenly",
-    "saturation": "the brightest parts of the scenes; saturated pixels are left out",
-}
-"""Effects that snapshots of unknown scenes cannot tell from something about the scenes."""
-OF_THE_OPTICS = "a blur of the mask, and scenes that are less sharp or have less contrast"
-"""What effects of the optics look like where patches of many slots are too large for light from around them."""
-OF_THE_SLOTS = "scenes that are brighter in some slots, such as those of a spectral camera"
-"""What flicker looks like there."""
-OF_THE_SENSOR = "scenes of another distribution of brightness"
-"""What a response of the sensor looks like where scenes are only assumed to be smooth."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +68,7 @@ class Contender:
     def clear(self) -> bool:
         """Whether the effect is so well supported that it may be named."""
         agree = self.comparison.agree >= MIN_AGREE * self.comparison.snapshots
-        return self.gain > 0 and self.comparison.z > MIN_Z and agree
+        return self.gain > 0 and self.comparison.z > (KEPT_Z if self.nats >= MUCH else MIN_Z) and agree
 
 
 @dataclass(frozen=True)
@@ -145,6 +132,7 @@ class BlindSearch:
         self.fitted_blocks = _spread(self.all_blocks, FITTED_BLOCKS)
         self._contenders: dict[frozenset[str], list[Contender]] = {}
         self._promising: set[str] = set()
+        self._in_place_of: dict[str, Contender] = {}
         self.undetermined = undetermined_effects(fitter.model)
         self.candidates = [
             name
@@ -232,7 +220,7 @@ class BlindSearch:
         fit = self.fitter.fit(hypothesis, self.fitted_blocks)
         comparison = compare(fit.log_likelihood, base.log_likelihood, self.columns)
         penalty = price(hypothesis, fit) - price(base.hypothesis, base)
-        nats = min(comparison.calibrated, self.fitter.adjusted(fit, name, comparison.nats))
+        nats = self._nats(fit, name, comparison)
         return Contender(name, fit, comparison, nats, nats - penalty - self.settings.min_gain_nats)
 
     def screen(
@@ -297,19 +285,22 @@ class BlindSearch:
 
         It is the most likely one of those that are clear: the one that all others are compared with in vain. Another
         contender may make the snapshots likelier and leave nothing to it, and yet not be clear itself, because
-        snapshots disagree about it. Then that one is named if it gains anything beyond its penalty, else neither is.
+        snapshots disagree about how strong it is. What is clear is then that one of the two is there, and the likelier
+        one is named, unless it has more parameters and does not pay for them.
         """
         clear = [one for one in contenders if one.clear]
-        while clear:
-            best = self._most_likely(clear)
-            better = [one for one in contenders if not one.clear and self._supersedes(one, best)]
-            if not better:
-                return best
-            substitute = max(better, key=lambda one: one.comparison.nats)
-            if substitute.gain > 0:
-                return substitute
-            clear.remove(best)
-        return None
+        if not clear:
+            return None
+        best = self._most_likely(clear)
+        count = parameter_count(best.fit.hypothesis)
+        others = [one for one in contenders if not one.clear]
+        others = [one for one in others if one.gain > 0 or parameter_count(one.fit.hypothesis) <= count]
+        better = [one for one in others if self._supersedes(one, best)]
+        if not better:
+            return best
+        substitute = max(better, key=lambda one: one.comparison.nats)
+        self._in_place_of[substitute.name] = best
+        return substitute
 
     def _most_likely(self, clear: list[Contender]) -> Contender:
         best = clear[0]
@@ -328,11 +319,23 @@ class BlindSearch:
         fit = self.fitter.fit(both, other.fit.blocks, FINAL_ITERATIONS)
         return self._is_superfluous(one.name, fit, other.fit, MIN_Z)
 
+    def _nats(self, fit: BlindFit, name: str, comparison: Comparison) -> float:
+        """Return the calibrated nats that an effect of a fit gains: by ranks of tiles, and as snapshots agree about it.
+
+        Ranks mind neither that few blocks tell very much nor that few are left beside a wide border. Where an effect
+        gains much as snapshots agree about it, they only have to lean to the same side.
+        """
+        adjusted = self.fitter.adjusted(fit, name, comparison.nats)
+        if name in self._in_place_of:  # these are what the clear one would gain
+            adjusted = max(adjusted, min(comparison.nats, self._in_place_of[name].nats))
+        leaning = comparison.z > KEPT_Z and adjusted > MUCH
+        return min(max(comparison.calibrated, MUCH) if leaning else comparison.calibrated, adjusted)
+
     def _is_superfluous(self, name: str, fit: BlindFit, without: BlindFit, least_z: float) -> bool:
         """Return whether an effect of a fit gains too little over the fit without it."""
         comparison = compare(fit.log_likelihood, without.log_likelihood, self.columns)
         cost = price(fit.hypothesis, fit) - price(without.hypothesis, without)
-        nats = min(comparison.calibrated, self.fitter.adjusted(fit, name, comparison.nats))
+        nats = self._nats(fit, name, comparison)
         return nats < cost + self.settings.min_gain_nats or comparison.z < least_z
 
     def prune(self, fit: BlindFit) -> BlindFit:
@@ -359,23 +362,9 @@ class BlindSearch:
                 direct = compare(fit.log_likelihood, rival.fit.log_likelihood, self.columns)
                 if rival.name != name and (direct.z < SURE_Z or direct.calibrated < self.settings.indistinct_nats):
                     rivals.append(rival.name)
-            nats = min(comparison.calibrated, self.fitter.adjusted(fit, name, comparison.nats))
+            nats = self._nats(fit, name, comparison)
             named.append(BlindNamed(name, comparison, nats, cost, tuple(rivals)))
         return tuple(named)
-
-
-def undetermined_effects(model: CameraModel) -> dict[str, str]:
-    """Return the effects that the snapshots cannot tell from something about the scenes, and from what."""
-    unclear = {name: why for name, why in UNDETERMINED.items() if name in model.vocabulary}
-    if model.observation.frames > LONGEST_VIDEO:
-        for name, effect in model.vocabulary.items():
-            if issubclass(effect, OpticsEffect):
-                unclear.setdefault(name, OF_THE_OPTICS)
-            elif issubclass(effect, SensorEffect) and not (effect.noise or effect.map_kind):
-                unclear.setdefault(name, OF_THE_SENSOR)
-        if "flicker" in model.vocabulary:
-            unclear["flicker"] = OF_THE_SLOTS
-    return unclear
 
 
 def _spread(blocks: torch.Tensor, count: int) -> torch.Tensor:

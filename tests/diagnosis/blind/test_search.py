@@ -7,7 +7,7 @@ import torch
 
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter
 from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison
-from sci_lightning.diagnosis.blind.search import BlindSearch, Contender
+from sci_lightning.diagnosis.blind.search import MUCH, BlindSearch, Contender
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from tests.diagnosis.blind.test_likelihood import likelihood_of, snapshots
 
@@ -19,13 +19,13 @@ def search() -> BlindSearch:
 
 
 def fit_of(search: BlindSearch, name: str, value: float, spread: float = 1.0) -> BlindFit:
-    """A fit of an effect with one parameter, whose variance is ``spread`` times that of independent blocks."""
-    parameter = next(iter(search.fitter.model.effects[name].about))
-    one = torch.ones(1, 1, dtype=torch.float64)
-    hypothesis = search.noise.with_effect(name, {parameter: value})
+    """A fit of an effect whose parameters' variances are ``spread`` times those of independent blocks."""
+    parameters = list(search.fitter.model.vocabulary[name].parameters())
+    one = torch.eye(len(parameters), dtype=torch.float64)
+    hypothesis = search.noise.with_effect(name, dict.fromkeys(parameters, value))
     nothing = torch.zeros(16, 4, dtype=torch.float64)
-    blocks = torch.ones(16, dtype=torch.bool)
-    return BlindFit(hypothesis, nothing, blocks, ((name, parameter),), spread * one, one)
+    blocks, free = torch.ones(16, dtype=torch.bool), tuple((name, parameter) for parameter in parameters)
+    return BlindFit(hypothesis, nothing, blocks, free, spread * one, one)
 
 
 def contender(search: BlindSearch, name: str, nats: float, gain: float, z: float = 9.0, agree: int = 4) -> Contender:
@@ -45,20 +45,30 @@ def test_a_likelier_substitute_is_named_in_the_place_of_a_clear_one(
     search: BlindSearch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     leak = contender(search, "mask_contrast", 85, 28)
-    black = contender(search, "black_level", 137, 7, z=2.9)
-    delay = contender(search, "sync_offset", 120, -4)
-    assert leak.clear and not black.clear and not delay.clear
+    black = contender(search, "black_level", 137, -3, z=2.9)
+    flicker = contender(search, "flicker", 120, -4)
+    assert leak.clear and not black.clear and not flicker.clear
 
     substitutes: set[tuple[str, str]] = set()
     monkeypatch.setattr(search, "_supersedes", lambda other, one: (other.name, one.name) in substitutes)
-    assert search._winner([leak, black, delay]) is leak  # both others leave enough to it
-    substitutes.add(("black_level", "mask_contrast"))
-    assert search._winner([leak, black]) is black
-    substitutes = {("sync_offset", "mask_contrast")}
-    assert search._winner([leak, delay]) is None  # the likelier of the two is not sure enough
-    other = contender(search, "mask_rotation", 30, 12)
-    assert search._winner([leak, other, delay]) is other
+    assert search._winner([leak, black, flicker]) is leak  # both others leave enough to it
+    substitutes |= {("black_level", "mask_contrast"), ("flicker", "mask_contrast")}
+    assert search._winner([leak, flicker]) is leak  # more parameters have to be paid for
+    assert search._winner([leak, black, flicker]) is black
     assert search._winner([black]) is None and search._winner([]) is None
+    fit = fit_of(search, "black_level", 0.3, spread=1000.0)
+    nats = search._nats(fit, "black_level", Comparison(137, 9.0, 3, 4))
+    assert nats == leak.nats  # what is clear is that one of the two is there
+
+
+def test_a_few_blocks_that_tell_much(search: BlindSearch) -> None:
+    fit = fit_of(search, "mask_shift", 0.3)
+    assert search._nats(fit, "mask_shift", Comparison(268, 2.1, 6, 8)) == MUCH
+    assert search._nats(fit, "mask_shift", Comparison(268, 1.9, 6, 8)) == pytest.approx(2 * 1.9**2)
+    assert search._nats(fit, "mask_shift", Comparison(20, 2.1, 6, 8)) == pytest.approx(2 * 2.1**2)
+    assert Contender("mask_shift", fit, Comparison(268, 2.1, 6, 8), MUCH, 10).clear
+    assert not Contender("mask_shift", fit, Comparison(268, 2.1, 5, 8), MUCH, 10).clear
+    assert not Contender("mask_shift", fit, Comparison(20, 2.1, 6, 8), 8, 1).clear
 
 
 def test_what_another_effect_makes_superfluous(search: BlindSearch) -> None:

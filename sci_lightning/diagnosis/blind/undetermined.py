@@ -1,0 +1,36 @@
+"""What snapshots of unknown scenes cannot tell from something about the scenes."""
+
+from __future__ import annotations
+
+from sci_lightning.diagnosis.blind.prior import LONGEST_VIDEO
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.encoder.effects import OpticsEffect, SensorEffect
+
+UNDETERMINED = {
+    "gain": "the brightness of the scenes",
+    "duty_cycle": "the brightness of the scenes",
+    "vignetting": "scenes that are darker towards the corners",
+    "illumination": "scenes that are lit unevenly",
+    "saturation": "the brightest parts of the scenes; saturated pixels are left out",
+}
+"""Effects that snapshots of unknown scenes cannot tell from something about the scenes."""
+OF_THE_OPTICS = "a blur of the mask, and scenes that are less sharp or have less contrast"
+"""What effects of the optics look like where patches of many slots are too large for light from around them."""
+OF_THE_SLOTS = "scenes that are brighter in some slots, such as those of a spectral camera"
+"""What flicker looks like there."""
+OF_THE_SENSOR = "scenes of another distribution of brightness"
+"""What a response of the sensor looks like where scenes are only assumed to be smooth."""
+
+
+def undetermined_effects(model: CameraModel) -> dict[str, str]:
+    """Return the effects that the snapshots cannot tell from something about the scenes, and from what."""
+    unclear = {name: why for name, why in UNDETERMINED.items() if name in model.vocabulary}
+    if model.observation.frames > LONGEST_VIDEO:
+        for name, effect in model.vocabulary.items():
+            if issubclass(effect, OpticsEffect):
+                unclear.setdefault(name, OF_THE_OPTICS)
+            elif issubclass(effect, SensorEffect) and not (effect.noise or effect.map_kind):
+                unclear.setdefault(name, OF_THE_SENSOR)
+        if "flicker" in model.vocabulary:
+            unclear["flicker"] = OF_THE_SLOTS
+    return unclear
