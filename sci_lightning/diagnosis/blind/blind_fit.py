@@ -32,7 +32,6 @@ class BlindFit:
         blocks: ``(blocks,)`` bool, the blocks that were fitted.
         free: names of the fitted parameters.
         covariance: ``(p, p)`` of their errors, from the differences between blocks and snapshots.
-        independent: ``(p, p)``, the same if the prior were right and blocks independent.
         weights: ``(K,)`` shares of the prior's components.
     """
 
@@ -41,7 +40,6 @@ class BlindFit:
     blocks: torch.Tensor
     free: tuple[ParameterName, ...] = ()
     covariance: torch.Tensor = field(default_factory=lambda: torch.zeros(0, 0))
-    independent: torch.Tensor = field(default_factory=lambda: torch.zeros(0, 0))
     weights: torch.Tensor = field(default_factory=lambda: torch.zeros(0))
 
     @property
@@ -112,27 +110,17 @@ class BlindFitter:
                 damping = max(damping * 20, 1e-2)
             if gained < PROGRESS:
                 break
-        covariance = inverse = torch.zeros(len(free), len(free), dtype=torch.float64)
+        covariance = torch.zeros(len(free), len(free), dtype=torch.float64)
         if scores is not None and errors:
             scores, information, _ = self._differentiate(free, best)
             inverse = torch.linalg.pinv(information, hermitian=True)
             covariance = inverse @ clustered(scores, self.likelihood.columns) @ inverse
-        return BlindFit(best.hypothesis, best.log_likelihood, blocks, free.names, covariance, inverse, best.weights)
+        return BlindFit(best.hypothesis, best.log_likelihood, blocks, free.names, covariance, best.weights)
 
-    def adjusted(self, fit: BlindFit, name: str, nats: float) -> float:
-        r"""Return the nats that an effect gains, adjusted for how much its parameters differ between the snapshots.
+    def distance(self, fit: BlindFit, name: str) -> float:
+        """Return how far an effect is from doing nothing, in nats: half its squared distance in standard deviations.
 
-        With the offset o of the parameters from their neutral values, their covariance S and what S would be if the
-        prior were right and blocks independent, :math:`S_0`, these are :math:`o^\top S^{-1} o / o^\top S_0^{-1} o`
-        times the nats. They are not adjusted for a choice, and for parameters without a neutral value.
-
-        Args:
-            fit: with the effect.
-            name: of the effect.
-            nats: that it gains as computed.
-
-        Source: Chandler and Bate, "Inference for clustered data using the independence loglikelihood", Biometrika
-        2007, Section 3.
+        It is infinite for a choice, and for parameters without a neutral value.
         """
         about, setting = self.model.effects[name].about, fit.hypothesis.effects[name]
         offsets = {
@@ -142,13 +130,10 @@ class BlindFitter:
         }
         places = [place for place, parameter in enumerate(fit.free) if parameter in offsets]
         if not places:
-            return nats
+            return math.inf
         offset = torch.tensor([offsets[fit.free[place]] for place in places], dtype=torch.float64)
-        distance, expected = (
-            float(offset @ torch.linalg.pinv(covariance[places][:, places], hermitian=True) @ offset)
-            for covariance in (fit.covariance, fit.independent)
-        )
-        return nats * distance / expected if expected > 0 else 0.0
+        inverse = torch.linalg.pinv(fit.covariance[places][:, places], hermitian=True)
+        return 0.5 * float(offset @ inverse @ offset)
 
     def _differentiate(
         self, free: FreeParameters, fit: BlindFit, earlier: torch.Tensor | None = None

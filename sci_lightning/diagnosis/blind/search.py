@@ -27,7 +27,7 @@ FITTED_BLOCKS = 256
 FINAL_ITERATIONS = 4
 """Iterations of fits that start from a model that was fitted already."""
 STARTS_FITTED = 3
-"""Starts of a promising candidate with several parameters that are fitted to the screened blocks; of one, one fewer."""
+"""Starts of a promising candidate that are fitted to the screened blocks."""
 PROMISING = 0.1
 """Part of the best candidate's nats that another one must gain, fitted by itself, to be fitted beside all others."""
 RIVAL_SHARE = 0.3
@@ -37,9 +37,9 @@ WEAK_PART = 0.25
 MIN_Z = 3.0
 """Standard deviations by which an effect must make the snapshots likelier."""
 KEPT_Z = 2.0
-"""The same of an effect that was named, so that none is named and dropped by turns, and of one that gains much."""
+"""The same of an effect that was named; lower, so that none is named and dropped by turns."""
 MUCH = 30.0
-"""Adjusted nats that are much: a few blocks may tell so clearly what ranks of many do not."""
+"""Nats, as snapshots agree about them, that are much: a few blocks may tell so clearly what ranks of many do not."""
 MIN_AGREE = 0.75
 """Part of the snapshots that must ask for an effect."""
 SURE_Z = 3.0
@@ -259,8 +259,7 @@ class BlindSearch:
         for place, (name, trials) in enumerate(entries):
             promising = place < count and trials[0][0] > 0
             self._promising |= {name} if promising else set()
-            fitted = trials[: starts - (len(model.effects[name].about) == 1 and starts > 1)]
-            best = self._fitted_start(base, name, fitted) if promising else trials[0]
+            best = self._fitted_start(base, name, trials[:starts]) if promising else trials[0]
             screened.append((name, *best))
         return sorted(screened, key=lambda entry: -entry[1])
 
@@ -322,14 +321,15 @@ class BlindSearch:
     def _nats(self, fit: BlindFit, name: str, comparison: Comparison) -> float:
         """Return the calibrated nats that an effect of a fit gains: by ranks of tiles, and as snapshots agree about it.
 
-        Ranks mind neither that few blocks tell very much nor that few are left beside a wide border. Where an effect
-        gains much as snapshots agree about it, they only have to lean to the same side.
+        Ranks do not see that few blocks tell very much, or that few are left beside a wide border. Where an effect
+        gains much as snapshots agree about it, they only have to lean to the same side. An effect in the place of a
+        clear one gains what that would gain.
         """
-        adjusted = self.fitter.adjusted(fit, name, comparison.nats)
-        if name in self._in_place_of:  # these are what the clear one would gain
-            adjusted = max(adjusted, min(comparison.nats, self._in_place_of[name].nats))
-        leaning = comparison.z > KEPT_Z and adjusted > MUCH
-        return min(max(comparison.calibrated, MUCH) if leaning else comparison.calibrated, adjusted)
+        nats = self.fitter.distance(fit, name)
+        if name in self._in_place_of:
+            nats = max(nats, self._in_place_of[name].nats)
+        leaning = comparison.z > KEPT_Z and min(nats, comparison.nats) >= MUCH
+        return min(max(comparison.calibrated, MUCH) if leaning else comparison.calibrated, nats)
 
     def _is_superfluous(self, name: str, fit: BlindFit, without: BlindFit, least_z: float) -> bool:
         """Return whether an effect of a fit gains too little over the fit without it."""

@@ -73,7 +73,7 @@ def test_all_snapshots_are_set_aside() -> None:
     ],
 )
 def test_what_is_hidden_is_named(hidden: dict[str, Any], expected: dict[str, Any]) -> None:
-    result = diagnosed(snapshots(hidden, size=(40, 40)), (*FEW, "mask_blur", "mask_orientation") if expected else FEW)
+    result = diagnosed(snapshots(hidden, size=(48, 48)), (*FEW, "mask_blur", "mask_orientation") if expected else FEW)
     assert result.names == tuple(expected)
     assert result.verdict == ("explained" if expected else "consistent")
     for effect in result.effects:
