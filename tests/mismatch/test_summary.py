@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from sci_lightning.errors import BadInput
-from sci_lightning.mismatch.blind_summary import blind_table
+from sci_lightning.mismatch.blind_summary import blind_table, diagnosed_blind
 from sci_lightning.mismatch.summary import summary_table
 from sci_lightning.mismatch.training_summary import finetuning_table
 from sci_lightning.tables.documented import blind_mismatch, finetuning, mismatch
@@ -89,7 +89,7 @@ def test_what_blind_diagnoses_are_worth(tmp_path: Path) -> None:
         diagnosed("drawn_02", ["mask_blur", "mask_contrast"], mismatched=12.0, known=22.0, blind=19.0),
         made("drawn_03", mismatched=12.0, known=22.0),
     ]
-    heading, *rows = blind_table(records)
+    heading, *rows = blind_table(diagnosed_blind(records))
     assert heading[4:9] == [
         "IV-blind",
         *(f"{title}, up to gain" for title in ("II", "III", "IV-blind", "III less IV-blind")),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sci_lightning.errors import BadInput
 from sci_lightning.files.json_fields import Fields
-from sci_lightning.mismatch.blind_summary import blind_table
+from sci_lightning.mismatch.blind_summary import blind_table, diagnosed_blind
 from sci_lightning.mismatch.records import read_records
 from sci_lightning.tables.documentation import DocumentedTable
 from sci_lightning.tables.provenance import NOT_YET, joined, read_provenance
@@ -25,7 +25,7 @@ def build(path: str | Path, part: str) -> DocumentedTable:
     path = Path(path)
     if part:
         raise BadInput(f"blind_mismatch.{part}: this table has no parts")
-    records = [record for record in read_records(path) if "blind" in record["scenarios"]] if path.is_dir() else []
+    records = diagnosed_blind(read_records(path)) if path.is_dir() else []
     heading, *rows = blind_table(records)
     origins = [read_provenance(Fields(path, record)) for record in records]
     return DocumentedTable(heading, rows, joined(origins) if origins else NOT_YET)
