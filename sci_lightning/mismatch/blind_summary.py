@@ -26,17 +26,21 @@ HEADING = [
 ]
 
 
+def diagnosed_blind(records: Sequence[Record]) -> list[Record]:
+    """Return the records with a blind diagnosis; those from before the score up to gain are left out."""
+    return [record for record in records if all(_is_complete(record, key) for key in SCENARIOS)]
+
+
 def blind_table(records: Sequence[Record]) -> list[list[str]]:
-    """Return heading and rows: every camera that was diagnosed blind, then the means over the drawn ones.
+    """Return heading and rows: every camera, then the means over the drawn ones.
 
     Args:
-        records: those without a blind diagnosis, or from before the score up to gain, are left out.
+        records: that :func:`diagnosed_blind` chose.
     """
-    mine = [record for record in records if all(_is_complete(record, key) for key in SCENARIOS)]
     rows = [
-        [record["camera"], record["decoder"], *map(_decibels, _figures(record)), *_names(record)] for record in mine
+        [record["camera"], record["decoder"], *map(_decibels, _figures(record)), *_names(record)] for record in records
     ]
-    drawn = [record for record in mine if record["camera"].startswith("drawn_")]
+    drawn = [record for record in records if record["camera"].startswith("drawn_")]
     for decoder in dict.fromkeys(record["decoder"] for record in drawn):
         figures = [_figures(record) for record in drawn if record["decoder"] == decoder]
         means = [sum(column) / len(column) for column in zip(*figures, strict=True)]
