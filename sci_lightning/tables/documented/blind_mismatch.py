@@ -27,5 +27,5 @@ def build(path: str | Path, part: str) -> DocumentedTable:
         raise BadInput(f"blind_mismatch.{part}: this table has no parts")
     records = diagnosed_blind(read_records(path)) if path.is_dir() else []
     heading, *rows = blind_table(records)
-    origins = [read_provenance(Fields(path, record)) for record in records]
+    origins = [read_provenance(Fields(path, dict(record))) for record in records]
     return DocumentedTable(heading, rows, joined(origins) if origins else NOT_YET)
