@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 Record = Mapping[str, Any]
@@ -11,6 +12,8 @@ SCENARIOS = ("mismatched", "known", "blind")
 """Scenarios that are compared."""
 OF_THE_BRIGHTNESS = ("gain", "duty_cycle")
 """Effects that snapshots of unknown scenes cannot tell from the brightness of the scenes: they are never named."""
+BLURS = (0.0, 0.5, 1.0, 2.0)
+"""Bounds in pixels of the blur of the mask's image by which drawn cameras are grouped: a blurred mask tells less."""
 HEADING = [
     "camera",
     "decoder",
@@ -42,10 +45,23 @@ def blind_table(records: Sequence[Record]) -> list[list[str]]:
     ]
     drawn = [record for record in records if record["camera"].startswith("drawn_")]
     for decoder in dict.fromkeys(record["decoder"] for record in drawn):
-        figures = [_figures(record) for record in drawn if record["decoder"] == decoder]
-        means = [sum(column) / len(column) for column in zip(*figures, strict=True)]
-        rows.append([f"mean of {len(figures)} drawn", decoder, *map(_decibels, means), "", ""])
+        mine = [record for record in drawn if record["decoder"] == decoder]
+        rows.append(_mean(f"mean of {len(mine)} drawn", mine))
+        for low, high in pairwise(BLURS):
+            group = [record for record in mine if low <= _blur(record) < high]
+            if 0 < len(group) < len(mine):
+                rows.append(_mean(f"{len(group)} of them, mask blurred by {low:g} to {high:g} pixel", group))
     return [HEADING, *rows]
+
+
+def _mean(title: str, records: Sequence[Record]) -> list[str]:
+    figures = [_figures(record) for record in records]
+    means = [sum(column) / len(column) for column in zip(*figures, strict=True)]
+    return [title, records[0]["decoder"], *map(_decibels, means), "", ""]
+
+
+def _blur(record: Record) -> float:
+    return float(record["mismatch"].get("mask_blur", {}).get("sigma", 0.0))
 
 
 def _is_complete(record: Record, scenario: str) -> bool:

@@ -76,7 +76,8 @@ def test_rows() -> None:
 
 def test_what_blind_diagnoses_are_worth(tmp_path: Path) -> None:
     def diagnosed(camera: str, named: list[str], **psnr: float) -> dict[str, Any]:
-        there = {"gain": {"factor": 0.5}, "mask_blur": {"sigma": 1.0}, "black_level": {"offset": 0.01}}
+        sigma = {"drawn_01": 0.2, "drawn_02": 1.5}.get(camera, 0.7)
+        there = {"gain": {"factor": 0.5}, "mask_blur": {"sigma": sigma}, "black_level": {"offset": 0.01}}
         record = made(camera, mismatch=there, **psnr)
         for scores in record["scenarios"].values():
             scores["mean"] = {**scores["mean"], "psnr_up_to_gain": scores["mean"]["psnr"] + 2}
@@ -97,10 +98,15 @@ def test_what_blind_diagnoses_are_worth(tmp_path: Path) -> None:
     assert rows[0][4:] == ["19.00", "12.00", "22.00", "21.00", "1.00", "", ""]
     assert rows[1][8:] == ["3.00", "black_level", "mask_contrast"]
     assert rows[2][0] == "mean of 2 drawn" and rows[2][8:] == ["2.00", "", ""]
+    assert [row[0] for row in rows[3:]] == [
+        "1 of them, mask blurred by 0 to 0.5 pixel",
+        "1 of them, mask blurred by 1 to 2 pixel",
+    ]
+    assert [row[8] for row in rows[3:]] == ["1.00", "3.00"]
     for record in records:
         check("mismatch", record)
         (tmp_path / f"{record['camera']}.gap_tv.json").write_text(json.dumps(record))
-    assert len(blind_mismatch.build(tmp_path, "").rows) == 3
+    assert len(blind_mismatch.build(tmp_path, "").rows) == 5
     assert blind_mismatch.build(tmp_path / "absent", "").rows == []
     with pytest.raises(BadInput, match="this table has no parts"):
         blind_mismatch.build(tmp_path, "drawn")
