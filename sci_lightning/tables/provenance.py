@@ -117,8 +117,7 @@ def joined(provenances: Sequence[Provenance]) -> Provenance:
     """Return what several measurements of one table have in common, and the range of what they have not."""
     dates = sorted({date for one in provenances for date in one.date.split(" to ")})
     values: Mapping[str, Any] = {
-        key: ", ".join(dict.fromkeys(getattr(one, key) for one in provenances))
-        for key in ("machine", "scale", "command")
+        key: _together([getattr(one, key) for one in provenances]) for key in ("machine", "scale", "command")
     }
     commits = ", ".join(dict.fromkeys(part for one in provenances for part in one.commit.split(", ")))
     seeds = sorted({seed for one in provenances for seed in one.seeds.split(", ")})
@@ -128,6 +127,17 @@ def joined(provenances: Sequence[Provenance]) -> Provenance:
         commit=commits,
         **values,
     )
+
+
+def _together(texts: Sequence[str]) -> str:
+    """Return texts in a row, each once, also where one of them is several in a row already."""
+    whole = ""
+    for text in texts:
+        if f", {text}, " in f", {whole}, ":
+            continue
+        contained = not whole or f", {whole}, " in f", {text}, "
+        whole = text if contained else f"{whole}, {text}"
+    return whole
 
 
 def _git(folder: Any, *words: str) -> str:

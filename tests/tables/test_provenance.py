@@ -1,0 +1,20 @@
+"""Where the figures of a table come from, if several runs made them."""
+
+from __future__ import annotations
+
+from sci_lightning.tables.provenance import Provenance, joined
+
+
+def made(machine: str, commit: str, date: str = "2026-11-23") -> Provenance:
+    return Provenance(machine, date, commit, "64 x 64", "0", f"python -m sci_lightning.mismatch {commit}")
+
+
+def test_each_machine_and_command_is_named_once() -> None:
+    """A record that was completed three times names its machines and commands once: its texts stay short."""
+    old, new = made("one core, A, x86_64", "1111"), made("one core, B, x86_64", "2222", "2026-11-24")
+    twice = joined([joined([old, new]), new, old])
+    assert twice == joined([old, new])
+    assert twice.machine == "one core, A, x86_64, one core, B, x86_64" and twice.commit == "1111, 2222"
+    assert twice.date == "2026-11-23 to 2026-11-24" and twice.command.count("python") == 2
+    assert joined([new, joined([old, new])]).machine == twice.machine
+    assert joined([made("8 cores", "1"), made("28 cores", "1")]).machine == "8 cores, 28 cores"
