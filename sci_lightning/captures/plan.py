@@ -119,10 +119,8 @@ def plan_session(
             size. None: that of the patterns.
 
     Raises:
-        BadInput: a pattern that is dark everywhere, no captures or too many, or a field that is no size.
+        BadInput: a pattern that is dark everywhere, no captures or too many.
     """
-    if field is not None and (len(field) != 2 or min(field) < 1):
-        raise BadInput(f"field={list(field)}: expected the camera's height and width in pixels, as field=[512,640]")
     if not 0 < (total := dark + long_dark + flat + all_on + all_off + target) <= MOST_CAPTURES:
         raise BadInput(f"{total} captures besides those of single patterns, expected 1 to {MOST_CAPTURES:,}")
     levels = np.round(255 * patterns).astype(np.uint8)
@@ -264,6 +262,8 @@ def shot_list(plan: Plan) -> str:
     own_grid = "" if plan.field is None else f" behind {mirrors[0]} x {mirrors[1]} mirrors"
     full = 2**plan.bit_depth - 1
     level = round(0.95 * full)
+    registration: Sequence[str] = () if plan.field is None else REGISTRATION
+    last = 6 if registration else 5
     few = [shot.name for shot in plan.shots if shot.name in ("dark", "long_dark") and shot.count < COMPARED]
     rows = [
         f"| {number} | `shots/{shot.name}_*.tif` | {shot.count} | {shot.display} | {_before_the_camera(shot)} "
@@ -283,8 +283,8 @@ def shot_list(plan: Plan) -> str:
         "   never by the camera's gain. The exposure is the integration time relative to the nominal one; where a",
         "   longer one gathers more light, the aperture says so: twice the time at the same lamp is aperture 2.",
         "4. Save raw DN as TIFF, one file a capture: `shots/dark_1.tif`, `shots/dark_2.tif` and so on.",
-        *([] if plan.field is None else REGISTRATION),
-        f"{6 - (plan.field is None)}. Change `captures.yaml` wherever you did something else, then run",
+        *registration,
+        f"{last}. Change `captures.yaml` wherever you did something else, then run",
         "   `python -m sci_lightning.captures pack FOLDER out=lab.h5`; it names the file that is missing or unlikely.",
         "",
         "| | save as | captures | modulator | before the camera | aperture | exposure | reveals |",

@@ -134,6 +134,7 @@ SETTINGS: Mapping[str, Any] = {
     "long_dark": Count,
     "long_exposure": Positive,
     "target": Count,
+    "field": Size,
     # virtual_camera
     "effects": Any,
     "number": Count,

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
+from sci_lightning.diagnosis.blind.undetermined import UNDETERMINED
+
 Record = Mapping[str, Any]
 
 SCENARIOS = ("mismatched", "known", "blind")
 """Scenarios that are compared."""
-OF_THE_BRIGHTNESS = ("gain", "duty_cycle")
-"""Effects that snapshots of unknown scenes cannot tell from the brightness of the scenes: they are never named."""
 BLURS = (0.0, 0.5, 1.0, 2.0)
 """Bounds in pixels of the blur of the mask's image by which drawn cameras are grouped: a blurred mask tells less."""
 HEADING = [
@@ -75,9 +75,9 @@ def _figures(record: Record) -> list[float]:
 
 
 def _names(record: Record) -> list[str]:
-    """Return the effects that were missed, and those that were named and are not there."""
+    """Return the effects that were missed, but those that no snapshots tell, and those that were wrongly named."""
     named = [effect["name"] for effect in record["diagnosis"]["blind"]["effects"]]
-    there = [name for name in record["mismatch"] if name not in OF_THE_BRIGHTNESS]
+    there = [name for name in record["mismatch"] if name not in UNDETERMINED]
     missed, wrong = [name for name in there if name not in named], [name for name in named if name not in there]
     return [", ".join(missed), ", ".join(wrong)]
 

@@ -79,7 +79,7 @@ def test_mirrors_that_are_not_pixels(plan, tmp_path: Path) -> None:
     )
 
     status, printed = plan("OTHER", "field=[96]")
-    assert status == 2 and "field=[96]: expected the camera's height and width in pixels" in printed
+    assert status == 2 and "field=[96]: expected" in printed
     assert not (tmp_path / "OTHER").exists()
 
 

@@ -92,7 +92,8 @@ class BlindFitter:
         damping = 1e-3
         information, scores = torch.zeros(len(free), len(free)), None
         curvature: torch.Tensor | None = None
-        for _ in range(iterations if len(free) else 0):  # mixed second derivatives take most of the time
+        # Mixed second derivatives take most of the time: they are computed at the start, and at the end for the errors.
+        for _ in range(iterations if len(free) else 0):
             scores, information, curvature = self._differentiate(free, best, curvature)
             gradient = scores.sum((1, 2))
             gained = 0.0
