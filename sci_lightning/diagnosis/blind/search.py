@@ -258,7 +258,8 @@ class BlindSearch:
         screened = []
         for place, (name, trials) in enumerate(entries):
             promising = place < count and trials[0][0] > 0
-            self._promising |= {name} if promising else set()
+            if promising:
+                self._promising.add(name)
             best = self._fitted_start(base, name, trials[:starts]) if promising else trials[0]
             screened.append((name, *best))
         return sorted(screened, key=lambda entry: -entry[1])
