@@ -197,12 +197,8 @@ class BlindFitter:
         return self.likelihood.evaluate(hypothesis, fit.blocks, fit.weights).log_likelihood - fit.log_likelihood
 
 
-def parameter_count(hypothesis: Hypothesis) -> int:
-    """Return how many parameters a hypothesis has beside the noise."""
-    return sum(len(setting) for name, setting in hypothesis.effects.items() if name not in NOISE_GUESS)
-
-
 def price(hypothesis: Hypothesis, fit: BlindFit) -> float:
     """Return the penalty of the Bayesian information criterion for the parameters of a hypothesis, in nats."""
     values = float(fit.log_likelihood.isfinite().sum()) * 64
-    return 0.5 * parameter_count(hypothesis) * math.log(max(values, 2.0))
+    count = sum(len(setting) for name, setting in hypothesis.effects.items() if name not in NOISE_GUESS)
+    return 0.5 * count * math.log(max(values, 2.0))

@@ -27,12 +27,15 @@ class Comparison:
         z: standard normal number that is exceeded as often by chance: Wilcoxon's signed ranks of the tiles.
         agree: how many snapshots prefer the first hypothesis.
         snapshots: of how many.
+        p_snapshots: probability that chance alone makes the snapshots prefer the first hypothesis so clearly, by
+            Wilcoxon's signed ranks of the snapshots themselves.
     """
 
     nats: float
     z: float
     agree: int
     snapshots: int
+    p_snapshots: float = 0.0
 
     @property
     def calibrated(self) -> float:
@@ -62,7 +65,9 @@ def compare(first: torch.Tensor, second: torch.Tensor, columns: int) -> Comparis
     if len(by_tile) >= 2:
         sides = [wilcoxon(by_tile.numpy(), alternative=side).pvalue for side in ("greater", "less")]
         z = float(norm.isf(max(sides[0], 1e-300)) if sides[0] < sides[1] else -norm.isf(max(sides[1], 1e-300)))
-    return Comparison(float(by_snapshot.sum()), z, int((by_snapshot > 0).sum()), int((by_snapshot != 0).sum()))
+    asked = by_snapshot[by_snapshot != 0]
+    by_chance = float(wilcoxon(asked.numpy(), alternative="greater").pvalue) if len(asked) else 1.0
+    return Comparison(float(by_snapshot.sum()), z, int((asked > 0).sum()), len(asked), by_chance)
 
 
 def tiles(scores: torch.Tensor, columns: int) -> torch.Tensor:

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import torch
 
-from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, parameter_count, price
+from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price
 from sci_lightning.diagnosis.blind.displacement import proposed_displacements
 from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
 from sci_lightning.diagnosis.blind.undetermined import undetermined_effects
 from sci_lightning.diagnosis.laboratory import SceneEffect
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 from sci_lightning.diagnosis.search_settings import SearchSettings
-from sci_lightning.encoder.effects import SensorEffect
+from sci_lightning.encoder.effects import OpticsEffect, SensorEffect
 from sci_lightning.encoder.effects.parameter import part_of
 
 OnProgress = Callable[[str], None]
@@ -42,6 +42,10 @@ MUCH = 30.0
 """Nats, as snapshots agree about them, that are much: a few blocks may tell so clearly what ranks of many do not."""
 MIN_AGREE = 0.75
 """Part of the snapshots that must ask for an effect."""
+BY_CHANCE = 0.05
+"""Probability of the snapshots' signed ranks by chance below which they agree about an effect of optics or sensor. It
+changes how brightness and fine detail are distributed, which differs from scene to scene and is alike all over a
+snapshot: the prior's errors look like such an effect, and blocks of one snapshot do not tell them apart."""
 SURE_Z = 3.0
 """Standard deviations below which two hypotheses are not distinguished."""
 
@@ -56,6 +60,7 @@ class Contender:
         comparison: with the model without it.
         nats: calibrated nats that it gains.
         gain: the same beyond the penalty for its parameters.
+        like_a_scene: whether it changes the image as a scene of another kind would, as optics and sensor do.
     """
 
     name: str
@@ -63,12 +68,16 @@ class Contender:
     comparison: Comparison
     nats: float
     gain: float
+    like_a_scene: bool = False
 
     @property
     def clear(self) -> bool:
         """Whether the effect is so well supported that it may be named."""
-        agree = self.comparison.agree >= MIN_AGREE * self.comparison.snapshots
-        return self.gain > 0 and self.comparison.z > (KEPT_Z if self.nats >= MUCH else MIN_Z) and agree
+        comparison = self.comparison
+        agree = comparison.agree >= MIN_AGREE * comparison.snapshots
+        if self.like_a_scene:  # fewer than five snapshots have to be unanimous
+            agree = agree and comparison.p_snapshots <= max(BY_CHANCE, 0.5**comparison.snapshots)
+        return agree and self.gain > 0 and comparison.z > (KEPT_Z if self.nats >= MUCH else MIN_Z)
 
 
 @dataclass(frozen=True)
@@ -132,7 +141,6 @@ class BlindSearch:
         self.fitted_blocks = _spread(self.all_blocks, FITTED_BLOCKS)
         self._contenders: dict[frozenset[str], list[Contender]] = {}
         self._promising: set[str] = set()
-        self._in_place_of: dict[str, Contender] = {}
         self.undetermined = undetermined_effects(fitter.model)
         self.candidates = [
             name
@@ -221,7 +229,12 @@ class BlindSearch:
         comparison = compare(fit.log_likelihood, base.log_likelihood, self.columns)
         penalty = price(hypothesis, fit) - price(base.hypothesis, base)
         nats = self._nats(fit, name, comparison)
-        return Contender(name, fit, comparison, nats, nats - penalty - self.settings.min_gain_nats)
+        gain = nats - penalty - self.settings.min_gain_nats
+        return Contender(name, fit, comparison, nats, gain, self.is_like_a_scene(name))
+
+    def is_like_a_scene(self, name: str) -> bool:
+        """Return whether an effect changes the image as a scene of another kind would: one of optics or sensor."""
+        return issubclass(self.fitter.model.vocabulary[name], (OpticsEffect, SensorEffect))
 
     def screen(
         self, base: BlindFit, count: int, starts: int, names: Sequence[str] | None = None
@@ -281,28 +294,10 @@ class BlindSearch:
         return compare(trial.log_likelihood, base.log_likelihood, self.columns).nats
 
     def _winner(self, contenders: list[Contender]) -> Contender | None:
-        """Return the effect that is named next; None if there is none.
-
-        It is the most likely one of those that are clear: the one that all others are compared with in vain. Another
-        contender may make the snapshots likelier and leave nothing to it, and yet not be clear itself, because
-        snapshots disagree about how strong it is. What is clear is then that one of the two is there, and the likelier
-        one is named, unless it has more parameters and does not pay for them.
-        """
+        """Return the effect that is named next: the clear one that all others are compared with in vain, if any."""
         clear = [one for one in contenders if one.clear]
         if not clear:
             return None
-        best = self._most_likely(clear)
-        count = parameter_count(best.fit.hypothesis)
-        others = [one for one in contenders if not one.clear]
-        others = [one for one in others if one.gain > 0 or parameter_count(one.fit.hypothesis) <= count]
-        better = [one for one in others if self._supersedes(one, best)]
-        if not better:
-            return best
-        substitute = max(better, key=lambda one: one.comparison.nats)
-        self._in_place_of[substitute.name] = best
-        return substitute
-
-    def _most_likely(self, clear: list[Contender]) -> Contender:
         best = clear[0]
         for other in clear[1:]:
             direct = compare(other.fit.log_likelihood, best.fit.log_likelihood, self.columns)
@@ -311,40 +306,25 @@ class BlindSearch:
                 best = other
         return best
 
-    def _supersedes(self, other: Contender, one: Contender) -> bool:
-        """Return whether another contender makes the snapshots likelier than one, which it makes superfluous."""
-        if compare(other.fit.log_likelihood, one.fit.log_likelihood, self.columns).nats <= 0:
-            return False
-        both = other.fit.hypothesis.with_effect(one.name, one.fit.hypothesis.effects[one.name])
-        fit = self.fitter.fit(both, other.fit.blocks, FINAL_ITERATIONS)
-        return self._is_superfluous(one.name, fit, other.fit, MIN_Z)
-
     def _nats(self, fit: BlindFit, name: str, comparison: Comparison) -> float:
         """Return the calibrated nats that an effect of a fit gains: by ranks of tiles, and as snapshots agree about it.
 
         Ranks do not see that few blocks tell very much, or that few are left beside a wide border. Where an effect
-        gains much as snapshots agree about it, they only have to lean to the same side. An effect in the place of a
-        clear one gains what that would gain.
+        gains much as snapshots agree about it, they only have to lean to the same side.
         """
         nats = self.fitter.distance(fit, name)
-        if name in self._in_place_of:
-            nats = max(nats, self._in_place_of[name].nats)
         leaning = comparison.z > KEPT_Z and min(nats, comparison.nats) >= MUCH
         return min(max(comparison.calibrated, MUCH) if leaning else comparison.calibrated, nats)
-
-    def _is_superfluous(self, name: str, fit: BlindFit, without: BlindFit, least_z: float) -> bool:
-        """Return whether an effect of a fit gains too little over the fit without it."""
-        comparison = compare(fit.log_likelihood, without.log_likelihood, self.columns)
-        cost = price(fit.hypothesis, fit) - price(without.hypothesis, without)
-        nats = self._nats(fit, name, comparison)
-        return nats < cost + self.settings.min_gain_nats or comparison.z < least_z
 
     def prune(self, fit: BlindFit) -> BlindFit:
         """Drop every effect that the others make superfluous."""
         names = [name for name in fit.hypothesis.effects if name not in self.noise.effects]
         for name in names if len(names) > 1 else []:
             without = self.fitter.fit(fit.hypothesis.without(name), fit.blocks, FINAL_ITERATIONS)
-            if self._is_superfluous(name, fit, without, KEPT_Z):
+            comparison = compare(fit.log_likelihood, without.log_likelihood, self.columns)
+            cost = price(fit.hypothesis, fit) - price(without.hypothesis, without)
+            nats = self._nats(fit, name, comparison)
+            if nats < cost + self.settings.min_gain_nats or comparison.z < KEPT_Z:
                 fit = without
         return fit
 

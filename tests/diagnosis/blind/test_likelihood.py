@@ -116,6 +116,22 @@ def test_the_response_is_inverted() -> None:
     )
 
 
+def test_the_likelihood_of_a_response_is_smooth() -> None:
+    """Errors follow from second differences of the likelihood, which must not depend on how far they reach."""
+    likelihood, ideal = likelihood_of(snapshots())
+
+    def nats(effect: str, parameter: str, value: float) -> torch.Tensor:
+        return likelihood.evaluate(ideal.with_effect(effect, {parameter: value}), weights=weights).log_likelihood
+
+    weights = likelihood.evaluate(ideal).weights
+    for effect, parameter, value in (("black_level", "offset", 0.02), ("response_gamma", "gamma", 0.9)):
+        middle, curvatures = nats(effect, parameter, value), []
+        for step in (0.001, 0.002, 0.004):
+            around = nats(effect, parameter, value + step) + nats(effect, parameter, value - step)
+            curvatures.append(float((around - 2 * middle).nansum()) / step**2)
+        assert max(curvatures) - min(curvatures) < 0.05 * abs(curvatures[-1]), (effect, curvatures)
+
+
 def test_nats_are_calibrated_by_how_much_snapshots_agree() -> None:
     random = torch.Generator().manual_seed(0)
     noise = torch.randn(64, 8, generator=random, dtype=torch.float64)
