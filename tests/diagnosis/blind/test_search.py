@@ -28,24 +28,28 @@ def fit_of(search: BlindSearch, name: str, value: float, spread: float = 1.0) ->
     return BlindFit(hypothesis, nothing, blocks, free, spread * one)
 
 
-def contender(search: BlindSearch, name: str, asked: list[float]) -> Contender:
-    """A contender for which snapshots ask with so many nats each, in all of their blocks."""
-    gained = torch.tensor(asked, dtype=torch.float64).expand(16, -1) / 16
-    comparison = compare(gained, torch.zeros_like(gained), search.columns)
-    like_a_scene = search.is_like_a_scene(name)
-    return Contender(name, fit_of(search, name, 0.3), comparison, comparison.calibrated, 9.0, like_a_scene)
+def contender(search: BlindSearch, name: str, comparison: Comparison) -> Contender:
+    return Contender(name, fit_of(search, name, 0.3), comparison, 32, 25, search.is_like_a_scene(name))
 
 
 def test_snapshots_must_agree_about_what_looks_like_another_scene(search: BlindSearch) -> None:
-    """Six of eight snapshots are enough for the modulator; of optics and sensor the others must ask for it weakly."""
-    halves = [30.0, 20.0, 30.0, 40.0, 20.0, 30.0, -41.0, -45.0]
-    outvoted = [30.0, 20.0, 30.0, 40.0, 20.0, 30.0, -1.0, -2.0]
+    """Six of eight snapshots are enough for the modulator; of optics and sensor the others must mind little."""
+    outvoted, halves = Comparison(220, 4.3, 6, 8, 0.020), Comparison(230, 4.3, 6, 8, 0.074)
     assert contender(search, "mask_shift", halves).clear
     for name in ("black_level", "optical_blur"):
-        assert not contender(search, name, halves).clear
         assert contender(search, name, outvoted).clear
-        assert contender(search, name, [30.0, 20.0, 30.0]).clear  # few snapshots have to be unanimous
-        assert not contender(search, name, [30.0, 20.0, 30.0, -1.0]).clear
+        assert not contender(search, name, halves).clear
+        assert contender(search, name, Comparison(220, 4.3, 3, 3, 0.125)).clear  # few have to be unanimous
+        assert not contender(search, name, Comparison(220, 4.3, 3, 4, 0.125)).clear
+
+
+def test_snapshots_are_compared_by_their_signed_ranks() -> None:
+    """Two snapshots of eight that mind little are outvoted; the same number that mind much are not."""
+    asked = torch.tensor([30.0, 20.0, 30.0, 40.0, 20.0, 30.0, -1.0, -2.0])
+    minding = torch.tensor([30.0, 20.0, 30.0, 40.0, 20.0, 30.0, -41.0, -45.0])
+    few, many = (compare(nats.expand(4, -1).double(), torch.zeros(4, 8), columns=2) for nats in (asked, minding))
+    assert (few.agree, many.agree) == (6, 6)
+    assert few.p_snapshots < 0.05 < many.p_snapshots
 
 
 def test_a_few_blocks_that_tell_much(search: BlindSearch) -> None:
