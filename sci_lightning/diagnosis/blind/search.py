@@ -14,8 +14,9 @@ from sci_lightning.diagnosis.blind.undetermined import undetermined_effects
 from sci_lightning.diagnosis.laboratory import SceneEffect
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 from sci_lightning.diagnosis.search_settings import SearchSettings
-from sci_lightning.encoder.effects import OpticsEffect, SensorEffect
+from sci_lightning.encoder.effects import SensorEffect
 from sci_lightning.encoder.effects.parameter import part_of
+from sci_lightning.encoder.effects.stage import ModulatorEffect, RelayEffect
 
 OnProgress = Callable[[str], None]
 """Called with a one-line message after every step of the search."""
@@ -38,14 +39,12 @@ MIN_Z = 3.0
 """Standard deviations by which an effect must make the snapshots likelier."""
 KEPT_Z = 2.0
 """The same of an effect that was named; lower, so that none is named and dropped by turns."""
-MUCH = 30.0
-"""Nats, as snapshots agree about them, that are much: a few blocks may tell so clearly what ranks of many do not."""
 MIN_AGREE = 0.75
 """Part of the snapshots that must ask for an effect."""
 BY_CHANCE = 0.05
-"""Probability of the snapshots' signed ranks by chance below which they agree about an effect of optics or sensor. It
-changes how brightness and fine detail are distributed, which differs from scene to scene and is alike all over a
-snapshot: the prior's errors look like such an effect, and blocks of one snapshot do not tell them apart."""
+"""Probability of the snapshots' signed ranks by chance below which they agree about an effect that is not one of the
+mask's image. It changes how brightness, fine detail or motion are distributed, which differs from scene to scene and is
+alike all over a snapshot: the prior's errors look like such an effect, and blocks of one snapshot do not tell."""
 SURE_Z = 3.0
 """Standard deviations below which two hypotheses are not distinguished."""
 
@@ -60,7 +59,7 @@ class Contender:
         comparison: with the model without it.
         nats: calibrated nats that it gains.
         gain: the same beyond the penalty for its parameters.
-        like_a_scene: whether it changes the image as a scene of another kind would, as optics and sensor do.
+        like_a_scene: whether it changes the image as a scene of another kind would.
     """
 
     name: str
@@ -73,11 +72,16 @@ class Contender:
     @property
     def clear(self) -> bool:
         """Whether the effect is so well supported that it may be named."""
+        return self.supported and self.comparison.z > MIN_Z
+
+    @property
+    def supported(self) -> bool:
+        """Whether the effect would be kept if it had been named."""
         comparison = self.comparison
         agree = comparison.agree >= MIN_AGREE * comparison.snapshots
         if self.like_a_scene:  # fewer than five snapshots have to be unanimous
             agree = agree and comparison.p_snapshots <= max(BY_CHANCE, 0.5**comparison.snapshots)
-        return agree and self.gain > 0 and comparison.z > (KEPT_Z if self.nats >= MUCH else MIN_Z)
+        return agree and self.gain > 0 and comparison.z > KEPT_Z
 
 
 @dataclass(frozen=True)
@@ -233,8 +237,8 @@ class BlindSearch:
         return Contender(name, fit, comparison, nats, gain, self.is_like_a_scene(name))
 
     def is_like_a_scene(self, name: str) -> bool:
-        """Return whether an effect changes the image as a scene of another kind would: one of optics or sensor."""
-        return issubclass(self.fitter.model.vocabulary[name], (OpticsEffect, SensorEffect))
+        """Return whether an effect changes the image as a scene of another kind would, and not that of the mask."""
+        return not issubclass(self.fitter.model.vocabulary[name], (ModulatorEffect, RelayEffect))
 
     def screen(
         self, base: BlindFit, count: int, starts: int, names: Sequence[str] | None = None
@@ -294,7 +298,12 @@ class BlindSearch:
         return compare(trial.log_likelihood, base.log_likelihood, self.columns).nats
 
     def _winner(self, contenders: list[Contender]) -> Contender | None:
-        """Return the effect that is named next: the clear one that all others are compared with in vain, if any."""
+        """Return the effect that is named next; None if there is none.
+
+        It is the clear one that all others are compared with in vain. Another one may make the snapshots likelier,
+        leave nothing to it and have support, if less than a name asks for: what is clear is then that one of the two is
+        there, and the likelier one is named.
+        """
         clear = [one for one in contenders if one.clear]
         if not clear:
             return None
@@ -304,17 +313,20 @@ class BlindSearch:
             plainer = self.fitter.model.effects[best.name].plainer == other.name
             if direct.nats > 0 or (plainer and direct.z > -SURE_Z):
                 best = other
-        return best
+        better = [one for one in contenders if one.supported and not one.clear and self._supersedes(one, best)]
+        return max(better, key=lambda one: one.comparison.nats, default=best)
+
+    def _supersedes(self, other: Contender, one: Contender) -> bool:
+        """Return whether another contender makes the snapshots likelier than one, which it makes superfluous."""
+        if compare(other.fit.log_likelihood, one.fit.log_likelihood, self.columns).nats <= 0:
+            return False
+        both = other.fit.hypothesis.with_effect(one.name, one.fit.hypothesis.effects[one.name])
+        fit = self.fitter.fit(both, other.fit.blocks, FINAL_ITERATIONS)
+        return compare(fit.log_likelihood, other.fit.log_likelihood, self.columns).z < MIN_Z
 
     def _nats(self, fit: BlindFit, name: str, comparison: Comparison) -> float:
-        """Return the calibrated nats that an effect of a fit gains: by ranks of tiles, and as snapshots agree about it.
-
-        Ranks do not see that few blocks tell very much, or that few are left beside a wide border. Where an effect
-        gains much as snapshots agree about it, they only have to lean to the same side.
-        """
-        nats = self.fitter.distance(fit, name)
-        leaning = comparison.z > KEPT_Z and min(nats, comparison.nats) >= MUCH
-        return min(max(comparison.calibrated, MUCH) if leaning else comparison.calibrated, nats)
+        """Return the calibrated nats that an effect of a fit gains: no more than as snapshots agree about it."""
+        return min(comparison.calibrated, self.fitter.distance(fit, name))
 
     def prune(self, fit: BlindFit) -> BlindFit:
         """Drop every effect that the others make superfluous."""

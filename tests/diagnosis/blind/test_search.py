@@ -7,7 +7,7 @@ import torch
 
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter
 from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
-from sci_lightning.diagnosis.blind.search import MUCH, BlindSearch, Contender
+from sci_lightning.diagnosis.blind.search import BlindSearch, Contender
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from tests.diagnosis.blind.test_likelihood import likelihood_of, snapshots
 
@@ -33,10 +33,10 @@ def contender(search: BlindSearch, name: str, comparison: Comparison) -> Contend
 
 
 def test_snapshots_must_agree_about_what_looks_like_another_scene(search: BlindSearch) -> None:
-    """Six of eight snapshots are enough for the modulator; of optics and sensor the others must mind little."""
+    """Six of eight snapshots are enough for the modulator; of what looks like a scene the others must mind little."""
     outvoted, halves = Comparison(220, 4.3, 6, 8, 0.020), Comparison(230, 4.3, 6, 8, 0.074)
     assert contender(search, "mask_shift", halves).clear
-    for name in ("black_level", "optical_blur"):
+    for name in ("black_level", "optical_blur", "flicker"):
         assert contender(search, name, outvoted).clear
         assert not contender(search, name, halves).clear
         assert contender(search, name, Comparison(220, 4.3, 3, 3, 0.125)).clear  # few have to be unanimous
@@ -52,13 +52,27 @@ def test_snapshots_are_compared_by_their_signed_ranks() -> None:
     assert few.p_snapshots < 0.05 < many.p_snapshots
 
 
-def test_a_few_blocks_that_tell_much(search: BlindSearch) -> None:
-    far, near = fit_of(search, "mask_shift", 0.3, spread=1e-3), fit_of(search, "mask_shift", 0.3, spread=1e-2)
-    assert search._nats(far, "mask_shift", Comparison(268, 2.1, 6, 8)) == MUCH
-    assert search._nats(far, "mask_shift", Comparison(268, 1.9, 6, 8)) == pytest.approx(2 * 1.9**2)
-    assert search._nats(far, "mask_shift", Comparison(20, 2.1, 6, 8)) == pytest.approx(2 * 2.1**2)
-    assert search._nats(near, "mask_shift", Comparison(268, 2.1, 6, 8)) == pytest.approx(2 * 2.1**2)
-    assert search._nats(near, "mask_shift", Comparison(268, 9.0, 8, 8)) == pytest.approx(0.5 * 2 * 0.3**2 / 1e-2)
-    assert Contender("mask_shift", far, Comparison(268, 2.1, 6, 8), MUCH, 10).clear
-    assert not Contender("mask_shift", far, Comparison(268, 2.1, 5, 8), MUCH, 10).clear
-    assert not Contender("mask_shift", far, Comparison(20, 2.1, 6, 8), 8, 1).clear
+def test_the_likelier_of_two_is_named(search: BlindSearch, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A clear leak of the mask gives way to a likelier black level that has some support and leaves nothing to it."""
+    leak = contender(search, "mask_contrast", Comparison(43, 3.4, 8, 8, 0.004))
+    black = contender(search, "black_level", Comparison(94, 2.8, 7, 8, 0.008))
+    shutter = contender(search, "rolling_shutter", Comparison(200, 2.5, 6, 8, 0.125))
+    assert leak.clear and black.supported and not black.clear and not shutter.supported
+
+    superseded: set[str] = set()
+    monkeypatch.setattr(search, "_supersedes", lambda other, one: one.name in superseded)
+    assert search._winner([leak, black, shutter]) is leak  # both others leave enough to it
+    superseded.add("mask_contrast")
+    assert search._winner([leak, black, shutter]) is black
+    assert search._winner([black, shutter]) is None and search._winner([]) is None
+
+
+def test_what_supersedes_another_effect(search: BlindSearch) -> None:
+    """The true leak of a mask leaves nothing to another strength of it, and is not superseded by nothing at all."""
+    blocks = search.all_blocks
+
+    def fitted(leak: float) -> Contender:
+        fit = search.fitter.evaluate(search.noise.with_effect("mask_contrast", {"leak": leak}), blocks)
+        return Contender("mask_contrast", fit, Comparison(1, 9.0, 4, 4), 9, 9)
+
+    assert search._supersedes(fitted(0.0), fitted(0.3)) and not search._supersedes(fitted(0.3), fitted(0.0))
