@@ -39,6 +39,9 @@ MIN_Z = 3.0
 """Standard deviations by which an effect must make the snapshots likelier."""
 KEPT_Z = 2.0
 """The same of an effect that was named; lower, so that none is named and dropped by turns."""
+MUCH = 100.0
+"""Nats by which an effect of the mask's image may be named with as few standard deviations: a wide blur leaves few
+blocks. On validation clips no such effect that was not there has gained a third of it."""
 MIN_AGREE = 0.75
 """Part of the snapshots that must ask for an effect."""
 BY_CHANCE = 0.05
@@ -72,7 +75,7 @@ class Contender:
     @property
     def clear(self) -> bool:
         """Whether the effect is so well supported that it may be named."""
-        return self.supported and self.comparison.z > MIN_Z
+        return self.supported and (self.comparison.z > MIN_Z or self.nats >= MUCH)
 
     @property
     def supported(self) -> bool:
@@ -300,9 +303,9 @@ class BlindSearch:
     def _winner(self, contenders: list[Contender]) -> Contender | None:
         """Return the effect that is named next; None if there is none.
 
-        It is the clear one that all others are compared with in vain. Another one may make the snapshots likelier,
-        leave nothing to it and have support, if less than a name asks for: what is clear is then that one of the two is
-        there, and the likelier one is named.
+        It is the clear one that all others are compared with in vain, beyond what their parameters cost. Another one
+        may make the snapshots likelier, leave nothing to it and have support, if less than a name asks for: what is
+        clear is then that one of the two is there, and the likelier one is named.
         """
         clear = [one for one in contenders if one.clear]
         if not clear:
@@ -311,7 +314,8 @@ class BlindSearch:
         for other in clear[1:]:
             direct = compare(other.fit.log_likelihood, best.fit.log_likelihood, self.columns)
             plainer = self.fitter.model.effects[best.name].plainer == other.name
-            if direct.nats > 0 or (plainer and direct.z > -SURE_Z):
+            dearer = price(other.fit.hypothesis, other.fit) - price(best.fit.hypothesis, best.fit)
+            if direct.nats > dearer or (plainer and direct.z > -SURE_Z):
                 best = other
         better = [one for one in contenders if one.supported and not one.clear and self._supersedes(one, best)]
         return max(better, key=lambda one: one.comparison.nats, default=best)
@@ -326,7 +330,9 @@ class BlindSearch:
 
     def _nats(self, fit: BlindFit, name: str, comparison: Comparison) -> float:
         """Return the calibrated nats that an effect of a fit gains: no more than as snapshots agree about it."""
-        return min(comparison.calibrated, self.fitter.distance(fit, name))
+        much = comparison.nats >= MUCH and comparison.z > KEPT_Z and not self.is_like_a_scene(name)
+        nats = max(comparison.calibrated, MUCH) if much else comparison.calibrated
+        return min(nats, self.fitter.distance(fit, name))
 
     def prune(self, fit: BlindFit) -> BlindFit:
         """Drop every effect that the others make superfluous."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter
 from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
-from sci_lightning.diagnosis.blind.search import BlindSearch, Contender
+from sci_lightning.diagnosis.blind.search import MUCH, BlindSearch, Contender
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from tests.diagnosis.blind.test_likelihood import likelihood_of, snapshots
 
@@ -67,6 +69,19 @@ def test_the_likelier_of_two_is_named(search: BlindSearch, monkeypatch: pytest.M
     assert search._winner([black, shutter]) is None and search._winner([]) is None
 
 
+def test_more_parameters_have_to_be_paid_for(search: BlindSearch) -> None:
+    """Three nats more are not worth a third parameter, ten are."""
+
+    def fitted(name: str, nats: float) -> Contender:
+        one = contender(search, name, Comparison(nats, 4.0, 4, 4, 0.0625))
+        return replace(one, fit=replace(one.fit, log_likelihood=torch.full((16, 4), nats / 64, dtype=torch.float64)))
+
+    shift, flicker = fitted("mask_shift", 409), fitted("flicker", 412)
+    assert search._winner([shift, flicker]) is shift and search._winner([flicker, shift]) is shift
+    flicker = fitted("flicker", 419)
+    assert search._winner([shift, flicker]) is flicker and search._winner([flicker, shift]) is flicker
+
+
 def test_what_supersedes_another_effect(search: BlindSearch) -> None:
     """The true leak of a mask leaves nothing to another strength of it, and is not superseded by nothing at all."""
     blocks = search.all_blocks
@@ -76,3 +91,16 @@ def test_what_supersedes_another_effect(search: BlindSearch) -> None:
         return Contender("mask_contrast", fit, Comparison(1, 9.0, 4, 4), 9, 9)
 
     assert search._supersedes(fitted(0.0), fitted(0.3)) and not search._supersedes(fitted(0.3), fitted(0.0))
+
+
+def test_few_blocks_may_tell_much_about_the_mask(search: BlindSearch) -> None:
+    """A displacement behind a wide blur, of which few blocks are left, is named; a black level is not."""
+    comparison, spread = Comparison(268, 2.1, 6, 8, 0.074), 1e-4
+    far, black = fit_of(search, "mask_shift", 0.3, spread), fit_of(search, "black_level", 0.3, spread)
+    assert search._nats(far, "mask_shift", comparison) == MUCH
+    assert Contender("mask_shift", far, comparison, MUCH, 88).clear
+    for few in (Comparison(99, 2.1, 6, 8, 0.074), Comparison(268, 1.9, 6, 8, 0.074)):
+        assert search._nats(far, "mask_shift", few) == pytest.approx(few.calibrated)
+    assert search._nats(black, "black_level", comparison) == pytest.approx(comparison.calibrated)
+    near = fit_of(search, "mask_shift", 0.3, spread=1e-2)
+    assert search._nats(near, "mask_shift", comparison) == pytest.approx(0.5 * 2 * 0.3**2 / 1e-2)
