@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,11 @@ much in either step, 1e-5 of the grid's repeated spectra remain: exp(-2 pi^2 a^2
 the two standard deviations."""
 PARTS_AT_A_TIME = 2**18
 """Parts of pixels whose footprints are computed at a time: a field of them has 2 MiB, their shares of mirrors tens."""
+TAPS_AT_A_TIME = 2**22
+"""Mirrors of pixels whose shares of light are kept at a time: 64 MiB of places and weights."""
+TABULATED = 4096
+"""Places between two mirrors at which the kernel of a blur is computed. Linear interpolation is right to a hundred
+millionth of the light over the blur's standard deviation in mirrors, as single precision is."""
 DIAGONAL = 0.7
 """How much a pixel's edges nominally lean, rows to columns, from where on its parts are of the size that covers evenly:
 35 degrees. At 45 degrees the image of a random binary pattern is then three times as exact, below 35 degrees less."""
@@ -98,7 +104,8 @@ class Pose:
         cos, sin = torch.cos(self.angle), torch.sin(self.angle)
         row = cos * y[:, None] - sin * x + (height - 1) / 2
         column = cos * x + sin * y[:, None] + (width - 1) / 2
-        return _turned(patterns, row, column, (sigma, sigma), (pixel, pixel))
+        side = pixel * torch.ones((), **options)
+        return _turned(patterns, row, column, (sigma, sigma), (side, side))
 
     def _distorted(self, patterns: torch.Tensor, cells: int, sigma: torch.Tensor | None) -> torch.Tensor:
         """Return the image if its magnification differs from place to place."""
@@ -249,19 +256,28 @@ def _centres(length: int, cells: int, options: Any) -> torch.Tensor:
     return (torch.arange(length * cells, **options) + 0.5) / cells - length / 2
 
 
+def _radius(sigma: torch.Tensor | None, pixel: torch.Tensor) -> int:
+    """Return how many mirrors on either side of a pixel's centre may light it."""
+    return reach(0.0 if sigma is None else float(sigma.detach().max()), float(pixel.detach().max()))
+
+
 def _taps(
     centre: torch.Tensor, sigma: torch.Tensor | None, pixel: torch.Tensor, length: int
-) -> list[tuple[torch.Tensor, torch.Tensor]]:
-    """Return (index, weight) pairs of all the mirrors that may light the pixels around ``centre``."""
-    radius = reach(0.0 if sigma is None else float(sigma.detach().max()), float(pixel.detach().max()))
-    first = torch.floor(centre.detach()).long()
-    taps = []
-    for step in range(1 - radius, radius + 1):
-        index = first + step
-        inside = (index >= 0) & (index < length)
-        weight = square_kernel(centre - index, sigma, pixel) * inside
-        taps.append((index.clamp(0, length - 1), weight))
-    return taps
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return indices and weights ``(.., taps)`` of all the mirrors that may light the pixels around ``centre`` (..)."""
+    radius = _radius(sigma, pixel)
+    steps = torch.arange(1 - radius, radius + 1, device=centre.device)
+    first = torch.floor(centre.detach())
+    index = first.long()[..., None] + steps
+    if sigma is None or pixel.ndim:
+        weight = square_kernel(centre[..., None] - index, sigma, pixel[..., None])
+    else:  # one kernel everywhere, which the blur has made smooth
+        fraction = (centre - first) * TABULATED
+        node = fraction.detach().long().clamp(max=TABULATED - 1)
+        nodes = torch.arange(TABULATED + 1, dtype=torch.float64, device=centre.device) / TABULATED
+        table = square_kernel(nodes[:, None] - steps, sigma, pixel).to(centre.dtype)
+        weight = torch.lerp(table[node], table[node + 1], (fraction - node)[..., None])
+    return index.clamp(0, length - 1), weight * ((index >= 0) & (index < length))
 
 
 def _shares(centre: torch.Tensor, sigma: torch.Tensor | None, pixel: torch.Tensor, length: int) -> torch.Tensor:
@@ -278,14 +294,24 @@ def _turned(
 ) -> torch.Tensor:
     """Return the image of mirrors seen at fields of rows and columns, by pixels and blurs of so many mirrors."""
     height, width = patterns.shape[-2:]
-    flat = patterns.flatten(-2)
-    image = torch.zeros(())
-    across = _taps(column, sigma[1], pixel[1], width)
-    for line, down in _taps(row, sigma[0], pixel[0], height):
-        for place, over in across:
-            weight = (down * over).to(patterns.dtype)
-            image = image + flat[:, (line * width + place).flatten()].view(-1, *line.shape) * weight
-    return image
+    values = patterns.flatten(-2).mT.contiguous()  # of a mirror side by side, so that it is read at once
+    field = torch.broadcast_shapes(row.shape, column.shape)
+    across = 2 * max(_radius(blur, side) for blur, side in zip(sigma, pixel, strict=True))
+    lines = max(1, TAPS_AT_A_TIME // (across**2 * field[-1]))
+    sides = [side.expand(field).split(lines) if side.ndim else repeat(side) for side in pixel]
+    parts = []
+    for y, x, *side in zip(row.expand(field).split(lines), column.expand(field).split(lines), *sides, strict=False):
+        index_down, down = _taps(y, sigma[0], side[0], height)
+        index_over, over = _taps(x, sigma[1], side[1], width)
+        index = index_down[..., :, None] * width + index_over[..., None, :]
+        weight = (down[..., :, None] * over[..., None, :]).to(patterns.dtype)
+        taps = index.shape[-2] * index.shape[-1]
+        parts.append(
+            torch.nn.functional.embedding_bag(
+                index.reshape(-1, taps), values, per_sample_weights=weight.reshape(-1, taps), mode="sum"
+            )
+        )
+    return torch.cat(parts).mT.reshape(-1, *field)
 
 
 def _blurred(patterns: torch.Tensor, sigma: torch.Tensor, axis: int) -> torch.Tensor:

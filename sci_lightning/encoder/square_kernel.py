@@ -45,9 +45,8 @@ def _twice_integrated(x: torch.Tensor, sigma: torch.Tensor | None) -> torch.Tens
     """Return the second antiderivative of a Gaussian at x (of a delta function, without sigma)."""
     if sigma is None:
         return x.clamp(min=0)
-    z = x / sigma
-    density = torch.exp(-z.square() / 2) / math.sqrt(2 * math.pi)
-    return x * torch.special.ndtr(z) + sigma * density
+    z = x / (math.sqrt(2) * sigma)
+    return 0.5 * x * torch.erfc(-z) + sigma / math.sqrt(2 * math.pi) * torch.exp(-z.square())
 
 
 def reach(sigma: float, pixel: float = 1.0) -> int:

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import torch
 
-from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
+from sci_lightning.diagnosis.blind.cores import on_every_core
+from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood, spread
 from sci_lightning.diagnosis.blind.likelihood_comparison import clustered
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS, Hypothesis, ParameterName
@@ -18,8 +19,8 @@ ATTEMPTS = 5
 """Steps that one iteration tries, each more cautious, until one does not lower the likelihood."""
 DIFFERENCE = 0.5
 """Part of a parameter's step over which the likelihood is differentiated."""
-NEGLIGIBLE = 0.5
-"""Blocks that a component of the prior must explain to count where the likelihood is differentiated."""
+ROUGH_BLOCKS = 64
+"""Blocks that are enough for the direction of a Newton step, spread evenly over those that are fitted."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,8 @@ class BlindFit:
         free: names of the fitted parameters.
         covariance: ``(p, p)`` of their errors, from the differences between blocks and snapshots.
         weights: ``(K,)`` shares of the prior's components.
+        likely: ``(K, blocks)`` bool, the components that matter in every block.
+        by_likely: ``(blocks, N)`` log-likelihood by these components alone, which is what is differentiated.
     """
 
     hypothesis: Hypothesis
@@ -41,6 +44,8 @@ class BlindFit:
     free: tuple[ParameterName, ...] = ()
     covariance: torch.Tensor = field(default_factory=lambda: torch.zeros(0, 0))
     weights: torch.Tensor = field(default_factory=lambda: torch.zeros(0))
+    likely: torch.Tensor | None = None
+    by_likely: torch.Tensor = field(default_factory=lambda: torch.zeros(0))
 
     @property
     def nats(self) -> float:
@@ -63,7 +68,14 @@ class BlindFitter:
     def evaluate(self, hypothesis: Hypothesis, blocks: torch.Tensor, weights: torch.Tensor | None = None) -> BlindFit:
         """Return a hypothesis as it stands, without fitting anything but the prior's shares."""
         scores = self.likelihood.evaluate(hypothesis, blocks, weights)
-        return BlindFit(hypothesis, scores.log_likelihood, blocks, weights=scores.weights)
+        return BlindFit(
+            hypothesis,
+            scores.log_likelihood,
+            blocks,
+            weights=scores.weights,
+            likely=scores.likely,
+            by_likely=scores.by_likely,
+        )
 
     def fit(
         self,
@@ -94,7 +106,7 @@ class BlindFitter:
         curvature: torch.Tensor | None = None
         # Mixed second derivatives take most of the time: they are computed at the start, and at the end for the errors.
         for _ in range(iterations if len(free) else 0):
-            scores, information, curvature = self._differentiate(free, best, curvature)
+            scores, information, curvature = self._differentiate(free, best, curvature, rough=True)
             gradient = scores.sum((1, 2))
             gained = 0.0
             for _ in range(ATTEMPTS):
@@ -116,7 +128,7 @@ class BlindFitter:
             scores, information, _ = self._differentiate(free, best)
             inverse = torch.linalg.pinv(information, hermitian=True)
             covariance = inverse @ clustered(scores, self.likelihood.columns) @ inverse
-        return BlindFit(best.hypothesis, best.log_likelihood, blocks, free.names, covariance, best.weights)
+        return replace(best, blocks=blocks, free=free.names, covariance=covariance)
 
     def distance(self, fit: BlindFit, name: str) -> float:
         """Return how far an effect is from doing nothing, in nats: half its squared distance in standard deviations.
@@ -137,7 +149,7 @@ class BlindFitter:
         return 0.5 * float(offset @ inverse @ offset)
 
     def _differentiate(
-        self, free: FreeParameters, fit: BlindFit, earlier: torch.Tensor | None = None
+        self, free: FreeParameters, fit: BlindFit, earlier: torch.Tensor | None = None, rough: bool = False
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Return derivatives ``(p, blocks, N)`` of the log-likelihoods, the information and second derivatives.
 
@@ -149,30 +161,34 @@ class BlindFitter:
             fit: where the likelihood is differentiated.
             earlier: second derivatives at an earlier place; the mixed ones are taken from there, in proportion to the
                 others. None: they are computed.
+            rough: whether a part of the blocks is enough for the mixed second derivatives.
         """
-        in_use = fit.weights * (fit.weights > NEGLIGIBLE / float(fit.log_likelihood.isfinite().sum().clamp(min=1)))
-        scores_in_use = self.likelihood.evaluate(fit.hypothesis, fit.blocks, in_use).log_likelihood
-        fit = replace(fit, log_likelihood=scores_in_use, weights=in_use)
         steps = [self._step(fit, *name) for name in free.names]
-        scores, near_values = [], []
-        curvature = torch.zeros(len(steps), len(steps), dtype=torch.float64)
-        for i, (step, places) in enumerate(steps):
-            near, far = (self._change(fit, {free.names[i]: place * step}) for place in places)
-            a, b = places  # a parabola through three places
+        count = len(steps)
+        mixed = [(i, j) for i in range(count) for j in range(i)] if earlier is None else []
+        moves = [
+            {name: place * step} for name, (step, places) in zip(free.names, steps, strict=True) for place in places
+        ]
+        some = replace(fit, blocks=spread(fit.blocks, ROUGH_BLOCKS)) if rough else fit
+        tasks = [(fit, move) for move in moves]
+        tasks += [(some, {free.names[i]: steps[i][1][0] * steps[i][0] for i in pair}) for pair in mixed]
+        changes = on_every_core(lambda task: self._change(*task), tasks)
+        curvature = torch.zeros(count, count, dtype=torch.float64)
+        scores, whole_over_some = [], []
+        for i, (near, far) in enumerate(zip(changes[: 2 * count : 2], changes[1 : 2 * count : 2], strict=True)):
+            a, b = steps[i][1]  # a parabola through three places
             scores.append(((near * b / a - far * a / b) / (b - a)).nan_to_num(0.0))
-            curvature[i, i] = float((2 * (far / b - near / a) / (b - a)).nansum())
-            near_values.append((a, near))
-            if earlier is not None:
-                continue
-            for j, (other_step, other_places) in enumerate(steps[:i]):
-                a_other, near_other = near_values[j]
-                both = self._change(fit, {free.names[i]: a * step, free.names[j]: other_places[0] * other_step})
-                curvature[i, j] = curvature[j, i] = float((both - near - near_other).nansum()) / (a * a_other)
+            second = 2 * (far / b - near / a) / (b - a)
+            curvature[i, i] = second.nansum()
+            whole_over_some.append(float((curvature[i, i] / second[some.blocks].nansum()).abs().nan_to_num(1.0, 1.0)))
+        for (i, j), both in zip(mixed, changes[2 * count :], strict=True):
+            apart = float((both - changes[2 * i] - changes[2 * j]).nansum()) / (steps[i][1][0] * steps[j][1][0])
+            curvature[i, j] = curvature[j, i] = apart * math.sqrt(whole_over_some[i] * whole_over_some[j])
         scale = torch.tensor([1 / step for step, _ in steps], dtype=torch.float64)
         if earlier is not None:
-            mixed = earlier / (scale[:, None] * scale)
-            grown = (curvature.diagonal() / mixed.diagonal()).abs().nan_to_num(1.0, 1.0).sqrt()
-            curvature = (mixed * grown[:, None] * grown).fill_diagonal_(0.0) + curvature
+            before = earlier / (scale[:, None] * scale)
+            grown = (curvature.diagonal() / before.diagonal()).abs().nan_to_num(1.0, 1.0).sqrt()
+            curvature = (before * grown[:, None] * grown).fill_diagonal_(0.0) + curvature
         values, vectors = torch.linalg.eigh(-curvature)
         least = max(1e-6 * float(values.abs().max()), 1e-9)
         information = vectors @ torch.diag(values.abs().clamp(min=least)) @ vectors.mT
@@ -194,7 +210,8 @@ class BlindFitter:
         for (name, parameter), offset in moved.items():
             setting = hypothesis.effects[name]
             hypothesis = hypothesis.with_effect(name, {**setting, parameter: float(setting[parameter]) + offset})
-        return self.likelihood.evaluate(hypothesis, fit.blocks, fit.weights).log_likelihood - fit.log_likelihood
+        moved_scores = self.likelihood.evaluate(hypothesis, fit.blocks, fit.weights, fit.likely)
+        return moved_scores.log_likelihood - fit.by_likely
 
 
 def price(hypothesis: Hypothesis, fit: BlindFit) -> float:

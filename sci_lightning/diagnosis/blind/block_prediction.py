@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 
 import torch
 
+from sci_lightning.diagnosis.blind.cores import on_every_core
 from sci_lightning.diagnosis.blind.held_out_pixels import blue_noise_folds
-from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
+from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood, SeenBlocks
 from sci_lightning.diagnosis.blind.paired_comparison import compare
 from sci_lightning.diagnosis.blind.prediction import HeldOutErrors
 from sci_lightning.diagnosis.blind.prediction_verdict import PredictionVerdict
@@ -52,20 +53,27 @@ class BlockPredictor:
         observation = likelihood.model.observation
         weights = likelihood.evaluate(hypothesis, _chosen(numbers, len(likelihood.usable))).weights
         squared = torch.full((len(numbers), len(observation), BLOCK**2), torch.nan, dtype=torch.float64)
-        for seen in likelihood.moments(hypothesis, numbers):
+
+        def predict(seen: SeenBlocks) -> None:
+            """Write the squared errors of the held-out pixels of some blocks."""
+            every = torch.ones(len(weights), len(seen.places), dtype=torch.bool)
+            parts = [part for *_, part in likelihood.prior.covariances(seen.mask, seen.operator, every)]
+            covariance = torch.cat(parts).unflatten(0, every.shape)
             deviation = (seen.measured - seen.mean[:, None]).mT  # (b, n, M)
             for fold in self._folds:
                 hidden = fold[seen.places]
                 noise = torch.where(hidden, UNSEEN, seen.noise)
-                factor = torch.linalg.cholesky(seen.covariance + torch.diag_embed(noise))
+                factor = torch.linalg.cholesky(covariance + torch.diag_embed(noise))
                 weighted = torch.cholesky_solve(deviation.expand(len(weights), *deviation.shape), factor)
                 distance = (deviation * weighted * ~hidden[..., None]).sum(-2)
                 determinant = 2 * factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
                 shares = (weights.log()[:, None, None] - 0.5 * (distance + determinant[..., None])).softmax(0)
-                expected = ((seen.covariance @ weighted) * shares[..., None, :]).sum(0)
+                expected = ((covariance @ weighted) * shares[..., None, :]).sum(0)
                 error = ((expected - deviation).mT * seen.per_light).square()
                 rows, snapshots = seen.places[:, None], seen.members
                 squared[rows, snapshots] = torch.where(hidden[:, None], error, squared[rows, snapshots])
+
+        on_every_core(predict, likelihood.moments(hypothesis, numbers))
         squared = torch.where(likelihood.usable[numbers][..., None], squared, torch.nan)
         return self._in_the_field(squared)
 

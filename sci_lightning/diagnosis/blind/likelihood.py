@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import torch
 
+from sci_lightning.diagnosis.blind.cores import on_every_core
 from sci_lightning.diagnosis.blind.prior import BLOCK, ScenePrior
 from sci_lightning.diagnosis.blind.sensor_response import SensorResponse
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, effect_key
@@ -28,8 +29,10 @@ LEAST_LIGHT = 1e-4
 """Mean light below which a snapshot counts as that bright; black snapshots are left out before."""
 IMAGES = 4
 """Images of the patterns that are kept: most hypotheses differ from the last ones elsewhere."""
+LEAST_SHARE = 1e-3
+"""A component matters in a block if it explains this part of it, in one of the snapshots at least."""
 CHUNK = 8
-"""Blocks whose covariances are computed at a time: their matrices stay in the processor's cache."""
+"""Blocks whose covariances are computed at a time, by one thread."""
 
 
 @dataclass(frozen=True)
@@ -39,10 +42,14 @@ class BlockScores:
     Attributes:
         log_likelihood: ``(blocks, N)`` nats; NaN for blocks that were not evaluated or that do not count.
         weights: ``(K,)`` shares of the prior's components that were used.
+        likely: ``(K, blocks)`` bool, the components that matter in every block, see :data:`LEAST_SHARE`.
+        by_likely: ``log_likelihood`` by these components alone.
     """
 
     log_likelihood: torch.Tensor
     weights: torch.Tensor
+    likely: torch.Tensor
+    by_likely: torch.Tensor
 
 
 @dataclass(frozen=True)
@@ -55,8 +62,9 @@ class SeenBlocks:
         measured: ``(b, M, n)``.
         per_light: ``(b, M, n)``, recorded signal per relative light, 1.0 being full scale.
         log_density: ``(b, M)``, logarithm of the density of recorded values over that of relative light.
+        mask: ``(b, T, m)``, the relative mask of the blocks, with pixels around them where there are optics.
+        operator: ``(n, m)``, how much of the light of every pixel of the mask falls on every pixel; None: its own.
         mean: ``(b, n)``, expected.
-        covariance: ``(K, b, n, n)`` of the light, by component of the prior.
         noise: ``(b, n)``, variance of the noise.
     """
 
@@ -65,8 +73,9 @@ class SeenBlocks:
     measured: torch.Tensor
     per_light: torch.Tensor
     log_density: torch.Tensor
+    mask: torch.Tensor
+    operator: torch.Tensor | None
     mean: torch.Tensor
-    covariance: torch.Tensor
     noise: torch.Tensor
 
 
@@ -102,13 +111,16 @@ class BlindLikelihood:
         top, left = (height - self.rows * BLOCK) // 2, (width - self.columns * BLOCK) // 2
         self.origin = top, left
         self._images: Recent[torch.Tensor] = Recent(IMAGES)
-        signal = observation.dn.double() / observation.full_scale
-        self._signal = self.cut(signal, 0).transpose(0, 1)  # (blocks, N, n)
+        recorded, level = observation.dn.unique(return_inverse=True)
+        self._levels = recorded.double() / observation.full_scale  # (L,), the values that were recorded at all
+        self._level = self.cut(level, 0).transpose(0, 1)  # (blocks, N, n), which of them
         saturated = self.cut((observation.dn >= observation.full_scale).float(), 0).transpose(0, 1)
         self.usable = ~saturated.bool().any(2)
         down, across = max(1, int(CENTRE * height)), max(1, int(CENTRE * width))
         self._centre = slice(down, height - down), slice(across, width - across)
-        self._flat_signal = signal[:, self._centre[0], self._centre[1]].flatten(1)
+        at_centre = level[:, self._centre[0], self._centre[1]].flatten(1)
+        counts = torch.stack([one.bincount(minlength=len(recorded)) for one in at_centre])
+        self._shares_of_levels = counts.double() / at_centre.shape[1]  # (N, L)
 
     def cut(self, image: torch.Tensor, reach: int) -> torch.Tensor:
         """Return the blocks of images ``(C, H, W)`` with ``reach`` pixels around them, ``(C, blocks, n)``."""
@@ -128,7 +140,11 @@ class BlindLikelihood:
 
     @torch.no_grad()
     def evaluate(
-        self, hypothesis: Hypothesis, blocks: torch.Tensor | None = None, weights: torch.Tensor | None = None
+        self,
+        hypothesis: Hypothesis,
+        blocks: torch.Tensor | None = None,
+        weights: torch.Tensor | None = None,
+        likely: torch.Tensor | None = None,
     ) -> BlockScores:
         """Return the log-likelihood of blocks of every snapshot.
 
@@ -138,30 +154,47 @@ class BlindLikelihood:
                 beyond the patterns do not count.
             weights: ``(K,)`` shares of the prior's components, of which those without a share are left out; None to
                 estimate them from these blocks.
+            likely: ``(K, blocks)`` bool, the components that count in every block; None for all.
         """
-        used = torch.ones_like(self.prior.weights, dtype=torch.bool) if weights is None else weights > 0
         counted = self.inside(self.model.border(hypothesis))
         numbers = (counted if blocks is None else counted & blocks).nonzero()[:, 0]
-        observation = self.model.observation
-        scores = torch.full((int(used.sum()), len(numbers), len(observation)), math.nan, dtype=torch.float64)
-        usable = self.usable[numbers]
-        for seen in self.moments(hypothesis, numbers):
-            covariance = seen.covariance if used.all() else seen.covariance[used]
-            covariance.diagonal(dim1=-2, dim2=-1).add_(seen.noise)
-            factor = torch.linalg.cholesky(covariance)
+        count, observation = len(self.prior.weights), self.model.observation
+        wanted = torch.ones(count, len(numbers), dtype=torch.bool) if likely is None else likely[:, numbers]
+        if weights is not None:
+            wanted = wanted & (weights > 0)[:, None]
+        scores = torch.full((count, len(numbers), len(observation)), -math.inf, dtype=torch.float64)
+
+        def score(seen: SeenBlocks) -> None:
+            """Write the log-likelihood of some blocks by every component that is wanted."""
             deviation = (seen.measured - seen.mean[:, None]).mT
-            whitened = torch.linalg.solve_triangular(factor, deviation, upper=False)
-            distance = whitened.square().sum(2)
-            determinant = 2 * factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
-            scores[:, seen.places[:, None], seen.members] = seen.log_density - 0.5 * (
-                distance + determinant[..., None] + BLOCK**2 * math.log(2 * math.pi)
-            )
+            for component, block, covariance in self.prior.covariances(
+                seen.mask, seen.operator, wanted[:, seen.places]
+            ):
+                covariance.diagonal(dim1=-2, dim2=-1).add_(seen.noise[block])
+                factor = torch.linalg.cholesky(covariance)
+                whitened = torch.linalg.solve_triangular(factor, deviation[block], upper=False)
+                distance = whitened.square().sum(1)
+                determinant = 2 * factor.diagonal(dim1=-2, dim2=-1).log().sum(-1, keepdim=True)
+                nats = -0.5 * (distance + determinant + BLOCK**2 * math.log(2 * math.pi))
+                scores[component[:, None], seen.places[block, None], seen.members] = seen.log_density[block] + nats
+
+        on_every_core(score, self.moments(hypothesis, numbers))
+        usable = self.usable[numbers]
         if weights is None:
             weights = self.prior.estimate_weights(scores[:, usable])
-        mixed = (scores + weights[used].log()[:, None, None]).logsumexp(0)
-        every = torch.full(self.usable.shape, math.nan, dtype=torch.float64)
-        every[numbers] = torch.where(usable, mixed, math.nan)
-        return BlockScores(every, weights)
+        weighted = scores + weights.log()[:, None, None]
+        share = torch.where(usable, weighted.softmax(0), 0.0).amax(2)
+        matters = share > (share.amax(0) / 2).clamp(max=LEAST_SHARE)
+
+        def of_every_block(by_component: torch.Tensor) -> torch.Tensor:
+            every = torch.full(self.usable.shape, math.nan, dtype=torch.float64)
+            every[numbers] = torch.where(usable, by_component.logsumexp(0), math.nan)
+            return every
+
+        in_blocks = torch.zeros(count, len(self.usable), dtype=torch.bool)
+        in_blocks[:, numbers] = matters
+        by_likely = of_every_block(weighted.masked_fill(~matters[..., None], -math.inf))
+        return BlockScores(of_every_block(weighted), weights, in_blocks, by_likely)
 
     @torch.no_grad()
     def moments(self, hypothesis: Hypothesis, numbers: torch.Tensor) -> Iterator[SeenBlocks]:
@@ -173,26 +206,34 @@ class BlindLikelihood:
         """
         observation, path = self.model.observation, self.model.path(hypothesis)
         response = SensorResponse.of(path, observation.full_scale)
-        light, log_slope = response.light(self._signal[numbers])
-        brightness = response.light(self._flat_signal)[0].mean(1).clamp(min=LEAST_LIGHT)
+        light_of_level, log_slope_of_level = response.light(self._levels)
+        light, log_slope = light_of_level[self._level[numbers]], log_slope_of_level[self._level[numbers]]
+        brightness = (self._shares_of_levels @ light_of_level).clamp(min=LEAST_LIGHT)
         measured = light / brightness[:, None]
         log_density = -log_slope.sum(2) - BLOCK**2 * brightness.log()
         typical = brightness.mean()
+        operator = self._optics(path)
+        self.prior.factors(BLOCK if operator is None else BLOCK + 2 * REACH)  # computed once, on all cores
         for which, sequence in enumerate(observation.sequences):
             members = (observation.sequence == which).nonzero()[:, 0]
-            relative, operator = self._relative_mask(path, sequence), self._optics(path)
+            relative = self._relative_mask(path, sequence)
             masks = self.cut(relative, REACH if operator is not None else 0)[:, numbers].transpose(0, 1)
-            for part in torch.arange(len(numbers)).split(CHUNK):
-                mean, covariance = self._moments(masks[part], operator)
+            total = masks.sum(1)
+            mean = total if operator is None else total @ operator.mT + (1 - operator.sum(1)).clamp(min=0)
+            noise = response.noise(mean * typical) / typical.square()
+            light_of_members, per_light = measured[:, members], brightness[members, None] * log_slope[:, members].exp()
+            for first in range(0, len(numbers), CHUNK):
+                part = slice(first, first + CHUNK)
                 yield SeenBlocks(
-                    places=part,
+                    places=torch.arange(len(numbers))[part],
                     members=members,
-                    measured=measured[part][:, members],
-                    per_light=brightness[members, None] * log_slope[part][:, members].exp(),
+                    measured=light_of_members[part],
+                    per_light=per_light[part],
                     log_density=log_density[part][:, members],
-                    mean=mean,
-                    covariance=covariance,
-                    noise=response.noise(mean * typical) / typical.square(),
+                    mask=masks[part],
+                    operator=operator,
+                    mean=mean[part],
+                    noise=noise[part],
                 )
 
     def relative_mask(self, hypothesis: Hypothesis, sequence: torch.Tensor) -> torch.Tensor:
@@ -231,10 +272,12 @@ class BlindLikelihood:
         formed = signal.mean[:, first : first + BLOCK, first : first + BLOCK]
         return formed.flatten(1).mT.double()
 
-    def _moments(self, mask: torch.Tensor, operator: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return the mean ``(blocks, n)`` and the covariance ``(K, blocks, n, n)`` of blocks without noise."""
-        if operator is None:
-            return mask.sum(1), self.prior.at_every_contrast(self.prior.factors().block_covariance(mask))
-        from_afar = (1 - operator.sum(1)).clamp(min=0)
-        covariance = self.prior.factors(BLOCK + 2 * REACH).block_covariance(mask, operator)
-        return mask.sum(1) @ operator.mT + from_afar, self.prior.at_every_contrast(covariance)
+
+def spread(blocks: torch.Tensor, count: int) -> torch.Tensor:
+    """Return so many of the blocks, spread evenly."""
+    numbers = blocks.nonzero()[:, 0]
+    if len(numbers) > count:
+        numbers = numbers[torch.linspace(0, len(numbers) - 1, count).round().long()]
+    spread = torch.zeros_like(blocks)
+    spread[numbers] = True
+    return spread

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from threading import Lock
 
 import torch
 
 from sci_lightning.data.reader import find_clips, read_clip
 from sci_lightning.imaging.patches import PatchFactors, PatchPrior
 from sci_lightning.imaging.patches.fit import fit_prior
-from sci_lightning.imaging.patches.prior import read_prior
+from sci_lightning.imaging.patches.prior import FLOOR, read_prior
 from sci_lightning.imaging.patches.smooth_scenes import pattern_drift, smooth_scene_prior
 
 BLOCK = 8
@@ -26,6 +28,8 @@ SMOOTH_MODES = 4
 CONTRASTS = (0.25, 1.0, 4.0)
 """Variances of patches over those of many videos: places differ in contrast more than the components do. Chosen by the
 likelihood of snapshots of validation clips behind known cameras, see ``docs/results/blind-contrasts.json``."""
+MATRICES = 48
+"""Covariances of blocks that are handed out at a time: they stay in the processor's cache."""
 ITERATIONS = 8
 """Iterations of expectation-maximisation for the shares; they start from those of many videos, and few are needed."""
 PSEUDO_COUNT = 2.0
@@ -100,20 +104,44 @@ class ScenePrior:
         self._contrasts = torch.tensor(contrasts, dtype=torch.float64)
         self.weights = self._statistics.weights.double().repeat(len(contrasts)) / len(contrasts)
         self._factors: dict[int, PatchFactors] = {}
+        self._lock = Lock()  # several threads may ask for factors at a time
 
     def factors(self, block: int = BLOCK) -> PatchFactors:
         """Return the covariances of patches of mean 1, factored, for blocks of so many pixels a side."""
-        if block not in self._factors:
-            smooth = self.frames > LONGEST_VIDEO
-            covariance = self._statistics.covariance(self.frames, block, *([0.0] if smooth else []))
-            modes = (SMOOTH_MODES if smooth else MODES) * BLOCK**2
-            factors = PatchFactors.of(covariance.double() / self._statistics.level**2, modes)
-            self._factors[block] = factors.to(torch.float32)  # twice as fast, and precise enough; Cholesky's is not
+        with self._lock:
+            if block not in self._factors:
+                self._factors[block] = self._factored(block)
         return self._factors[block]
 
-    def at_every_contrast(self, covariance: torch.Tensor) -> torch.Tensor:
-        """Return the covariances of all K, ``(K, ..)``, from those that :meth:`factors` gave for the components."""
-        return (self._contrasts.view(-1, *[1] * covariance.ndim) * covariance).flatten(0, 1)
+    def _factored(self, block: int) -> PatchFactors:
+        smooth, power = self.frames > LONGEST_VIDEO, self._statistics.level**2
+        covariance = self._statistics.covariance(self.frames, block, floor=0.0).double() / power
+        modes = (SMOOTH_MODES if smooth else MODES) * BLOCK**2
+        factors = PatchFactors.of(covariance, modes, 0.0 if smooth else FLOOR / power)
+        return factors.to(torch.float32)  # twice as fast, and precise enough; Cholesky's is not
+
+    def covariances(
+        self, mask: torch.Tensor, operator: torch.Tensor | None, wanted: torch.Tensor
+    ) -> Iterator[tuple[torch.Tensor, torch.Tensor, torch.Tensor]]:
+        """Yield covariances of blocks of a snapshot without noise, a few pairs of a component and a block at a time.
+
+        Args:
+            mask: relative mask of the blocks, ``(blocks, T, n)``; with pixels around them where there are optics.
+            operator: how much of the light of every pixel reaches every pixel of a block, ``(m, n)``; None: its own.
+            wanted: ``(K, blocks)`` bool, the pairs that are asked for.
+
+        Yields:
+            components ``(P,)`` and blocks ``(P,)`` of some pairs, in the order of ``wanted.nonzero()``, and their
+            covariances ``(P, m, m)``, float64.
+        """
+        by_contrast = wanted.unflatten(0, (len(self._contrasts), -1))  # (contrasts, components, blocks)
+        needed = by_contrast.any(0).mT
+        covariance = self.factors(math.isqrt(mask.shape[2])).covariance_of(mask, operator, needed)
+        place = needed.flatten().cumsum(0).view(needed.shape) - 1
+        for pairs in by_contrast.nonzero().split(MATRICES):
+            contrast, component, block = pairs.T
+            scaled = covariance[place[block, component]].double() * self._contrasts[contrast, None, None]
+            yield contrast * by_contrast.shape[1] + component, block, scaled
 
     def estimate_weights(self, log_likelihood: torch.Tensor) -> torch.Tensor:
         """Return the shares of the components, ``(K,)``, from the log-likelihoods ``(K, blocks)`` of blocks."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price
+from sci_lightning.diagnosis.blind.cores import on_every_core
 from sci_lightning.diagnosis.blind.displacement import proposed_displacements
+from sci_lightning.diagnosis.blind.likelihood import spread
 from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
 from sci_lightning.diagnosis.blind.undetermined import undetermined_effects
 from sci_lightning.diagnosis.laboratory import SceneEffect
@@ -31,6 +33,9 @@ STARTS_FITTED = 3
 """Starts of a promising candidate that are fitted to the screened blocks."""
 PROMISING = 0.1
 """Part of the best candidate's nats that another one must gain, fitted by itself, to be fitted beside all others."""
+HOPE = 2.0
+"""Times as much as by itself a candidate may gain once the other effects are fitted again: if even that does not pay
+for its parameters, it is not fitted."""
 RIVAL_SHARE = 0.3
 """Part of an effect's nats that another one must gain in its place, fitted by itself, to be a rival."""
 WEAK_PART = 0.25
@@ -144,8 +149,8 @@ class BlindSearch:
         likelihood = fitter.likelihood
         self.columns = likelihood.columns
         self.all_blocks = likelihood.usable.any(1)
-        self.screened_blocks = _spread(self.all_blocks & self._inner(), SCREENED_BLOCKS)
-        self.fitted_blocks = _spread(self.all_blocks, FITTED_BLOCKS)
+        self.screened_blocks = spread(self.all_blocks & self._inner(), SCREENED_BLOCKS)
+        self.fitted_blocks = spread(self.all_blocks, FITTED_BLOCKS)
         self._contenders: dict[frozenset[str], list[Contender]] = {}
         self._promising: set[str] = set()
         self.undetermined = undetermined_effects(fitter.model)
@@ -227,8 +232,15 @@ class BlindSearch:
         """
         screened = [entry for entry in self.screen(base, count, starts, names) if entry[1] > 0]
         least = max(least, PROMISING * screened[0][1]) if screened else least
-        kept = [entry for entry in screened if entry[1] >= least][:count]
-        return sorted((self._contender(base, name, start) for name, _, start in kept), key=lambda one: -one.gain)
+        more = float(self.fitted_blocks.sum() / self.screened_blocks.sum())  # times as many blocks are fitted
+
+        def pays(name: str, nats: float, start: Setting) -> bool:
+            cost = price(base.hypothesis.with_effect(name, start), base) - price(base.hypothesis, base)
+            return nats >= least and HOPE * more * nats >= cost
+
+        kept = [entry for entry in screened if pays(*entry)][:count]
+        contenders = on_every_core(lambda entry: self._contender(base, entry[0], entry[2]), kept)
+        return sorted(contenders, key=lambda one: -one.gain)
 
     def _contender(self, base: BlindFit, name: str, start: Setting) -> Contender:
         hypothesis = base.hypothesis.with_effect(name, start)
@@ -260,28 +272,30 @@ class BlindSearch:
         """
         model = self.fitter.model
         proposed = proposed_displacements(self.fitter.likelihood, base.hypothesis, self.settings.border_share)
-        entries = []
-        for name in self.candidates if names is None else names:
-            if name in base.hypothesis.effects:
-                continue
-            about = model.effects[name].about
-            settings = [*model.starts(name, base.hypothesis), *proposed.get(name, [])]
-            trials = [(self._screened(base, name, start), start) for start in settings]
-            if not model.effects[name].is_discrete():
-                trials.sort(key=lambda trial: -trial[0])
-                weaker = [part_of(start, about, WEAK_PART) for _, start in trials[:STARTS_FITTED]]
-                trials += [(self._screened(base, name, start), start) for start in weaker]
-            trials.sort(key=lambda trial: -trial[0])
-            if trials:
-                entries.append((name, trials))
-        entries.sort(key=lambda entry: -entry[1][0][0])
-        screened = []
-        for place, (name, trials) in enumerate(entries):
-            promising = place < count and trials[0][0] > 0
-            if promising:
-                self._promising.add(name)
-            best = self._fitted_start(base, name, trials[:starts]) if promising else trials[0]
-            screened.append((name, *best))
+        candidates = [
+            name for name in (self.candidates if names is None else names) if name not in base.hypothesis.effects
+        ]
+        starts_of = {name: [*model.starts(name, base.hypothesis), *proposed.get(name, [])] for name in candidates}
+        tried = self._screened(base, starts_of)
+        weaker = {
+            name: [part_of(start, model.effects[name].about, WEAK_PART) for _, start in trials[:STARTS_FITTED]]
+            for name, trials in tried.items()
+            if not model.effects[name].is_discrete()
+        }
+        for name, trials in self._screened(base, weaker).items():
+            tried[name] = sorted([*tried[name], *trials], key=lambda trial: -trial[0])
+        entries = sorted(
+            ((name, trials) for name, trials in tried.items() if trials), key=lambda entry: -entry[1][0][0]
+        )
+        promising = {name for name, trials in entries[:count] if trials[0][0] > 0}
+        self._promising |= promising
+        best = on_every_core(
+            lambda entry: (
+                self._fitted_start(base, entry[0], entry[1][:starts]) if entry[0] in promising else entry[1][0]
+            ),
+            entries,
+        )
+        screened = [(name, *trial) for (name, _), trial in zip(entries, best, strict=True)]
         return sorted(screened, key=lambda entry: -entry[1])
 
     def _fitted_start(self, base: BlindFit, name: str, trials: list[tuple[float, Setting]]) -> tuple[float, Setting]:
@@ -296,9 +310,18 @@ class BlindSearch:
             fitted.append((nats, fit.hypothesis.effects[name]))
         return max(fitted, key=lambda trial: trial[0])
 
-    def _screened(self, base: BlindFit, name: str, start: Setting) -> float:
-        trial = self.fitter.evaluate(base.hypothesis.with_effect(name, start), self.screened_blocks)
-        return compare(trial.log_likelihood, base.log_likelihood, self.columns).nats
+    def _screened(self, base: BlindFit, starts: dict[str, list[Setting]]) -> dict[str, list[tuple[float, Setting]]]:
+        """Return nats and setting of every start of every candidate as it stands, the best of a candidate first."""
+
+        def nats(trial: tuple[str, Setting]) -> float:
+            fit = self.fitter.evaluate(base.hypothesis.with_effect(*trial), self.screened_blocks)
+            return compare(fit.log_likelihood, base.log_likelihood, self.columns).nats
+
+        trials = [(name, start) for name, settings in starts.items() for start in settings]
+        screened: dict[str, list[tuple[float, Setting]]] = {name: [] for name in starts}
+        for (name, start), gained in zip(trials, on_every_core(nats, trials), strict=True):
+            screened[name].append((gained, start))
+        return {name: sorted(entries, key=lambda entry: -entry[0]) for name, entries in screened.items()}
 
     def _winner(self, contenders: list[Contender]) -> Contender | None:
         """Return the effect that is named next; None if there is none.
@@ -347,30 +370,23 @@ class BlindSearch:
         return fit
 
     def evidence(self, fit: BlindFit) -> tuple[BlindNamed, ...]:
-        """Return what speaks for every effect of a model, and what might stand in its place."""
+        """Return what speaks for every effect of a model, and what might stand in its place, on the fitted blocks."""
+        fit = replace(fit, log_likelihood=self.fitter.evaluate(fit.hypothesis, self.fitted_blocks).log_likelihood)
         effects = self.fitter.model.effects
         names = [name for name in fit.hypothesis.effects if name not in self.noise.effects]
         named = []
         for name in sorted(names, key=lambda one: effects[one].rank):
-            without = self.fitter.fit(fit.hypothesis.without(name), fit.blocks, FINAL_ITERATIONS, errors=False)
+            without = self.fitter.fit(fit.hypothesis.without(name), self.fitted_blocks, FINAL_ITERATIONS, errors=False)
             comparison = compare(fit.log_likelihood, without.log_likelihood, self.columns)
             cost = price(fit.hypothesis, fit) - price(without.hypothesis, without)
             on_screened = (fit.log_likelihood - without.log_likelihood)[self.screened_blocks].nan_to_num(0.0)
             rivals = []
             for rival in self.rivals(without, RIVAL_SHARE * float(on_screened.sum())):
                 direct = compare(fit.log_likelihood, rival.fit.log_likelihood, self.columns)
-                if rival.name != name and (direct.z < SURE_Z or direct.calibrated < self.settings.indistinct_nats):
+                # A rival that blurs the mask away leaves few blocks to be compared, which may tell much.
+                ahead = direct.z >= SURE_Z or (direct.nats >= MUCH and direct.z > KEPT_Z)
+                if rival.name != name and not (ahead and direct.calibrated >= self.settings.indistinct_nats):
                     rivals.append(rival.name)
             nats = self._nats(fit, name, comparison)
             named.append(BlindNamed(name, comparison, nats, cost, tuple(rivals)))
         return tuple(named)
-
-
-def _spread(blocks: torch.Tensor, count: int) -> torch.Tensor:
-    """Return so many of the blocks, spread evenly."""
-    numbers = blocks.nonzero()[:, 0]
-    if len(numbers) > count:
-        numbers = numbers[torch.linspace(0, len(numbers) - 1, count).round().long()]
-    spread = torch.zeros_like(blocks)
-    spread[numbers] = True
-    return spread

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
+from contextlib import suppress
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
 
 class Recent(Generic[T]):
-    """The last few results of a slow computation, by key.
+    """The last few results of a slow computation, by key; several threads may ask at a time.
 
     Args:
         size: how many results to remember.
@@ -21,10 +22,12 @@ class Recent(Generic[T]):
         self._results: OrderedDict[Hashable, T] = OrderedDict()
 
     def get(self, key: Hashable, compute: Callable[[], T]) -> T:
-        """Return the result for a key; it is computed if it is not remembered."""
-        if key not in self._results:
-            self._results[key] = compute()
+        """Return the result for a key, which is not None; it is computed if it is not remembered."""
+        result = self._results.get(key)
+        if result is None:
+            result = self._results[key] = compute()
+        with suppress(KeyError):  # another thread may have needed the room already
+            self._results.move_to_end(key)
             if len(self._results) > self._size:
                 self._results.popitem(last=False)
-        self._results.move_to_end(key)
-        return self._results[key]
+        return result

@@ -56,20 +56,46 @@ class PatchFactors:
         return PatchFactors(self.factors.to(precision), self.rest.to(precision))
 
     @classmethod
-    def of(cls, covariance: torch.Tensor, rank: int) -> PatchFactors:
-        """Factor covariances C, ``(K, T, n, T, n)``, keeping ``rank`` modes at most."""
+    def of(cls, covariance: torch.Tensor, rank: int, floor: float = 0.0) -> PatchFactors:
+        """Factor covariances of patches of stationary processes, which look the same from the other end.
+
+        A patch read backwards, in time and in space, has the same covariance. Its modes are therefore even or odd, and
+        are found in two halves, four times as fast as those of the whole.
+
+        Args:
+            covariance: C, ``(K, T, n, T, n)``, with :math:`C_{-i, -j} = C_{ij}`.
+            rank: number of modes that are kept at most.
+            floor: smallest eigenvalue; smaller ones are raised to it.
+        """
         slots, pixels = covariance.shape[1:3]
-        eigenvalues, vectors = torch.linalg.eigh(covariance.reshape(-1, slots * pixels, slots * pixels))
-        rank = min(rank, slots * pixels)
-        factors = vectors[..., -rank:] * eigenvalues[:, None, -rank:].clamp(min=0).sqrt()
-        left = (vectors[..., :-rank].square() * eigenvalues[:, None, :-rank].clamp(min=0)).sum(2)
+        values = slots * pixels
+        first, rest = values // 2, values - values // 2
+        whole = covariance.reshape(-1, values, values)
+        near, far = whole[:, :first, :first], whole[:, :first, rest:].flip(2)
+        even, odd = whole[:, :rest, :rest].clone(), near - far
+        even[:, :first, :first] = near + far
+        if rest > first:  # the value in the middle belongs to the even modes
+            even[:, first, :first] *= math.sqrt(2)
+            even[:, :first, first] *= math.sqrt(2)
+        halves = [torch.linalg.eigh(half) for half in (even, odd)]
+        eigenvalues, order = torch.cat([half.eigenvalues for half in halves], 1).sort(1)
+        vectors = whole.new_zeros(len(whole), values, values)
+        top = torch.cat([half.eigenvectors[:, :first] for half in halves], 2) / math.sqrt(2)
+        vectors[:, :first] = top
+        vectors[:, rest:, :rest] = top[..., :rest].flip(1)
+        vectors[:, rest:, rest:] = -top[..., rest:].flip(1)
+        if rest > first:
+            vectors[:, first, :rest] = halves[0].eigenvectors[:, first]
+        vectors = vectors.gather(2, order[:, None].expand_as(vectors))
+        rank = min(rank, values)
+        eigenvalues = eigenvalues.clamp(min=floor)[:, None]
+        factors = vectors[..., -rank:] * eigenvalues[..., -rank:].sqrt()
+        left = (vectors[..., :-rank].square() * eigenvalues[..., :-rank]).sum(2)
         shape = (-1, slots, pixels)
         return cls(factors.unflatten(1, shape[1:]).permute(2, 1, 0, 3).contiguous(), left.reshape(shape))
 
     def block_covariance(self, mask: torch.Tensor, operator: torch.Tensor | None = None) -> torch.Tensor:
         """Return :func:`block_covariance` of these covariances, seen through optics if there are any.
-
-        The products are computed in the precision of the factors.
 
         Args:
             mask: blocks of a mask, ``(blocks, T, n)``.
@@ -78,18 +104,35 @@ class PatchFactors:
         Returns:
             ``(K, blocks, m, m)`` in the precision of the mask.
         """
-        precision, (pixels, _, components, rank) = self.factors.dtype, self.factors.shape
+        components = self.factors.shape[2]
+        every = torch.ones(len(mask), components, dtype=torch.bool, device=mask.device)
+        covariance = self.covariance_of(mask, operator, every)
+        return covariance.unflatten(0, (-1, components)).transpose(0, 1).to(mask.dtype)
+
+    def covariance_of(self, mask: torch.Tensor, operator: torch.Tensor | None, wanted: torch.Tensor) -> torch.Tensor:
+        """Return the covariances of some blocks by some components, as :meth:`block_covariance` does of all.
+
+        Args:
+            mask: blocks of a mask, ``(blocks, T, n)``.
+            operator: as there.
+            wanted: ``(blocks, K)`` bool, the P pairs that are asked for.
+
+        Returns:
+            ``(P, m, m)`` in the order of ``wanted.nonzero()``, in the precision of the factors, in which they are
+            computed.
+        """
+        precision, (pixels, _, _, rank) = self.factors.dtype, self.factors.shape
+        pairs = wanted.flatten().nonzero()[:, 0]
         seen = mask.permute(2, 0, 1).to(precision) @ self.factors.flatten(2)  # (n, blocks, K * r)
-        seen = seen.reshape(pixels, -1, rank).transpose(0, 1)  # (blocks * K, n, r)
-        left = torch.einsum("btn,ktn->bkn", mask.square().to(precision), self.rest).flatten(0, 1)
+        seen = seen.reshape(pixels, -1, rank).transpose(0, 1)[pairs]  # (P, n, r)
+        left = torch.einsum("btn,ktn->bkn", mask.square().to(precision), self.rest).flatten(0, 1)[pairs]
         if operator is None:
             covariance = seen @ seen.mT
             covariance.diagonal(dim1=-2, dim2=-1).add_(left)
-        else:
-            operator = operator.to(precision)
-            formed = operator @ seen
-            covariance = formed @ formed.mT + (operator * left[:, None]) @ operator.mT
-        return covariance.unflatten(0, (-1, components)).transpose(0, 1).to(mask.dtype)
+            return covariance
+        operator = operator.to(precision)
+        formed = operator @ seen
+        return formed @ formed.mT + (operator * left[:, None]) @ operator.mT
 
 
 @dataclass(frozen=True)

@@ -143,3 +143,13 @@ def test_nats_are_calibrated_by_how_much_snapshots_agree() -> None:
     one = compare(0.5 + noise[:, :1], zero[:, :1], 8)
     assert one.snapshots == 1 and one.z < sure.z
     assert clustered(torch.stack([noise, noise]), 8).shape == (2, 2)
+
+
+def test_components_that_explain_nothing_are_left_out() -> None:
+    """What the likely components say of a block is next to all, and is the same when only they are computed."""
+    likelihood, ideal = likelihood_of(snapshots())
+    whole = likelihood.evaluate(ideal)
+    assert 0 < int(whole.likely.sum()) < whole.likely.numel() / 2
+    assert float((whole.log_likelihood - whole.by_likely).nan_to_num().abs().max()) < 0.05
+    again = likelihood.evaluate(ideal, weights=whole.weights, likely=whole.likely)
+    assert torch.equal(again.log_likelihood.nan_to_num(), whole.by_likely.nan_to_num())

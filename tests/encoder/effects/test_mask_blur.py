@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 import torch
 
 from sci_lightning.encoder.effects import MaskBlur
+from sci_lightning.encoder.relay import Pose
+from sci_lightning.encoder.square_kernel import square_kernel
 from tests.encoder.effects.conftest import seen
 
 
@@ -25,3 +29,20 @@ def test_the_scene_stays_sharp() -> None:
     even = torch.full((2, 9, 9), 0.5)
     result = seen(MaskBlur(sigma=0.8), even, scene)[4, 4]
     assert result == pytest.approx(float(scene[:, 4, 4].sum() / 2), abs=1e-3)
+
+
+@pytest.mark.parametrize("sigma", [0.05, 0.3, 2.0])
+def test_a_blurred_image_that_is_turned(sigma: float) -> None:
+    """The kernel is computed at some places between two mirrors; the light of a mirror is that of the exact one."""
+    angle, size = 0.02, 25
+    pattern = torch.zeros(1, size, size, dtype=torch.float64)
+    pattern[0, 12, 14] = 1
+    options = {"angle": torch.tensor(angle), "sigma": torch.tensor(sigma, dtype=torch.float64)}
+    image = Pose(**options).image(pattern)[0]
+    place = (torch.arange(2 * size, dtype=torch.float64) + 0.5) / 2 - size / 2
+    down = math.cos(angle) * place[:, None] - math.sin(angle) * place
+    across = math.cos(angle) * place + math.sin(angle) * place[:, None]
+    exact = square_kernel(down, options["sigma"], 0.5) * square_kernel(across - 2, options["sigma"], 0.5)
+    whole = torch.nn.functional.avg_pool2d(exact[None], 2)[0]
+    assert torch.allclose(image, whole, atol=3e-5)  # what lies beyond four standard deviations is cut off
+    assert float((image - whole).abs()[whole > 1e-2].max()) < 3e-6

@@ -28,16 +28,19 @@ def test_covariance_of_blocks() -> None:
     torch.testing.assert_close(block_covariance(mask, covariance), dense @ whole @ dense.mT)
 
 
-def test_factored_covariance_of_blocks() -> None:
+@pytest.mark.parametrize("slots", [SLOTS, SLOTS - 1])
+def test_factored_covariance_of_blocks(slots: int) -> None:
     """All modes give the exact covariance, also through optics; with fewer modes the variances stay as they are."""
     mask, _, covariance = matrices()
+    mask, covariance = mask[:, :slots], covariance[:, :slots, :, :slots]
+    covariance = (covariance + covariance.flip(1, 2, 3, 4)) / 2  # as of a stationary process
     exact = block_covariance(mask, covariance)
-    every = PatchFactors.of(covariance, SLOTS * PIXELS)
+    every = PatchFactors.of(covariance, slots * PIXELS)
     torch.testing.assert_close(every.block_covariance(mask), exact)
     optics = torch.rand(3, PIXELS, generator=torch.Generator().manual_seed(3))
     torch.testing.assert_close(every.block_covariance(mask, optics), optics @ exact @ optics.T)
     fewer = PatchFactors.of(covariance, 6)
-    whole = covariance.reshape(2, SLOTS * PIXELS, -1).diagonal(dim1=-2, dim2=-1).reshape(2, SLOTS, PIXELS)
+    whole = covariance.reshape(2, slots * PIXELS, -1).diagonal(dim1=-2, dim2=-1).reshape(2, slots, PIXELS)
     kept = fewer.factors.square().sum(3).permute(2, 1, 0)
     torch.testing.assert_close(kept + fewer.rest, whole)
     left = fewer.block_covariance(mask, optics) - optics @ fewer.block_covariance(mask) @ optics.T
