@@ -357,6 +357,14 @@ class BlindSearch:
         nats = max(comparison.calibrated, MUCH) if much else comparison.calibrated
         return min(nats, self.fitter.distance(fit, name))
 
+    def _is_ahead(self, comparison: Comparison) -> bool:
+        """Return whether a model is so much likelier than one with another effect that the two are distinguished.
+
+        A rival that blurs the mask away leaves few blocks to be compared, which may tell much.
+        """
+        sure = comparison.z >= SURE_Z or (comparison.nats >= MUCH and comparison.z > KEPT_Z)
+        return sure and comparison.calibrated >= self.settings.indistinct_nats
+
     def prune(self, fit: BlindFit) -> BlindFit:
         """Drop every effect that the others make superfluous."""
         names = [name for name in fit.hypothesis.effects if name not in self.noise.effects]
@@ -383,9 +391,7 @@ class BlindSearch:
             rivals = []
             for rival in self.rivals(without, RIVAL_SHARE * float(on_screened.sum())):
                 direct = compare(fit.log_likelihood, rival.fit.log_likelihood, self.columns)
-                # A rival that blurs the mask away leaves few blocks to be compared, which may tell much.
-                ahead = direct.z >= SURE_Z or (direct.nats >= MUCH and direct.z > KEPT_Z)
-                if rival.name != name and not (ahead and direct.calibrated >= self.settings.indistinct_nats):
+                if rival.name != name and not self._is_ahead(direct):
                     rivals.append(rival.name)
             nats = self._nats(fit, name, comparison)
             named.append(BlindNamed(name, comparison, nats, cost, tuple(rivals)))

@@ -104,3 +104,23 @@ def test_few_blocks_may_tell_much_about_the_mask(search: BlindSearch) -> None:
     assert search._nats(black, "black_level", comparison) == pytest.approx(comparison.calibrated)
     near = fit_of(search, "mask_shift", 0.3, spread=1e-2)
     assert search._nats(near, "mask_shift", comparison) == pytest.approx(0.5 * 2 * 0.3**2 / 1e-2)
+
+
+def test_a_candidate_that_cannot_pay_is_not_fitted(search: BlindSearch, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four times as many blocks are fitted as screened; three parameters cost a dozen nats."""
+    screened = {"mask_shift": 5.0, "flicker": 1.0, "mask_contrast": 1.0}
+    starts = {name: dict.fromkeys(search.fitter.model.effects[name].about, 0.1) for name in screened}
+    monkeypatch.setattr(search, "screen", lambda *_: [(name, nats, starts[name]) for name, nats in screened.items()])
+    monkeypatch.setattr(
+        search, "_contender", lambda base, name, start: contender(search, name, Comparison(9.0, 9.0, 4, 4))
+    )
+    base = search.fitter.evaluate(search.noise, search.fitted_blocks)
+    fitted = {one.name for one in search._fitted(base, count=3, starts=1)}
+    assert fitted == {"mask_shift", "mask_contrast"}
+
+
+def test_when_two_effects_are_distinguished(search: BlindSearch) -> None:
+    """By many blocks that agree, or by few that tell much; a rival that is next to as likely is an alternative."""
+    assert search._is_ahead(Comparison(40, 3.5, 8, 8)) and search._is_ahead(Comparison(774, 2.9, 8, 8))
+    for alike in (Comparison(40, 2.9, 8, 8), Comparison(774, 1.9, 8, 8), Comparison(1, 3.5, 8, 8)):
+        assert not search._is_ahead(alike)
