@@ -71,7 +71,7 @@ class Pose:
         The integral is exact without rotation, perspective and distortion. With them, a pixel is divided into at least
         ``TURNED_PARTS`` x ``TURNED_PARTS`` parts, and the footprint of each on the mirrors is taken as an upright
         rectangle. On a grid of their own, the mirrors are seen where they nominally lie, and the pose is the deviation
-        from there.
+        from there. Turned and distorted images have first derivatives only.
 
         Args:
             patterns: ``(P, H, W)`` transmittance of the mirrors, ``(P, Hm, Wm)`` on a grid of their own.

@@ -19,9 +19,9 @@ import torch
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis import vocabulary as effects_vocabulary
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter
-from sci_lightning.diagnosis.blind.block_prediction import judge_by_blocks, snapshots_that_judge
+from sci_lightning.diagnosis.blind.held_out.block_prediction import judge_by_blocks, snapshots_that_judge
+from sci_lightning.diagnosis.blind.held_out.prediction_verdict import PredictionVerdict
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
-from sci_lightning.diagnosis.blind.prediction_verdict import PredictionVerdict
 from sci_lightning.diagnosis.blind.prior import BLOCK, LONGEST_VIDEO, MOST_SLOTS, ScenePrior, statistics_for
 from sci_lightning.diagnosis.blind.search import (
     BlindExplanation,
@@ -73,7 +73,7 @@ class BlindEffect(NamedEffect):
     Attributes:
         agree: snapshots that ask for it.
         snapshots: of how many.
-        p_value: probability that chance alone prefers it so clearly, paired over snapshots.
+        p_value: probability that chance alone prefers it so clearly, paired over tiles of blocks.
     """
 
     agree: int = 0

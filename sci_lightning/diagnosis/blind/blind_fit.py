@@ -10,6 +10,7 @@ import torch
 from sci_lightning.diagnosis.blind.cores import on_every_core
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood, spread
 from sci_lightning.diagnosis.blind.likelihood_comparison import clustered
+from sci_lightning.diagnosis.blind.prior import BLOCK
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS, Hypothesis, ParameterName
 
@@ -172,7 +173,7 @@ class BlindFitter:
         some = replace(fit, blocks=spread(fit.blocks, ROUGH_BLOCKS)) if rough else fit
         tasks = [(fit, move) for move in moves]
         tasks += [(some, {free.names[i]: steps[i][1][0] * steps[i][0] for i in pair}) for pair in mixed]
-        changes = on_every_core(lambda task: self._change(*task), tasks)
+        changes = on_every_core(lambda task: self._change(*task), tasks, self.likelihood.at_a_time)
         curvature = torch.zeros(count, count, dtype=torch.float64)
         scores, whole_over_some = [], []
         for i, (near, far) in enumerate(zip(changes[: 2 * count : 2], changes[1 : 2 * count : 2], strict=True)):
@@ -214,8 +215,20 @@ class BlindFitter:
         return moved_scores.log_likelihood - fit.by_likely
 
 
-def price(hypothesis: Hypothesis, fit: BlindFit) -> float:
-    """Return the penalty of the Bayesian information criterion for the parameters of a hypothesis, in nats."""
-    values = float(fit.log_likelihood.isfinite().sum()) * 64
-    count = sum(len(setting) for name, setting in hypothesis.effects.items() if name not in NOISE_GUESS)
-    return 0.5 * count * math.log(max(values, 2.0))
+def price(fit: BlindFit, other: BlindFit) -> float:
+    """Return how many nats the parameters of a fit cost beyond those of another one, by the blocks that both explain.
+
+    It is the penalty of the Bayesian information criterion, one for both: blocks that only one of them loses, because
+    the image of the mask ends there, make no parameter cheaper.
+    """
+    common = fit.log_likelihood.isfinite() & other.log_likelihood.isfinite()
+    return price_of(_parameters(fit.hypothesis) - _parameters(other.hypothesis), int(common.sum()))
+
+
+def price_of(parameters: int, blocks: int) -> float:
+    """Return how many nats so many parameters cost that are fitted to so many blocks."""
+    return 0.5 * parameters * math.log(max(blocks * BLOCK**2, 2))
+
+
+def _parameters(hypothesis: Hypothesis) -> int:
+    return sum(len(setting) for name, setting in hypothesis.effects.items() if name not in NOISE_GUESS)

@@ -28,7 +28,10 @@ CENTRE = 0.125
 LEAST_LIGHT = 1e-4
 """Mean light below which a snapshot counts as that bright; black snapshots are left out before."""
 IMAGES = 4
-"""Images of the patterns that are kept: most hypotheses differ from the last ones elsewhere."""
+"""Images of the patterns that are kept for every thread: most hypotheses differ from the last ones elsewhere."""
+VALUES_AT_A_TIME = 2**26
+"""Values of images of patterns that are held at a time, at about 40 bytes each: eight hypotheses about eight slots of
+1024 x 1024 pixels."""
 LEAST_SHARE = 1e-3
 """A component matters in a block if it explains this part of it, in one of the snapshots at least."""
 CHUNK = 8
@@ -110,7 +113,7 @@ class BlindLikelihood:
         self.rows, self.columns = height // BLOCK, width // BLOCK
         top, left = (height - self.rows * BLOCK) // 2, (width - self.columns * BLOCK) // 2
         self.origin = top, left
-        self._images: Recent[torch.Tensor] = Recent(IMAGES)
+        self._images: Recent[torch.Tensor] = Recent(IMAGES * min(torch.get_num_threads(), self.at_a_time))
         recorded, level = observation.dn.unique(return_inverse=True)
         self._levels = recorded.double() / observation.full_scale  # (L,), the values that were recorded at all
         self._level = self.cut(level, 0).transpose(0, 1)  # (blocks, N, n), which of them
@@ -122,13 +125,23 @@ class BlindLikelihood:
         counts = torch.stack([one.bincount(minlength=len(recorded)) for one in at_centre])
         self._shares_of_levels = counts.double() / at_centre.shape[1]  # (N, L)
 
-    def cut(self, image: torch.Tensor, reach: int) -> torch.Tensor:
-        """Return the blocks of images ``(C, H, W)`` with ``reach`` pixels around them, ``(C, blocks, n)``."""
+    @property
+    def at_a_time(self) -> int:
+        """How many hypotheses may be evaluated at a time: each holds the patterns' images of the whole field."""
+        observation = self.model.observation
+        height, width = observation.size
+        return max(1, VALUES_AT_A_TIME // (observation.frames * height * width))
+
+    def cut(self, image: torch.Tensor, reach: int, numbers: torch.Tensor | None = None) -> torch.Tensor:
+        """Return blocks of images ``(C, H, W)`` with ``reach`` pixels around them, ``(C, blocks, n)``; None for all."""
         top, left = self.origin
         padded = torch.nn.functional.pad(image[None], (reach,) * 4, mode="replicate")[0] if reach else image
         side = BLOCK + 2 * reach
         padded = padded[:, top : top + self.rows * BLOCK + 2 * reach, left : left + self.columns * BLOCK + 2 * reach]
-        return padded.unfold(1, side, BLOCK).unfold(2, side, BLOCK).flatten(3).flatten(1, 2)
+        blocks = padded.unfold(1, side, BLOCK).unfold(2, side, BLOCK)
+        if numbers is None:
+            return blocks.flatten(3).flatten(1, 2)
+        return blocks[:, numbers // self.columns, numbers % self.columns].flatten(2)
 
     def inside(self, border: Border) -> torch.Tensor:
         """Return ``(blocks,)`` bool: the blocks that lie inside a border."""
@@ -213,11 +226,10 @@ class BlindLikelihood:
         log_density = -log_slope.sum(2) - BLOCK**2 * brightness.log()
         typical = brightness.mean()
         operator = self._optics(path)
-        self.prior.factors(BLOCK if operator is None else BLOCK + 2 * REACH)  # computed once, on all cores
         for which, sequence in enumerate(observation.sequences):
             members = (observation.sequence == which).nonzero()[:, 0]
             relative = self._relative_mask(path, sequence)
-            masks = self.cut(relative, REACH if operator is not None else 0)[:, numbers].transpose(0, 1)
+            masks = self.cut(relative, 0 if operator is None else REACH, numbers).transpose(0, 1)
             total = masks.sum(1)
             mean = total if operator is None else total @ operator.mT + (1 - operator.sum(1)).clamp(min=0)
             noise = response.noise(mean * typical) / typical.square()

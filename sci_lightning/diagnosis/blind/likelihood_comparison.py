@@ -35,7 +35,7 @@ class Comparison:
     z: float
     agree: int
     snapshots: int
-    p_snapshots: float = 0.0
+    p_snapshots: float = 1.0
 
     @property
     def calibrated(self) -> float:

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import torch
 
-from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price
+from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price, price_of
+from sci_lightning.diagnosis.blind.contender import KEPT_Z, MIN_Z, MUCH, Contender
 from sci_lightning.diagnosis.blind.cores import on_every_core
 from sci_lightning.diagnosis.blind.displacement import proposed_displacements
 from sci_lightning.diagnosis.blind.likelihood import spread
@@ -40,56 +41,8 @@ RIVAL_SHARE = 0.3
 """Part of an effect's nats that another one must gain in its place, fitted by itself, to be a rival."""
 WEAK_PART = 0.25
 """Part of a start's distance from the neutral setting at which it is tried as well."""
-MIN_Z = 3.0
-"""Standard deviations by which an effect must make the snapshots likelier."""
-KEPT_Z = 2.0
-"""The same of an effect that was named; lower, so that none is named and dropped by turns."""
-MUCH = 100.0
-"""Nats by which an effect of the mask's image may be named with as few standard deviations: a wide blur leaves few
-blocks. On validation clips no such effect that was not there has gained a third of it."""
-MIN_AGREE = 0.75
-"""Part of the snapshots that must ask for an effect."""
-BY_CHANCE = 0.05
-"""Probability of the snapshots' signed ranks by chance below which they agree about an effect that is not one of the
-mask's image. It changes how brightness, fine detail or motion are distributed, which differs from scene to scene and is
-alike all over a snapshot: the prior's errors look like such an effect, and blocks of one snapshot do not tell."""
 SURE_Z = 3.0
 """Standard deviations below which two hypotheses are not distinguished."""
-
-
-@dataclass(frozen=True)
-class Contender:
-    """An effect that was fitted beside a model.
-
-    Attributes:
-        name: of the effect.
-        fit: of the model with it.
-        comparison: with the model without it.
-        nats: calibrated nats that it gains.
-        gain: the same beyond the penalty for its parameters.
-        like_a_scene: whether it changes the image as a scene of another kind would.
-    """
-
-    name: str
-    fit: BlindFit
-    comparison: Comparison
-    nats: float
-    gain: float
-    like_a_scene: bool = False
-
-    @property
-    def clear(self) -> bool:
-        """Whether the effect is so well supported that it may be named."""
-        return self.supported and (self.comparison.z > MIN_Z or self.nats >= MUCH)
-
-    @property
-    def supported(self) -> bool:
-        """Whether the effect would be kept if it had been named."""
-        comparison = self.comparison
-        agree = comparison.agree >= MIN_AGREE * comparison.snapshots
-        if self.like_a_scene:  # fewer than five snapshots have to be unanimous
-            agree = agree and comparison.p_snapshots <= max(BY_CHANCE, 0.5**comparison.snapshots)
-        return agree and self.gain > 0 and comparison.z > KEPT_Z
 
 
 @dataclass(frozen=True)
@@ -235,20 +188,25 @@ class BlindSearch:
         more = float(self.fitted_blocks.sum() / self.screened_blocks.sum())  # times as many blocks are fitted
 
         def pays(name: str, nats: float, start: Setting) -> bool:
-            cost = price(base.hypothesis.with_effect(name, start), base) - price(base.hypothesis, base)
+            cost = price_of(len(start), int(base.log_likelihood.isfinite().sum()))
             return nats >= least and HOPE * more * nats >= cost
 
         kept = [entry for entry in screened if pays(*entry)][:count]
-        contenders = on_every_core(lambda entry: self._contender(base, entry[0], entry[2]), kept)
+        contenders = on_every_core(
+            lambda entry: self._contender(base, entry[0], entry[2]), kept, self.fitter.likelihood.at_a_time
+        )
         return sorted(contenders, key=lambda one: -one.gain)
 
     def _contender(self, base: BlindFit, name: str, start: Setting) -> Contender:
         hypothesis = base.hypothesis.with_effect(name, start)
         fit = self.fitter.fit(hypothesis, self.fitted_blocks)
         comparison = compare(fit.log_likelihood, base.log_likelihood, self.columns)
-        penalty = price(hypothesis, fit) - price(base.hypothesis, base)
+        return self._support(fit, base, name, comparison)
+
+    def _support(self, fit: BlindFit, without: BlindFit, name: str, comparison: Comparison) -> Contender:
+        """Return an effect of a fit with what speaks for it against the same model without it."""
         nats = self._nats(fit, name, comparison)
-        gain = nats - penalty - self.settings.min_gain_nats
+        gain = nats - price(fit, without) - self.settings.min_gain_nats
         return Contender(name, fit, comparison, nats, gain, self.is_like_a_scene(name))
 
     def is_like_a_scene(self, name: str) -> bool:
@@ -294,6 +252,7 @@ class BlindSearch:
                 self._fitted_start(base, entry[0], entry[1][:starts]) if entry[0] in promising else entry[1][0]
             ),
             entries,
+            self.fitter.likelihood.at_a_time,
         )
         screened = [(name, *trial) for (name, _), trial in zip(entries, best, strict=True)]
         return sorted(screened, key=lambda entry: -entry[1])
@@ -318,8 +277,9 @@ class BlindSearch:
             return compare(fit.log_likelihood, base.log_likelihood, self.columns).nats
 
         trials = [(name, start) for name, settings in starts.items() for start in settings]
+        gains = on_every_core(nats, trials, self.fitter.likelihood.at_a_time)
         screened: dict[str, list[tuple[float, Setting]]] = {name: [] for name in starts}
-        for (name, start), gained in zip(trials, on_every_core(nats, trials), strict=True):
+        for (name, start), gained in zip(trials, gains, strict=True):
             screened[name].append((gained, start))
         return {name: sorted(entries, key=lambda entry: -entry[0]) for name, entries in screened.items()}
 
@@ -337,8 +297,7 @@ class BlindSearch:
         for other in clear[1:]:
             direct = compare(other.fit.log_likelihood, best.fit.log_likelihood, self.columns)
             plainer = self.fitter.model.effects[best.name].plainer == other.name
-            dearer = price(other.fit.hypothesis, other.fit) - price(best.fit.hypothesis, best.fit)
-            if direct.nats > dearer or (plainer and direct.z > -SURE_Z):
+            if direct.nats > price(other.fit, best.fit) or (plainer and direct.z > -SURE_Z):
                 best = other
         better = [one for one in contenders if one.supported and not one.clear and self._supersedes(one, best)]
         return max(better, key=lambda one: one.comparison.nats, default=best)
@@ -348,7 +307,7 @@ class BlindSearch:
         if compare(other.fit.log_likelihood, one.fit.log_likelihood, self.columns).nats <= 0:
             return False
         both = other.fit.hypothesis.with_effect(one.name, one.fit.hypothesis.effects[one.name])
-        fit = self.fitter.fit(both, other.fit.blocks, FINAL_ITERATIONS)
+        fit = self.fitter.fit(both, other.fit.blocks, FINAL_ITERATIONS, errors=False)
         return compare(fit.log_likelihood, other.fit.log_likelihood, self.columns).z < MIN_Z
 
     def _nats(self, fit: BlindFit, name: str, comparison: Comparison) -> float:
@@ -366,14 +325,12 @@ class BlindSearch:
         return sure and comparison.calibrated >= self.settings.indistinct_nats
 
     def prune(self, fit: BlindFit) -> BlindFit:
-        """Drop every effect that the others make superfluous."""
+        """Drop every effect that has no support beside the others."""
         names = [name for name in fit.hypothesis.effects if name not in self.noise.effects]
         for name in names if len(names) > 1 else []:
             without = self.fitter.fit(fit.hypothesis.without(name), fit.blocks, FINAL_ITERATIONS)
             comparison = compare(fit.log_likelihood, without.log_likelihood, self.columns)
-            cost = price(fit.hypothesis, fit) - price(without.hypothesis, without)
-            nats = self._nats(fit, name, comparison)
-            if nats < cost + self.settings.min_gain_nats or comparison.z < KEPT_Z:
+            if not self._support(fit, without, name, comparison).supported:
                 fit = without
         return fit
 
@@ -386,7 +343,7 @@ class BlindSearch:
         for name in sorted(names, key=lambda one: effects[one].rank):
             without = self.fitter.fit(fit.hypothesis.without(name), self.fitted_blocks, FINAL_ITERATIONS, errors=False)
             comparison = compare(fit.log_likelihood, without.log_likelihood, self.columns)
-            cost = price(fit.hypothesis, fit) - price(without.hypothesis, without)
+            cost = price(fit, without)
             on_screened = (fit.log_likelihood - without.log_likelihood)[self.screened_blocks].nan_to_num(0.0)
             rivals = []
             for rival in self.rivals(without, RIVAL_SHARE * float(on_screened.sum())):

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from sci_lightning.captures import Captures
-from sci_lightning.diagnosis.blind.prediction import textured_window
+from sci_lightning.diagnosis.blind.held_out.prediction import textured_window
 from sci_lightning.diagnosis.model.observation import Observation, grid_of
 from sci_lightning.errors import BadInput
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from matplotlib.figure import Figure
 
 from sci_lightning import __version__
-from sci_lightning.diagnosis.blind.paired_comparison import PairedComparison
+from sci_lightning.diagnosis.blind.held_out.paired_comparison import PairedComparison
 from sci_lightning.diagnosis.report.report_page import Provenance, environment
 
 COLUMNS = ("effect", "stage", "parameter", "value", "error (1 σ)", "unit", "snapshots that ask for it", "alternatives")

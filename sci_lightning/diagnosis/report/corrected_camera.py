@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from scipy.io import savemat
 
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.diagnosis.blind.paired_comparison import PairedComparison
-from sci_lightning.diagnosis.blind.prediction import default_decoder, effective_mask, textured_window
+from sci_lightning.diagnosis.blind.held_out.paired_comparison import PairedComparison
+from sci_lightning.diagnosis.blind.held_out.prediction import default_decoder, effective_mask, textured_window
 from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, style
 from sci_lightning.encoder import Encoder
 from sci_lightning.files.atomic_file import atomic_write
@@ -71,7 +71,7 @@ def reconstruction_figure(
     Args:
         measurement: ``(H, W)``, normalised by full scale.
         before, after: the camera as it was given, and the corrected one.
-        decoder: None for :func:`~sci_lightning.diagnosis.blind.prediction.default_decoder`.
+        decoder: None for :func:`~sci_lightning.diagnosis.blind.held_out.prediction.default_decoder`.
     """
     decoder = default_decoder() if decoder is None else decoder
     rows, columns = textured_window(measurement[None], SIDE)

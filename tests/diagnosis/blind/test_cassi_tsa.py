@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from sci_lightning.diagnosis.blind.blind_diagnosis import diagnose_blind
-from sci_lightning.diagnosis.blind.paired_comparison import compare
-from sci_lightning.diagnosis.blind.prediction import Predictor
+from sci_lightning.diagnosis.blind.held_out.paired_comparison import compare
+from sci_lightning.diagnosis.blind.held_out.prediction import Predictor
 from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera, snapshots_of
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from tests.diagnosis.cassi_tsa import read_cassi

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from threading import get_ident
 
@@ -48,3 +49,29 @@ def test_the_likelihood_does_not_depend_on_threads() -> None:
         nats.append(likelihood.evaluate(ideal).log_likelihood.nan_to_num())
     torch.set_num_threads(before)
     assert torch.allclose(*nats, atol=1e-8)
+
+
+def test_as_many_parts_at_a_time_as_are_allowed(threads: int) -> None:
+    """One part at a time has all threads to itself; an inference stays one."""
+    with torch.inference_mode():
+        results = on_every_core(lambda _: (torch.get_num_threads(), torch.is_inference_mode_enabled()), range(3), 1)
+        assert results == [(threads, True)] * 3
+        assert on_every_core(lambda _: torch.is_inference_mode_enabled(), range(3)) == [True] * 3
+
+
+def test_parts_that_have_not_begun_are_left_out(threads: int) -> None:
+    """An error while the parts are handed out ends the work; those that run are waited for."""
+    begun = []
+
+    def parts() -> Iterator[int]:
+        yield from range(50)
+        raise ValueError("no more parts")
+
+    def part(number: int) -> None:
+        begun.append(number)
+        time.sleep(0.01)
+
+    with pytest.raises(ValueError, match="no more parts"):
+        on_every_core(part, parts())
+    assert len(begun) < 50 or threads == 1
+    assert torch.get_num_threads() == threads

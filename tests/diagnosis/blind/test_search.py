@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
 import torch
 
-from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter
+from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price
+from sci_lightning.diagnosis.blind.contender import MUCH, Contender
 from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
-from sci_lightning.diagnosis.blind.search import MUCH, BlindSearch, Contender
+from sci_lightning.diagnosis.blind.search import BlindSearch
+from sci_lightning.diagnosis.model.camera_model import Hypothesis
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from tests.diagnosis.blind.test_likelihood import likelihood_of, snapshots
 
@@ -43,6 +46,8 @@ def test_snapshots_must_agree_about_what_looks_like_another_scene(search: BlindS
         assert not contender(search, name, halves).clear
         assert contender(search, name, Comparison(220, 4.3, 3, 3, 0.125)).clear  # few have to be unanimous
         assert not contender(search, name, Comparison(220, 4.3, 3, 4, 0.125)).clear
+        for number in (1, 2):  # one or two scenes do not tell the camera from themselves
+            assert not contender(search, name, Comparison(220, 4.3, number, number, 0.5**number)).clear
 
 
 def test_snapshots_are_compared_by_their_signed_ranks() -> None:
@@ -124,3 +129,26 @@ def test_when_two_effects_are_distinguished(search: BlindSearch) -> None:
     assert search._is_ahead(Comparison(40, 3.5, 8, 8)) and search._is_ahead(Comparison(774, 2.9, 8, 8))
     for alike in (Comparison(40, 2.9, 8, 8), Comparison(774, 1.9, 8, 8), Comparison(1, 3.5, 8, 8)):
         assert not search._is_ahead(alike)
+
+
+def test_an_effect_that_lost_its_support_is_dropped(search: BlindSearch, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A black level that stood in for a displacement goes if only half of the snapshots ask for it beside that."""
+    whole = fit_of(search, "black_level", 0.3, spread=1e-4)
+    whole = replace(whole, hypothesis=whole.hypothesis.with_effect("mask_shift", {"dx": 1.0, "dy": 0.0}))
+    nats = torch.full((16, 4), 50.0, dtype=torch.float64)
+    for asked, kept in (([1.0, 1.0, 1.0, 1.0], True), ([1.0, 1.0, -0.2, -0.2], False)):
+        gained = nats * torch.tensor(asked)
+
+        def fit(hypothesis: Hypothesis, *_: object, gained: torch.Tensor = gained, **__: object) -> BlindFit:
+            of_black = torch.zeros_like(nats) if "black_level" in hypothesis.effects else -gained
+            return replace(whole, hypothesis=hypothesis, log_likelihood=of_black)
+
+        monkeypatch.setattr(search.fitter, "fit", fit)
+        assert ("black_level" in search.prune(replace(whole, log_likelihood=0 * nats)).hypothesis.effects) == kept
+
+
+def test_blocks_that_are_lost_make_no_parameter_cheaper(search: BlindSearch) -> None:
+    few = fit_of(search, "mask_shift", 0.3)
+    few = replace(few, log_likelihood=torch.where(torch.arange(16)[:, None] < 8, 0.0, torch.nan).expand(16, 4))
+    base = search.fitter.evaluate(search.noise, search.all_blocks)
+    assert price(few, base) == pytest.approx(0.5 * 2 * math.log(8 * 4 * 64)) == pytest.approx(-price(base, few))

@@ -8,8 +8,13 @@ import pytest
 import torch
 
 from sci_lightning.decoder import Linear
-from sci_lightning.diagnosis.blind.paired_comparison import compare
-from sci_lightning.diagnosis.blind.prediction import Predictor, default_decoder, effective_mask, textured_window
+from sci_lightning.diagnosis.blind.held_out.paired_comparison import compare
+from sci_lightning.diagnosis.blind.held_out.prediction import (
+    Predictor,
+    default_decoder,
+    effective_mask,
+    textured_window,
+)
 from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera
 from sci_lightning.errors import BadInput
 

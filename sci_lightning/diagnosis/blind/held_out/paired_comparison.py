@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from scipy.stats import norm, wilcoxon
 
-from sci_lightning.diagnosis.blind.prediction import HeldOutErrors
+from sci_lightning.diagnosis.blind.held_out.prediction import HeldOutErrors
 
 BLOCK = 16
 """Side in pixels of the blocks that count as independent: several times the reach of a reconstruction's errors."""

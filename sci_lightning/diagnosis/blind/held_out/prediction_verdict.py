@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.diagnosis.blind.paired_comparison import PairedComparison
-from sci_lightning.diagnosis.blind.prediction import Predictor, textured_window
+from sci_lightning.diagnosis.blind.held_out.paired_comparison import PairedComparison
+from sci_lightning.diagnosis.blind.held_out.prediction import Predictor, textured_window
 from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import MaskContrast

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from sci_lightning.diagnosis.blind.block_prediction import BlockPredictor, judge_by_blocks
+from sci_lightning.diagnosis.blind.held_out.block_prediction import BlockPredictor, judge_by_blocks
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prior import ScenePrior, statistics_for
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots

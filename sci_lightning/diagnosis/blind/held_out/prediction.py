@@ -18,7 +18,7 @@ from sci_lightning.decoder import GAP
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import TotalVariation
 from sci_lightning.decoder.iterative import Iterative
-from sci_lightning.diagnosis.blind.held_out_pixels import blue_noise_folds, fill_in
+from sci_lightning.diagnosis.blind.held_out.held_out_pixels import blue_noise_folds, fill_in
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import OpticsEffect, SensorEffect
