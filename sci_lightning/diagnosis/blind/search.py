@@ -144,7 +144,7 @@ class BlindSearch:
             best = self.fitter.fit(best.hypothesis, self.all_blocks, iterations=FINAL_ITERATIONS)
         if mask.nats <= 0:
             return BlindExplanation(ideal, ideal, (), tuple(rounds), mask_is_visible=False, mask_is_clear=False)
-        return BlindExplanation(ideal, best, self.evidence(best), tuple(rounds), mask_is_clear=mask.z > SURE_Z)
+        return BlindExplanation(ideal, best, self.evidence(best), tuple(rounds), mask_is_clear=self._is_ahead(mask))
 
     def contenders(self, base: BlindFit) -> list[Contender]:
         """Screen every candidate beside a model and fit the most promising; the best comes first.
