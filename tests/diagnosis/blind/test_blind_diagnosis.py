@@ -165,6 +165,7 @@ def test_a_camera_that_is_no_better_than_none_is_withdrawn(monkeypatch: pytest.M
     assert kept.names == ("mask_contrast",) and kept.verdict == "partly_explained"
     assert any("only the likelihood" in note for note in kept.notes)
     monkeypatch.setattr(search, "SURE_Z", 1e9)
+    monkeypatch.setattr(search, "MUCH", 1e9)
     diagnosis = diagnosed(snapshots({"mask_contrast": {"leak": 0.2}}, 3, size=(24, 24)), ("mask_contrast",))
     assert diagnosis.verdict == "unexplained" and not diagnosis.names
     assert diagnosis.corrected.hypothesis == diagnosis.ideal.hypothesis
