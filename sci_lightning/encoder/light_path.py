@@ -112,11 +112,15 @@ class LightPath(nn.Module):
         mixtures = (effect.schedule(slots) for effect in self.of(ModulatorEffect))
         return bool(self.of(ExposureEffect)) or any(mixture is not None for mixture in mixtures)
 
-    def images(self, patterns: torch.Tensor) -> torch.Tensor:
+    def images(self, patterns: torch.Tensor, wanted: torch.Tensor | None = None) -> torch.Tensor:
         """Modulator and relay: return the images ``(P, qH, qW)`` on the sensor of commanded patterns ``(P, H, W)``.
 
         Patterns on a grid of their own are ``(P, Hm, Wm)``. Free-form deviations of the relay are then applied to their
         nominal image, because they are in pixels.
+
+        Args:
+            patterns: as commanded.
+            wanted: ``(qH, qW)`` bool, the cells that are asked for, see :meth:`.Pose.image`; None for all.
         """
         for effect in self.of(ModulatorEffect):
             patterns = effect.show(patterns)
@@ -124,7 +128,7 @@ class LightPath(nn.Module):
             patterns = self.pose.image(patterns, self.cells, self.grid)
         for relay in self.of(RelayEffect):
             patterns = relay.show(patterns) if self.grid is None else relay.show(patterns, self.cells)
-        return self.pose.image(patterns, self.cells) if self.grid is None else patterns
+        return self.pose.image(patterns, self.cells, wanted=wanted) if self.grid is None else patterns
 
     def transmittance(self, patterns: torch.Tensor, sequence: torch.Tensor | None = None) -> torch.Tensor:
         """Modulator, relay and exposure: return what multiplies each frame of the scene.

@@ -34,6 +34,9 @@ DIAGONAL = 0.7
 TURNED_PARTS = 2
 """Least parts along either axis of a pixel that sees the mirrors turned or distorted: at 1.7 degrees the image of a
 binary pattern is right to 0.0004 of its contrast as a root mean square, undivided to 0.0014."""
+SMOOTH_BLUR = 1.0
+"""Standard deviation in pixels from which a blur makes the image of undivided pixels as right: to 0.0004 where the
+magnification changes by 2 % towards an edge (0.0005 divided and without a blur), to 0.00004 turned by two degrees."""
 
 
 @dataclass(frozen=True)
@@ -65,18 +68,31 @@ class Pose:
         """Whether a pixel's footprint on the mirrors is no upright rectangle."""
         return any(value is not None for value in (self.angle, self.tilt_x, self.k))
 
-    def image(self, patterns: torch.Tensor, cells: int = 1, grid: ModulatorGrid | None = None) -> torch.Tensor:
+    @property
+    def smooth(self) -> bool:
+        """Whether the blur is so wide that the shape of a pixel's footprint does not matter."""
+        return self.sigma is not None and float(self.sigma.detach()) >= SMOOTH_BLUR
+
+    def image(
+        self,
+        patterns: torch.Tensor,
+        cells: int = 1,
+        grid: ModulatorGrid | None = None,
+        wanted: torch.Tensor | None = None,
+    ) -> torch.Tensor:
         """Return the image of touching square mirrors, integrated over the pixels; it is dark beyond the mirrors.
 
         The integral is exact without rotation, perspective and distortion. With them, a pixel is divided into at least
-        ``TURNED_PARTS`` x ``TURNED_PARTS`` parts, and the footprint of each on the mirrors is taken as an upright
-        rectangle. On a grid of their own, the mirrors are seen where they nominally lie, and the pose is the deviation
-        from there. Turned and distorted images have first derivatives only.
+        ``TURNED_PARTS`` x ``TURNED_PARTS`` parts unless the blur is wide, and the footprint of each on the mirrors is
+        taken as an upright rectangle. On a grid of their own, the mirrors are seen where they nominally lie, and the
+        pose is the deviation from there. Turned and distorted images have first derivatives only.
 
         Args:
             patterns: ``(P, H, W)`` transmittance of the mirrors, ``(P, Hm, Wm)`` on a grid of their own.
             cells: q, the number of cells along either axis of a pixel.
             grid: where the mirrors nominally lie; None where every mirror is a pixel.
+            wanted: ``(q H, q W)`` bool, the cells that are asked for; None for all. A turned or distorted image of
+                mirrors without a grid of their own is computed there only, and 0 elsewhere; any other one is whole.
 
         Returns:
             ``(P, q H, q W)`` transmittance that each cell sees.
@@ -85,16 +101,19 @@ class Pose:
             return self._on_own_grid(patterns, cells, grid)
         if all(value is None for value in vars(self).values()):
             return patterns.repeat_interleave(cells, -1).repeat_interleave(cells, -2) if cells > 1 else patterns
-        if cells < TURNED_PARTS and self.turned:
+        if self.turned and wanted is not None and not bool(wanted.any()):
+            return patterns.new_zeros(len(patterns), *wanted.shape)
+        if cells < TURNED_PARTS and self.turned and not self.smooth:
             parts = -(-TURNED_PARTS // cells)
-            return torch.nn.functional.avg_pool2d(self.image(patterns, parts * cells), parts)
+            divided = wanted if wanted is None else wanted.repeat_interleave(parts, 0).repeat_interleave(parts, 1)
+            return torch.nn.functional.avg_pool2d(self.image(patterns, parts * cells, wanted=divided), parts)
         height, width = patterns.shape[-2:]
         options: Any = {"device": patterns.device, "dtype": patterns.dtype}
         zero = torch.zeros((), **options)
         scale = torch.ones((), **options) if self.scale is None else self.scale
         sigma = None if self.sigma is None or float(self.sigma.detach()) < 1e-6 else self.sigma / scale
         if self.k is not None or self.tilt_x is not None:
-            return self._distorted(patterns, cells, sigma)
+            return self._distorted(patterns, cells, sigma, wanted)
         y = (_centres(height, cells, options) - (zero if self.dy is None else self.dy)) / scale
         x = (_centres(width, cells, options) - (zero if self.dx is None else self.dx)) / scale
         pixel = 1 / (cells * scale)
@@ -102,22 +121,26 @@ class Pose:
             down = _shares(y + (height - 1) / 2, sigma, pixel, height)
             return down @ patterns @ _shares(x + (width - 1) / 2, sigma, pixel, width).T
         cos, sin = torch.cos(self.angle), torch.sin(self.angle)
-        row = cos * y[:, None] - sin * x + (height - 1) / 2
-        column = cos * x + sin * y[:, None] + (width - 1) / 2
+        y, x = _chosen(y[:, None], x[None], wanted)
+        row = cos * y - sin * x + (height - 1) / 2
+        column = cos * x + sin * y + (width - 1) / 2
         side = pixel * torch.ones((), **options)
-        return _turned(patterns, row, column, (sigma, sigma), (side, side))
+        return _placed(_turned(patterns, row, column, (sigma, sigma), (side, side)), wanted)
 
-    def _distorted(self, patterns: torch.Tensor, cells: int, sigma: torch.Tensor | None) -> torch.Tensor:
+    def _distorted(
+        self, patterns: torch.Tensor, cells: int, sigma: torch.Tensor | None, wanted: torch.Tensor | None
+    ) -> torch.Tensor:
         """Return the image if its magnification differs from place to place."""
         height, width = patterns.shape[-2:]
         options: Any = {"device": patterns.device, "dtype": patterns.dtype}
-        y, x = _centres(height, cells, options)[:, None], _centres(width, cells, options)[None]
+        y, x = _chosen(_centres(height, cells, options)[:, None], _centres(width, cells, options)[None], wanted)
         row, column = self.nominal_at(y, x, (height, width))
         half = 0.5 / cells
         above, below = (self.nominal_at(y + side, x, (height, width))[0] for side in (-half, half))
         left, right = (self.nominal_at(y, x + side, (height, width))[1] for side in (-half, half))
         row, column = row + (height - 1) / 2, column + (width - 1) / 2
-        return _turned(patterns, row, column, (sigma, sigma), ((below - above).abs(), (right - left).abs()))
+        sides = ((below - above).abs(), (right - left).abs())
+        return _placed(_turned(patterns, row, column, (sigma, sigma), sides), wanted)
 
     def _on_own_grid(self, patterns: torch.Tensor, cells: int, grid: ModulatorGrid) -> torch.Tensor:
         """Return the image of mirrors on a grid of their own."""
@@ -297,21 +320,35 @@ def _turned(
     values = patterns.flatten(-2).mT.contiguous()  # of a mirror side by side, so that it is read at once
     field = torch.broadcast_shapes(row.shape, column.shape)
     across = 2 * max(_radius(blur, side) for blur, side in zip(sigma, pixel, strict=True))
-    lines = max(1, TAPS_AT_A_TIME // (across**2 * field[-1]))
-    sides = [side.expand(field).split(lines) if side.ndim else repeat(side) for side in pixel]
+    at_a_time = max(1, TAPS_AT_A_TIME // across**2)
+    places = [one.expand(field).flatten().split(at_a_time) for one in (row, column)]
+    sides = [side.expand(field).flatten().split(at_a_time) if side.ndim else repeat(side) for side in pixel]
     parts = []
-    for y, x, *side in zip(row.expand(field).split(lines), column.expand(field).split(lines), *sides, strict=False):
+    for y, x, *side in zip(*places, *sides, strict=False):
         index_down, down = _taps(y, sigma[0], side[0], height)
         index_over, over = _taps(x, sigma[1], side[1], width)
-        index = index_down[..., :, None] * width + index_over[..., None, :]
-        weight = (down[..., :, None] * over[..., None, :]).to(patterns.dtype)
-        taps = index.shape[-2] * index.shape[-1]
+        index = index_down[:, :, None] * width + index_over[:, None, :]
+        weight = (down[:, :, None] * over[:, None, :]).to(patterns.dtype)
         parts.append(
             torch.nn.functional.embedding_bag(
-                index.reshape(-1, taps), values, per_sample_weights=weight.reshape(-1, taps), mode="sum"
+                index.flatten(1), values, per_sample_weights=weight.flatten(1), mode="sum"
             )
         )
     return torch.cat(parts).mT.reshape(-1, *field)
+
+
+def _chosen(y: torch.Tensor, x: torch.Tensor, wanted: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return places ``(h, 1)`` and ``(1, w)``; those that are ``wanted``, a field of bool, one after another."""
+    return (y, x) if wanted is None else (y.expand(wanted.shape)[wanted], x.expand(wanted.shape)[wanted])
+
+
+def _placed(image: torch.Tensor, wanted: torch.Tensor | None) -> torch.Tensor:
+    """Return an image ``(P, n)`` of chosen places as a field, 0 elsewhere; any other one as it is."""
+    if wanted is None:
+        return image
+    field = image.new_zeros(len(image), *wanted.shape)
+    field[:, wanted] = image
+    return field
 
 
 def _blurred(patterns: torch.Tensor, sigma: torch.Tensor, axis: int) -> torch.Tensor:

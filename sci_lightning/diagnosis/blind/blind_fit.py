@@ -85,6 +85,8 @@ class BlindFitter:
         iterations: int = 10,
         alone: str | None = None,
         errors: bool = True,
+        rough: bool = True,
+        enough: float = PROGRESS,
     ) -> BlindFit:
         """Maximise the likelihood of some blocks over all parameters but choices and the noise.
 
@@ -97,6 +99,8 @@ class BlindFitter:
             iterations: at most.
             alone: the effect whose parameters alone are fitted; None: those of all effects.
             errors: whether the covariance of the parameters' errors is asked for, which takes as long as an iteration.
+            rough: whether a part of the blocks is enough for how the errors depend on each other.
+            enough: nats below which an iteration that gains no more is the last one.
         """
         others = () if alone is None else [name for name in hypothesis.effects if name != alone]
         constant = tuple((name, parameter) for name in others for parameter in hypothesis.effects[name])
@@ -122,11 +126,11 @@ class BlindFitter:
                     best = trial
                     break
                 damping = max(damping * 20, 1e-2)
-            if gained < PROGRESS:
+            if gained < enough:
                 break
         covariance = torch.zeros(len(free), len(free), dtype=torch.float64)
         if scores is not None and errors:
-            scores, information, _ = self._differentiate(free, best)
+            scores, information, _ = self._differentiate(free, best, rough=rough)
             inverse = torch.linalg.pinv(information, hermitian=True)
             covariance = inverse @ clustered(scores, self.likelihood.columns) @ inverse
         return replace(best, blocks=blocks, free=free.names, covariance=covariance)

@@ -17,6 +17,7 @@ from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import OpticsEffect
 from sci_lightning.encoder.effects.stage import ExposureEffect, ModulatorEffect, RelayEffect
 from sci_lightning.encoder.light_path import LightPath
+from sci_lightning.encoder.relay import Pose
 from sci_lightning.encoder.signal import Signal
 
 REACH = 2
@@ -228,8 +229,9 @@ class BlindLikelihood:
         operator = self._optics(path)
         for which, sequence in enumerate(observation.sequences):
             members = (observation.sequence == which).nonzero()[:, 0]
-            relative = self._relative_mask(path, sequence)
-            masks = self.cut(relative, 0 if operator is None else REACH, numbers).transpose(0, 1)
+            reach = 0 if operator is None else REACH
+            relative = self._relative_mask(path, sequence, self._pixels_of(numbers, reach))
+            masks = self.cut(relative, reach, numbers).transpose(0, 1)
             total = masks.sum(1)
             mean = total if operator is None else total @ operator.mT + (1 - operator.sum(1)).clamp(min=0)
             noise = response.noise(mean * typical) / typical.square()
@@ -257,13 +259,38 @@ class BlindLikelihood:
         """
         return self._relative_mask(self.model.path(hypothesis), sequence)
 
-    def _relative_mask(self, path: LightPath, sequence: torch.Tensor) -> torch.Tensor:
+    def _relative_mask(
+        self, path: LightPath, sequence: torch.Tensor, wanted: torch.Tensor | None = None
+    ) -> torch.Tensor:
+        """Return the relative mask ``(T, H, W)``, which is right where it is ``wanted``; None: everywhere.
+
+        The image of a turned or distorted mask takes long, and is computed there only. What it is divided by is the
+        mean of the mask that is neither turned nor distorted, so that it does not depend on what is wanted: the mean
+        over so many mirrors is the same.
+        """
+        upright = [effect for effect in path.effects.values() if path.grid is not None or not _turns(effect)]
+        even = self._shown(LightPath(upright, path.grid), sequence)
+        seen = even if len(upright) == len(path.effects) else self._shown(path, sequence, wanted)
+        return seen / even.sum(0)[self._centre].mean().clamp(min=1e-6)
+
+    def _shown(self, path: LightPath, sequence: torch.Tensor, wanted: torch.Tensor | None = None) -> torch.Tensor:
+        """Return what multiplies each frame of the scene where it is ``wanted``, ``(T, H, W)`` float64."""
         displayed = (*path.of(ModulatorEffect), *path.of(RelayEffect))
         seen = LightPath([*displayed, *path.of(ExposureEffect)], path.grid)
-        key = tuple(effect_key(effect) for effect in displayed)
-        images = self._images.get(key, lambda: seen.images(self.model.observation.patterns))
-        shown = seen.during(images, sequence[None])[0].double()
-        return shown / shown.sum(0)[self._centre].mean().clamp(min=1e-6)
+        where = None if wanted is None else wanted.numpy().tobytes()
+        key = (where, *(effect_key(effect) for effect in displayed))
+        images = self._images.get(key, lambda: seen.images(self.model.observation.patterns, wanted))
+        return seen.during(images, sequence[None])[0].double()
+
+    def _pixels_of(self, numbers: torch.Tensor, reach: int) -> torch.Tensor:
+        """Return the pixels of blocks and as many around them as ``reach`` says, ``(H, W)`` bool."""
+        chosen = torch.zeros(1, 1, self.rows, self.columns)
+        chosen.view(-1)[numbers] = 1
+        (height, width), (top, left) = self.model.observation.size, self.origin
+        below, right = height - top - self.rows * BLOCK, width - left - self.columns * BLOCK
+        field = chosen.repeat_interleave(BLOCK, -2).repeat_interleave(BLOCK, -1)
+        field = torch.nn.functional.pad(field, (left, right, top, below))
+        return torch.nn.functional.max_pool2d(field, 2 * reach + 1, stride=1, padding=reach)[0, 0].bool()
 
     def _optics(self, path: LightPath) -> torch.Tensor | None:
         """Return how much of the light of every pixel around a block falls on every pixel of it, ``(n, m)``."""
@@ -283,6 +310,11 @@ class BlindLikelihood:
         first = inner + REACH
         formed = signal.mean[:, first : first + BLOCK, first : first + BLOCK]
         return formed.flatten(1).mT.double()
+
+
+def _turns(effect: torch.nn.Module) -> bool:
+    """Return whether an effect turns or distorts the image of the mask."""
+    return isinstance(effect, RelayEffect) and effect.aim(Pose()).turned
 
 
 def spread(blocks: torch.Tensor, count: int) -> torch.Tensor:

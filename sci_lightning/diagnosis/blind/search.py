@@ -30,6 +30,8 @@ FITTED_BLOCKS = 256
 """Blocks to which candidates are fitted."""
 FINAL_ITERATIONS = 4
 """Iterations of fits that start from a model that was fitted already."""
+ENOUGH = 0.5
+"""Nats below which the fit of a contender has converged: what decides about it are tens."""
 STARTS_FITTED = 3
 """Starts of a promising candidate that are fitted to the screened blocks."""
 PROMISING = 0.1
@@ -141,7 +143,7 @@ class BlindSearch:
         mask = compare(best.log_likelihood, without_mask.log_likelihood, self.columns)
         if bool((self.all_blocks & ~self.fitted_blocks).any()):
             ideal = self.fitter.evaluate(self.noise, self.all_blocks)
-            best = self.fitter.fit(best.hypothesis, self.all_blocks, iterations=FINAL_ITERATIONS)
+        best = self.fitter.fit(best.hypothesis, self.all_blocks, iterations=FINAL_ITERATIONS, rough=False)
         if mask.nats <= 0:
             return BlindExplanation(ideal, ideal, (), tuple(rounds), mask_is_visible=False, mask_is_clear=False)
         return BlindExplanation(ideal, best, self.evidence(best), tuple(rounds), mask_is_clear=self._is_ahead(mask))
@@ -199,7 +201,7 @@ class BlindSearch:
 
     def _contender(self, base: BlindFit, name: str, start: Setting) -> Contender:
         hypothesis = base.hypothesis.with_effect(name, start)
-        fit = self.fitter.fit(hypothesis, self.fitted_blocks)
+        fit = self.fitter.fit(hypothesis, self.fitted_blocks, enough=ENOUGH)
         comparison = compare(fit.log_likelihood, base.log_likelihood, self.columns)
         return self._support(fit, base, name, comparison)
 

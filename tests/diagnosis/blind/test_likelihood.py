@@ -15,7 +15,7 @@ from sci_lightning.diagnosis.blind.likelihood_comparison import clustered, compa
 from sci_lightning.diagnosis.blind.prior import CONTRASTS, ScenePrior
 from sci_lightning.diagnosis.blind.sensor_response import SensorResponse
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, datasheet_noise
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting, datasheet_noise
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder.effects import BlackLevel, ReadNoise, ResponseGamma
 from sci_lightning.encoder.light_path import LightPath
@@ -102,6 +102,24 @@ def test_blocks_at_the_edge_do_not_count() -> None:
     likelihood, ideal = likelihood_of(snapshots())
     counted = likelihood.evaluate(ideal.with_effect("mask_shift", {"dx": 1.2, "dy": 0.0})).log_likelihood.isfinite()
     assert not counted[::4].any() and counted[1::4].all()
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.4, 1.4])
+@pytest.mark.parametrize("optics", [{}, {"optical_blur": {"sigma": 0.5}}])
+def test_a_block_does_not_depend_on_which_others_are_asked_for(optics: dict[str, Setting], sigma: float) -> None:
+    """The image of a turned mask is computed where it is asked for; what a block is worth is the same everywhere."""
+    likelihood, ideal = likelihood_of(snapshots())
+    turned = {"mask_rotation": {"angle": 0.5}, "mask_blur": {"sigma": sigma}, "mask_shift": {"dx": 0.3, "dy": 0.1}}
+    for name, setting in {**turned, **optics}.items():
+        ideal = ideal.with_effect(name, setting)
+    blocks = torch.zeros(16, dtype=torch.bool)
+    blocks[[5, 10]] = True
+    shares = likelihood.evaluate(ideal).weights
+    whole = likelihood.evaluate(ideal, weights=shares).log_likelihood
+    some = likelihood.evaluate(ideal, blocks, shares).log_likelihood
+    assert whole[blocks].isfinite().any()
+    assert torch.equal(whole[blocks].isfinite(), some[blocks].isfinite())
+    assert torch.allclose(whole[blocks].nan_to_num(0.0), some[blocks].nan_to_num(0.0), rtol=1e-4)  # single precision
 
 
 def test_the_response_is_inverted() -> None:

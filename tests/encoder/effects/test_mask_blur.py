@@ -7,6 +7,7 @@ import math
 import pytest
 import torch
 
+from sci_lightning.encoder import relay
 from sci_lightning.encoder.effects import MaskBlur
 from sci_lightning.encoder.relay import Pose
 from sci_lightning.encoder.square_kernel import square_kernel
@@ -46,3 +47,31 @@ def test_a_blurred_image_that_is_turned(sigma: float) -> None:
     whole = torch.nn.functional.avg_pool2d(exact[None], 2)[0]
     assert torch.allclose(image, whole, atol=3e-5)  # what lies beyond four standard deviations is cut off
     assert float((image - whole).abs()[whole > 1e-2].max()) < 3e-6
+
+
+def test_a_wide_blur_makes_the_footprint_of_a_pixel_irrelevant(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From :data:`SMOOTH_BLUR` on, a pixel that sees the mirrors turned is not divided, and hardly differs."""
+    pattern = (torch.rand(1, 48, 48, dtype=torch.float64, generator=torch.Generator().manual_seed(0)) > 0.5).double()
+    poses = ({"angle": 0.035}, {"tilt_x": 0.02, "tilt_y": 0.01}, {"k": 0.02})
+    for values, limit in zip(poses, (1e-4, 5e-4, 5e-4), strict=True):
+        pose = Pose(**{key: torch.tensor(one, dtype=torch.float64) for key, one in (*values.items(), ("sigma", 1.0))})
+        undivided = pose.image(pattern)[0, 8:-8, 8:-8]
+        monkeypatch.setattr(relay, "SMOOTH_BLUR", 9.0)
+        monkeypatch.setattr(relay, "TURNED_PARTS", 8)
+        divided = pose.image(pattern)[0, 8:-8, 8:-8]
+        monkeypatch.undo()
+        difference = float((undivided - divided).square().mean().sqrt() / divided.std())
+        assert 0 < difference < limit
+
+
+@pytest.mark.parametrize("sigma", [0.0, 1.5])
+@pytest.mark.parametrize("values", [{"angle": 0.02}, {"k": 0.02}, {"tilt_x": 0.02, "tilt_y": 0.0}, {"dx": 0.3}])
+def test_a_part_of_an_image_is_that_of_the_whole(values: dict[str, float], sigma: float) -> None:
+    pattern = torch.rand(2, 20, 24)
+    wanted = torch.rand(20, 24) > 0.7
+    pose = Pose(**{key: torch.tensor(one) for key, one in (*values.items(), ("sigma", sigma))})
+    whole, part = pose.image(pattern), pose.image(pattern, wanted=wanted)
+    torch.testing.assert_close(part[:, wanted], whole[:, wanted])
+    if pose.turned:
+        assert not part[:, ~wanted].any()
+        assert not pose.image(pattern, wanted=torch.zeros_like(wanted)).any()
