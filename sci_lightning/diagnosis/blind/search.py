@@ -26,7 +26,7 @@ OnProgress = Callable[[str], None]
 
 SCREENED_BLOCKS = 64
 """Blocks on which candidates are screened, spread evenly over the field."""
-FITTED_BLOCKS = 256
+FITTED_BLOCKS = 128
 """Blocks to which candidates are fitted."""
 FINAL_ITERATIONS = 4
 """Iterations of fits that start from a model that was fitted already."""
