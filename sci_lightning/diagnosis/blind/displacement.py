@@ -50,10 +50,13 @@ def proposed_displacements(
     }
     if not effects:
         return {}
-    displacements = _correlated(likelihood, hypothesis, border_share)
-    if displacements is None:
+    peaks = correlated_displacements(likelihood, hypothesis, border_share)
+    if peaks is None:
         steps = (torch.arange(2 * GRID + 1) - GRID).tolist()
         displacements = [(dx, dy) for dy in steps for dx in steps]
+    else:
+        sides = [(right, below) for right in (-ASIDE, ASIDE) for below in (-ASIDE, ASIDE)]
+        displacements = list(dict.fromkeys((dx + right, dy + below) for dx, dy in peaks for right, below in sides))
     proposed = {}
     for name, (dx, dy) in effects.items():
         there: list[Setting] = [{dx: x, dy: y} for x, y in displacements]
@@ -61,14 +64,22 @@ def proposed_displacements(
     return proposed
 
 
-def _correlated(
+def correlated_displacements(
     likelihood: BlindLikelihood, hypothesis: Hypothesis, border_share: float
 ) -> list[tuple[float, float]] | None:
-    """Return displacements (dx, dy) around the highest correlations; None if the patterns' sum has no detail.
+    """Return displacements (dx, dy) of the highest correlations in whole pixels, the highest one first.
 
     With the detail a of a snapshot and b of the sum of the patterns, the correlation coefficient at a displacement d is
     r(d) = sum a(x) b(x - d) / sqrt(sum a(x)^2 sum b(x - d)^2) over the overlap of n(d) pixels, and r(d)^2 n(d) / 2 nats
     speak for it.
+
+    Args:
+        likelihood: knows the snapshots.
+        hypothesis: whose image of the patterns is displaced.
+        border_share: largest part of the field by which the image may be displaced.
+
+    Returns:
+        None if the patterns' sum has no detail.
     """
     observation = likelihood.model.observation
     height, width = observation.size
@@ -83,10 +94,10 @@ def _correlated(
     ones = torch.ones(1, height, width, dtype=torch.float64)
     product, power = torch.zeros(2, *size, dtype=torch.float64)
     for which, sequence in enumerate(observation.sequences):
-        pattern = _detail(likelihood.relative_mask(hypothesis, sequence).sum(0)[None])
+        pattern = fine_detail(likelihood.relative_mask(hypothesis, sequence).sum(0)[None])
         if float(pattern.square().mean().sqrt()) < LEAST_CONTRAST:
             return None
-        seen = _detail(observation.dn[observation.sequence == which].double())
+        seen = fine_detail(observation.dn[observation.sequence == which].double())
         product += correlate(seen, pattern).sum(0)
         power += (correlate(seen.square(), ones) * correlate(ones, pattern.square())).clamp(min=1e-12).sqrt().sum(0)
     overlap = correlate(ones, ones)[0].clamp(min=1.0)
@@ -95,12 +106,10 @@ def _correlated(
     across = torch.fft.fftfreq(size[1], 1 / size[1])[None]
     possible = (down.abs() <= math.floor(border_share * height)) & (across.abs() <= math.floor(border_share * width))
     places = torch.where(possible, evidence, -torch.inf).flatten().topk(PEAKS).indices.tolist()
-    peaks = [(float(across[0, place % size[1]]), float(down[place // size[1], 0])) for place in places]
-    sides = [(right, below) for right in (-ASIDE, ASIDE) for below in (-ASIDE, ASIDE)]
-    return list(dict.fromkeys((dx + right, dy + below) for dx, dy in peaks for right, below in sides))
+    return [(float(across[0, place % size[1]]), float(down[place // size[1], 0])) for place in places]
 
 
-def _detail(images: torch.Tensor) -> torch.Tensor:
+def fine_detail(images: torch.Tensor) -> torch.Tensor:
     """Return by how much images ``(N, H, W)`` differ from their local mean, relative to it, and at most by it."""
     half = NEIGHBOURHOOD // 2
     padded = F.pad(images[:, None], (half,) * 4, mode="reflect")

@@ -11,6 +11,7 @@ from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price
 from sci_lightning.diagnosis.blind.contender import KEPT_Z, MIN_Z, MUCH, Contender
 from sci_lightning.diagnosis.blind.cores import on_every_core
 from sci_lightning.diagnosis.blind.displacement import proposed_displacements
+from sci_lightning.diagnosis.blind.first_pose import first_pose
 from sci_lightning.diagnosis.blind.likelihood import spread
 from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
 from sci_lightning.diagnosis.blind.undetermined import undetermined_effects
@@ -43,6 +44,9 @@ RIVAL_SHARE = 0.3
 """Part of an effect's nats that another one must gain in its place, fitted by itself, to be a rival."""
 WEAK_PART = 0.25
 """Part of a start's distance from the neutral setting at which it is tried as well."""
+BESIDE: dict[str, Setting] = {"mask_blur": {"sigma": 0.7}, "black_level": {"offset": 0.02}}
+"""What is fitted beside the first pose of the mask's image, and from where: either lowers the contrast with which the
+mask is seen, and a search for one effect at a time takes wrong ones for what it has not found yet."""
 SURE_Z = 3.0
 """Standard deviations below which two hypotheses are not distinguished."""
 
@@ -126,7 +130,8 @@ class BlindSearch:
 
     def run(self) -> BlindExplanation:
         """Find the most likely model: forward selection, pruning, and what else would explain the snapshots."""
-        ideal = best = self.fitter.evaluate(self.noise, self.fitted_blocks)
+        ideal = self.fitter.evaluate(self.noise, self.fitted_blocks)
+        best = self._posed(ideal)
         rounds = []
         for _ in range(self.settings.max_effects):
             contenders = self.contenders(best)
@@ -147,6 +152,31 @@ class BlindSearch:
         if mask.nats <= 0:
             return BlindExplanation(ideal, ideal, (), tuple(rounds), mask_is_visible=False, mask_is_clear=False)
         return BlindExplanation(ideal, best, self.evidence(best), tuple(rounds), mask_is_clear=self._is_ahead(mask))
+
+    def _posed(self, ideal: BlindFit) -> BlindFit:
+        """Return the camera in which the search of a large field begins: the ideal one, and what parts of it show.
+
+        The pose of the mask's image that the parts show is fitted together with what hides it from a search for one
+        effect at a time (:data:`BESIDE`), and what has no support is dropped.
+        """
+        pose = first_pose(self.fitter.likelihood, self.noise, self.settings.border_share)
+        begun = {name: setting for name, setting in {**pose, **BESIDE}.items() if name in self.candidates}
+        if not pose or not pose.keys() <= begun.keys():
+            return ideal
+        hypothesis = self.noise
+        for name, setting in begun.items():
+            hypothesis = hypothesis.with_effect(name, setting)
+        fit = self.prune(self.fitter.fit(hypothesis, self.fitted_blocks, enough=ENOUGH))
+        names = [name for name in fit.hypothesis.effects if name not in self.noise.effects]
+        if not pose.keys() & set(names):  # what is beside it has to be asked for by itself
+            return ideal
+        if len(names) == 1:  # there was nothing beside it that pruning could have compared it with
+            comparison = compare(fit.log_likelihood, ideal.log_likelihood, self.columns)
+            if not self._support(fit, ideal, names[0], comparison).clear:
+                return ideal
+        self._promising |= set(names)
+        self.on_progress(f"parts of the field show {', '.join(names)}")
+        return fit
 
     def contenders(self, base: BlindFit) -> list[Contender]:
         """Screen every candidate beside a model and fit the most promising; the best comes first.

@@ -1,0 +1,123 @@
+"""How the mask's image is displaced in parts of a large field: displacement, rotation and magnification at once.
+
+At the edge of a large field a small rotation displaces the image by a pixel or more. A displacement by itself then fits
+a part of the field only, and so does a rotation: neither leads to the other. What is fine in the snapshots is
+correlated with the patterns' sum part by part, and the displacements of the parts tell both.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch.nn import functional as F
+
+from sci_lightning.diagnosis.blind.displacement import correlated_displacements, fine_detail
+from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
+from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
+
+PART = 64
+"""Side in pixels of a part of the field; a field must have two of them along either side."""
+AROUND = 4
+"""Pixels around the displacement of the whole field by which a part may be displaced."""
+CLEAR = 5.0
+"""Standard deviations by which the correlation of a part must differ from chance to count."""
+LEAST_PARTS = 4
+"""Parts with a clear displacement that tell how the displacement changes over the field."""
+SURE = 4.0
+"""Standard errors by which a rotation or a magnification must differ from none."""
+
+
+def first_pose(likelihood: BlindLikelihood, hypothesis: Hypothesis, border_share: float) -> dict[str, Setting]:
+    """Return settings of effects that displace the mask's image as parts of the field show it; {} for a small field.
+
+    The displacement at (x, y) from the field's centre is (dx - angle y + s x, dy + angle x + s y) for a small rotation
+    and a magnification of 1 + s. They are fitted by least squares.
+
+    Args:
+        likelihood: knows the snapshots.
+        hypothesis: without a displacement, whose image of the patterns is displaced.
+        border_share: largest part of the field by which the image may be displaced.
+
+    Returns:
+        A displacement, and what changes over the field by :data:`SURE` standard errors.
+    """
+    if min(likelihood.model.observation.size) < 2 * PART:
+        return {}
+    whole = correlated_displacements(likelihood, hypothesis, border_share)
+    if not whole:
+        return {}
+    place, moved, weight = _parts(likelihood, hypothesis, whole[0])
+    if len(place) < LEAST_PARTS:
+        return {}
+    x, y = place.T
+    one, none = torch.ones_like(x), torch.zeros_like(x)
+    design = torch.stack([torch.cat(both) for both in ((one, none), (none, one), (-y, x), (x, y))], 1)
+    design, target = design * weight.repeat(2)[:, None], moved.T.flatten() * weight.repeat(2)
+    fitted = torch.linalg.lstsq(design, target[:, None]).solution[:, 0]
+    variance = (target - design @ fitted).square().sum() / (len(target) - len(fitted))
+    errors = (variance * torch.linalg.inv(design.mT @ design).diagonal()).sqrt()
+    dx, dy, angle, more = fitted.tolist()
+    pose: dict[str, Setting] = {"mask_shift": {"dx": dx, "dy": dy}}
+    turned, magnified = (fitted[2:].abs() > SURE * errors[2:]).tolist()
+    if turned:
+        pose["mask_rotation"] = {"angle": math.degrees(angle)}
+    if magnified:
+        pose["mask_scale"] = {"scale": 1 + more}
+    return pose
+
+
+def _parts(
+    likelihood: BlindLikelihood, hypothesis: Hypothesis, about: tuple[float, float]
+) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Return place ``(P, 2)``, displacement ``(P, 2)`` and weight ``(P,)`` of the parts that are clearly displaced.
+
+    Places are (x, y) of the parts' middles in pixels from the field's centre, displacements (dx, dy) in pixels.
+    """
+    observation = likelihood.model.observation
+    height, width = observation.size
+    first = tuple(round(value) for value in about)
+    steps = range(-AROUND, AROUND + 1)
+    room = AROUND + max(abs(value) for value in first)
+    product = torch.zeros(len(steps), len(steps), height // PART, width // PART, dtype=torch.float64)
+    power = torch.zeros_like(product)
+
+    def pooled(field: torch.Tensor) -> torch.Tensor:
+        return F.avg_pool2d(field[None], PART)[0] * PART**2
+
+    for which, sequence in enumerate(observation.sequences):
+        pattern = fine_detail(likelihood.relative_mask(hypothesis, sequence).sum(0)[None])[0]
+        padded = F.pad(pattern, (room,) * 4)
+        for seen in fine_detail(observation.dn[observation.sequence == which].double()):
+            squared = pooled(seen.square())
+            for i, down in enumerate(steps):
+                for j, across in enumerate(steps):
+                    top, left = room - first[1] - down, room - first[0] - across
+                    there = padded[top : top + height, left : left + width]
+                    product[i, j] += pooled(seen * there)
+                    power[i, j] += (squared * pooled(there.square())).clamp(min=1e-12).sqrt()
+    evidence = (product / power * PART).flatten(2).movedim(2, 0)  # (parts, down, across)
+    places, moved, weights = [], [], []
+    for number, there in enumerate(evidence):
+        peak = int(there.argmax())
+        i, j = divmod(peak, len(steps))
+        height_of_peak = float(there[i, j])
+        if height_of_peak < CLEAR or not (0 < i < len(steps) - 1 and 0 < j < len(steps) - 1):
+            continue
+        row, column = divmod(number, width // PART)
+        places.append([(column + 0.5) * PART - width / 2, (row + 0.5) * PART - height / 2])
+        fine = [_vertex(there[i, j - 1 : j + 2]), _vertex(there[i - 1 : i + 2, j])]
+        moved.append([first[0] + j - AROUND + fine[0], first[1] + i - AROUND + fine[1]])
+        weights.append(height_of_peak)
+    return (
+        torch.tensor(places, dtype=torch.float64).reshape(-1, 2),
+        torch.tensor(moved, dtype=torch.float64).reshape(-1, 2),
+        torch.tensor(weights, dtype=torch.float64),
+    )
+
+
+def _vertex(three: torch.Tensor) -> float:
+    """Return where the parabola through three values at -1, 0 and 1, of which the middle one is the largest, peaks."""
+    before, middle, after = three.tolist()
+    curvature = before - 2 * middle + after
+    return 0.0 if curvature >= 0 else 0.5 * (before - after) / curvature
