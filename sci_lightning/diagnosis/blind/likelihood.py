@@ -14,7 +14,7 @@ from sci_lightning.diagnosis.blind.sensor_response import SensorResponse
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, effect_key
 from sci_lightning.diagnosis.model.recent import Recent
 from sci_lightning.encoder.border import Border
-from sci_lightning.encoder.effects import OpticsEffect
+from sci_lightning.encoder.effects import Effect, OpticsEffect
 from sci_lightning.encoder.effects.stage import ExposureEffect, ModulatorEffect, RelayEffect
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.relay import Pose
@@ -268,9 +268,10 @@ class BlindLikelihood:
         mean of the mask that is neither turned nor distorted, so that it does not depend on what is wanted: the mean
         over so many mirrors is the same.
         """
-        upright = [effect for effect in path.effects.values() if path.grid is not None or not _turns(effect)]
+        effects = [effect for effect in path.effects.values() if isinstance(effect, Effect)]
+        upright = [effect for effect in effects if path.grid is not None or not _turns(effect)]
         even = self._shown(LightPath(upright, path.grid), sequence)
-        seen = even if len(upright) == len(path.effects) else self._shown(path, sequence, wanted)
+        seen = even if len(upright) == len(effects) else self._shown(path, sequence, wanted)
         return seen / even.sum(0)[self._centre].mean().clamp(min=1e-6)
 
     def _shown(self, path: LightPath, sequence: torch.Tensor, wanted: torch.Tensor | None = None) -> torch.Tensor:
@@ -312,7 +313,7 @@ class BlindLikelihood:
         return formed.flatten(1).mT.double()
 
 
-def _turns(effect: torch.nn.Module) -> bool:
+def _turns(effect: Effect) -> bool:
     """Return whether an effect turns or distorts the image of the mask."""
     return isinstance(effect, RelayEffect) and effect.aim(Pose()).turned
 
