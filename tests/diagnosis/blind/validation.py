@@ -2,7 +2,7 @@
 
 In each round every effect of modulator and relay is hidden once, clearly, in a virtual camera that records eight
 snapshots of real clips, eight slots long; twice nothing is hidden. A case is a line of CASES.jsonl once it is done, and
-the same command goes on where it was interrupted. In the end docs/results/blind-validation.json is written.
+the same command goes on where it was interrupted. It writes docs/results/blind-validation-SIDE.json.
 """
 
 from __future__ import annotations
@@ -43,7 +43,6 @@ HIDDEN = (
 """What is hidden in the cases of a round."""
 SNAPSHOTS, SLOTS, BEYOND = 8, 8, 12
 """Of a case; pixels of the scene on every side beyond the field."""
-RESULTS = Path("docs/results/blind-validation.json")
 
 
 def record(clips: list[Path], hidden: str, side: int, seed: int) -> tuple[Captures, dict[str, dict[str, Any]]]:
@@ -148,7 +147,7 @@ def _text(proportion: Proportion) -> str:
 def main(clips: Path, out: Path, side: int, rounds: int) -> None:
     found = find_clips(clips)
     file = MeasurementsFile(
-        RESULTS,
+        Path(f"docs/results/blind-validation-{side}.json"),
         machine="one thread",
         scale=f"eight snapshots of {side} x {side} pixels, eight slots, binary and structural masks, real clips",
         seeds="one of its own in every case",
