@@ -148,9 +148,9 @@ class BlindSearch:
         mask = compare(best.log_likelihood, without_mask.log_likelihood, self.columns)
         if bool((self.all_blocks & ~self.fitted_blocks).any()):
             ideal = self.fitter.evaluate(self.noise, self.all_blocks)
-        best = self.fitter.fit(best.hypothesis, self.all_blocks, iterations=FINAL_ITERATIONS, rough=False)
         if mask.nats <= 0:
             return BlindExplanation(ideal, ideal, (), tuple(rounds), mask_is_visible=False, mask_is_clear=False)
+        best = self.fitter.fit(best.hypothesis, self.all_blocks, iterations=FINAL_ITERATIONS, rough=False)
         return BlindExplanation(ideal, best, self.evidence(best), tuple(rounds), mask_is_clear=self._is_ahead(mask))
 
     def _posed(self, ideal: BlindFit) -> BlindFit:
