@@ -35,6 +35,8 @@ VALUES_AT_A_TIME = 2**26
 1024 x 1024 pixels."""
 LEAST_SHARE = 1e-3
 """A component matters in a block if it explains this part of it, in one of the snapshots at least."""
+DARKEST_PART = 1e-3
+"""Part of a snapshot's pixels that may be darker than light can be: defects."""
 CHUNK = 8
 """Blocks whose covariances are computed at a time, by one thread."""
 
@@ -125,6 +127,8 @@ class BlindLikelihood:
         at_centre = level[:, self._centre[0], self._centre[1]].flatten(1)
         counts = torch.stack([one.bincount(minlength=len(recorded)) for one in at_centre])
         self._shares_of_levels = counts.double() / at_centre.shape[1]  # (N, L)
+        pixels = level.flatten(1)
+        self._darkest = self._levels[pixels.kthvalue(1 + int(DARKEST_PART * pixels.shape[1])).values]  # (N,)
 
     @property
     def at_a_time(self) -> int:
@@ -226,7 +230,7 @@ class BlindLikelihood:
         measured = light / brightness[:, None]
         log_density = -log_slope.sum(2) - BLOCK**2 * brightness.log()
         typical = brightness.mean()
-        operator = self._optics(path)
+        operator, _ = self._optics(path)
         for which, sequence in enumerate(observation.sequences):
             members = (observation.sequence == which).nonzero()[:, 0]
             reach = 0 if operator is None else REACH
@@ -249,6 +253,25 @@ class BlindLikelihood:
                     mean=mean[part],
                     noise=noise[part],
                 )
+
+    @torch.no_grad()
+    def below_no_light(self, hypothesis: Hypothesis) -> float:
+        """Return by how much the darkest pixels of a snapshot had less light than none, in standard deviations.
+
+        The Gaussian prior does not know that light is never negative, so that a black level or a veiling glare may come
+        out above what was recorded where it is darkest. Defects do not count; without any light, noise alone would
+        bring the darkest of the other pixels to three standard deviations. Negative where there is light.
+
+        Args:
+            hypothesis: about the camera.
+        """
+        path = self.model.path(hypothesis)
+        response = SensorResponse.of(path, self.model.observation.full_scale)
+        light_of_level, _ = response.light(self._levels)
+        brightness = (self._shares_of_levels @ light_of_level).clamp(min=LEAST_LIGHT)
+        everywhere = self._optics(path)[1] * brightness
+        darkest, _ = response.light(self._darkest)
+        return float(((everywhere - darkest) / response.noise(everywhere).sqrt()).max())
 
     def relative_mask(self, hypothesis: Hypothesis, sequence: torch.Tensor) -> torch.Tensor:
         """Return the patterns as the sensor sees them, divided by the mean of their sum, ``(T, H, W)`` float64.
@@ -293,11 +316,14 @@ class BlindLikelihood:
         field = torch.nn.functional.pad(field, (left, right, top, below))
         return torch.nn.functional.max_pool2d(field, 2 * reach + 1, stride=1, padding=reach)[0, 0].bool()
 
-    def _optics(self, path: LightPath) -> torch.Tensor | None:
-        """Return how much of the light of every pixel around a block falls on every pixel of it, ``(n, m)``."""
+    def _optics(self, path: LightPath) -> tuple[torch.Tensor | None, float]:
+        """Return how much of the light of every pixel around a block falls on every pixel of it, ``(n, m)``.
+
+        The other figure is the part of the light that is spread over the whole field.
+        """
         effects = path.of(OpticsEffect)
         if not effects:
-            return None
+            return None, 0.0
         side, observation = BLOCK + 2 * REACH, self.model.observation
         inner = (WINDOW - side) // 2
         impulses = torch.zeros(side * side, WINDOW, WINDOW)
@@ -310,7 +336,8 @@ class BlindLikelihood:
             signal = effect.form(signal)
         first = inner + REACH
         formed = signal.mean[:, first : first + BLOCK, first : first + BLOCK]
-        return formed.flatten(1).mT.double()
+        faintest = float(signal.mean[side * side // 2].min())  # far from the impulse: what is there is everywhere
+        return formed.flatten(1).mT.double(), faintest * WINDOW**2
 
 
 def _turns(effect: Effect) -> bool:

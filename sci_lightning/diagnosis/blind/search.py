@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import torch
 
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price, price_of
-from sci_lightning.diagnosis.blind.contender import KEPT_Z, MIN_Z, MUCH, Contender
+from sci_lightning.diagnosis.blind.contender import KEPT_Z, MIN_Z, MUCH, Contender, ContenderJudge
 from sci_lightning.diagnosis.blind.cores import on_every_core
 from sci_lightning.diagnosis.blind.displacement import proposed_displacements
 from sci_lightning.diagnosis.blind.first_pose import first_pose
@@ -20,7 +20,6 @@ from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.effects import SensorEffect
 from sci_lightning.encoder.effects.parameter import part_of
-from sci_lightning.encoder.effects.stage import ModulatorEffect, RelayEffect
 
 OnProgress = Callable[[str], None]
 """Called with a one-line message after every step of the search."""
@@ -110,6 +109,7 @@ class BlindSearch:
         self.all_blocks = likelihood.usable.any(1)
         self.screened_blocks = spread(self.all_blocks & self._inner(), SCREENED_BLOCKS)
         self.fitted_blocks = spread(self.all_blocks, FITTED_BLOCKS)
+        self.judge = ContenderJudge(fitter, self.all_blocks, settings.min_gain_nats)
         self._contenders: dict[frozenset[str], list[Contender]] = {}
         self._promising: set[str] = set()
         self.undetermined = undetermined_effects(fitter.model)
@@ -170,10 +170,9 @@ class BlindSearch:
         names = [name for name in fit.hypothesis.effects if name not in self.noise.effects]
         if not pose.keys() & set(names):  # what is beside it has to be asked for by itself
             return ideal
-        if len(names) == 1:  # there was nothing beside it that pruning could have compared it with
-            comparison = compare(fit.log_likelihood, ideal.log_likelihood, self.columns)
-            if not self._support(fit, ideal, names[0], comparison).clear:
-                return ideal
+        # where there is nothing beside it, pruning compared it with nothing
+        if len(names) == 1 and not self.judge(fit, ideal, names[0]).clear:
+            return ideal
         self._promising |= set(names)
         self.on_progress(f"parts of the field show {', '.join(names)}")
         return fit
@@ -232,18 +231,7 @@ class BlindSearch:
     def _contender(self, base: BlindFit, name: str, start: Setting) -> Contender:
         hypothesis = base.hypothesis.with_effect(name, start)
         fit = self.fitter.fit(hypothesis, self.fitted_blocks, enough=ENOUGH)
-        comparison = compare(fit.log_likelihood, base.log_likelihood, self.columns)
-        return self._support(fit, base, name, comparison)
-
-    def _support(self, fit: BlindFit, without: BlindFit, name: str, comparison: Comparison) -> Contender:
-        """Return an effect of a fit with what speaks for it against the same model without it."""
-        nats = self._nats(fit, name, comparison)
-        gain = nats - price(fit, without) - self.settings.min_gain_nats
-        return Contender(name, fit, comparison, nats, gain, self.is_like_a_scene(name))
-
-    def is_like_a_scene(self, name: str) -> bool:
-        """Return whether an effect changes the image as a scene of another kind would, and not that of the mask."""
-        return not issubclass(self.fitter.model.vocabulary[name], (ModulatorEffect, RelayEffect))
+        return self.judge(fit, base, name)
 
     def screen(
         self, base: BlindFit, count: int, starts: int, names: Sequence[str] | None = None
@@ -342,12 +330,6 @@ class BlindSearch:
         fit = self.fitter.fit(both, other.fit.blocks, FINAL_ITERATIONS, errors=False)
         return compare(fit.log_likelihood, other.fit.log_likelihood, self.columns).z < MIN_Z
 
-    def _nats(self, fit: BlindFit, name: str, comparison: Comparison) -> float:
-        """Return the calibrated nats that an effect of a fit gains: no more than as snapshots agree about it."""
-        much = comparison.nats >= MUCH and comparison.z > KEPT_Z and not self.is_like_a_scene(name)
-        nats = max(comparison.calibrated, MUCH) if much else comparison.calibrated
-        return min(nats, self.fitter.distance(fit, name))
-
     def _is_ahead(self, comparison: Comparison) -> bool:
         """Return whether a model is so much likelier than one with another effect that the two are distinguished.
 
@@ -361,27 +343,25 @@ class BlindSearch:
         names = [name for name in fit.hypothesis.effects if name not in self.noise.effects]
         for name in names if len(names) > 1 else []:
             without = self.fitter.fit(fit.hypothesis.without(name), fit.blocks, FINAL_ITERATIONS)
-            comparison = compare(fit.log_likelihood, without.log_likelihood, self.columns)
-            if not self._support(fit, without, name, comparison).supported:
+            if not self.judge(fit, without, name).supported:
                 fit = without
         return fit
 
     def evidence(self, fit: BlindFit) -> tuple[BlindNamed, ...]:
         """Return what speaks for every effect of a model, and what might stand in its place, on the fitted blocks."""
-        fit = replace(fit, log_likelihood=self.fitter.evaluate(fit.hypothesis, self.fitted_blocks).log_likelihood)
+        on_fitted = self.fitter.evaluate(fit.hypothesis, self.fitted_blocks).log_likelihood
+        fit = replace(fit, log_likelihood=on_fitted, blocks=self.fitted_blocks)
         effects = self.fitter.model.effects
         names = [name for name in fit.hypothesis.effects if name not in self.noise.effects]
         named = []
         for name in sorted(names, key=lambda one: effects[one].rank):
             without = self.fitter.fit(fit.hypothesis.without(name), self.fitted_blocks, FINAL_ITERATIONS, errors=False)
-            comparison = compare(fit.log_likelihood, without.log_likelihood, self.columns)
-            cost = price(fit, without)
+            one, cost = self.judge(fit, without, name), price(fit, without)
             on_screened = (fit.log_likelihood - without.log_likelihood)[self.screened_blocks].nan_to_num(0.0)
             rivals = []
             for rival in self.rivals(without, RIVAL_SHARE * float(on_screened.sum())):
                 direct = compare(fit.log_likelihood, rival.fit.log_likelihood, self.columns)
-                if rival.name != name and not self._is_ahead(direct):
+                if rival.name != name and rival.possible and not self._is_ahead(direct):
                     rivals.append(rival.name)
-            nats = self._nats(fit, name, comparison)
-            named.append(BlindNamed(name, comparison, nats, cost, tuple(rivals)))
+            named.append(BlindNamed(name, one.comparison, one.nats, cost, tuple(rivals)))
         return tuple(named)

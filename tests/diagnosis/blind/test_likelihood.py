@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -120,6 +121,21 @@ def test_a_block_does_not_depend_on_which_others_are_asked_for(optics: dict[str,
     assert whole[blocks].isfinite().any()
     assert torch.equal(whole[blocks].isfinite(), some[blocks].isfinite())
     assert torch.allclose(whole[blocks].nan_to_num(0.0), some[blocks].nan_to_num(0.0), rtol=1e-4)  # single precision
+
+
+def test_light_is_never_negative() -> None:
+    """The darkest pixels of these snapshots have no light; one pixel is a defect."""
+    captures = snapshots(brightness=0.5)
+    dn = captures.measurement + 20
+    dn[-1, 0, 0] = 3
+    likelihood, ideal = likelihood_of(replace(captures, measurement=dn))
+    offsets = {20: 0.0, 21: 1.0, 26: 6.0}  # read noise is 1 DN, and rounding adds a little
+    for level, expected in offsets.items():
+        black = ideal.with_effect("black_level", {"offset": level / 255})
+        assert likelihood.below_no_light(black) == pytest.approx(expected, abs=1.0)
+    levels = [likelihood.below_no_light(ideal.with_effect("veiling_glare", {"fraction": part})) for part in (0, 0.5)]
+    assert levels[0] < -10 and levels[1] > 4
+    assert likelihood.below_no_light(ideal.with_effect("optical_blur", {"sigma": 2.0})) < -10
 
 
 def test_the_response_is_inverted() -> None:

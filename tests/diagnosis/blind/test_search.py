@@ -34,7 +34,7 @@ def fit_of(search: BlindSearch, name: str, value: float, spread: float = 1.0) ->
 
 
 def contender(search: BlindSearch, name: str, comparison: Comparison) -> Contender:
-    return Contender(name, fit_of(search, name, 0.3), comparison, 32, 25, search.is_like_a_scene(name))
+    return Contender(name, fit_of(search, name, 0.3), comparison, 32, 25, search.judge.is_like_a_scene(name))
 
 
 def test_snapshots_must_agree_about_what_looks_like_another_scene(search: BlindSearch) -> None:
@@ -102,13 +102,13 @@ def test_few_blocks_may_tell_much_about_the_mask(search: BlindSearch) -> None:
     """A displacement behind a wide blur, of which few blocks are left, is named; a black level is not."""
     comparison, spread = Comparison(268, 2.1, 6, 8, 0.074), 1e-4
     far, black = fit_of(search, "mask_shift", 0.3, spread), fit_of(search, "black_level", 0.3, spread)
-    assert search._nats(far, "mask_shift", comparison) == MUCH
+    assert search.judge.nats(far, "mask_shift", comparison) == MUCH
     assert Contender("mask_shift", far, comparison, MUCH, 88).clear
     for few in (Comparison(99, 2.1, 6, 8, 0.074), Comparison(268, 1.9, 6, 8, 0.074)):
-        assert search._nats(far, "mask_shift", few) == pytest.approx(few.calibrated)
-    assert search._nats(black, "black_level", comparison) == pytest.approx(comparison.calibrated)
+        assert search.judge.nats(far, "mask_shift", few) == pytest.approx(few.calibrated)
+    assert search.judge.nats(black, "black_level", comparison) == pytest.approx(comparison.calibrated)
     near = fit_of(search, "mask_shift", 0.3, spread=1e-2)
-    assert search._nats(near, "mask_shift", comparison) == pytest.approx(0.5 * 2 * 0.3**2 / 1e-2)
+    assert search.judge.nats(near, "mask_shift", comparison) == pytest.approx(0.5 * 2 * 0.3**2 / 1e-2)
 
 
 def test_a_candidate_that_cannot_pay_is_not_fitted(search: BlindSearch, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -132,12 +132,17 @@ def test_when_two_effects_are_distinguished(search: BlindSearch) -> None:
 
 
 def test_an_effect_that_lost_its_support_is_dropped(search: BlindSearch, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A black level that stood in for a displacement goes if only half of the snapshots ask for it beside that."""
+    """A black level that stood in for a displacement goes if only half of the snapshots ask for it beside that.
+
+    It also goes if it is above what was recorded in the darkest pixels.
+    """
     whole = fit_of(search, "black_level", 0.3, spread=1e-4)
     whole = replace(whole, hypothesis=whole.hypothesis.with_effect("mask_shift", {"dx": 1.0, "dy": 0.0}))
     nats = torch.full((16, 4), 50.0, dtype=torch.float64)
-    for asked, kept in (([1.0, 1.0, 1.0, 1.0], True), ([1.0, 1.0, -0.2, -0.2], False)):
+    all_ask, half_ask = [1.0, 1.0, 1.0, 1.0], [1.0, 1.0, -0.2, -0.2]
+    for asked, below, kept in ((all_ask, 0.0, True), (all_ask, 9.0, False), (half_ask, 0.0, False)):
         gained = nats * torch.tensor(asked)
+        monkeypatch.setattr(search.fitter.likelihood, "below_no_light", lambda hypothesis, below=below: below)
 
         def fit(hypothesis: Hypothesis, *_: object, gained: torch.Tensor = gained, **__: object) -> BlindFit:
             of_black = torch.zeros_like(nats) if "black_level" in hypothesis.effects else -gained
@@ -145,6 +150,26 @@ def test_an_effect_that_lost_its_support_is_dropped(search: BlindSearch, monkeyp
 
         monkeypatch.setattr(search.fitter, "fit", fit)
         assert ("black_level" in search.prune(replace(whole, log_likelihood=0 * nats)).hypothesis.effects) == kept
+
+
+def test_all_blocks_are_asked_about_what_looks_like_another_scene(
+    search: BlindSearch, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the blocks that were fitted, a snapshot minds a black level; in all blocks it does not."""
+    fitted = torch.zeros(16, dtype=torch.bool)
+    fitted[::4] = True
+
+    def on_all(hypothesis: Hypothesis, blocks: torch.Tensor) -> BlindFit:
+        gained = 10.0 if "black_level" in hypothesis.effects else 0.0
+        return replace(fit_of(search, "black_level", 0.3), log_likelihood=torch.full((16, 4), gained))
+
+    monkeypatch.setattr(search.fitter, "evaluate", on_all)
+    nats = torch.where(fitted[:, None], torch.tensor([[9.0, 9.0, 9.0, -8.0]]), torch.nan)
+    for name, agree in (("black_level", 4), ("mask_shift", 3)):
+        fit = replace(fit_of(search, name, 1e-3, spread=1e-8), blocks=fitted, log_likelihood=nats)
+        ideal = replace(fit, hypothesis=search.noise, log_likelihood=0 * nats)
+        judged = search.judge(fit, ideal, name)
+        assert (judged.comparison.agree, judged.comparison.nats) == (agree, 4 * 19.0)
 
 
 def test_blocks_that_are_lost_make_no_parameter_cheaper(search: BlindSearch) -> None:
