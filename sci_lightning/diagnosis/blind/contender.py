@@ -109,6 +109,16 @@ class ContenderJudge:
         nats = max(comparison.calibrated, MUCH) if much else comparison.calibrated
         return min(nats, self.fitter.distance(fit, name))
 
+    def asked_for(self, fit: BlindFit, rival: BlindFit) -> bool:
+        """Return whether the snapshots themselves ask for a fit rather than for a rival, by all blocks of each.
+
+        Args:
+            fit: with an effect that is named.
+            rival: with an effect in its place that looks like a scene of another kind.
+        """
+        on_all = compare(self._score(fit), self._score(rival), self.fitter.likelihood.columns)
+        return on_all.nats > 0 and on_all.p_snapshots <= max(BY_CHANCE, 0.5**on_all.snapshots)
+
     def is_like_a_scene(self, name: str) -> bool:
         """Return whether an effect changes the image as a scene of another kind would, and not that of the mask."""
         return not issubclass(self.fitter.model.vocabulary[name], (ModulatorEffect, RelayEffect))

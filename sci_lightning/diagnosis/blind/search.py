@@ -361,7 +361,8 @@ class BlindSearch:
             rivals = []
             for rival in self.rivals(without, RIVAL_SHARE * float(on_screened.sum())):
                 direct = compare(fit.log_likelihood, rival.fit.log_likelihood, self.columns)
-                if rival.name != name and rival.possible and not self._is_ahead(direct):
+                ahead = self._is_ahead(direct) and (not rival.like_a_scene or self.judge.asked_for(fit, rival.fit))
+                if rival.name != name and rival.possible and not ahead:
                     rivals.append(rival.name)
             named.append(BlindNamed(name, one.comparison, one.nats, cost, tuple(rivals)))
         return tuple(named)

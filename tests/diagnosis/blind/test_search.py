@@ -172,6 +172,14 @@ def test_all_blocks_are_asked_about_what_looks_like_another_scene(
         assert (judged.comparison.agree, judged.comparison.nats) == (agree, 4 * 19.0)
 
 
+def test_snapshots_themselves_rule_out_what_looks_like_another_scene(search: BlindSearch) -> None:
+    """A black level stays an alternative if one of four snapshots prefers it, however clear the blocks are."""
+    fit, rival = (fit_of(search, name, 0.3) for name in ("mask_contrast", "black_level"))
+    for least, asked in ((1.0, True), (-1.0, False)):
+        nats = torch.tensor([9.0, 9.0, 9.0, least], dtype=torch.float64).expand(16, 4)
+        assert search.judge.asked_for(replace(fit, log_likelihood=nats), rival) is asked
+
+
 def test_blocks_that_are_lost_make_no_parameter_cheaper(search: BlindSearch) -> None:
     few = fit_of(search, "mask_shift", 0.3)
     few = replace(few, log_likelihood=torch.where(torch.arange(16)[:, None] < 8, 0.0, torch.nan).expand(16, 4))
