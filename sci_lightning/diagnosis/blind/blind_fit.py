@@ -153,6 +153,17 @@ class BlindFitter:
         inverse = torch.linalg.pinv(fit.covariance[places][:, places], hermitian=True)
         return 0.5 * float(offset @ inverse @ offset)
 
+    def weakened(self, fit: BlindFit, name: str, deviations: float) -> Hypothesis:
+        """Return a fitted hypothesis with one effect nearer to doing nothing, by so many standard deviations."""
+        about, setting = self.model.effects[name].about, dict(fit.hypothesis.effects[name])
+        for place, (effect, parameter) in enumerate(fit.free):
+            neutral = about[parameter].neutral if effect == name else None
+            if isinstance(neutral, (int, float)):
+                offset = float(setting[parameter]) - neutral
+                error = deviations * math.sqrt(max(float(fit.covariance[place, place]), 0.0))
+                setting[parameter] = neutral + math.copysign(max(abs(offset) - error, 0.0), offset)
+        return fit.hypothesis.with_effect(name, setting)
+
     def _differentiate(
         self, free: FreeParameters, fit: BlindFit, earlier: torch.Tensor | None = None, rough: bool = False
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:

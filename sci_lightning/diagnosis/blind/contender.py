@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import torch
 
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price
-from sci_lightning.diagnosis.blind.likelihood_comparison import FEW, Comparison, compare
+from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
 from sci_lightning.diagnosis.model.recent import Recent
 from sci_lightning.encoder.effects.stage import ModulatorEffect, RelayEffect
 
@@ -20,12 +20,10 @@ MUCH = 100.0
 blocks. On validation clips no such effect that was not there has gained a third of it."""
 MIN_AGREE = 0.75
 """Part of the snapshots that must ask for an effect."""
-BY_CHANCE = 0.05
-"""Probability of the snapshots' signed ranks by chance below which they agree about an effect that is not one of the
-mask's image. It changes how brightness, fine detail or motion are distributed, which differs from scene to scene and is
-alike all over a snapshot: the prior's errors look like such an effect, and blocks of one snapshot do not tell."""
 DARKEST_BY_NOISE = 4.0
-"""Standard deviations of the noise below no light at which a snapshot's darkest pixels may be."""
+"""Standard deviations of the noise by which the darkest pixels of a snapshot may lie below no light."""
+WEAKEST = 2.0
+"""Standard deviations of its own error by which an effect is weakened before it is called impossible."""
 JUDGED = 16
 """Hypotheses whose likelihood on all blocks is kept: many candidates are compared with the same one."""
 
@@ -41,7 +39,7 @@ class Contender:
         nats: calibrated nats that it gains.
         gain: the same beyond the penalty for its parameters.
         like_a_scene: whether it changes the image as a scene of another kind would.
-        possible: whether there is light in the darkest pixels.
+        possible: False if the fit leaves less light than none in the darkest pixels.
     """
 
     name: str
@@ -62,9 +60,8 @@ class Contender:
         """Whether the effect would be kept if it had been named."""
         comparison = self.comparison
         agree = comparison.agree >= MIN_AGREE * comparison.snapshots
-        if self.like_a_scene:  # three or four snapshots have to be unanimous, fewer say nothing
-            by_chance = max(BY_CHANCE, 0.5**comparison.snapshots)
-            agree = agree and comparison.snapshots >= FEW and comparison.p_snapshots <= by_chance
+        if self.like_a_scene:  # errors of the prior look like it all over a snapshot: its blocks do not tell
+            agree = agree and comparison.snapshots_ask
         return self.possible and agree and self.gain > 0 and comparison.z > KEPT_Z
 
 
@@ -85,8 +82,8 @@ class ContenderJudge:
         """Return an effect of a fit with what speaks for it.
 
         Snapshots have to agree about an effect that looks like a scene of another kind, and the few blocks that are
-        fitted say little about one snapshot: they are asked on all blocks. By some such fits there is less light than
-        none where it is darkest.
+        fitted say little about one snapshot: they are asked on all blocks. The nats are those of the fitted blocks,
+        which the penalty is for. Such an effect is refused if it leaves less light than none where it is darkest.
 
         Args:
             fit: of the model with the effect.
@@ -98,7 +95,7 @@ class ContenderJudge:
         if like_a_scene and comparison.nats > 0:
             on_all = compare(self._score(fit), self._score(without), self.fitter.likelihood.columns)
             comparison = replace(on_all, nats=comparison.nats)
-            possible = self.fitter.likelihood.below_no_light(fit.hypothesis) < DARKEST_BY_NOISE
+            possible = self._is_possible(fit, without, name)
         nats = self.nats(fit, name, comparison)
         gain = nats - price(fit, without) - self.min_gain_nats
         return Contender(name, fit, comparison, nats, gain, like_a_scene, possible)
@@ -117,11 +114,23 @@ class ContenderJudge:
             rival: with an effect in its place that looks like a scene of another kind.
         """
         on_all = compare(self._score(fit), self._score(rival), self.fitter.likelihood.columns)
-        return on_all.nats > 0 and on_all.p_snapshots <= max(BY_CHANCE, 0.5**on_all.snapshots)
+        return on_all.snapshots_ask
 
     def is_like_a_scene(self, name: str) -> bool:
         """Return whether an effect changes the image as a scene of another kind would, and not that of the mask."""
         return not issubclass(self.fitter.model.vocabulary[name], (ModulatorEffect, RelayEffect))
+
+    def _is_possible(self, fit: BlindFit, without: BlindFit, name: str) -> bool:
+        """Return whether an effect leaves light in the darkest pixels, as far as the noise and its own error tell.
+
+        What other effects of the model take away is not its fault, and nothing is impossible where the datasheet does
+        not state how far the noise reaches.
+        """
+        if self.fitter.model.observation.read_noise is None:
+            return True
+        below = self.fitter.likelihood.below_no_light
+        weakest = self.fitter.weakened(fit, name, WEAKEST)
+        return below(weakest) < DARKEST_BY_NOISE or below(without.hypothesis) >= DARKEST_BY_NOISE
 
     def _score(self, fit: BlindFit) -> torch.Tensor:
         """Return the log-likelihood ``(blocks, N)`` of a fitted hypothesis on all blocks."""

@@ -36,7 +36,7 @@ VALUES_AT_A_TIME = 2**26
 LEAST_SHARE = 1e-3
 """A component matters in a block if it explains this part of it, in one of the snapshots at least."""
 DARKEST_PART = 1e-3
-"""Part of a snapshot's pixels that may be darker than light can be: defects."""
+"""Part of a snapshot's pixels that may be defects, and darker than no light."""
 CHUNK = 8
 """Blocks whose covariances are computed at a time, by one thread."""
 
@@ -260,7 +260,8 @@ class BlindLikelihood:
 
         The Gaussian prior does not know that light is never negative, so that a black level or a veiling glare may come
         out above what was recorded where it is darkest. Defects do not count; without any light, noise alone would
-        bring the darkest of the other pixels to three standard deviations. Negative where there is light.
+        bring the darkest of the other pixels to three standard deviations. The largest figure of any snapshot is
+        returned; it is negative where there is light.
 
         Args:
             hypothesis: about the camera.

@@ -16,6 +16,9 @@ FEW_BLOCKS = 64
 FEW = 3
 """Snapshots from which their differences are a measure of the uncertainty."""
 
+BY_CHANCE = 0.05
+"""Probability of the snapshots' signed ranks by chance below which the snapshots themselves ask for a hypothesis."""
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -41,6 +44,15 @@ class Comparison:
     def calibrated(self) -> float:
         """Nats at which a right prior would have been as sure: a difference of d nats then has the variance 2 d."""
         return math.copysign(min(abs(self.nats), 2 * self.z**2), self.nats)
+
+    @property
+    def snapshots_ask(self) -> bool:
+        """Whether the snapshots themselves ask for the first hypothesis.
+
+        Three or four have to be unanimous; fewer do not tell.
+        """
+        by_chance = max(BY_CHANCE, 0.5**self.snapshots)
+        return self.nats > 0 and self.snapshots >= FEW and self.p_snapshots <= by_chance
 
     @property
     def p_value(self) -> float:

@@ -348,7 +348,7 @@ class BlindSearch:
         return fit
 
     def evidence(self, fit: BlindFit) -> tuple[BlindNamed, ...]:
-        """Return what speaks for every effect of a model, and what might stand in its place, on the fitted blocks."""
+        """Return what speaks for every effect of a model, and what might stand in its place."""
         on_fitted = self.fitter.evaluate(fit.hypothesis, self.fitted_blocks).log_likelihood
         fit = replace(fit, log_likelihood=on_fitted, blocks=self.fitted_blocks)
         effects = self.fitter.model.effects
@@ -361,8 +361,9 @@ class BlindSearch:
             rivals = []
             for rival in self.rivals(without, RIVAL_SHARE * float(on_screened.sum())):
                 direct = compare(fit.log_likelihood, rival.fit.log_likelihood, self.columns)
-                ahead = self._is_ahead(direct) and (not rival.like_a_scene or self.judge.asked_for(fit, rival.fit))
-                if rival.name != name and rival.possible and not ahead:
+                if rival.name == name or not rival.possible:
+                    continue
+                if not self._is_ahead(direct) or (rival.like_a_scene and not self.judge.asked_for(fit, rival.fit)):
                     rivals.append(rival.name)
             named.append(BlindNamed(name, one.comparison, one.nats, cost, tuple(rivals)))
         return tuple(named)

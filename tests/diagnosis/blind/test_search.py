@@ -131,6 +131,10 @@ def test_when_two_effects_are_distinguished(search: BlindSearch) -> None:
         assert not search._is_ahead(alike)
 
 
+def of_black_level(hypothesis: Hypothesis, below: float) -> float:
+    return below if "black_level" in hypothesis.effects else 0.0
+
+
 def test_an_effect_that_lost_its_support_is_dropped(search: BlindSearch, monkeypatch: pytest.MonkeyPatch) -> None:
     """A black level that stood in for a displacement goes if only half of the snapshots ask for it beside that.
 
@@ -138,11 +142,17 @@ def test_an_effect_that_lost_its_support_is_dropped(search: BlindSearch, monkeyp
     """
     whole = fit_of(search, "black_level", 0.3, spread=1e-4)
     whole = replace(whole, hypothesis=whole.hypothesis.with_effect("mask_shift", {"dx": 1.0, "dy": 0.0}))
+    stated = replace(search.fitter.model.observation, read_noise=1.0)
+    monkeypatch.setattr(search.fitter.model, "observation", stated)
     nats = torch.full((16, 4), 50.0, dtype=torch.float64)
     all_ask, half_ask = [1.0, 1.0, 1.0, 1.0], [1.0, 1.0, -0.2, -0.2]
     for asked, below, kept in ((all_ask, 0.0, True), (all_ask, 9.0, False), (half_ask, 0.0, False)):
         gained = nats * torch.tensor(asked)
-        monkeypatch.setattr(search.fitter.likelihood, "below_no_light", lambda hypothesis, below=below: below)
+        monkeypatch.setattr(
+            search.fitter.likelihood,
+            "below_no_light",
+            lambda hypothesis, below=below: of_black_level(hypothesis, below),
+        )
 
         def fit(hypothesis: Hypothesis, *_: object, gained: torch.Tensor = gained, **__: object) -> BlindFit:
             of_black = torch.zeros_like(nats) if "black_level" in hypothesis.effects else -gained
@@ -178,6 +188,30 @@ def test_snapshots_themselves_rule_out_what_looks_like_another_scene(search: Bli
     for least, asked in ((1.0, True), (-1.0, False)):
         nats = torch.tensor([9.0, 9.0, 9.0, least], dtype=torch.float64).expand(16, 4)
         assert search.judge.asked_for(replace(fit, log_likelihood=nats), rival) is asked
+        few = replace(fit, log_likelihood=nats[:, :2])  # one or two scenes do not tell
+        assert not search.judge.asked_for(few, replace(rival, log_likelihood=rival.log_likelihood[:, :2]))
+
+
+def test_a_black_level_is_refused_only_beyond_its_error(search: BlindSearch, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is weakened by its own error first; where the datasheet states no noise, nothing is impossible."""
+    monkeypatch.setattr(
+        search.fitter.likelihood,
+        "below_no_light",
+        lambda hypothesis: 100 * float(hypothesis.effects.get("black_level", {"offset": 0.0})["offset"]),
+    )
+    silent = search.fitter.model.observation
+    monkeypatch.setattr(search.fitter.model, "observation", replace(silent, read_noise=1.0))
+    gained = torch.full((16, 4), 50.0, dtype=torch.float64)
+    for spread, error, possible in ((1e-6, 1e-3, False), (1e-4, 1e-2, True)):
+        fit = replace(fit_of(search, "black_level", 0.05, spread=spread), log_likelihood=gained)
+        weakened = search.fitter.weakened(fit, "black_level", 2.0).effects["black_level"]["offset"]
+        assert weakened == pytest.approx(0.05 - 2 * error)
+        without = replace(fit, hypothesis=search.noise, log_likelihood=0 * gained)
+        assert search.judge(fit, without, "black_level").possible is possible
+        assert search.judge(fit, replace(without, hypothesis=fit.hypothesis), "black_level").possible
+    monkeypatch.setattr(search.fitter.model, "observation", silent)
+    sure = replace(fit_of(search, "black_level", 0.05, spread=1e-6), log_likelihood=gained)
+    assert search.judge(sure, replace(sure, hypothesis=search.noise, log_likelihood=0 * gained), "black_level").possible
 
 
 def test_blocks_that_are_lost_make_no_parameter_cheaper(search: BlindSearch) -> None:
