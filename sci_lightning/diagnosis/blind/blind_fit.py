@@ -140,29 +140,33 @@ class BlindFitter:
 
         It is infinite for a choice, and for parameters without a neutral value.
         """
-        about, setting = self.model.effects[name].about, fit.hypothesis.effects[name]
-        offsets = {
-            (name, parameter): float(setting[parameter]) - neutral
-            for parameter, one in about.items()
-            if isinstance(neutral := one.neutral, (int, float)) and not one.choices and not one.log
-        }
-        places = [place for place, parameter in enumerate(fit.free) if parameter in offsets]
+        offsets = self._offsets(fit, name)
+        places = list(offsets)
         if not places:
             return math.inf
-        offset = torch.tensor([offsets[fit.free[place]] for place in places], dtype=torch.float64)
+        offset = torch.tensor(list(offsets.values()), dtype=torch.float64)
         inverse = torch.linalg.pinv(fit.covariance[places][:, places], hermitian=True)
         return 0.5 * float(offset @ inverse @ offset)
 
     def weakened(self, fit: BlindFit, name: str, deviations: float) -> Hypothesis:
         """Return a fitted hypothesis with one effect nearer to doing nothing, by so many standard deviations."""
-        about, setting = self.model.effects[name].about, dict(fit.hypothesis.effects[name])
-        for place, (effect, parameter) in enumerate(fit.free):
-            neutral = about[parameter].neutral if effect == name else None
-            if isinstance(neutral, (int, float)):
-                offset = float(setting[parameter]) - neutral
-                error = deviations * math.sqrt(max(float(fit.covariance[place, place]), 0.0))
-                setting[parameter] = neutral + math.copysign(max(abs(offset) - error, 0.0), offset)
+        setting = dict(fit.hypothesis.effects[name])
+        for place, offset in self._offsets(fit, name).items():
+            error = deviations * math.sqrt(max(float(fit.covariance[place, place]), 0.0))
+            parameter = fit.free[place][1]
+            setting[parameter] = float(setting[parameter]) - math.copysign(min(abs(offset), error), offset)
         return fit.hypothesis.with_effect(name, setting)
+
+    def _offsets(self, fit: BlindFit, name: str) -> dict[int, float]:
+        """Return how far the fitted parameters of an effect are from doing nothing, by their places in ``fit.free``."""
+        about, setting = self.model.effects[name].about, fit.hypothesis.effects[name]
+        return {
+            place: float(setting[parameter]) - neutral
+            for place, (effect, parameter) in enumerate(fit.free)
+            if effect == name
+            and isinstance(neutral := about[parameter].neutral, (int, float))
+            and not (about[parameter].choices or about[parameter].log)
+        }
 
     def _differentiate(
         self, free: FreeParameters, fit: BlindFit, earlier: torch.Tensor | None = None, rough: bool = False

@@ -76,7 +76,7 @@ class ContenderJudge:
 
     def __init__(self, fitter: BlindFitter, blocks: torch.Tensor, min_gain_nats: float) -> None:
         self.fitter, self.blocks, self.min_gain_nats = fitter, blocks, min_gain_nats
-        self._on_all: Recent[torch.Tensor] = Recent(JUDGED)
+        self._scores: Recent[torch.Tensor] = Recent(JUDGED)
 
     def __call__(self, fit: BlindFit, without: BlindFit, name: str) -> Contender:
         """Return an effect of a fit with what speaks for it.
@@ -93,8 +93,7 @@ class ContenderJudge:
         comparison = compare(fit.log_likelihood, without.log_likelihood, self.fitter.likelihood.columns)
         like_a_scene, possible = self.is_like_a_scene(name), True
         if like_a_scene and comparison.nats > 0:
-            on_all = compare(self._score(fit), self._score(without), self.fitter.likelihood.columns)
-            comparison = replace(on_all, nats=comparison.nats)
+            comparison = replace(self._on_all_blocks(fit, without), nats=comparison.nats)
             possible = self._is_possible(fit, without, name)
         nats = self.nats(fit, name, comparison)
         gain = nats - price(fit, without) - self.min_gain_nats
@@ -113,8 +112,7 @@ class ContenderJudge:
             fit: with an effect that is named.
             rival: with an effect in its place that looks like a scene of another kind.
         """
-        on_all = compare(self._score(fit), self._score(rival), self.fitter.likelihood.columns)
-        return on_all.snapshots_ask
+        return self._on_all_blocks(fit, rival).snapshots_ask
 
     def is_like_a_scene(self, name: str) -> bool:
         """Return whether an effect changes the image as a scene of another kind would, and not that of the mask."""
@@ -132,9 +130,12 @@ class ContenderJudge:
         weakest = self.fitter.weakened(fit, name, WEAKEST)
         return below(weakest) < DARKEST_BY_NOISE or below(without.hypothesis) >= DARKEST_BY_NOISE
 
+    def _on_all_blocks(self, first: BlindFit, second: BlindFit) -> Comparison:
+        return compare(self._score(first), self._score(second), self.fitter.likelihood.columns)
+
     def _score(self, fit: BlindFit) -> torch.Tensor:
         """Return the log-likelihood ``(blocks, N)`` of a fitted hypothesis on all blocks."""
         if not bool((self.blocks & ~fit.blocks).any()):
             return fit.log_likelihood
         key = tuple((name, *setting.items()) for name, setting in fit.hypothesis.effects.items())
-        return self._on_all.get(key, lambda: self.fitter.evaluate(fit.hypothesis, self.blocks).log_likelihood)
+        return self._scores.get(key, lambda: self.fitter.evaluate(fit.hypothesis, self.blocks).log_likelihood)

@@ -15,7 +15,6 @@ FEW_BLOCKS = 64
 """Of fewer blocks every one counts by itself: tiles would be too few to say anything."""
 FEW = 3
 """Snapshots from which their differences are a measure of the uncertainty."""
-
 BY_CHANCE = 0.05
 """Probability of the snapshots' signed ranks by chance below which the snapshots themselves ask for a hypothesis."""
 

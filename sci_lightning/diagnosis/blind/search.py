@@ -170,7 +170,7 @@ class BlindSearch:
         names = [name for name in fit.hypothesis.effects if name not in self.noise.effects]
         if not pose.keys() & set(names):  # what is beside it has to be asked for by itself
             return ideal
-        # where there is nothing beside it, pruning compared it with nothing
+        # Where there is nothing beside it, pruning compared it with nothing.
         if len(names) == 1 and not self.judge(fit, ideal, names[0]).clear:
             return ideal
         self._promising |= set(names)

@@ -213,7 +213,7 @@ def snapshots_figure(diagnosis: BlindDiagnosis) -> Figure:
         first = sorted(diagnosis.rounds[0].items(), key=lambda entry: entry[1]) if diagnosis.rounds else []
         colours = [AFTER if name in diagnosis.names else FAINT for name, _ in first]
         right.barh([name for name, _ in first], [max(nats, 0.0) for _, nats in first], color=colours)
-        right.set(xlabel="calibrated nats", title="candidates beside the ideal camera")
+        right.set(xlabel="calibrated nats", title="candidates of the first round")
     return figure
 
 

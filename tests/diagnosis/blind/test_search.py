@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price
-from sci_lightning.diagnosis.blind.contender import MUCH, Contender
+from sci_lightning.diagnosis.blind.contender import MUCH, Contender, ContenderJudge
 from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
 from sci_lightning.diagnosis.blind.search import BlindSearch
 from sci_lightning.diagnosis.model.camera_model import Hypothesis
@@ -131,10 +131,6 @@ def test_when_two_effects_are_distinguished(search: BlindSearch) -> None:
         assert not search._is_ahead(alike)
 
 
-def of_black_level(hypothesis: Hypothesis, below: float) -> float:
-    return below if "black_level" in hypothesis.effects else 0.0
-
-
 def test_an_effect_that_lost_its_support_is_dropped(search: BlindSearch, monkeypatch: pytest.MonkeyPatch) -> None:
     """A black level that stood in for a displacement goes if only half of the snapshots ask for it beside that.
 
@@ -148,16 +144,15 @@ def test_an_effect_that_lost_its_support_is_dropped(search: BlindSearch, monkeyp
     all_ask, half_ask = [1.0, 1.0, 1.0, 1.0], [1.0, 1.0, -0.2, -0.2]
     for asked, below, kept in ((all_ask, 0.0, True), (all_ask, 9.0, False), (half_ask, 0.0, False)):
         gained = nats * torch.tensor(asked)
-        monkeypatch.setattr(
-            search.fitter.likelihood,
-            "below_no_light",
-            lambda hypothesis, below=below: of_black_level(hypothesis, below),
-        )
+
+        def below_no_light(hypothesis: Hypothesis, below: float = below) -> float:
+            return below if "black_level" in hypothesis.effects else 0.0
 
         def fit(hypothesis: Hypothesis, *_: object, gained: torch.Tensor = gained, **__: object) -> BlindFit:
             of_black = torch.zeros_like(nats) if "black_level" in hypothesis.effects else -gained
             return replace(whole, hypothesis=hypothesis, log_likelihood=of_black)
 
+        monkeypatch.setattr(search.fitter.likelihood, "below_no_light", below_no_light)
         monkeypatch.setattr(search.fitter, "fit", fit)
         assert ("black_level" in search.prune(replace(whole, log_likelihood=0 * nats)).hypothesis.effects) == kept
 
@@ -174,11 +169,12 @@ def test_all_blocks_are_asked_about_what_looks_like_another_scene(
         return replace(fit_of(search, "black_level", 0.3), log_likelihood=torch.full((16, 4), gained))
 
     monkeypatch.setattr(search.fitter, "evaluate", on_all)
+    judge = ContenderJudge(search.fitter, search.all_blocks, search.settings.min_gain_nats)  # remembers nothing yet
     nats = torch.where(fitted[:, None], torch.tensor([[9.0, 9.0, 9.0, -8.0]]), torch.nan)
     for name, agree in (("black_level", 4), ("mask_shift", 3)):
         fit = replace(fit_of(search, name, 1e-3, spread=1e-8), blocks=fitted, log_likelihood=nats)
         ideal = replace(fit, hypothesis=search.noise, log_likelihood=0 * nats)
-        judged = search.judge(fit, ideal, name)
+        judged = judge(fit, ideal, name)
         assert (judged.comparison.agree, judged.comparison.nats) == (agree, 4 * 19.0)
 
 
@@ -190,6 +186,35 @@ def test_snapshots_themselves_rule_out_what_looks_like_another_scene(search: Bli
         assert search.judge.asked_for(replace(fit, log_likelihood=nats), rival) is asked
         few = replace(fit, log_likelihood=nats[:, :2])  # one or two scenes do not tell
         assert not search.judge.asked_for(few, replace(rival, log_likelihood=rival.log_likelihood[:, :2]))
+
+
+@pytest.mark.parametrize(
+    ("least", "possible", "alternatives"),
+    [(1.0, True, ("mask_blur",)), (-1.0, True, ("mask_blur", "black_level")), (-1.0, False, ("mask_blur",))],
+)
+def test_what_might_stand_in_the_place_of_an_effect(
+    search: BlindSearch,
+    monkeypatch: pytest.MonkeyPatch,
+    least: float,
+    possible: bool,
+    alternatives: tuple[str, ...],
+) -> None:
+    """A blur that is as likely stays, and so does a possible black level that not all snapshots are against."""
+    named = fit_of(search, "mask_contrast", 0.3, spread=1e-4)
+    ahead = torch.tensor([9.0, 9.0, 9.0, least], dtype=torch.float64).expand(16, 4)
+    monkeypatch.setattr(search.fitter, "evaluate", lambda hypothesis, blocks: replace(named, log_likelihood=0 * ahead))
+    monkeypatch.setattr(
+        search.fitter, "fit", lambda hypothesis, *_, **__: replace(named, hypothesis=hypothesis, log_likelihood=-ahead)
+    )
+    gained = compare(0 * ahead, -ahead, columns=4)
+    black_level = replace(fit_of(search, "black_level", 0.3), log_likelihood=-ahead)
+    rivals = [
+        Contender("mask_blur", replace(fit_of(search, "mask_blur", 0.3), log_likelihood=0 * ahead), gained, 32, 25),
+        Contender("black_level", black_level, gained, 32, 25, like_a_scene=True, possible=possible),
+    ]
+    monkeypatch.setattr(search, "rivals", lambda without, least: rivals)
+    (effect,) = search.evidence(named)
+    assert (effect.name, effect.alternatives) == ("mask_contrast", alternatives)
 
 
 def test_a_black_level_is_refused_only_beyond_its_error(search: BlindSearch, monkeypatch: pytest.MonkeyPatch) -> None:
