@@ -131,8 +131,7 @@ class BlindFitter:
         covariance = torch.zeros(len(free), len(free), dtype=torch.float64)
         if scores is not None and errors:
             scores, information, _ = self._differentiate(free, best, rough=rough)
-            inverse = torch.linalg.pinv(information, hermitian=True)
-            covariance = inverse @ clustered(scores, self.likelihood.columns) @ inverse
+            covariance = errors_of(information, clustered(scores, self.likelihood.columns))
         return replace(best, blocks=blocks, free=free.names, covariance=covariance)
 
     def distance(self, fit: BlindFit, name: str) -> float:
@@ -232,6 +231,24 @@ class BlindFitter:
             hypothesis = hypothesis.with_effect(name, {**setting, parameter: float(setting[parameter]) + offset})
         moved_scores = self.likelihood.evaluate(hypothesis, fit.blocks, fit.weights, fit.likely)
         return moved_scores.log_likelihood - fit.by_likely
+
+
+def errors_of(information: torch.Tensor, scores: torch.Tensor) -> torch.Tensor:
+    """Return the covariance ``(p, p)`` of the errors of the parameters that make snapshots likeliest.
+
+    The prior is only roughly right, so that the covariance of the scores counts and not the information alone. Where
+    snapshots say nothing about a direction, their scores do not differ either: no direction is known better than it
+    would be by a right prior.
+
+    Args:
+        information: ``(p, p)``, positive definite.
+        scores: ``(p, p)``, covariance of the scores of all blocks.
+    """
+    values, vectors = torch.linalg.eigh(information)
+    whitening = vectors / values.sqrt()
+    more, directions = torch.linalg.eigh(whitening.mT @ scores @ whitening)
+    root = whitening @ directions
+    return root @ (more.clamp(min=1.0)[:, None] * root.mT)
 
 
 def price(fit: BlindFit, other: BlindFit) -> float:

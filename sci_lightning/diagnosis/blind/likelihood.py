@@ -33,6 +33,10 @@ IMAGES = 4
 VALUES_AT_A_TIME = 2**26
 """Values of images of patterns that are held at a time, at about 40 bytes each: eight hypotheses about eight slots of
 1024 x 1024 pixels."""
+BRIGHTNESS = 1e4
+"""Variance of the relative brightness of a block: so large that nothing is assumed about it."""
+LEAST_SPREAD = 1e-5
+"""Part of a pixel's light below which it counts as staying there."""
 LEAST_SHARE = 1e-3
 """A component matters in a block if it explains this part of it, in one of the snapshots at least."""
 DARKEST_PART = 1e-3
@@ -60,7 +64,10 @@ class BlockScores:
 
 @dataclass(frozen=True)
 class SeenBlocks:
-    """Some blocks of some snapshots in relative light, 1 being the mean of the snapshot, and what is expected there.
+    """Some blocks of some snapshots in relative light, and what is expected there.
+
+    Relative light is 1 where the light is the mean of the snapshot, what the camera adds to it included; what it adds
+    is subtracted.
 
     Attributes:
         places: ``(b,)``, which of the blocks that were asked for.
@@ -70,7 +77,7 @@ class SeenBlocks:
         log_density: ``(b, M)``, logarithm of the density of recorded values over that of relative light.
         mask: ``(b, T, m)``, the relative mask of the blocks, with pixels around them where there are optics.
         operator: ``(n, m)``, how much of the light of every pixel of the mask falls on every pixel; None: its own.
-        mean: ``(b, n)``, expected.
+        mean: ``(b, n)``, expected of scenes of relative brightness 1.
         noise: ``(b, n)``, variance of the noise.
     """
 
@@ -84,18 +91,31 @@ class SeenBlocks:
     mean: torch.Tensor
     noise: torch.Tensor
 
+    @property
+    def deviation(self) -> torch.Tensor:
+        """How far the blocks are from what is expected, ``(b, n, M)``."""
+        return (self.measured - self.mean[:, None]).mT
+
+    def with_brightness(self, covariance: torch.Tensor, blocks: torch.Tensor) -> torch.Tensor:
+        """Return covariances ``(P, n, n)`` of ``blocks`` (P,) of which nobody knows how bright they are."""
+        mean = self.mean[blocks]
+        return covariance.addcmul(mean[:, :, None], mean[:, None], value=BRIGHTNESS)
+
 
 class BlindLikelihood:
     r"""The likelihood of a hypothesis about the camera, whatever the scenes are.
 
-    A snapshot y is turned into light by the inverse of the sensor's response, and into relative light by its mean.
-    With a scene x of mean 1 and covariance C, drawn from the prior, a block of it behind the mask matrix A is Gaussian:
+    A snapshot y is turned into light by the inverse of the sensor's response, light that is the same everywhere is
+    subtracted, and the rest is divided by the snapshot's mean. With a scene x of mean 1 and covariance C, drawn from
+    the prior, a block of it behind the mask matrix A is Gaussian:
 
-    .. math:: y \sim \mathcal{N}\big(A 1,\; A C A^\top + N\big)
+    .. math:: y \sim \mathcal{N}\big(A 1,\; A C A^\top + b\, A 1\, (A 1)^\top + N\big)
 
     The mask is divided by the mean of its sum over time, so that the likelihood does not depend on the brightness of a
-    scene. Blocks do not overlap, and count as independent (a composite likelihood). The prior is a mixture of
-    Gaussians, whose shares are estimated for every hypothesis.
+    scene; nor does it depend on that of a block, whose variance b is nearly endless. The mean that a snapshot is
+    divided by is that of all it recorded: were it to depend on a black level, how much texture a scene is expected
+    to have would tell the black level, and that is known only roughly. Blocks do not overlap, and count as independent
+    (a composite likelihood). The prior is a mixture of Gaussians, whose shares are estimated for every hypothesis.
 
     Args:
         model: knows the snapshots and builds the light path of a hypothesis.
@@ -105,7 +125,8 @@ class BlindLikelihood:
         rows, columns: numbers of blocks.
         usable: ``(blocks, N)`` bool: blocks without a saturated pixel.
 
-    Source: Varin, Reid and Firth, "An overview of composite likelihood methods", Statistica Sinica 2011.
+    Sources: Varin, Reid and Firth, "An overview of composite likelihood methods", Statistica Sinica 2011; Patterson and
+    Thompson, "Recovery of inter-block information when block sizes are unequal", Biometrika 1971, for the brightness.
     """
 
     def __init__(self, model: CameraModel, prior: ScenePrior) -> None:
@@ -184,10 +205,11 @@ class BlindLikelihood:
 
         def score(seen: SeenBlocks) -> None:
             """Write the log-likelihood of some blocks by every component that is wanted."""
-            deviation = (seen.measured - seen.mean[:, None]).mT
+            deviation = seen.deviation
             for component, block, covariance in self.prior.covariances(
                 seen.mask, seen.operator, wanted[:, seen.places]
             ):
+                covariance = seen.with_brightness(covariance, block)
                 covariance.diagonal(dim1=-2, dim2=-1).add_(seen.noise[block])
                 factor = torch.linalg.cholesky(covariance)
                 whitened = torch.linalg.solve_triangular(factor, deviation[block], upper=False)
@@ -227,10 +249,11 @@ class BlindLikelihood:
         light_of_level, log_slope_of_level = response.light(self._levels)
         light, log_slope = light_of_level[self._level[numbers]], log_slope_of_level[self._level[numbers]]
         brightness = (self._shares_of_levels @ light_of_level).clamp(min=LEAST_LIGHT)
-        measured = light / brightness[:, None]
-        log_density = -log_slope.sum(2) - BLOCK**2 * brightness.log()
-        typical = brightness.mean()
-        operator, _ = self._optics(path)
+        operator, everywhere = self._optics(path)
+        unit = (brightness + response.without_light).clamp(min=LEAST_LIGHT)
+        measured = (light - everywhere * brightness[:, None]) / unit[:, None]
+        log_density = -log_slope.sum(2) - BLOCK**2 * unit.log()
+        typical = unit.mean()  # a black level included, of which the noise would otherwise tell
         for which, sequence in enumerate(observation.sequences):
             members = (observation.sequence == which).nonzero()[:, 0]
             reach = 0 if operator is None else REACH
@@ -238,8 +261,9 @@ class BlindLikelihood:
             masks = self.cut(relative, reach, numbers).transpose(0, 1)
             total = masks.sum(1)
             mean = total if operator is None else total @ operator.mT + (1 - operator.sum(1)).clamp(min=0)
-            noise = response.noise(mean * typical) / typical.square()
-            light_of_members, per_light = measured[:, members], brightness[members, None] * log_slope[:, members].exp()
+            expected = torch.lerp(mean, torch.ones_like(mean), everywhere) * typical
+            noise = response.noise(expected) / typical.square()
+            light_of_members, per_light = measured[:, members], unit[members, None] * log_slope[:, members].exp()
             for first in range(0, len(numbers), CHUNK):
                 part = slice(first, first + CHUNK)
                 yield SeenBlocks(
@@ -320,7 +344,8 @@ class BlindLikelihood:
     def _optics(self, path: LightPath) -> tuple[torch.Tensor | None, float]:
         """Return how much of the light of every pixel around a block falls on every pixel of it, ``(n, m)``.
 
-        The other figure is the part of the light that is spread over the whole field.
+        It is None where the light of every pixel stays there. The other figure is the part of the light that is spread
+        over the whole field, of which the first one is free.
         """
         effects = path.of(OpticsEffect)
         if not effects:
@@ -338,7 +363,11 @@ class BlindLikelihood:
         first = inner + REACH
         formed = signal.mean[:, first : first + BLOCK, first : first + BLOCK]
         faintest = float(signal.mean[side * side // 2].min())  # far from the impulse: what is there is everywhere
-        return formed.flatten(1).mT.double(), faintest * WINDOW**2
+        everywhere = faintest * WINDOW**2
+        operator = (formed.flatten(1).mT.double() - faintest) / (1 - everywhere)
+        own = impulses[:, first : first + BLOCK, first : first + BLOCK].flatten(1).mT
+        stays = bool((operator - own).abs().max() < LEAST_SPREAD)
+        return None if stays else operator, everywhere
 
 
 def _turns(effect: Effect) -> bool:

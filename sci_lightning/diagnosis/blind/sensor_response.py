@@ -52,6 +52,12 @@ class SensorResponse:
         log_slope = torch.cat([slope[:1], (slope[1:] * slope[:-1]).sqrt(), slope[-1:]]).log()
         return SensorResponse(levels, recorded, slope, log_slope, variance / (2 * log_slope).exp())
 
+    @property
+    def without_light(self) -> float:
+        """What is recorded without any light, over the slope there: the light that a straight response takes it for."""
+        place = int(torch.searchsorted(self.levels, 0.0)) - 1
+        return float(self.recorded[place] / self.slope[place] - self.levels[place])
+
     def light(self, signal: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the light that is recorded as ``signal`` (..), and the logarithm of the response's slope there."""
         place = torch.searchsorted(self.recorded, signal.contiguous()).clamp(1, LEVELS - 1) - 1

@@ -11,7 +11,8 @@ import torch
 
 from sci_lightning.captures import Captures
 from sci_lightning.data.reader import find_clips
-from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
+from sci_lightning.diagnosis.blind.blind_fit import errors_of
+from sci_lightning.diagnosis.blind.likelihood import BRIGHTNESS, BlindLikelihood
 from sci_lightning.diagnosis.blind.likelihood_comparison import clustered, compare
 from sci_lightning.diagnosis.blind.prior import CONTRASTS, ScenePrior
 from sci_lightning.diagnosis.blind.sensor_response import SensorResponse
@@ -71,7 +72,9 @@ def test_a_block_is_gaussian() -> None:
     covariance = CONTRASTS[2] * matrix @ (flat @ flat.T + torch.diag(rest.flatten())) @ matrix.T
     response = SensorResponse.of(likelihood.model.path(ideal), 255)
     noise = response.noise(matrix.sum(1) * brightness.mean()) / brightness.mean() ** 2
-    normal = torch.distributions.MultivariateNormal(matrix.sum(1), covariance + torch.diag(noise))
+    even = matrix.sum(1)
+    covariance += torch.diag(noise) + BRIGHTNESS * even[:, None] * even
+    normal = torch.distributions.MultivariateNormal(even, covariance)
     expected = normal.log_prob(signal[block].flatten() / brightness[1]) - 64 * brightness[1].log()
     assert float(nats[4 + 2, 1]) == pytest.approx(float(expected), abs=1e-3)
 
@@ -97,6 +100,40 @@ def test_brightness_cannot_be_told_and_says_nothing() -> None:
     assert torch.allclose(other, reference, atol=1e-6)
     wrong = likelihood.evaluate(ideal.with_effect("mask_orientation", {"operation": "flip_lr"})).log_likelihood
     assert float((reference - wrong).nansum()) > 100
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "much"), [("black_level", "offset", 0.1), ("veiling_glare", "fraction", 0.2)]
+)
+def test_only_the_mask_tells_light_that_is_everywhere(name: str, parameter: str, much: float) -> None:
+    """Even light has no image of the mask. Behind patterns whose sum is even nothing tells it from a brighter scene.
+
+    What textures scenes have at which brightness is known only roughly, so that it must not tell either.
+    """
+    captures = snapshots(brightness=0.7)
+    even = captures.patterns.copy()
+    even[-1] = 2 - even[:-1].sum(0)  # as the slots of a structural mask
+    differences = []
+    for patterns in (captures.patterns, even):
+        dn = captures.measurement
+        if patterns is even:
+            still = np.random.default_rng(1).uniform(0.4, 0.5, (COUNT, 1, SIZE // 4, SIZE // 4))
+            scene = still.repeat(4, 2).repeat(4, 3)
+            dn = np.floor(255 * 0.7 / 2 * (even * scene).sum(1) + 0.5).astype(np.uint8)
+        likelihood, ideal = likelihood_of(replace(captures, patterns=patterns, measurement=dn))
+        hypotheses = [ideal.with_effect(name, {parameter: value}) for value in (1e-6, much)]
+        nats = [likelihood.evaluate(one).log_likelihood for one in hypotheses]
+        differences.append(float((nats[0] - nats[1]).nansum()))
+    assert differences[0] > 50
+    assert abs(differences[1]) < 0.5
+
+
+def test_nothing_is_known_better_than_by_a_right_prior() -> None:
+    """Where snapshots say little their scores do not differ, which does not make them precise."""
+    information = torch.tensor([[4.0, 1.0], [1.0, 2.0]]).double()
+    much, nothing = 9 * information, torch.zeros(2, 2).double()
+    assert torch.allclose(errors_of(information, much), 9 * information.inverse())
+    assert torch.allclose(errors_of(information, nothing), information.inverse())
 
 
 def test_blocks_at_the_edge_do_not_count() -> None:

@@ -59,7 +59,8 @@ class BlockPredictor:
             every = torch.ones(len(weights), len(seen.places), dtype=torch.bool)
             parts = [part for *_, part in likelihood.prior.covariances(seen.mask, seen.operator, every)]
             covariance = torch.cat(parts).unflatten(0, every.shape)
-            deviation = (seen.measured - seen.mean[:, None]).mT  # (b, n, M)
+            covariance = seen.with_brightness(covariance, torch.arange(len(seen.places)))
+            deviation = seen.deviation
             for fold in self._folds:
                 hidden = fold[seen.places]
                 noise = torch.where(hidden, UNSEEN, seen.noise)
