@@ -9,6 +9,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
 from tests.conftest import ROOT
 
 SMALL = [
@@ -21,6 +23,7 @@ SMALL = [
 ]
 
 
+@pytest.mark.slow
 def test_wheel(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
     build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(tmp_path), str(ROOT)]
     assert subprocess.run(build, capture_output=True).returncode == 0

@@ -57,6 +57,7 @@ class TooLarge(Decoder):
         return torch.empty(2**50)
 
 
+@pytest.mark.slow
 def test_memory_is_the_decoders_own() -> None:
     ballast = torch.ones(200 * MIB // 4)  # of this process, which must not count
     result = decoder_cost({"_target_": f"{__name__}.Hungry"}, **SETTINGS)
@@ -64,6 +65,7 @@ def test_memory_is_the_decoders_own() -> None:
     assert len(ballast) and result["parameters"] == 2 * MIB and result["macs"] == result["macs_as_paper"] == 0
 
 
+@pytest.mark.slow
 def test_figures_fit_together() -> None:
     config = {"_target_": "sci_lightning.decoder.E2ECNN", "frames": 4, "channels": 8, "blocks": 5}
     settings = {**SETTINGS, "precisions": ["32-true", "bf16-mixed"], "published": "e2e_cnn", "training": 2}

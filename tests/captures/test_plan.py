@@ -59,6 +59,7 @@ def record(folder: Path, pixels: int = 1) -> None:
             imsave(folder / name, np.clip(np.round(dn), 0, 255).astype(np.uint8), check_contrast=False)
 
 
+@pytest.mark.slow
 def test_mirrors_that_are_not_pixels(plan, tmp_path: Path) -> None:
     """Targets are of the camera's size, and the mirrors are registered before the folder is packed."""
     status, printed = plan("LAB", "frames=4", "size=[32,40]", "field=[96,120]", "target=2")

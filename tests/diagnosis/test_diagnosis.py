@@ -34,7 +34,9 @@ def diagnosed(folder: Path, hidden: dict[str, Any], empirical: bool = False, **s
     ("hidden", "surround", "stage"),
     [
         pytest.param({"short_slot": {"loss": 0.3, "slot": 2}}, "dark", "exposure", marks=pytest.mark.slow),
-        ({"sensor_dust": {"depth": 0.5, "radius": 2.5, "count": 4}}, "goes_on", "sensor"),
+        pytest.param(
+            {"sensor_dust": {"depth": 0.5, "radius": 2.5, "count": 4}}, "goes_on", "sensor", marks=pytest.mark.slow
+        ),
         # an unknown surround leaves too little of so small a field to see the shape of a leak
         ({"light_leak": {"strength": 0.08, "reach": 0.25, "edge": "left"}}, "dark", "optics"),
     ],

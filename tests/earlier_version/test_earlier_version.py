@@ -42,6 +42,7 @@ def test_resume(files: Path, ran: Callable[..., str]) -> None:
     assert (files / "longer" / "metrics.json").is_file()
 
 
+@pytest.mark.slow
 def test_tables(files: Path, ran: Callable[..., str]) -> None:
     assert "E2E-CNN" in ran("tables", f"runs={files}", f"out={files}/tables")
 

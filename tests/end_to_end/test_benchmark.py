@@ -46,6 +46,7 @@ COST = {
 }
 
 
+@pytest.mark.slow
 def test_all(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
     asked = ["size=16", "repeats=1", "product=64", "training=1", "reduced=smoke", "out=run"]
     done = command("benchmark", "decoder=all", "only=[e2e_cnn]", *asked)

@@ -53,7 +53,8 @@ class Die(L.Callback):
             os.kill(os.getpid(), signal.SIGKILL)
 
 
-@pytest.mark.parametrize("rank", [pytest.param(0, marks=pytest.mark.slow), 1])
+@pytest.mark.slow
+@pytest.mark.parametrize("rank", [0, 1])
 def test_the_death_of_one_process_ends_the_other_with_one_line(rank: int, tmp_path: Path) -> None:
     two = ["trainer.devices=2", "trainer.strategy=ddp", "callbacks.last.every_n_steps=1", "out=run"]
     die = ["+callbacks.die._target_=tests.end_to_end.test_ddp.Die", f"+callbacks.die.rank={rank}"]

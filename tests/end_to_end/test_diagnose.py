@@ -15,7 +15,9 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from sci_lightning.virtual_camera import Session, VirtualCamera
 
 
-@pytest.mark.parametrize("hidden", [{}, {"mask_shift": {"dx": 0.61, "dy": -0.35}}])
+@pytest.mark.parametrize(
+    "hidden", [{}, pytest.param({"mask_shift": {"dx": 0.61, "dy": -0.35}}, marks=pytest.mark.slow)]
+)
 def test_diagnose(hidden: dict[str, dict[str, float]], tmp_path: Path, command: Callable[..., Any]) -> None:
     VirtualCamera(Session(size=(48, 48)), hidden).write(tmp_path / "a.h5", seed=3)
     command("diagnose", f"captures={tmp_path}/a.h5", f"out={tmp_path}/out")
@@ -29,6 +31,7 @@ def test_diagnose(hidden: dict[str, dict[str, float]], tmp_path: Path, command: 
     assert {"residuals.png", "evidence.png", "encoder.yaml"} <= {path.name for path in (tmp_path / "out").iterdir()}
 
 
+@pytest.mark.slow
 def test_dashboard(tmp_path: Path, command: Callable[..., Any]) -> None:
     VirtualCamera(Session(size=(32, 32)), {"gain": {"factor": 0.9}}).write(tmp_path / "a.h5", seed=3)
     done = command("diagnose", f"captures={tmp_path}/a.h5", f"out={tmp_path}/out", "most=1", "logger=tensorboard")

@@ -63,6 +63,7 @@ def test_train_evaluate_reconstruct(command: Command, tmp_path: Path) -> None:
     assert np.abs(np.load(tmp_path / "corrected" / "reconstruction.npy") - video).max() > 1e-4
 
 
+@pytest.mark.slow
 def test_learned_mask_with_effects_then_without(command: Command, tmp_path: Path) -> None:
     done = command("train", *SMALL, "effect=[mask_blur,prnu,read_noise]", "encoder.effects.prnu.std=0.05", "out=run")
     assert done.returncode == 0, done.stderr
@@ -94,6 +95,7 @@ def test_sweep_and_listing(command: Command, tmp_path: Path) -> None:
     assert used == ["camera", "rsw_sr"]
 
 
+@pytest.mark.slow
 def test_two_processes(command: Command, tmp_path: Path) -> None:
     path = encoder_file(tmp_path / "camera")
     two = ["trainer.devices=2", "trainer.strategy=ddp"]

@@ -89,6 +89,7 @@ effects:
 """
 
 
+@pytest.mark.slow
 def test_a_camera_that_is_known(captures: Captures, ran: Run, refused: Run, tmp_path: Path) -> None:
     """A decoder without training, told what is wrong with the camera: of captures, of simulated scenes, of a file."""
     (tmp_path / "found").mkdir()

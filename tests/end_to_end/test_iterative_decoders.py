@@ -86,6 +86,7 @@ def test_interrupted(ran: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert caught.value.code == 130 and not (tmp_path / "run" / "metrics.json").exists()
 
 
+@pytest.mark.slow
 def test_a_denoiser_is_trained_by_itself(ran: Run, refused: Run, tmp_path: Path) -> None:
     small = ["decoder.denoiser.channels=8", "decoder.denoiser.layers=4", "decoder.iterations=[1]", *SHORT[1:]]
     quick = ["data=synthetic", "data.clips_per_epoch=4", "workers=0", "trainer.max_epochs=1", "trainer.accelerator=cpu"]

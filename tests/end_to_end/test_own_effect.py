@@ -63,6 +63,7 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     sys.modules.pop("own_effect", None)
 
 
+@pytest.mark.slow
 def test_found_and_trained_with(lab: Path, ran: Run) -> None:
     ran("diagnose", "captures=lab.h5", "out=found", "+candidates.slope=own_effect.Slope")
     report = json.loads((lab / "found" / "report.json").read_text())

@@ -49,9 +49,6 @@ LATER = (
 )
 """Effects that had no name when the diagnoses were recorded."""
 
-FAST = ("gain_and_black_level",)
-"""Diagnoses in every run of the tests; the others take minutes."""
-
 
 def processor() -> str:
     """The processor's model and the version of torch, on which the last bits of a sum depend."""
@@ -163,10 +160,8 @@ def test_decoder(name: str) -> None:
     check(decode(name), record["decoders"][name], record["processor"] == processor())
 
 
-CASES = [pytest.param(name, marks=() if name in FAST else pytest.mark.slow) for name in DIAGNOSES]
-
-
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", DIAGNOSES)
 def test_diagnosis(name: str, tmp_path: Path) -> None:
     record = json.loads(RECORD.read_text())
     check(diagnose(name, tmp_path), record["diagnoses"][name], record["processor"] == processor())

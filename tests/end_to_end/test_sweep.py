@@ -65,6 +65,7 @@ def reached(folder: Path) -> int:
     return int(torch.load(last, weights_only=True)["global_step"]) if last.is_file() else 0
 
 
+@pytest.mark.slow
 def test_killed_and_started_again(command: Command, tmp_path: Path) -> None:
     words = ["-m", *ROWS, *QUICK, *STEPS, KILLED % "MetaSCI: 4"]
     assert command("train", *words).returncode == -signal.SIGKILL
@@ -113,7 +114,9 @@ def test_killed_and_started_again_in_processes_of_joblib(command: Command, tmp_p
 LAUNCHERS = {"basic": None, "joblib": "hydra_joblib_launcher", "submitit_local": "hydra_submitit_launcher"}
 
 
-@pytest.mark.parametrize("launcher", ["basic", "joblib", pytest.param("submitit_local", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "launcher", [one if one == "basic" else pytest.param(one, marks=pytest.mark.slow) for one in LAUNCHERS]
+)
 def test_rows_that_fail_are_told_at_the_end(launcher: str, command: Command, tmp_path: Path) -> None:
     if module := LAUNCHERS[launcher]:
         pytest.importorskip(f"hydra_plugins.{module}", reason="pip install sci-lightning[launchers]")

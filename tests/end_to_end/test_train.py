@@ -160,6 +160,7 @@ def test_evaluate_with_the_trained_and_with_another_encoder(run: Path, command: 
     assert not (tmp_path / "d" / "metrics.json").exists()
 
 
+@pytest.mark.slow
 def test_evaluate_on_the_benchmark(run: Path, command: Command, tmp_path: Path, shared_data: Path) -> None:
     """At 256 x 256 after training on 32 x 32: a small mask cannot be stretched, so it is refused and the way named."""
     done = command("evaluate", f"ckpt_path={run}/checkpoints/last.ckpt", f"data.root={shared_data}/benchmark")
@@ -241,6 +242,7 @@ def test_commands_are_listed(command: Command) -> None:
         assert f"python -m sci_lightning.{name} " in done.stdout
 
 
+@pytest.mark.slow
 def test_a_network_that_begins_with_the_linear_estimate(
     command: Command, ran: Callable[..., str], tmp_path: Path
 ) -> None:

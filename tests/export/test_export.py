@@ -89,6 +89,7 @@ def test_the_command(checkpoint: tuple[E2ECNN, LearnedStructural], ran: Run, tmp
     assert torch.allclose(OnnxDecoder(tmp_path / "new" / "model.onnx")(*snapshot), expected, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_mask_inside(checkpoint: tuple[E2ECNN, LearnedStructural], ran: Run, tmp_path: Path) -> None:
     decoder, mask = checkpoint
     assert "input mask" not in ran("export", "ckpt_path=a.ckpt", "out=m.onnx", "mask=trained")

@@ -99,6 +99,7 @@ def test_a_record_is_kept_when_the_next_case_is_interrupted(
     assert ran_cases == [case.name for case in cases[1:]]
 
 
+@pytest.mark.slow
 def test_a_crash_stays_in_its_record(tmp_path: Path) -> None:
     cases = [
         Deadly("nothing", (), "full", SESSION),

@@ -62,6 +62,7 @@ def test_cost_figure(made: Made, tmp_path: Path) -> None:
     assert areas[0] == pytest.approx(700 * 0.82 / 19.48)
 
 
+@pytest.mark.slow
 def test_mosaics_of_trained_runs(ran: Callable[..., str], tmp_path: Path) -> None:
     for encoder in ("rbw_sr", "lsw_sr"):
         quick = ["size=[32,32]", "data.clips_per_epoch=2", "trainer.max_epochs=1", "metrics.qscore=null", "logger=none"]

@@ -76,6 +76,7 @@ def one() -> Captures:
     return captures(matrix, size=SIZE, mirrors=MIRRORS, sensor_to_modulator=None).take(range(12))
 
 
+@pytest.mark.slow
 def test_without_contrast(one: Captures) -> None:
     flat = one.take([3, 6, 7])
     with pytest.raises(BadInput, match="every pattern that is shown to an even target is the same everywhere"):

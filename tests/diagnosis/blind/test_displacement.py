@@ -51,6 +51,7 @@ def test_a_grid_where_the_sum_of_the_patterns_is_even() -> None:
     assert max(abs(float(start["dx"])) for start in starts) == 3.5
 
 
+@pytest.mark.slow
 def test_a_far_displacement_beside_an_offset_in_a_dark_surround() -> None:
     """What is dark beyond the patterns shows the offset alone, which nobody knows at first."""
     hidden = {"mask_shift": {"dx": 4.4, "dy": -3.3}, "black_level": {"offset": 0.05}}

@@ -60,6 +60,7 @@ def test_nothing_is_shown_by_a_small_field_or_an_even_sum() -> None:
     assert pose_of(snapshots({"mask_shift": {"dx": 2.4, "dy": -1.3}}, mask="structural")) == {}
 
 
+@pytest.mark.slow
 def test_nothing_is_begun_with_where_nothing_is_displaced() -> None:
     """The parts show a displacement next to none, which has no support; nor has what is fitted beside it."""
     likelihood, ideal = likelihood_of(snapshots({}))

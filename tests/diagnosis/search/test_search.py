@@ -15,8 +15,8 @@ from tests.diagnosis.fit.test_fit import NOISE, fitter
     [
         {},
         {"pattern_order": {"offset": 2}},
-        {"flicker": {"amplitude": 0.1, "frequency": 1.3, "phase": 0.4}},
-        {"vignetting": {"strength": 0.2}, "gain": {"factor": 0.93}},
+        pytest.param({"flicker": {"amplitude": 0.1, "frequency": 1.3, "phase": 0.4}}, marks=pytest.mark.slow),
+        pytest.param({"vignetting": {"strength": 0.2}, "gain": {"factor": 0.93}}, marks=pytest.mark.slow),
     ],
 )
 def test_names(tmp_path: Path, hidden: dict[str, dict[str, float]]) -> None:

@@ -48,6 +48,7 @@ def test_what_is_kept(made: Made, tmp_path: Path) -> None:
     check_recipe(ROW, tmp_path / "kept", {"data": {"root": "/elsewhere/OTHER"}})  # a place is no part of a recipe
 
 
+@pytest.mark.slow
 def test_a_row_is_trained_once(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
     done = command("tables.rows", *SMOKE, QUICK)
     assert done.returncode == 0, done.stderr + done.stdout
