@@ -24,7 +24,7 @@ WIDE = homography((1.6, 1.2), 2.0, size=SIZE, mirrors=MIRRORS)
 
 @pytest.mark.slow
 def test_a_displaced_mask_behind_a_homography(tmp_path: Path) -> None:
-    """Its name, its values and its encoder are right; the slow test below takes every effect."""
+    """Its name, its values and its encoder are right; the test below takes every effect."""
     write_captures(tmp_path / "a.h5", captures(WIDE, Deviation(shift=(0.6, -0.35)), SIZE, MIRRORS))
     few = {name: effect for name, effect in vocabulary().items() if name in NEIGHBOURS}
     result = diagnose(read_captures(tmp_path / "a.h5"), few)

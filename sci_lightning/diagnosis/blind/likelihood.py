@@ -345,7 +345,7 @@ class BlindLikelihood:
         """Return how much of the light of every pixel around a block falls on every pixel of it, ``(n, m)``.
 
         It is None where the light of every pixel stays there. The other figure is the part of the light that is spread
-        over the whole field, of which the first one is free.
+        over the whole field, which the matrix leaves out.
         """
         effects = path.of(OpticsEffect)
         if not effects:
