@@ -119,7 +119,7 @@ def test_every_transcription_belongs_to_a_decoder() -> None:
     assert set(TRANSCRIPTIONS) <= set(members("decoder"))
 
 
-@pytest.mark.parametrize("name", ["Killed", "TooLarge"])
+@pytest.mark.parametrize("name", [pytest.param("Killed", marks=pytest.mark.slow), "TooLarge"])
 def test_want_of_memory(name: str) -> None:
     with pytest.raises(BadInput, match="did not fit into memory; give a smaller size="):
         decoder_cost({"_target_": f"{__name__}.{name}"}, **SETTINGS)

@@ -50,6 +50,7 @@ def test_a_dashboard_is_that_of_the_running_python(monkeypatch: pytest.MonkeyPat
     assert dashboard("run") == "tensorboard --logdir run"
 
 
+@pytest.mark.slow
 def test_what_is_printed_runs(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
     """From a training and from a virtual camera on, in folders whose names need quotes."""
 

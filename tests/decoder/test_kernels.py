@@ -46,7 +46,9 @@ def test_both_decode_to_the_same(
     torch.testing.assert_close(video, plain, rtol=0, atol=2e-5 * float(plain.abs().max()))
 
 
-@pytest.mark.parametrize("name", ["res2former", "stformer", "revsci", "efficientsci", "e2e_cnn"])
+@pytest.mark.parametrize(
+    "name", ["res2former", pytest.param("stformer", marks=pytest.mark.slow), "revsci", "efficientsci", "e2e_cnn"]
+)
 def test_as_exact_in_bfloat16(name: str, make_decoder: Callable[..., Decoder]) -> None:
     """The kernels for bfloat16 lose no more of the result than the plain formulas in bfloat16 do."""
     decoder = make_decoder(name, 8, *WIDE.get(name, SMALL.get(name, [])))

@@ -54,7 +54,16 @@ def test_the_command_ends_with_one_line(tmp_path: Path, refused: Callable[..., s
 
 
 @pytest.mark.parametrize(
-    "degenerate", ["one pixel", "one row", "no light", "all mirrors off", "constant", "one slot", "one bit"]
+    "degenerate",
+    [
+        "one pixel",
+        "one row",
+        "no light",
+        pytest.param("all mirrors off", marks=pytest.mark.slow),
+        pytest.param("constant", marks=pytest.mark.slow),
+        "one slot",
+        "one bit",
+    ],
 )
 def test_degenerate_captures_get_a_verdict(degenerate: str, tmp_path: Path) -> None:
     session = Session(size=(16, 16), dark=1, flat=1, all_on=0, all_off=0, pattern=0, static=1, dynamic=1)

@@ -43,6 +43,9 @@ ONLY_COMPOSED = (
     "ckpt_path=IDEAL",  # the same test as the command before it on the page
     "sci_lightning.mismatch",  # tests/mismatch runs the protocol
     "experiment=finetune",  # likewise
+    "tables runs=RUN",  # the same tables as those of the README's command
+    "benchmark decoder=res2former size=",  # tests/end_to_end/test_benchmark.py measures decoders
+    "benchmark decoder=e2e_cnn",  # likewise
 )
 """Commands with one of these words are composed with ``--cfg job`` and not run: other tests run the same code."""
 ONLY_IMPORTED = ("sci_lightning.benchmark.convolutions",)

@@ -47,6 +47,7 @@ def test_tables(files: Path, ran: Callable[..., str]) -> None:
     assert "E2E-CNN" in ran("tables", f"runs={files}", f"out={files}/tables")
 
 
+@pytest.mark.slow
 def test_captures_and_report(files: Path, command: Callable[..., object]) -> None:
     command("diagnose", f"captures={files}/captures.h5", f"out={files}/out")
     then = json.loads((files / "found" / "report.json").read_text())

@@ -97,6 +97,7 @@ def test_decoders_that_fail_do_not_stop_the_others(
     assert "| matrix product of side 2048 | 100 | 500 |" in table
 
 
+@pytest.mark.slow
 def test_trained_weights(checkpoint_of: Callable[..., Path], ran: Run, tmp_path: Path) -> None:
     checkpoint_of(tmp_path / "a.ckpt")
     ran("benchmark", "ckpt_path=a.ckpt", "precision=32", "repeats=1", "product=0", "out=run")

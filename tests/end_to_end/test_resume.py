@@ -31,7 +31,7 @@ RUN = [
 ]
 
 
-@pytest.mark.parametrize("precision", ["32-true", "bf16-mixed"])
+@pytest.mark.parametrize("precision", ["32-true", pytest.param("bf16-mixed", marks=pytest.mark.slow)])
 def test_killed_in_the_middle_of_an_epoch(
     precision: str, command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
 ) -> None:

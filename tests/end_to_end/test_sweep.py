@@ -198,7 +198,7 @@ def test_a_sweep_runs_every_row_that_it_can(name: str) -> None:
         assert there == (str(swept[choice]).split(",") if choice in swept else [])
 
 
-@pytest.mark.parametrize("scale", ["cpu", "smoke"])
+@pytest.mark.parametrize("scale", [pytest.param("cpu", marks=pytest.mark.slow), "smoke"])
 def test_reduced_networks(scale: str, configuration: Callable[..., Any]) -> None:
     for name in members("decoder"):
         full, reduced = (configuration("train", f"decoder={name}", f"scale={each}").decoder for each in ("own", scale))

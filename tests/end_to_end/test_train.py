@@ -226,6 +226,7 @@ def test_other_ways_to_train(command: Command, tmp_path: Path) -> None:
     assert again["mean"] == pytest.approx(first["mean"], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_sweep(command: Command, tmp_path: Path) -> None:
     done = command("train", "-m", *TINY, "encoder.mask.bits=1,3", "trainer.max_epochs=1", "out=sweep")
     assert done.returncode == 0, done.stderr

@@ -25,7 +25,7 @@ from tests.conftest import members
 from tests.decoder.test_decoders import SMALL
 
 Run = Refused = Callable[..., str]
-FAST = ("gap_tv", "linear", "metasci")
+FAST = ("gap_tv", "linear")
 """Decoders that take few seconds. The graphs of the other networks have more nodes, and their tests are `slow`."""
 
 pytestmark = pytest.mark.skipif(
@@ -154,6 +154,7 @@ def test_a_graph_that_differs_is_not_written(
     assert not list(tmp_path.glob("*.onnx"))
 
 
+@pytest.mark.slow
 def test_differences_of_shape(tmp_path: Path) -> None:
     decoder = E2ECNN(2, channels=4, blocks=1)
     (tmp_path / "a.onnx").write_bytes(with_mask(onnx_graph(decoder, 2), torch.ones(2, 16, 16)).SerializeToString())

@@ -175,7 +175,7 @@ def test_mutated_encoder_file(alone: Path, changed: Any) -> None:
     mutated_encoder_file(alone, changed)
 
 
-@settings(SHORT, max_examples=25)
+@settings(SHORT, max_examples=12)
 @given(OVERRIDES, values())
 def test_wrong_override(alone: Path, key: str, value: Any) -> None:
     wrong_override(alone, key, value)

@@ -36,6 +36,7 @@ def state(path: Path, part: str) -> dict[str, torch.Tensor]:
     return {k: v for k, v in torch.load(path, weights_only=True)["state_dict"].items() if k.startswith(part)}
 
 
+@pytest.mark.slow
 def test_a_decoder_learns_behind_a_fixed_mask(
     ran: Callable[..., str], refused: Callable[..., str], trained: Path, tmp_path: Path
 ) -> None:

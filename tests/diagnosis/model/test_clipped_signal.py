@@ -35,6 +35,7 @@ def test_far_from_the_level_nothing_changes() -> None:
     assert torch.equal(clipped.standardise(signal, given), given)
 
 
+@pytest.mark.slow
 def test_wells_that_are_full_at_the_level_of_a_flat_field(tmp_path: Path) -> None:
     """Shot noise of 39 DN, of which one side is lost, beside a readout noise of 0.8 DN: nothing else is to be seen."""
     session = Session(size=(32, 32), bit_depth=12, pattern=0)
