@@ -20,6 +20,8 @@ ATTEMPTS = 5
 """Steps that one iteration tries, each more cautious, until one does not lower the likelihood."""
 DIFFERENCE = 0.5
 """Part of a parameter's step over which the likelihood is differentiated."""
+PACE = 0.05
+"""Part of what a fit lacks to what it competes with that an iteration must gain; a slower one does not catch up."""
 ROUGH_BLOCKS = 64
 """Blocks that are enough for the direction of a Newton step, spread evenly over those that are fitted."""
 
@@ -87,6 +89,7 @@ class BlindFitter:
         errors: bool = True,
         rough: bool = True,
         enough: float = PROGRESS,
+        ahead: torch.Tensor | None = None,
     ) -> BlindFit:
         """Maximise the likelihood of some blocks over all parameters but choices and the noise.
 
@@ -101,6 +104,8 @@ class BlindFitter:
             errors: whether the covariance of the parameters' errors is asked for, which takes as long as an iteration.
             rough: whether a part of the blocks is enough for how the errors depend on each other.
             enough: nats below which an iteration that gains no more is the last one.
+            ahead: ``(blocks, N)`` log-likelihood of what the fit competes with. An iteration that gains less than
+                :data:`PACE` of what lacks to it is the last one. None: there is nothing.
         """
         others = () if alone is None else [name for name in hypothesis.effects if name != alone]
         constant = tuple((name, parameter) for name in others for parameter in hypothesis.effects[name])
@@ -126,7 +131,8 @@ class BlindFitter:
                     best = trial
                     break
                 damping = max(damping * 20, 1e-2)
-            if gained < enough:
+            lacking = 0.0 if ahead is None else float((ahead - best.log_likelihood).nansum())
+            if gained < max(enough, PACE * lacking):
                 break
         covariance = torch.zeros(len(free), len(free), dtype=torch.float64)
         if scores is not None and errors:

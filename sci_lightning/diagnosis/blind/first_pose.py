@@ -1,8 +1,9 @@
-"""How the mask's image is displaced in parts of a large field: displacement, rotation and magnification at once.
+"""How the mask's image is displaced in parts of a field: displacement, rotation and magnification at once.
 
 At the edge of a large field a small rotation displaces the image by a pixel or more. A displacement by itself then fits
 a part of the field only, and so does a rotation: neither leads to the other. What is fine in the snapshots is
-correlated with the patterns' sum part by part, and the displacements of the parts tell both.
+correlated with the patterns' sum part by part, and the displacements of the parts tell both. A small field is one part,
+which tells the displacement alone.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 
 PART = 64
-"""Side in pixels of a part of the field; a field must have two of them along either side."""
+"""Side in pixels of a part of the field; a field that has not two of them along either side is one part."""
 AROUND = 4
 """Pixels around the displacement of the whole field by which a part may be displaced."""
 CLEAR = 5.0
@@ -29,7 +30,7 @@ SURE = 4.0
 
 
 def first_pose(likelihood: BlindLikelihood, hypothesis: Hypothesis, border_share: float) -> dict[str, Setting]:
-    """Return settings of effects that displace the mask's image as parts of the field show it; {} for a small field.
+    """Return settings of effects that displace the mask's image as parts of the field show it.
 
     The displacement at (x, y) from the field's centre is (dx - angle y + s x, dy + angle x + s y) for a small rotation
     and a magnification of 1 + s. They are fitted by least squares.
@@ -40,14 +41,18 @@ def first_pose(likelihood: BlindLikelihood, hypothesis: Hypothesis, border_share
         border_share: largest part of the field by which the image may be displaced.
 
     Returns:
-        A displacement, and what changes over the field by :data:`SURE` standard errors.
+        A displacement, and what changes over the field by :data:`SURE` standard errors; {} where too few parts are
+        clearly displaced.
     """
-    if min(likelihood.model.observation.size) < 2 * PART:
-        return {}
     whole = correlated_displacements(likelihood, hypothesis, border_share)
     if not whole:
         return {}
-    place, moved, weight = _parts(likelihood, hypothesis, whole[0])
+    shortest = min(likelihood.model.observation.size)
+    part = PART if shortest >= 2 * PART else shortest
+    place, moved, weight = _parts(likelihood, hypothesis, whole[0], part)
+    if part == shortest and len(place):
+        dx, dy = (moved * weight[:, None]).sum(0).div(weight.sum()).tolist()
+        return {"mask_shift": {"dx": dx, "dy": dy}}
     if len(place) < LEAST_PARTS:
         return {}
     x, y = place.T
@@ -68,22 +73,27 @@ def first_pose(likelihood: BlindLikelihood, hypothesis: Hypothesis, border_share
 
 
 def _parts(
-    likelihood: BlindLikelihood, hypothesis: Hypothesis, about: tuple[float, float]
+    likelihood: BlindLikelihood, hypothesis: Hypothesis, about: tuple[float, float], part: int
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """Return place ``(P, 2)``, displacement ``(P, 2)`` and weight ``(P,)`` of the parts that are clearly displaced.
 
     Places are (x, y) of the parts' middles in pixels from the field's centre, displacements (dx, dy) in pixels.
+
+    Args:
+        likelihood, hypothesis: as in :func:`first_pose`.
+        about: displacement of the whole field.
+        part: side of a part in pixels.
     """
     observation = likelihood.model.observation
     height, width = observation.size
     first = tuple(round(value) for value in about)
     steps = range(-AROUND, AROUND + 1)
     room = AROUND + max(abs(value) for value in first)
-    product = torch.zeros(len(steps), len(steps), height // PART, width // PART, dtype=torch.float64)
+    product = torch.zeros(len(steps), len(steps), height // part, width // part, dtype=torch.float64)
     power = torch.zeros_like(product)
 
     def pooled(field: torch.Tensor) -> torch.Tensor:
-        return F.avg_pool2d(field[None], PART)[0] * PART**2
+        return F.avg_pool2d(field[None], part)[0] * part**2
 
     for which, sequence in enumerate(observation.sequences):
         pattern = fine_detail(likelihood.relative_mask(hypothesis, sequence).sum(0)[None])[0]
@@ -96,7 +106,7 @@ def _parts(
                     there = padded[top : top + height, left : left + width]
                     product[i, j] += pooled(seen * there)
                     power[i, j] += (squared * pooled(there.square())).clamp(min=1e-12).sqrt()
-    evidence = (product / power * PART).flatten(2).movedim(2, 0)  # (parts, down, across)
+    evidence = (product / power * part).flatten(2).movedim(2, 0)  # (parts, down, across)
     places, moved, weights = [], [], []
     for number, there in enumerate(evidence):
         peak = int(there.argmax())
@@ -104,8 +114,8 @@ def _parts(
         height_of_peak = float(there[i, j])
         if height_of_peak < CLEAR or not (0 < i < len(steps) - 1 and 0 < j < len(steps) - 1):
             continue
-        row, column = divmod(number, width // PART)
-        places.append([(column + 0.5) * PART - width / 2, (row + 0.5) * PART - height / 2])
+        row, column = divmod(number, width // part)
+        places.append([(column + 0.5) * part - width / 2, (row + 0.5) * part - height / 2])
         fine = [_vertex(there[i, j - 1 : j + 2]), _vertex(there[i - 1 : i + 2, j])]
         moved.append([first[0] + j - AROUND + fine[0], first[1] + i - AROUND + fine[1]])
         weights.append(height_of_peak)

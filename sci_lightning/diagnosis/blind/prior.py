@@ -140,7 +140,7 @@ class ScenePrior:
         place = needed.flatten().cumsum(0).view(needed.shape) - 1
         for pairs in by_contrast.nonzero().split(MATRICES):
             contrast, component, block = pairs.T
-            scaled = covariance[place[block, component]].double() * self._contrasts[contrast, None, None]
+            scaled = covariance[place[block, component]].double().mul_(self._contrasts[contrast, None, None])
             yield contrast * by_contrast.shape[1] + component, block, scaled
 
     def estimate_weights(self, log_likelihood: torch.Tensor) -> torch.Tensor:

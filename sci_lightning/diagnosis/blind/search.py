@@ -187,7 +187,7 @@ class BlindSearch:
             self._contenders[key] = self._fitted(base, self.settings.candidates_fitted, STARTS_FITTED)
         return self._contenders[key]
 
-    def rivals(self, base: BlindFit, least: float) -> list[Contender]:
+    def rivals(self, base: BlindFit, least: float, ahead: BlindFit) -> list[Contender]:
         """Return what might stand in the place of an effect that a model lacks: fewer candidates and starts are fitted.
 
         The candidates of a round of the search are taken where there was one with this model, else those that were
@@ -196,14 +196,21 @@ class BlindSearch:
         Args:
             base: the model without the effect.
             least: nats on the screened blocks that a rival must gain by itself.
+            ahead: the model with the effect, which rivals have to catch up with.
         """
         known = self._contenders.get(frozenset(base.hypothesis.effects))
         if known is not None:
             return known
-        return self._fitted(base, 1 + self.settings.rivals_fitted, 1, least, sorted(self._promising))
+        return self._fitted(base, 1 + self.settings.rivals_fitted, 1, least, sorted(self._promising), ahead)
 
     def _fitted(
-        self, base: BlindFit, count: int, starts: int, least: float = 0.0, names: Sequence[str] | None = None
+        self,
+        base: BlindFit,
+        count: int,
+        starts: int,
+        least: float = 0.0,
+        names: Sequence[str] | None = None,
+        ahead: BlindFit | None = None,
     ) -> list[Contender]:
         """Fit the most promising candidates beside all effects of a model; the best comes first.
 
@@ -213,6 +220,7 @@ class BlindSearch:
             starts: of each of them.
             least: nats on the screened blocks that a candidate must gain by itself.
             names: of the candidates; None for all.
+            ahead: a model that they have to catch up with; None for none.
         """
         screened = [entry for entry in self.screen(base, count, starts, names) if entry[1] > 0]
         least = max(least, PROMISING * screened[0][1]) if screened else least
@@ -224,13 +232,14 @@ class BlindSearch:
 
         kept = [entry for entry in screened if pays(*entry)][:count]
         contenders = on_every_core(
-            lambda entry: self._contender(base, entry[0], entry[2]), kept, self.fitter.likelihood.at_a_time
+            lambda entry: self._contender(base, entry[0], entry[2], ahead), kept, self.fitter.likelihood.at_a_time
         )
         return sorted(contenders, key=lambda one: -one.gain)
 
-    def _contender(self, base: BlindFit, name: str, start: Setting) -> Contender:
+    def _contender(self, base: BlindFit, name: str, start: Setting, ahead: BlindFit | None) -> Contender:
         hypothesis = base.hypothesis.with_effect(name, start)
-        fit = self.fitter.fit(hypothesis, self.fitted_blocks, enough=ENOUGH)
+        behind = None if ahead is None else ahead.log_likelihood
+        fit = self.fitter.fit(hypothesis, self.fitted_blocks, enough=ENOUGH, ahead=behind)
         return self.judge(fit, base, name)
 
     def screen(
@@ -359,7 +368,7 @@ class BlindSearch:
             one, cost = self.judge(fit, without, name), price(fit, without)
             on_screened = (fit.log_likelihood - without.log_likelihood)[self.screened_blocks].nan_to_num(0.0)
             rivals = []
-            for rival in self.rivals(without, RIVAL_SHARE * float(on_screened.sum())):
+            for rival in self.rivals(without, RIVAL_SHARE * float(on_screened.sum()), fit):
                 direct = compare(fit.log_likelihood, rival.fit.log_likelihood, self.columns)
                 if rival.name == name or not rival.possible:
                     continue

@@ -1,4 +1,4 @@
-"""Parts of a large field show displacement, rotation and magnification of the mask's image at once."""
+"""Parts of a field show displacement, rotation and magnification of the mask's image at once."""
 
 from __future__ import annotations
 
@@ -55,8 +55,15 @@ def test_a_magnification() -> None:
     assert pose["mask_scale"]["scale"] == pytest.approx(1.02, abs=0.004)
 
 
-def test_nothing_is_shown_by_a_small_field_or_an_even_sum() -> None:
-    assert pose_of(snapshots({"mask_shift": {"dx": 2.4, "dy": -1.3}}, side=96)) == {}
+def test_a_small_field_shows_a_displacement_alone() -> None:
+    hidden = {"mask_shift": {"dx": 2.4, "dy": -1.3}, "mask_rotation": {"angle": 0.5}, "mask_blur": {"sigma": 1.2}}
+    pose = pose_of(snapshots({**hidden, "black_level": {"offset": 0.05}}, side=96))
+    assert set(pose) == {"mask_shift"}
+    assert pose["mask_shift"]["dx"] == pytest.approx(2.4, abs=0.2)
+    assert pose["mask_shift"]["dy"] == pytest.approx(-1.3, abs=0.2)
+
+
+def test_nothing_is_shown_by_an_even_sum() -> None:
     assert pose_of(snapshots({"mask_shift": {"dx": 2.4, "dy": -1.3}}, mask="structural")) == {}
 
 
