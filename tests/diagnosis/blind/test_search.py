@@ -117,11 +117,26 @@ def test_a_candidate_that_cannot_pay_is_not_fitted(search: BlindSearch, monkeypa
     starts = {name: dict.fromkeys(search.fitter.model.effects[name].about, 0.1) for name in screened}
     monkeypatch.setattr(search, "screen", lambda *_: [(name, nats, starts[name]) for name, nats in screened.items()])
     monkeypatch.setattr(
-        search, "_contender", lambda base, name, start: contender(search, name, Comparison(9.0, 9.0, 4, 4))
+        search, "_contender", lambda base, name, *_: contender(search, name, Comparison(9.0, 9.0, 4, 4))
     )
     base = search.fitter.evaluate(search.noise, search.fitted_blocks)
     fitted = {one.name for one in search._fitted(base, count=3, starts=1)}
     assert fitted == {"mask_shift", "mask_contrast"}
+
+
+def test_what_cannot_catch_up_is_fitted_no_further(search: BlindSearch, monkeypatch: pytest.MonkeyPatch) -> None:
+    fitter, evaluated = search.fitter, []
+    evaluate = fitter.evaluate
+    monkeypatch.setattr(fitter, "evaluate", lambda *given: evaluated.append(1) or evaluate(*given))
+    start = search.noise.with_effect("mask_shift", {"dx": 0.3, "dy": 0.2})
+
+    def fitted(more: float) -> tuple[float, int]:
+        evaluated.clear()
+        fit = fitter.fit(start, search.fitted_blocks, ahead=evaluate(start, search.fitted_blocks).log_likelihood + more)
+        return fit.nats, len(evaluated)
+
+    (whole, many), (part, few) = fitted(0.0), fitted(1e6)
+    assert evaluate(start, search.fitted_blocks).nats < part < whole and few == 2 < many
 
 
 def test_when_two_effects_are_distinguished(search: BlindSearch) -> None:
@@ -212,7 +227,7 @@ def test_what_might_stand_in_the_place_of_an_effect(
         Contender("mask_blur", replace(fit_of(search, "mask_blur", 0.3), log_likelihood=0 * ahead), gained, 32, 25),
         Contender("black_level", black_level, gained, 32, 25, like_a_scene=True, possible=possible),
     ]
-    monkeypatch.setattr(search, "rivals", lambda without, least: rivals)
+    monkeypatch.setattr(search, "rivals", lambda *_: rivals)
     (effect,) = search.evidence(named)
     assert (effect.name, effect.alternatives) == ("mask_contrast", alternatives)
 
