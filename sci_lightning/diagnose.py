@@ -20,8 +20,24 @@ if TYPE_CHECKING:
 
     from sci_lightning.captures import Captures
     from sci_lightning.diagnosis.report.report_page import Provenance
+    from sci_lightning.diagnosis.report.snapshot_report import SnapshotReport
     from sci_lightning.diagnosis.search_settings import SearchSettings
     from sci_lightning.encoder.effects import Effect
+
+
+@dataclass(frozen=True)
+class Given:
+    """What was read.
+
+    Attributes:
+        captures: to be diagnosed; None where no mask is given, so that there is nothing more to diagnose.
+        snapshots: what those of unknown scenes tell by themselves; None where there are none.
+        is_part: whether the captures hold a part of the snapshots only, that which the mask covers.
+    """
+
+    captures: Captures | None
+    snapshots: SnapshotReport | None = None
+    is_part: bool = False
 
 
 @dataclass(frozen=True)
@@ -61,11 +77,17 @@ def diagnose(composition: Composition) -> None:
 
     cfg = composition.cfg
     start, out, console = time.perf_counter(), Path(cfg.out), PlainConsole()
-    captures = read_input(cfg, console)
-    if captures is None:
-        return
     candidates = vocabulary(cfg.candidates, composition.targets("effect"), cfg.leave_out)
     settings = SearchSettings(max_effects=cfg.most, **cfg.search)
+    given = read_input(cfg)
+    captures, snapshots, in_file = given.captures, given.snapshots, out / "snapshots.json"
+    if snapshots is not None:
+        snapshots.print(console)
+    if captures is None:
+        if snapshots is not None:
+            snapshots.write(in_file)
+        console.say(styled(in_file))
+        return
 
     def provenance() -> Provenance:
         return Provenance(
@@ -77,12 +99,17 @@ def diagnose(composition: Composition) -> None:
         )
 
     task = Task(cfg, captures, candidates, settings, console, provenance)
+    useful = True
     if captures.known.any():
         _calibrated(task)
     else:
-        _blind(task)
+        useful = _blind(task)
+    if snapshots is not None:  # with the report, so that a folder never holds those of two runs
+        snapshots.write(in_file)
     console.say(styled(out / "report.html"), "; beside it report.json, encoder.yaml and pictures")
-    lines = [invocation("train", "experiment=quickstart", paths={"encoder": out / "encoder.yaml"})]
+    if given.is_part:
+        _write_part(captures, out, console)
+    lines = [invocation("train", "experiment=quickstart", paths={"encoder": out / "encoder.yaml"})] if useful else []
     known = bool(captures.known.any())  # a report on unknown scenes has no chi2 to be revealed
     if known and cfg.captures and (truth := Path(cfg.captures).with_suffix(".truth.json")).is_file():
         lines.append(invocation("virtual_camera.reveal", nearest(truth), nearest(out / "report.json")))
@@ -111,8 +138,8 @@ def _calibrated(task: Task) -> None:
     print_report(diagnosis, task.console)
 
 
-def _blind(task: Task) -> None:
-    """Diagnose snapshots of unknown scenes, write the report and print it."""
+def _blind(task: Task) -> bool:
+    """Diagnose snapshots of unknown scenes, write the report, print it, and return whether they show their mask."""
     from sci_lightning.diagnosis.blind.blind_diagnosis import diagnose_blind
     from sci_lightning.diagnosis.blind.prior import scene_statistics
     from sci_lightning.diagnosis.report.blind_report import print_blind_report, write_blind_report
@@ -126,17 +153,27 @@ def _blind(task: Task) -> None:
         on_progress("writing the report")
         write_blind_report(diagnosis, Path(cfg.out), task.provenance())
     print_blind_report(diagnosis, task.console)
+    return diagnosis.mask_is_visible
 
 
-def read_input(cfg: DictConfig, console: PlainConsole) -> Captures | None:
-    """Return the captures to diagnose, and report what those of unknown scenes tell by themselves.
+def _write_part(captures: Captures, out: Path, console: PlainConsole) -> None:
+    """Write the part of the snapshots that was diagnosed, which is what the corrected camera records."""
+    import numpy as np
+
+    from sci_lightning.files.atomic_file import atomic_write
+    from sci_lightning.files.stored_array import readable_shape
+
+    with atomic_write(out / "measurement.npy") as temporary, temporary.open("wb") as file:
+        np.save(file, captures.measurement)
+    pixels = readable_shape(captures.size)
+    console.say(styled(out / "measurement.npy"), f": the {pixels} pixels of the snapshots that the mask covers")
+
+
+def read_input(cfg: DictConfig) -> Given:
+    """Return the captures to diagnose, and what those of unknown scenes tell by themselves.
 
     Args:
         cfg: ``captures``, or ``measurement`` with ``mask`` and what belongs to them.
-        console: the terminal.
-
-    Returns:
-        None where no mask is given, so that there is nothing more to diagnose.
 
     Raises:
         BadInput: both or neither, or files that cannot be used.
@@ -144,7 +181,7 @@ def read_input(cfg: DictConfig, console: PlainConsole) -> Captures | None:
     from sci_lightning.captures import read_captures
     from sci_lightning.captures.snapshots import captures_of_snapshots, matching_files, read_snapshots
     from sci_lightning.diagnosis.blind.snapshot_facts import snapshot_facts
-    from sci_lightning.diagnosis.report.snapshot_report import report_snapshots
+    from sci_lightning.diagnosis.report.snapshot_report import SnapshotReport
     from sci_lightning.errors import BadInput
 
     if (cfg.captures is None) == (cfg.measurement is None):
@@ -154,17 +191,15 @@ def read_input(cfg: DictConfig, console: PlainConsole) -> Captures | None:
     if cfg.captures is not None:
         captures = read_captures(cfg.captures)
         unknown = ~captures.known
-        if unknown.any():
-            facts = snapshot_facts(captures.measurement[unknown], captures.bit_depth)
-            report_snapshots(facts, cfg.out, console, Path(cfg.captures).name, True, not unknown.all())
-        return captures
+        if not unknown.any():
+            return Given(captures)
+        facts = snapshot_facts(captures.measurement[unknown], captures.bit_depth)
+        return Given(captures, SnapshotReport(facts, Path(cfg.captures).name, True, not unknown.all()))
     dn, bit_depth = read_snapshots(matching_files(cfg.measurement), cfg.key, cfg.bit_depth)
     facts = snapshot_facts(dn, bit_depth)
     name = Path(cfg.measurement).name
     if cfg.mask is None:
-        report_snapshots(facts, cfg.out, console, name, False, False)
-        console.say(styled(Path(cfg.out) / "snapshots.json"))
-        return None
+        return Given(None, SnapshotReport(facts, name, False, False))
     captures = captures_of_snapshots(
         dn,
         bit_depth,
@@ -173,10 +208,10 @@ def read_input(cfg: DictConfig, console: PlainConsole) -> Captures | None:
         step=cfg.mask_step,
         origin=cfg.mask_origin,
         verification=cfg.verification,
-        name=Path(cfg.measurement).parent.resolve().name,
+        name=name,
     )
-    report_snapshots(facts, cfg.out, console, name, True, False)
-    return captures
+    is_part = captures.measurement.shape != dn.shape
+    return Given(captures, SnapshotReport(facts, name, True, False), is_part)
 
 
 if __name__ == "__main__":

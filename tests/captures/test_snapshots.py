@@ -108,6 +108,14 @@ def test_a_mask_of_another_size(origin: tuple[int, int], tmp_path: Path) -> None
     assert captures.size == (rows, 75) and captures.patterns.shape == (4, rows, 75)
 
 
+def test_sides_of_equal_length_begin_together(tmp_path: Path) -> None:
+    """A displacement of the mask's image along them is what a diagnosis finds."""
+    whole = mask((100, 80))
+    np.save(tmp_path / "mask.npy", whole[:, :, :75])
+    with pytest.raises(BadInput, match=r"mask_origin=\[12,0\]"):
+        captures_of_snapshots(snapshot(whole)[:, 12:82, 1:76], 12, tmp_path / "mask.npy")
+
+
 def test_a_mask_that_belongs_to_nothing(tmp_path: Path) -> None:
     dn = snapshot(mask((64, 64)))
     random = np.random.default_rng(3)

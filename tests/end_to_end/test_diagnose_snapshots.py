@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.io import savemat
+from scipy.io import loadmat, savemat
 
+from tests.conftest import members
 from tests.schemas.validation import check
 
 Ran = Callable[..., str]
@@ -70,4 +71,18 @@ def test_bad_input(words: list[str], answer: str, snapshot: np.ndarray, tmp_path
     (tmp_path / "folder").mkdir()
     savemat(tmp_path / "closed.mat", {"mask": np.zeros((64, 64, 4))})
     assert answer in refused("diagnose", *words, "out=found")
-    assert not (tmp_path / "found" / "report.json").exists()
+    assert not (tmp_path / "found" / "report.json").exists() and not (tmp_path / "found" / "snapshots.json").exists()
+
+
+def test_a_part_of_the_snapshots_is_reconstructed(snapshot: np.ndarray, tmp_path: Path, ran: Ran) -> None:
+    """Where the mask covers a part of the snapshots, that part is kept, and the corrected camera decodes it."""
+    savemat(tmp_path / "part.mat", {"mask": loadmat(tmp_path / "mask.mat")["mask"][4:, :58]})
+    left_out = sorted(set(members("effect")) - {"mask_contrast", "mask_shift", "read_noise", "shot_noise"})
+    words = ["measurement=meas.mat", "mask=part.mat", "mask_origin=[-4,0]", f"leave_out=[{','.join(left_out)}]"]
+    said = ran("diagnose", *words, "out=found")
+    assert "found/measurement.npy: the 60 x 58 pixels of the snapshots that the mask covers" in said
+    assert np.array_equal(np.load(tmp_path / "found" / "measurement.npy")[0], snapshot[4:, :58])
+    assert (tmp_path / "found" / "snapshots.json").is_file()
+    camera = ["decoder=gap_tv", "decoder.iterations=[2]", "decoder.camera=found/encoder.yaml"]
+    ran("reconstruct", *camera, "measurement=found/measurement.npy", "out=video")
+    assert list((tmp_path / "video").iterdir())

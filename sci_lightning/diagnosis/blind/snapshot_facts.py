@@ -18,6 +18,8 @@ PILE_UP = 0.005
 """Least part of all pixels in a peak at the dark end that counts as the black level."""
 CLIPPED = 1e-4
 """Least part of all pixels at an end of the range that counts as clipping."""
+LEAST_PILED = 16
+"""Pixels with the highest values, two codes of them, from which these count as a pile."""
 EXPECTED = 20.0
 """Pixels that a code must be expected to have, judging by its neighbours, for its absence to be no chance."""
 DEFECT_SIGMA = 6.0
@@ -143,7 +145,10 @@ def snapshot_facts(dn: np.ndarray, bit_depth: int) -> SnapshotFacts:
         BadInput: fewer than 16 x 16 pixels, in which nothing can be told from chance.
     """
     if min(dn.shape[1:]) < 16:
-        raise BadInput(f"snapshots of {dn.shape[1]} x {dn.shape[2]} pixels are too small, expected at least 16 x 16")
+        raise BadInput(
+            f"{len(dn)} snapshots of {dn.shape[1]} x {dn.shape[2]} pixels are too small, expected at least 16 x 16; an "
+            "array of several snapshots is N x H x W"
+        )
     full_scale = 2**bit_depth - 1
     counts = np.bincount(dn.ravel().astype(np.int64), minlength=full_scale + 1)
     levels = _levels(dn, counts, full_scale)
@@ -191,7 +196,8 @@ def _levels(dn: np.ndarray, counts: np.ndarray, full_scale: int) -> Levels:
             counts[max(0, highest - 1) : highest + 1].sum(),
             counts[max(0, highest - 9) : highest - 1].sum() / 4,
         )
-        saturates = highest if top > CLIPPED * total and top > 4 * below else None
+        piled = top >= LEAST_PILED and top > CLIPPED * total and top > 4 * below
+        saturates = highest if piled else None
     return Levels(
         lowest=int(present[0]),
         highest=highest,

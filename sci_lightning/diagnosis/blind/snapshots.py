@@ -51,13 +51,15 @@ def observe_snapshots(captures: Captures, leave_out: Collection[int] = ()) -> Ob
     if (open_ < NEVER_OPEN).all():
         raise BadInput(
             f"{captures.name}: the patterns of the {len(unknown)} captures with unknown scenes never open (mean "
-            f"transmittance {open_.max():.2g}); expected coding patterns: check 'patterns' and 'sequence'"
+            f"transmittance {open_.max():.2g}); expected coding patterns: check the mask "
+            "('patterns' and 'sequence' of a captures file)"
         )
     used = captures.patterns[np.unique(captures.sequence[unknown])]
     if (used.max((1, 2)) == used.min((1, 2))).all():
         raise BadInput(
             f"{captures.name}: every pattern of the {len(unknown)} captures with unknown scenes is the same "
-            "everywhere, so that it codes nothing; expected coding patterns: check 'patterns' and 'sequence'"
+            "everywhere, so that it codes nothing; expected coding patterns: check the mask "
+            "('patterns' and 'sequence' of a captures file)"
         )
     kept = usable_snapshots(captures, leave_out)
     if not len(kept):

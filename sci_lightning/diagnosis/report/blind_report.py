@@ -94,7 +94,7 @@ def _page(diagnosis: BlindDiagnosis, drawn: Mapping[str, Figure]) -> BlindPage:
         headline=blind_headline(diagnosis),
         about=f"{len(observation)} snapshots, {height} x {width} pixels, {observation.frames} slots, "
         f"{observation.bit_depth} bits",
-        notes=diagnosis.notes,
+        notes=diagnosis.notes[diagnosis.verdict == "unexplained" :],  # the first one is the headline
         rows=_rows(diagnosis),
         uncertainty=UNCERTAINTY,
         predicted=[] if judged is None else predicted_errors(judged.gap, judged.without_mask, judged.verification),
@@ -193,7 +193,7 @@ def print_blind_report(diagnosis: BlindDiagnosis, console: PlainConsole) -> None
             f"held-out pixels: prediction error {gap.before:.3g} before, {gap.after:.3g} after; {gap.agree} of "
             f"{gap.snapshots} snapshots ask for it, p = {gap.p_value:.2g}"
         )
-    for note in diagnosis.notes:
+    for note in diagnosis.notes[diagnosis.verdict == "unexplained" :]:  # of which the first is the headline
         console.say(note)
     console.say(f"unknown scenes cannot tell: {', '.join(diagnosis.undetermined)}; report.json says why")
     for advice in diagnosis.next_captures:

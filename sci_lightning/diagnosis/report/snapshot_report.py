@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from sci_lightning import __version__
 from sci_lightning.cli.console import PlainConsole, styled
@@ -12,52 +12,47 @@ from sci_lightning.diagnosis.blind.snapshot_facts import SnapshotFacts, still_ne
 from sci_lightning.files.atomic_file import atomic_write
 
 
-def write_snapshot_facts(facts: SnapshotFacts, needed: tuple[str, ...], path: str | Path, file: str = "") -> None:
-    """Write ``snapshots.json``; the schema ``snapshots`` describes every field.
+@dataclass(frozen=True)
+class SnapshotReport:
+    """What snapshots tell by themselves, to be printed and kept.
 
-    Args:
-        facts: what the snapshots tell.
-        needed: sentences on what a diagnosis still needs.
-        path: the file.
-        file: name of the file that was read, without its folder.
-    """
-    content: dict[str, Any] = {
-        "format": "sci-snapshots",
-        "format_version": 1,
-        "file": file,
-        **facts.describe(),
-        "sentences": list(facts.sentences()),
-        "needed": list(needed),
-        "sci_lightning": __version__,
-    }
-    with atomic_write(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=1) + "\n")
-
-
-def print_snapshot_facts(facts: SnapshotFacts, needed: tuple[str, ...], console: PlainConsole) -> None:
-    """Print what the snapshots tell, and what is needed for more."""
-    height, width = facts.size
-    snapshots = f"{facts.snapshots} snapshot{'s' * (facts.snapshots > 1)}"
-    console.say(styled(f"{snapshots} of {height} x {width} pixels, {facts.bit_depth} bits", "bold"))
-    for sentence in facts.sentences():
-        console.say(f"  {sentence}")
-    for sentence in needed:
-        console.say(styled("needed for more", "yellow"), f": {sentence}")
-
-
-def report_snapshots(
-    facts: SnapshotFacts, out: str | Path, console: PlainConsole, file: str, has_mask: bool, has_known_scenes: bool
-) -> None:
-    """Print what the snapshots of a diagnosis tell by themselves, and write ``snapshots.json`` into its folder.
-
-    Args:
+    Attributes:
         facts: of the snapshots.
-        out: the folder.
-        console: the terminal.
         file: name of the file that was read, without its folder.
         has_mask: whether the mask is known.
         has_known_scenes: whether there are captures of known scenes beside them.
     """
-    needed = still_needed(facts, has_mask, has_known_scenes)
-    write_snapshot_facts(facts, needed, Path(out) / "snapshots.json", file)
-    print_snapshot_facts(facts, needed, console)
+
+    facts: SnapshotFacts
+    file: str
+    has_mask: bool
+    has_known_scenes: bool
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """Sentences on what a diagnosis still needs."""
+        return still_needed(self.facts, self.has_mask, self.has_known_scenes)
+
+    def print(self, console: PlainConsole) -> None:
+        """Print what the snapshots tell, and what is needed for more."""
+        height, width = self.facts.size
+        snapshots = f"{self.facts.snapshots} snapshot{'s' * (self.facts.snapshots > 1)}"
+        console.say(styled(f"{snapshots} of {height} x {width} pixels, {self.facts.bit_depth} bits", "bold"))
+        for sentence in self.facts.sentences():
+            console.say(f"  {sentence}")
+        for sentence in self.needed:
+            console.say(styled("needed for more", "yellow"), f": {sentence}")
+
+    def write(self, path: str | Path) -> None:
+        """Write ``snapshots.json``; the schema ``snapshots`` describes every field."""
+        content = {
+            "format": "sci-snapshots",
+            "format_version": 1,
+            "file": self.file,
+            **self.facts.describe(),
+            "sentences": list(self.facts.sentences()),
+            "needed": list(self.needed),
+            "sci_lightning": __version__,
+        }
+        with atomic_write(path) as temporary:
+            temporary.write_text(json.dumps(content, indent=1) + "\n")

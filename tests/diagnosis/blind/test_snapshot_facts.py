@@ -58,6 +58,12 @@ def test_saturation() -> None:
     assert facts.levels.saturates_at == 3000 and any("pile up at 3000" in text for text in facts.sentences())
 
 
+def test_a_single_brightest_pixel_is_no_saturation() -> None:
+    dn = record(scenes(1))[:, :64, :64]
+    dn[0, 20, 20] = dn.max() + 40
+    assert snapshot_facts(dn, 12).levels.saturates_at is None
+
+
 def test_missing_codes() -> None:
     dn = record(0.9 * scenes(3), read=3, bits=8, well=4000)
     clean = snapshot_facts(dn, 8)
