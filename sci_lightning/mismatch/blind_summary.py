@@ -26,6 +26,7 @@ HEADING = [
     "III less IV-blind, up to gain",
     "missed",
     "wrong",
+    "commit",
 ]
 
 
@@ -41,7 +42,8 @@ def blind_table(records: Sequence[Record]) -> list[list[str]]:
         records: that :func:`diagnosed_blind` chose.
     """
     rows = [
-        [record["camera"], record["decoder"], *map(_decibels, _figures(record)), *_names(record)] for record in records
+        [record["camera"], record["decoder"], *map(_decibels, _figures(record)), *_names(record), _commit(record)]
+        for record in records
     ]
     drawn = [record for record in records if record["camera"].startswith("drawn_")]
     for decoder in dict.fromkeys(record["decoder"] for record in drawn):
@@ -57,7 +59,7 @@ def blind_table(records: Sequence[Record]) -> list[list[str]]:
 def _mean(title: str, records: Sequence[Record]) -> list[str]:
     figures = [_figures(record) for record in records]
     means = [sum(column) / len(column) for column in zip(*figures, strict=True)]
-    return [title, records[0]["decoder"], *map(_decibels, means), "", ""]
+    return [title, records[0]["decoder"], *map(_decibels, means), "", "", ""]
 
 
 def _blur(record: Record) -> float:
@@ -80,6 +82,11 @@ def _names(record: Record) -> list[str]:
     there = [name for name in record["mismatch"] if name not in UNDETERMINED]
     missed, wrong = [name for name in there if name not in named], [name for name in named if name not in there]
     return [", ".join(missed), ", ".join(wrong)]
+
+
+def _commit(record: Record) -> str:
+    """Return the commits that made a record; records that a later run completed name several."""
+    return str(record.get("provenance", {}).get("commit", ""))
 
 
 def _decibels(value: float) -> str:
