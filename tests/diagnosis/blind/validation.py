@@ -1,8 +1,9 @@
-"""``python -m tests.diagnosis.blind.validation CLIPS CASES.jsonl [SIDE] [ROUNDS]``: is a blind diagnosis right?
+"""``python -m tests.diagnosis.blind.validation CLIPS CASES.jsonl [SIDE] [ROUNDS] [pairs]``: is a blind diagnosis right?
 
 In each round every effect of modulator and relay is hidden once, clearly, in a virtual camera that records eight
-snapshots of real clips, eight slots long; twice nothing is hidden. A case is a line of CASES.jsonl once it is done, and
-the same command goes on where it was interrupted. It writes docs/results/blind-validation-SIDE.json.
+snapshots of real clips, eight slots long; twice nothing is hidden. With ``pairs`` two effects are hidden at a time. A
+case is a line of CASES.jsonl once it is done, and the same command goes on where it was interrupted. It writes
+docs/results/blind-validation-SIDE.json or blind-validation-pairs-SIDE.json.
 """
 
 from __future__ import annotations
@@ -41,6 +42,21 @@ HIDDEN = (
     "none",
 )
 """What is hidden in the cases of a round."""
+BESIDE = " + "
+PAIRS = (
+    "mask_shift + mask_blur",
+    "mask_rotation + mask_contrast",
+    "mask_scale + mask_blur",
+    "mask_shift + mask_rotation",
+    "pattern_order + mask_blur",
+    "mask_keystone + mask_contrast",
+    "mask_orientation + mask_shift",
+    "mask_distortion + mask_blur",
+    "mask_rotation + mask_scale",
+    "mask_shift + mask_contrast",
+)
+"""The same of pairs: every effect that is named by itself, with others."""
+ALL = "all effects"
 SNAPSHOTS, SLOTS, BEYOND = 8, 8, 12
 """Of a case; pixels of the scene on every side beyond the field."""
 
@@ -71,7 +87,7 @@ def record(clips: list[Path], hidden: str, side: int, seed: int) -> tuple[Captur
         planned.kind,
         World(BEYOND, planned.world.patterns, scene),
     )
-    effects = choose_effects([] if hidden == "none" else [hidden], session, seed)
+    effects = choose_effects([] if hidden == "none" else hidden.split(BESIDE), session, seed)
     captures = Captures(
         patterns=planned.patterns,
         sequence=planned.sequence,
@@ -116,11 +132,11 @@ def inside(truth: dict[str, Any], named: dict[str, Any]) -> list[bool]:
 
 
 def summary(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return a row for every hidden effect, and one for all."""
+    """Return a row for everything that was hidden, and one for all."""
     rows = []
     effects = [one for one in cases if one["hidden"] != "none"]
-    groups = [(name, [one for one in cases if one["hidden"] == name]) for name in dict.fromkeys(HIDDEN)]
-    for title, group in [*groups, ("all effects", effects)]:
+    groups = [(name, [one for one in cases if one["hidden"] == name]) for name in dict.fromkeys((*HIDDEN, *PAIRS))]
+    for title, group in [*groups, (ALL, effects)]:
         if group:
             right = [one for one in group if set(one["named"]) == set(one["truth"])]
             wrong = [one for one in group if set(one["named"]) - set(one["truth"])]
@@ -132,7 +148,7 @@ def summary(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
                     "right": _text(Proportion(len(right), len(group))),
                     "wrong": _text(Proportion.of(one in wrong and one["verdict"] == "explained" for one in group)),
                     "held": f"{sum(held)} of {len(held)}" if held else "",
-                    "instead": "; ".join(instead) if title != "all effects" else "",
+                    "instead": "; ".join(instead) if title != ALL else "",
                     "seconds": float(np.median([one["cpu_seconds"] for one in group])),
                 }
             )
@@ -144,19 +160,20 @@ def _text(proportion: Proportion) -> str:
     return f"{proportion.count} of {proportion.total} ({low} % to {high} %)"
 
 
-def main(clips: Path, out: Path, side: int, rounds: int) -> None:
-    found = find_clips(clips)
+def main(clips: Path, out: Path, side: int, rounds: int, pairs: bool) -> None:
+    found, every = find_clips(clips), PAIRS if pairs else HIDDEN
+    kind, word = ("pairs-", " pairs") if pairs else ("", "")
     file = MeasurementsFile(
-        Path(f"docs/results/blind-validation-{side}.json"),
+        Path(f"docs/results/blind-validation-{kind}{side}.json"),
         machine="one thread",
         scale=f"eight snapshots of {side} x {side} pixels, eight slots, binary and structural masks, real clips",
         seeds="one of its own in every case",
-        command=f"python -m tests.diagnosis.blind.validation CLIPS CASES.jsonl {side} {rounds}",
+        command=f"python -m tests.diagnosis.blind.validation CLIPS CASES.jsonl {side} {rounds}{word}",
     )
     done = [json.loads(line) for line in out.read_text().splitlines()] if out.is_file() else []
-    for number in range(rounds * len(HIDDEN)):
+    for number in range(rounds * len(every)):
         if not any(one["number"] == number and one["side"] == side for one in done):
-            done.append(case(found, HIDDEN[number % len(HIDDEN)], side, number))
+            done.append(case(found, every[number % len(every)], side, number))
             with out.open("a") as stream:
                 stream.write(json.dumps(done[-1]) + "\n")
             print(f"{number}: {done[-1]['hidden']} -> {', '.join(done[-1]['named']) or 'nothing'}", flush=True)
@@ -172,4 +189,5 @@ def main(clips: Path, out: Path, side: int, rounds: int) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]), *(int(word) for word in (*sys.argv[3:], "64", "1")[:2]))
+    numbers = [int(word) for word in sys.argv[3:] if word != "pairs"]
+    main(Path(sys.argv[1]), Path(sys.argv[2]), *[*numbers, *(64, 1)[len(numbers) :]], pairs="pairs" in sys.argv)
