@@ -41,8 +41,14 @@ UNCERTAINTY = (
 """What ``std`` of the report means, for people."""
 
 
+OF_SOME = ("evidence.png", "prediction.png", "reconstruction.png", "effective_mask.npy", "effective_mask.mat")
+"""Files that some diagnoses write and others do not."""
+
+
 def write_blind_report(diagnosis: BlindDiagnosis, out: str | Path, provenance: Provenance | None = None) -> None:
     """Write all files of a blind diagnosis into the folder ``out``; none is ever half written.
+
+    Pictures and masks of an earlier diagnosis in the same folder that this one does not write are removed.
 
     Args:
         diagnosis: the result.
@@ -59,7 +65,11 @@ def write_blind_report(diagnosis: BlindDiagnosis, out: str | Path, provenance: P
         if name not in NOISE_GUESS or name in diagnosis.stated_noise
     }
     write_corrected_encoder(diagnosis.observation, diagnosis.model, effects, {}, out)
-    drawn = {"evidence.png": snapshots_figure(diagnosis)}
+    for name in OF_SOME:
+        (out / name).unlink(missing_ok=True)
+    drawn = {}
+    if (evidence := snapshots_figure(diagnosis)) is not None:
+        drawn["evidence.png"] = evidence
     camera = diagnosis.camera
     if diagnosis.effects and diagnosis.prediction is not None and camera is not None:
         before, after = (
@@ -78,7 +88,7 @@ def write_blind_report(diagnosis: BlindDiagnosis, out: str | Path, provenance: P
 
 
 CAPTIONS = {
-    "evidence.png": "What every snapshot gains by the corrected camera, and what other candidates would gain.",
+    "evidence.png": "What every snapshot gains by the corrected camera, and what candidates would gain by themselves.",
     "prediction.png": "The error of held-out pixels by the ideal camera and by the corrected one.",
     "reconstruction.png": "A part of a snapshot, reconstructed for the ideal camera and for the corrected one.",
 }
@@ -92,7 +102,7 @@ def _page(diagnosis: BlindDiagnosis, drawn: Mapping[str, Figure]) -> BlindPage:
         verdict=diagnosis.verdict,
         names=diagnosis.names,
         headline=blind_headline(diagnosis),
-        about=f"{len(observation)} snapshots, {height} x {width} pixels, {observation.frames} slots, "
+        about=f"{_snapshots(len(observation))}, {height} x {width} pixels, {observation.frames} slots, "
         f"{observation.bit_depth} bits",
         notes=diagnosis.notes[diagnosis.verdict == "unexplained" :],  # the first one is the headline
         rows=_rows(diagnosis),
@@ -184,14 +194,14 @@ def print_blind_report(diagnosis: BlindDiagnosis, console: PlainConsole) -> None
     console.say(verdict, f" (scenes unknown): {blind_headline(diagnosis)}")
     for effect in diagnosis.effects:
         console.say(
-            f"{effect.name}: {effect.agree} of {effect.snapshots} snapshots ask for it, "
+            f"{effect.name}: {effect.agree} of {_snapshots(effect.snapshots)} ask for it, "
             f"{effect.delta_nll or 0:,.0f} calibrated nats, p = {effect.p_value:.2g}"
         )
     if diagnosis.prediction is not None and diagnosis.effects:
         gap = diagnosis.prediction.gap
         console.say(
             f"held-out pixels: prediction error {gap.before:.3g} before, {gap.after:.3g} after; {gap.agree} of "
-            f"{gap.snapshots} snapshots ask for it, p = {gap.p_value:.2g}"
+            f"{_snapshots(gap.snapshots)} ask for it, p = {gap.p_value:.2g}"
         )
     for note in diagnosis.notes[diagnosis.verdict == "unexplained" :]:  # of which the first is the headline
         console.say(note)
@@ -200,20 +210,33 @@ def print_blind_report(diagnosis: BlindDiagnosis, console: PlainConsole) -> None
         console.say(styled("record next"), f": {advice}")
 
 
-def snapshots_figure(diagnosis: BlindDiagnosis) -> Figure:
-    """Draw how many nats per pixel every snapshot gains by the corrected camera, and what the candidates would gain."""
+def _snapshots(count: int) -> str:
+    return f"{count} snapshot{'s' * (count != 1)}"
+
+
+def snapshots_figure(diagnosis: BlindDiagnosis) -> Figure | None:
+    """Draw how many nats per pixel every snapshot gains by the corrected camera, and what the candidates would gain.
+
+    Returns:
+        None where nothing was named and no candidate was fitted, so that there is nothing to draw.
+    """
     gained = (diagnosis.corrected.log_likelihood - diagnosis.ideal.log_likelihood).nanmean(0) / BLOCK**2
     gained = gained.nan_to_num(0.0)
+    first = sorted(diagnosis.rounds[0].items(), key=lambda entry: entry[1]) if diagnosis.rounds else []
+    panels = [*["by snapshot"] * bool(diagnosis.effects), *["candidates of the first round"] * bool(first)]
+    if not panels:
+        return None
     with style():
-        figure = Figure(figsize=(8.8, 3.2), layout="constrained")
-        left, right = figure.subplots(1, 2)
-        left.bar(range(len(gained)), gained.numpy(), color=AFTER)
-        left.set_xticks(range(len(gained)), [str(number) for number in diagnosis.observation.number.tolist()])
-        left.set(xlabel="snapshot", ylabel="nats per pixel gained", title="by snapshot")
-        first = sorted(diagnosis.rounds[0].items(), key=lambda entry: entry[1]) if diagnosis.rounds else []
-        colours = [AFTER if name in diagnosis.names else FAINT for name, _ in first]
-        right.barh([name for name, _ in first], [max(nats, 0.0) for _, nats in first], color=colours)
-        right.set(xlabel="calibrated nats", title="candidates of the first round")
+        figure = Figure(figsize=(4.4 * len(panels), 3.2), layout="constrained")
+        for axes, title in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
+            if title == "by snapshot":
+                axes.bar(range(len(gained)), gained.numpy(), color=AFTER)
+                axes.set_xticks(range(len(gained)), [str(number) for number in diagnosis.observation.number.tolist()])
+                axes.set(xlabel="snapshot", ylabel="nats per pixel gained", title=title)
+            else:
+                colours = [AFTER if name in diagnosis.names else FAINT for name, _ in first]
+                axes.barh([name for name, _ in first], [max(nats, 0.0) for _, nats in first], color=colours)
+                axes.set(xlabel="calibrated nats", title=title)
     return figure
 
 

@@ -16,7 +16,7 @@ from sci_lightning.diagnosis.blind import blind_diagnosis, search
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis, diagnose_blind
 from sci_lightning.diagnosis.blind.held_out.paired_comparison import PairedComparison
 from sci_lightning.diagnosis.blind.held_out.prediction_verdict import PredictionVerdict
-from sci_lightning.diagnosis.report.blind_report import blind_headline
+from sci_lightning.diagnosis.report.blind_report import blind_headline, write_blind_report
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera import Session, VirtualCamera
@@ -100,6 +100,13 @@ def test_the_command_and_its_report(tmp_path: Path, command: Callable[..., Any])
     assert verification["prediction_error"] < verification["before"]["prediction_error"]
     assert "MaskContrast" in (tmp_path / "out" / "encoder.yaml").read_text()
     assert "What unknown scenes cannot tell" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_nothing_is_left_of_an_earlier_report(tmp_path: Path) -> None:
+    for hidden in ({"mask_contrast": {"leak": 0.2}}, {}):
+        write_blind_report(diagnosed(snapshots(hidden, 3, size=(48, 48)), ("mask_contrast",)), tmp_path)
+        assert (tmp_path / "prediction.png").is_file() == (tmp_path / "effective_mask.npy").is_file() == bool(hidden)
+    assert (tmp_path / "report.html").is_file()
 
 
 def test_one_snapshot_says_so_and_is_less_sure() -> None:
