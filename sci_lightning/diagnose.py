@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from sci_lightning.encoder.effects import Effect
 
 
+PART = "covered_snapshots.npy"
+"""File of the part of the snapshots that the mask covers; no name that snapshots themselves are likely to have."""
+
+
 @dataclass(frozen=True)
 class Given:
     """What was read.
@@ -80,13 +84,13 @@ def diagnose(composition: Composition) -> None:
     candidates = vocabulary(cfg.candidates, composition.targets("effect"), cfg.leave_out)
     settings = SearchSettings(max_effects=cfg.most, **cfg.search)
     given = read_input(cfg)
-    captures, snapshots, in_file = given.captures, given.snapshots, out / "snapshots.json"
+    captures, snapshots, facts_file = given.captures, given.snapshots, out / "snapshots.json"
     if snapshots is not None:
         snapshots.print(console)
     if captures is None:
         if snapshots is not None:
-            snapshots.write(in_file)
-        console.say(styled(in_file))
+            snapshots.write(facts_file)
+        console.say(styled(facts_file))
         return
 
     def provenance() -> Provenance:
@@ -105,7 +109,7 @@ def diagnose(composition: Composition) -> None:
     else:
         useful = _blind(task)
     if snapshots is not None:  # with the report, so that a folder never holds those of two runs
-        snapshots.write(in_file)
+        snapshots.write(facts_file)
     console.say(styled(out / "report.html"), "; beside it report.json, encoder.yaml and pictures")
     if given.is_part:
         _write_part(captures, out, console)
@@ -163,10 +167,10 @@ def _write_part(captures: Captures, out: Path, console: PlainConsole) -> None:
     from sci_lightning.files.atomic_file import atomic_write
     from sci_lightning.files.stored_array import readable_shape
 
-    with atomic_write(out / "measurement.npy") as temporary, temporary.open("wb") as file:
+    with atomic_write(out / PART) as temporary, temporary.open("wb") as file:
         np.save(file, captures.measurement)
     pixels = readable_shape(captures.size)
-    console.say(styled(out / "measurement.npy"), f": the {pixels} pixels of the snapshots that the mask covers")
+    console.say(styled(out / PART), f": the {pixels} pixels of the snapshots that the mask covers")
 
 
 def read_input(cfg: DictConfig) -> Given:

@@ -171,8 +171,8 @@ def _advice(patterns: np.ndarray, dn: np.ndarray) -> str:
     place = place_of_mask(patterns, dn)
     if place is None:
         return f"{wrong}, and no part of the one fits the other; give the mask that the snapshots were taken with"
-    # Sides of equal length begin together: by how much the image is displaced along them is the diagnosis's question.
     (top, left), correlation = place
+    # Sides of equal length begin together: by how much the image is displaced along them is the diagnosis's question.
     top, left = (
         0 if mask_side == side else at
         for at, mask_side, side in zip((top, left), patterns.shape[1:], field, strict=True)

@@ -80,9 +80,9 @@ def test_a_part_of_the_snapshots_is_reconstructed(snapshot: np.ndarray, tmp_path
     left_out = sorted(set(members("effect")) - {"mask_contrast", "mask_shift", "read_noise", "shot_noise"})
     words = ["measurement=meas.mat", "mask=part.mat", "mask_origin=[-4,0]", f"leave_out=[{','.join(left_out)}]"]
     said = ran("diagnose", *words, "out=found")
-    assert "found/measurement.npy: the 60 x 58 pixels of the snapshots that the mask covers" in said
-    assert np.array_equal(np.load(tmp_path / "found" / "measurement.npy")[0], snapshot[4:, :58])
+    assert "found/covered_snapshots.npy: the 60 x 58 pixels of the snapshots that the mask covers" in said
+    assert np.array_equal(np.load(tmp_path / "found" / "covered_snapshots.npy")[0], snapshot[4:, :58])
     assert (tmp_path / "found" / "snapshots.json").is_file()
     camera = ["decoder=gap_tv", "decoder.iterations=[2]", "decoder.camera=found/encoder.yaml"]
-    ran("reconstruct", *camera, "measurement=found/measurement.npy", "out=video")
+    ran("reconstruct", *camera, "measurement=found/covered_snapshots.npy", "out=video")
     assert list((tmp_path / "video").iterdir())

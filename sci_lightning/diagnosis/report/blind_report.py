@@ -41,14 +41,10 @@ UNCERTAINTY = (
 """What ``std`` of the report means, for people."""
 
 
-OF_SOME = ("evidence.png", "prediction.png", "reconstruction.png", "effective_mask.npy", "effective_mask.mat")
-"""Files that some diagnoses write and others do not."""
-
-
 def write_blind_report(diagnosis: BlindDiagnosis, out: str | Path, provenance: Provenance | None = None) -> None:
     """Write all files of a blind diagnosis into the folder ``out``; none is ever half written.
 
-    Pictures and masks of an earlier diagnosis in the same folder that this one does not write are removed.
+    Pictures of an earlier diagnosis in the same folder that this one does not draw are removed.
 
     Args:
         diagnosis: the result.
@@ -65,8 +61,6 @@ def write_blind_report(diagnosis: BlindDiagnosis, out: str | Path, provenance: P
         if name not in NOISE_GUESS or name in diagnosis.stated_noise
     }
     write_corrected_encoder(diagnosis.observation, diagnosis.model, effects, {}, out)
-    for name in OF_SOME:
-        (out / name).unlink(missing_ok=True)
     drawn = {}
     if (evidence := snapshots_figure(diagnosis)) is not None:
         drawn["evidence.png"] = evidence
@@ -79,6 +73,8 @@ def write_blind_report(diagnosis: BlindDiagnosis, out: str | Path, provenance: P
         snapshot = camera.measurement[int(np.argmax(camera.verification.numpy()))]
         drawn["prediction.png"] = prediction_figure(diagnosis.prediction.gap, camera.numbers, diagnosis.verification)
         drawn["reconstruction.png"] = reconstruction_figure(snapshot, before, after)
+    for name in CAPTIONS.keys() - drawn.keys():
+        (out / name).unlink(missing_ok=True)
     for name, figure in drawn.items():
         with atomic_write(out / name) as temporary:
             figure.savefig(temporary, dpi=150, facecolor="white", bbox_inches="tight")
@@ -104,7 +100,7 @@ def _page(diagnosis: BlindDiagnosis, drawn: Mapping[str, Figure]) -> BlindPage:
         headline=blind_headline(diagnosis),
         about=f"{_snapshots(len(observation))}, {height} x {width} pixels, {observation.frames} slots, "
         f"{observation.bit_depth} bits",
-        notes=diagnosis.notes[diagnosis.verdict == "unexplained" :],  # the first one is the headline
+        notes=_further_notes(diagnosis),
         rows=_rows(diagnosis),
         uncertainty=UNCERTAINTY,
         predicted=[] if judged is None else predicted_errors(judged.gap, judged.without_mask, judged.verification),
@@ -188,6 +184,11 @@ def blind_headline(diagnosis: BlindDiagnosis) -> str:
     return f"{named[0].upper()}{named[1:]}: that makes snapshots of unknown scenes most likely."
 
 
+def _further_notes(diagnosis: BlindDiagnosis) -> tuple[str, ...]:
+    """Return the notes beside the headline, which is the first of them where the verdict is ``unexplained``."""
+    return diagnosis.notes[1:] if diagnosis.verdict == "unexplained" else diagnosis.notes
+
+
 def print_blind_report(diagnosis: BlindDiagnosis, console: PlainConsole) -> None:
     """Print the verdict, the named effects with what speaks for them, and what the snapshots leave undetermined."""
     verdict = styled(diagnosis.verdict, f"bold {COLOURS[diagnosis.verdict]}")
@@ -203,7 +204,7 @@ def print_blind_report(diagnosis: BlindDiagnosis, console: PlainConsole) -> None
             f"held-out pixels: prediction error {gap.before:.3g} before, {gap.after:.3g} after; {gap.agree} of "
             f"{_snapshots(gap.snapshots)} ask for it, p = {gap.p_value:.2g}"
         )
-    for note in diagnosis.notes[diagnosis.verdict == "unexplained" :]:  # of which the first is the headline
+    for note in _further_notes(diagnosis):
         console.say(note)
     console.say(f"unknown scenes cannot tell: {', '.join(diagnosis.undetermined)}; report.json says why")
     for advice in diagnosis.next_captures:
@@ -220,23 +221,24 @@ def snapshots_figure(diagnosis: BlindDiagnosis) -> Figure | None:
     Returns:
         None where nothing was named and no candidate was fitted, so that there is nothing to draw.
     """
-    gained = (diagnosis.corrected.log_likelihood - diagnosis.ideal.log_likelihood).nanmean(0) / BLOCK**2
-    gained = gained.nan_to_num(0.0)
     first = sorted(diagnosis.rounds[0].items(), key=lambda entry: entry[1]) if diagnosis.rounds else []
-    panels = [*["by snapshot"] * bool(diagnosis.effects), *["candidates of the first round"] * bool(first)]
-    if not panels:
+    count = bool(diagnosis.effects) + bool(first)
+    if not count:
         return None
     with style():
-        figure = Figure(figsize=(4.4 * len(panels), 3.2), layout="constrained")
-        for axes, title in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
-            if title == "by snapshot":
-                axes.bar(range(len(gained)), gained.numpy(), color=AFTER)
-                axes.set_xticks(range(len(gained)), [str(number) for number in diagnosis.observation.number.tolist()])
-                axes.set(xlabel="snapshot", ylabel="nats per pixel gained", title=title)
-            else:
-                colours = [AFTER if name in diagnosis.names else FAINT for name, _ in first]
-                axes.barh([name for name, _ in first], [max(nats, 0.0) for _, nats in first], color=colours)
-                axes.set(xlabel="calibrated nats", title=title)
+        figure = Figure(figsize=(4.4 * count, 3.2), layout="constrained")
+        panels = list(figure.subplots(1, count, squeeze=False)[0])
+        if diagnosis.effects:
+            axes = panels.pop(0)
+            gained = (diagnosis.corrected.log_likelihood - diagnosis.ideal.log_likelihood).nanmean(0) / BLOCK**2
+            axes.bar(range(len(gained)), gained.nan_to_num(0.0).numpy(), color=AFTER)
+            axes.set_xticks(range(len(gained)), [str(number) for number in diagnosis.observation.number.tolist()])
+            axes.set(xlabel="snapshot", ylabel="nats per pixel gained", title="by snapshot")
+        if first:
+            axes = panels.pop(0)
+            colours = [AFTER if name in diagnosis.names else FAINT for name, _ in first]
+            axes.barh([name for name, _ in first], [max(nats, 0.0) for _, nats in first], color=colours)
+            axes.set(xlabel="calibrated nats", title="candidates of the first round")
     return figure
 
 

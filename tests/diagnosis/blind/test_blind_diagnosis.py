@@ -102,10 +102,10 @@ def test_the_command_and_its_report(tmp_path: Path, command: Callable[..., Any])
     assert "What unknown scenes cannot tell" in (tmp_path / "out" / "report.html").read_text()
 
 
-def test_nothing_is_left_of_an_earlier_report(tmp_path: Path) -> None:
+def test_no_picture_is_left_of_an_earlier_report(tmp_path: Path) -> None:
     for hidden in ({"mask_contrast": {"leak": 0.2}}, {}):
         write_blind_report(diagnosed(snapshots(hidden, 3, size=(48, 48)), ("mask_contrast",)), tmp_path)
-        assert (tmp_path / "prediction.png").is_file() == (tmp_path / "effective_mask.npy").is_file() == bool(hidden)
+        assert (tmp_path / "prediction.png").is_file() == (tmp_path / "reconstruction.png").is_file() == bool(hidden)
     assert (tmp_path / "report.html").is_file()
 
 
