@@ -58,6 +58,8 @@ def one_line(error: BaseException) -> str:
         return f"trainer, callbacks or logger: {text}"
     if isinstance(cause, (HydraException, OmegaConfBaseException)):
         return text.replace("Set hydra.verbose=true to see the full error", "").strip()
+    if isinstance(cause, (FileExistsError, NotADirectoryError)) and cause.filename:
+        return f"{cause.filename}: a file stands where a folder is needed; name another folder"
     if isinstance(cause, OSError) and cause.strerror:
         return f"{cause.filename}: {cause.strerror.lower()}" if cause.filename else cause.strerror
     return f"{type(cause).__name__}: {text} (unforeseen; debug=true shows where)"

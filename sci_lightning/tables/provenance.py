@@ -18,9 +18,15 @@ from sci_lightning.configuration.conf_folder import PACKAGE
 from sci_lightning.files.json_fields import Fields
 
 
+BETWEEN = " | "
+"""Between the machines, scales and commands of several measurements."""
+
+
 @dataclass(frozen=True)
 class Provenance:
     """The origin of the figures of one table.
+
+    Where several measurements differ in the machine, the scale or the command, :data:`BETWEEN` stands between them.
 
     Attributes:
         machine: cores, processor or GPU, memory, and what else ran on it.
@@ -42,8 +48,10 @@ class Provenance:
         """Return the line of Markdown that stands below the table."""
         if self == NOT_YET:
             return "Not yet run."
-        parts = [self.machine, self.date, f"commit {self.commit}", f"scale: {self.scale}", f"seeds: {self.seeds}"]
-        return "; ".join(parts) + "." + (f" Made by `{self.command}`." if self.command else "")
+        machine, scale = (" and ".join(text.split(BETWEEN)) for text in (self.machine, self.scale))
+        parts = [machine, self.date, f"commit {self.commit}", f"scale: {scale}", f"seeds: {self.seeds}"]
+        commands = " and ".join(f"`{command}`" for command in self.command.split(BETWEEN))
+        return "; ".join(parts) + "." + (f" Made by {commands}." if self.command else "")
 
     def as_json(self) -> dict[str, str]:
         """Return the entry ``provenance`` of a JSON file."""
@@ -131,13 +139,7 @@ def joined(provenances: Sequence[Provenance]) -> Provenance:
 
 def _together(texts: Sequence[str]) -> str:
     """Return texts in a row, each once, also where one of them is several in a row already."""
-    whole = ""
-    for text in texts:
-        if f", {text}, " in f", {whole}, ":
-            continue
-        contained = not whole or f", {whole}, " in f", {text}, "
-        whole = text if contained else f"{whole}, {text}"
-    return whole
+    return BETWEEN.join(dict.fromkeys(part for text in texts for part in text.split(BETWEEN)))
 
 
 def _git(folder: Any, *words: str) -> str:

@@ -62,3 +62,10 @@ def test_candidates(refused: Refused, word: str, right: str) -> None:
 def test_articles() -> None:
     assert (in_words(Encoder), in_words(Mask)) == ("an Encoder", "a Mask")
     assert in_words(list[Encoder]) == "a list of Encoders"
+
+
+def test_file_in_the_place_of_a_folder(tmp_path: Path, refused: Refused) -> None:
+    (tmp_path / "taken").write_text("kept")
+    line = refused("diagnose", "captures=none.h5", f"out={tmp_path / 'taken'}")
+    assert "taken: a file stands where a folder is needed; name another folder" in line
+    assert (tmp_path / "taken").read_text() == "kept"

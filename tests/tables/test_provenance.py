@@ -14,7 +14,13 @@ def test_each_machine_and_command_is_named_once() -> None:
     old, new = made("one core, A, x86_64", "1111"), made("one core, B, x86_64", "2222", "2026-11-24")
     twice = joined([joined([old, new]), new, old])
     assert twice == joined([old, new])
-    assert twice.machine == "one core, A, x86_64, one core, B, x86_64" and twice.commit == "1111, 2222"
+    assert twice.machine == "one core, A, x86_64 | one core, B, x86_64" and twice.commit == "1111, 2222"
     assert twice.date == "2026-11-23 to 2026-11-24" and twice.command.count("python") == 2
-    assert joined([new, joined([old, new])]).machine == twice.machine
-    assert joined([made("8 cores", "1"), made("28 cores", "1")]).machine == "8 cores, 28 cores"
+    assert joined([new, joined([old, new])]).machine == "one core, B, x86_64 | one core, A, x86_64"
+    assert joined([made("8 cores", "1"), made("28 cores", "1")]).machine == "8 cores | 28 cores"
+
+
+def test_sentence_tells_machines_and_commands_apart() -> None:
+    sentence = joined([made("one core, A", "1111"), made("one core, B", "2222")]).sentence()
+    assert sentence.startswith("one core, A and one core, B; 2026-11-23; commit 1111, 2222; scale: 64 x 64; seeds: 0.")
+    assert sentence.endswith("Made by `python -m sci_lightning.mismatch 1111` and `python -m sci_lightning.mismatch 2222`.")

@@ -145,9 +145,11 @@ def snapshot_facts(dn: np.ndarray, bit_depth: int) -> SnapshotFacts:
         BadInput: fewer than 16 x 16 pixels, in which nothing can be told from chance.
     """
     if min(dn.shape[1:]) < 16:
+        last = min(dn.shape[:2]) >= 16 > dn.shape[2]
+        advice = "; this one looks like H x W x N: move its last axis to the front" if last else ""
         raise BadInput(
             f"{len(dn)} snapshots of {dn.shape[1]} x {dn.shape[2]} pixels are too small, expected at least 16 x 16; an "
-            "array of several snapshots is N x H x W"
+            f"array of several snapshots is N x H x W{advice}"
         )
     full_scale = 2**bit_depth - 1
     counts = np.bincount(dn.ravel().astype(np.int64), minlength=full_scale + 1)
