@@ -17,7 +17,6 @@ from typing import Any
 from sci_lightning.configuration.conf_folder import PACKAGE
 from sci_lightning.files.json_fields import Fields
 
-
 BETWEEN = " | "
 """Between the machines, scales and commands of several measurements."""
 

@@ -23,4 +23,6 @@ def test_each_machine_and_command_is_named_once() -> None:
 def test_sentence_tells_machines_and_commands_apart() -> None:
     sentence = joined([made("one core, A", "1111"), made("one core, B", "2222")]).sentence()
     assert sentence.startswith("one core, A and one core, B; 2026-11-23; commit 1111, 2222; scale: 64 x 64; seeds: 0.")
-    assert sentence.endswith("Made by `python -m sci_lightning.mismatch 1111` and `python -m sci_lightning.mismatch 2222`.")
+    assert sentence.endswith(
+        "Made by `python -m sci_lightning.mismatch 1111` and `python -m sci_lightning.mismatch 2222`."
+    )
