@@ -131,6 +131,7 @@ def test_what_a_file_may_say(tmp_path: Path, refused: Callable[..., str], line: 
     assert str(Path.home()) + "'" not in answer
 
 
+@pytest.mark.slow
 def test_frames_and_size_are_the_files(tmp_path: Path, ran: Callable[..., str]) -> None:
     own = TEXT.replace("${size}", "[24, 24]").replace("${frames}", "8")
     for name, text in (("references", TEXT), ("numbers", own)):

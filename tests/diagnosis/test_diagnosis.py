@@ -121,6 +121,7 @@ def test_further_captures_tell_what_no_other_value_of_the_rival_makes_up_for() -
     assert apart.captures(15.0, most=50) is None
 
 
+@pytest.mark.slow
 def test_one_capture(tmp_path: Path) -> None:
     captures = captured(tmp_path, {"gain": {"factor": 0.8}})
     (first,) = np.flatnonzero([kind == "static" for kind in captures.inferred_kind])[:1]

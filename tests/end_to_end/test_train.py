@@ -54,6 +54,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.slow
 def test_what_a_file_shows_of_a_training_without_a_logger(command: Command, tmp_path: Path) -> None:
     done = command("train", *TINY, "out=run", "logger=none", "callbacks.progress.line_seconds=0", "metrics.qscore=null")
     assert done.returncode == 0, done.stderr

@@ -53,6 +53,7 @@ def ran_cases(monkeypatch: pytest.MonkeyPatch, record: Callable[..., Any]) -> li
     return names
 
 
+@pytest.mark.slow
 def test_cases_with_a_record_are_not_run_again(ran: Callable[..., str], ran_cases: list[str], tmp_path: Path) -> None:
     text = ran(NAME, *SMALL, "suites=[nothing]", "cases=2", "out=a")
     assert "2 cases to try, 0 done before" in text and "right  nothing (structural, 8 bits" in text

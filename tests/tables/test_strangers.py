@@ -153,6 +153,7 @@ def test_hundreds_of_bad_files_are_one_line(tmp_path: Path) -> None:
     assert len(str(caught.value)) < 2000
 
 
+@pytest.mark.slow
 def test_hostile_texts_stay_texts_and_in_the_folder(made: Made, tmp_path: Path, ran: Callable[..., str]) -> None:
     changed(made("runs/a", "lsw_sr", "e2e_cnn", 30.0, bits=4), "config", "scale", value=HOSTILE)
     path = changed(made("runs/b", "lsw_sr", "res2former", 30.0, bits=4), "device", value=HOSTILE)

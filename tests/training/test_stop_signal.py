@@ -87,12 +87,14 @@ def test_in_the_test_after_training(tmp_path: Path) -> None:
     assert not (tmp_path / "run" / "metrics.json").exists()
 
 
+@pytest.mark.slow
 def test_before_the_first_step(tmp_path: Path) -> None:
     done = stopped(tmp_path, "start", step=0)
     assert done.returncode == 130 and "before the first step" in done.stderr
     assert not (tmp_path / "run" / "checkpoints" / "last.ckpt").exists()
 
 
+@pytest.mark.slow
 def test_twice_ends_at_once(tmp_path: Path) -> None:
     done = stopped(tmp_path, "batch", times=2)
     assert done.returncode == 130
