@@ -50,6 +50,8 @@ BESIDE: dict[str, Setting] = {
 }
 """What is fitted beside the first pose of the mask's image, and from where: all of it lowers the contrast with which
 the mask is seen, and a search for one effect at a time takes wrong ones for what it has not found yet."""
+SHOWN_ALIKE = {"mask_scale": "mask_distortion"}
+"""What the parts of a field show as the first of two effects may be the second one."""
 SURE_Z = 3.0
 """Standard deviations below which two hypotheses are not distinguished."""
 
@@ -177,8 +179,21 @@ class BlindSearch:
         # Where there is nothing beside it, pruning compared it with nothing.
         if len(names) == 1 and not self.judge(fit, ideal, names[0]).clear:
             return ideal
+        for name, other in SHOWN_ALIKE.items():
+            if name in names and other in self.candidates:
+                fit = self._exchanged(fit, name, other)
+        names = [name for name in fit.hypothesis.effects if name not in self.noise.effects]
         self._promising |= set(names)
         self.on_progress(f"parts of the field show {', '.join(names)}")
+        return fit
+
+    def _exchanged(self, fit: BlindFit, name: str, other: str) -> BlindFit:
+        """Return the model with another effect in the place of one if the snapshots prefer it, else the model."""
+        without = self.fitter.fit(fit.hypothesis.without(name), fit.blocks, FINAL_ITERATIONS, errors=False)
+        for rival in self._fitted(without, 1, 1, names=[other], ahead=fit):
+            direct = compare(rival.fit.log_likelihood, fit.log_likelihood, self.columns)
+            if direct.nats > price(rival.fit, fit):
+                return rival.fit
         return fit
 
     def contenders(self, base: BlindFit) -> list[Contender]:
