@@ -74,3 +74,25 @@ def test_nothing_is_begun_with_where_nothing_is_displaced() -> None:
     search = BlindSearch(BlindFitter(likelihood), ideal, SearchSettings(), lambda message: None)
     begun = search._posed(search.fitter.evaluate(ideal, search.fitted_blocks))
     assert set(begun.hypothesis.effects) == set(ideal.effects)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        {"mask_rotation": {"angle": 0.8}, "mask_contrast": {"leak": 0.1}},
+        {"mask_rotation": {"angle": 0.8}, "black_level": {"offset": 0.05}},
+        {"mask_scale": {"scale": 1.02}, "mask_blur": {"sigma": 0.4}},
+        {"mask_distortion": {"k": -0.012}, "mask_blur": {"sigma": 0.4}},
+    ],
+    ids=" ".join,
+)
+def test_what_the_search_begins_with(hidden: dict[str, Any]) -> None:
+    """A leak is told from a black level, and a distortion from the magnification that parts of the field show."""
+    likelihood, ideal = likelihood_of(snapshots(hidden))
+    search = BlindSearch(BlindFitter(likelihood), ideal, SearchSettings(), lambda message: None)
+    begun = search._posed(search.fitter.evaluate(ideal, search.fitted_blocks))
+    assert set(begun.hypothesis.effects) - set(ideal.effects) == set(hidden)
+    for name, setting in hidden.items():
+        for key, value in setting.items():
+            assert begun.hypothesis.effects[name][key] == pytest.approx(value, rel=0.15, abs=0.01)
