@@ -43,15 +43,11 @@ RIVAL_SHARE = 0.3
 """Part of an effect's nats that another one must gain in its place, fitted by itself, to be a rival."""
 WEAK_PART = 0.25
 """Part of a start's distance from the neutral setting at which it is tried as well."""
-BESIDE: dict[str, Setting] = {
-    "mask_contrast": {"leak": 0.02},
-    "mask_blur": {"sigma": 0.7},
-    "black_level": {"offset": 0.02},
-}
-"""What is fitted beside the first pose of the mask's image, and from where: all of it lowers the contrast with which
-the mask is seen, and a search for one effect at a time takes wrong ones for what it has not found yet."""
-SHOWN_ALIKE = {"mask_scale": "mask_distortion"}
-"""What the parts of a field show as the first of two effects may be the second one."""
+BESIDE: dict[str, Setting] = {"mask_blur": {"sigma": 0.7}, "black_level": {"offset": 0.02}}
+"""What is fitted beside the first pose of the mask's image, and from where: either lowers the contrast with which the
+mask is seen, and a search for one effect at a time takes wrong ones for what it has not found yet."""
+SHOWN_ALIKE = {"mask_scale": "mask_distortion", "black_level": "mask_contrast"}
+"""What the search begins with as the first of two effects may be the second one."""
 SURE_Z = 3.0
 """Standard deviations below which two hypotheses are not distinguished."""
 
