@@ -47,7 +47,8 @@ BESIDE: dict[str, Setting] = {"mask_blur": {"sigma": 0.7}, "black_level": {"offs
 """What is fitted beside the first pose of the mask's image, and from where: either lowers the contrast with which the
 mask is seen, and a search for one effect at a time takes wrong ones for what it has not found yet."""
 SHOWN_ALIKE = {"mask_scale": "mask_distortion", "black_level": "mask_contrast"}
-"""What the search begins with as the first of two effects may be the second one."""
+"""What the search begins with as the first of two effects may be the second one. Parts of a field do not show a
+distortion as such; of a black level and a leak, fitted together, pruning would drop whichever it asks about first."""
 SURE_Z = 3.0
 """Standard deviations below which two hypotheses are not distinguished."""
 
@@ -159,7 +160,8 @@ class BlindSearch:
         """Return the camera in which the search of a large field begins: the ideal one, and what parts of it show.
 
         The pose of the mask's image that the parts show is fitted together with what hides it from a search for one
-        effect at a time (:data:`BESIDE`), and what has no support is dropped.
+        effect at a time (:data:`BESIDE`), and what has no support is dropped. What is left gives way to an effect that
+        is much like it and makes the snapshots likelier (:data:`SHOWN_ALIKE`).
         """
         pose = first_pose(self.fitter.likelihood, self.noise, self.settings.border_share)
         begun = {name: setting for name, setting in {**pose, **BESIDE}.items() if name in self.candidates}
@@ -169,7 +171,7 @@ class BlindSearch:
         for name, setting in begun.items():
             hypothesis = hypothesis.with_effect(name, setting)
         fit = self.prune(self.fitter.fit(hypothesis, self.fitted_blocks, enough=ENOUGH))
-        names = [name for name in fit.hypothesis.effects if name not in self.noise.effects]
+        names = self._deviations(fit)
         if not pose.keys() & set(names):  # what is beside it has to be asked for by itself
             return ideal
         # Where there is nothing beside it, pruning compared it with nothing.
@@ -178,7 +180,7 @@ class BlindSearch:
         for name, other in SHOWN_ALIKE.items():
             if name in names and other in self.candidates:
                 fit = self._exchanged(fit, name, other)
-        names = [name for name in fit.hypothesis.effects if name not in self.noise.effects]
+        names = self._deviations(fit)
         self._promising |= set(names)
         self.on_progress(f"parts of the field show {', '.join(names)}")
         return fit
@@ -362,9 +364,13 @@ class BlindSearch:
         sure = comparison.z >= SURE_Z or (comparison.nats >= MUCH and comparison.z > KEPT_Z)
         return sure and comparison.calibrated >= self.settings.indistinct_nats
 
+    def _deviations(self, fit: BlindFit) -> list[str]:
+        """Return the effects of a model beside the noise of the ideal camera."""
+        return [name for name in fit.hypothesis.effects if name not in self.noise.effects]
+
     def prune(self, fit: BlindFit) -> BlindFit:
         """Drop every effect that has no support beside the others."""
-        names = [name for name in fit.hypothesis.effects if name not in self.noise.effects]
+        names = self._deviations(fit)
         for name in names if len(names) > 1 else []:
             without = self.fitter.fit(fit.hypothesis.without(name), fit.blocks, FINAL_ITERATIONS)
             if not self.judge(fit, without, name).supported:
@@ -376,7 +382,7 @@ class BlindSearch:
         on_fitted = self.fitter.evaluate(fit.hypothesis, self.fitted_blocks).log_likelihood
         fit = replace(fit, log_likelihood=on_fitted, blocks=self.fitted_blocks)
         effects = self.fitter.model.effects
-        names = [name for name in fit.hypothesis.effects if name not in self.noise.effects]
+        names = self._deviations(fit)
         named = []
         for name in sorted(names, key=lambda one: effects[one].rank):
             without = self.fitter.fit(fit.hypothesis.without(name), self.fitted_blocks, FINAL_ITERATIONS, errors=False)
