@@ -12,6 +12,7 @@ import json
 import sys
 import time
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -61,8 +62,18 @@ SNAPSHOTS, SLOTS, BEYOND = 8, 8, 12
 """Of a case; pixels of the scene on every side beyond the field."""
 
 
-def record(clips: list[Path], hidden: str, side: int, seed: int) -> tuple[Captures, dict[str, dict[str, Any]]]:
-    """Return snapshots of pieces of real clips, and the parameters of what is hidden."""
+def record(
+    clips: list[Path], hidden: str | Mapping[str, Mapping[str, float]], side: int, seed: int
+) -> tuple[Captures, dict[str, dict[str, Any]]]:
+    """Return snapshots of pieces of real clips, and the parameters of what is hidden.
+
+    Args:
+        clips: of scenes.
+        hidden: ``none``, names of effects whose parameters are drawn (:data:`BESIDE` stands between them), or
+            parameters by the names of effects.
+        side: of a snapshot, pixels.
+        seed: of everything random.
+    """
     silent = dict.fromkeys(("dark", "flat", "all_on", "all_off", "pattern", "static", "dynamic"), 0)
     mask = ("binary", "structural")[seed % 2]
     session = Session(size=(side, side), frames=SLOTS, mask=mask, unknown=SNAPSHOTS, oversampling=4, **silent)
@@ -87,7 +98,8 @@ def record(clips: list[Path], hidden: str, side: int, seed: int) -> tuple[Captur
         planned.kind,
         World(BEYOND, planned.world.patterns, scene),
     )
-    effects = choose_effects([] if hidden == "none" else hidden.split(BESIDE), session, seed)
+    names = hidden.split(BESIDE) if isinstance(hidden, str) and hidden != "none" else []
+    effects = choose_effects(names if isinstance(hidden, str) else hidden, session, seed)
     captures = Captures(
         patterns=planned.patterns,
         sequence=planned.sequence,
