@@ -30,7 +30,7 @@ from sci_lightning.diagnosis.blind.search import (
 )
 from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera, snapshots_of
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots, textured_part, usable_snapshots
-from sci_lightning.diagnosis.blind.undetermined import undetermined_effects
+from sci_lightning.diagnosis.blind.undetermined import SHOWN_IF_STRONG, undetermined_effects
 from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.search.evidence import Estimate, NamedEffect, systematic_limit
@@ -101,6 +101,7 @@ class BlindDiagnosis:
         effects: the named effects in the order in which light meets them.
         rounds: calibrated nats of the candidates that were fitted, by name, round by round.
         undetermined: what these snapshots cannot tell: the name of an effect, and what about the scenes looks alike.
+            Effects that only strong ones of are seen stand here unless they are named.
         notes: what is unusual about the snapshots, in sentences.
         stated_noise: names of the noise effects whose values the captures file states.
         mask_is_visible: whether the snapshots are likelier with the mask than with none, and that by more than chance
@@ -234,6 +235,8 @@ def diagnose_blind(
                 explanation = BlindExplanation(
                     explanation.ideal, explanation.ideal, (), explanation.rounds, False, mask_is_clear=False
                 )
+    names = [one.name for one in explanation.named]
+    weak = {name: why for name, why in SHOWN_IF_STRONG.items() if name in vocabulary and name not in names}
     return BlindDiagnosis(
         observation=observation,
         model=model,
@@ -243,7 +246,7 @@ def diagnose_blind(
         corrected=explanation.fit,
         effects=tuple(_named(model, explanation.fit, one) for one in explanation.named),
         rounds=explanation.rounds,
-        undetermined=undetermined_effects(model),
+        undetermined=undetermined_effects(model) | weak,
         notes=_notes(captures, likelihood, len(judges), explanation.mask_is_visible, prediction, withdrawn),
         mask_is_visible=explanation.mask_is_visible,
         prediction=prediction,

@@ -14,6 +14,12 @@ UNDETERMINED = {
     "saturation": "the brightest parts of the scenes; saturated pixels are left out",
 }
 """Effects that snapshots of unknown scenes cannot tell from something about the scenes."""
+SHOWN_IF_STRONG = {
+    "mask_lag": "scenes that move a little less; if strong it may be named",
+    "sync_offset": "scenes that move a little less; if strong it may be named",
+}
+"""Effects that mix a slot with its neighbour. A scene that moves less looks so too, until the mixture shows that the
+slots are exposed in a circle (docs/results/blind-mixed-slots.json says how strong that is)."""
 OF_THE_OPTICS = "a blur of the mask, and scenes that are less sharp or have less contrast"
 """What effects of the optics look like where patches of many slots are too large for light from around them."""
 OF_THE_SLOTS = "scenes that are brighter in some slots, such as those of a spectral camera"

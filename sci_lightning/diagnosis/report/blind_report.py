@@ -18,6 +18,7 @@ from sci_lightning import __version__
 from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
 from sci_lightning.diagnosis.blind.prior import BLOCK
+from sci_lightning.diagnosis.blind.undetermined import SHOWN_IF_STRONG
 from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS
 from sci_lightning.diagnosis.report.blind_page import BlindPage, predicted_errors
 from sci_lightning.diagnosis.report.corrected_camera import (
@@ -206,7 +207,8 @@ def print_blind_report(diagnosis: BlindDiagnosis, console: PlainConsole) -> None
         )
     for note in _further_notes(diagnosis):
         console.say(note)
-    console.say(f"unknown scenes cannot tell: {', '.join(diagnosis.undetermined)}; report.json says why")
+    hidden = [f"a weak {name}" if name in SHOWN_IF_STRONG else name for name in diagnosis.undetermined]
+    console.say(f"unknown scenes cannot tell: {', '.join(hidden)}; report.json says why")
     for advice in diagnosis.next_captures:
         console.say(styled("record next"), f": {advice}")
 

@@ -36,9 +36,9 @@ COLUMNS: list[tuple[str, str, int | None]] = [
     ("effect", "hidden", None),
     ("strength", "part of a slot", 2),
     ("clear", "clear enough to be named", None),
-    ("least", "calibrated nats, least", 0),
-    ("median", "median", 0),
-    ("most", "most", 0),
+    ("least", "calibrated nats, least", 1),
+    ("median", "median", 1),
+    ("most", "most", 1),
     ("error", "error of the strength, root mean square", 3),
 ]
 

@@ -192,3 +192,9 @@ def test_bad_input(change: dict[str, int], message: str) -> None:
     arrays = {name: np.full_like(getattr(captures, name), value) for name, value in change.items()}
     with pytest.raises(BadInput, match=message):
         diagnosed(replace(captures, **arrays))
+
+
+def test_a_weak_delay_is_undetermined_unless_it_is_named() -> None:
+    result = diagnosed(snapshots({}, 3, size=(48, 48)), ("gain", "sync_offset"))
+    assert result.names == () and result.undetermined.keys() == {"gain", "sync_offset"}
+    assert "move a little less" in result.undetermined["sync_offset"]
