@@ -15,14 +15,7 @@ from typing import Any
 import numpy as np
 
 from sci_lightning.data.reader import find_clips
-from sci_lightning.diagnosis.blind.blind_fit import BlindFitter
-from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
-from sci_lightning.diagnosis.blind.prior import ScenePrior, statistics_for
-from sci_lightning.diagnosis.blind.search import BlindSearch
-from sci_lightning.diagnosis.blind.snapshots import observe_snapshots
-from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
-from sci_lightning.diagnosis.search_settings import SearchSettings
-from sci_lightning.diagnosis.vocabulary import vocabulary
+from tests.diagnosis.blind.true_camera import judged_by_truth
 from tests.diagnosis.blind.validation import record
 from tests.measurements_file import MeasurementsFile
 
@@ -45,17 +38,9 @@ COLUMNS: list[tuple[str, str, int | None]] = [
 
 def judged(clips: list[Path], effect: str, strength: float, seed: int) -> tuple[bool, float, float]:
     """Return whether an effect that is hidden by itself is clear, its calibrated nats, and its fitted strength."""
-    parameter = EFFECTS[effect]
-    captures, truth = record(clips, {effect: {parameter: strength}}, SIDE, seed)
-    observation = observe_snapshots(captures)
-    prior = ScenePrior(observation.frames, statistics_for(observation.frames))
-    fitter = BlindFitter(BlindLikelihood(CameraModel(observation, vocabulary(), {}), prior))
-    noise = datasheet_noise(observation)[0]
-    search = BlindSearch(fitter, noise, SearchSettings(), lambda message: None)
-    ideal = fitter.evaluate(noise, search.fitted_blocks)
-    fit = fitter.fit(noise.with_effect(effect, truth[effect]), search.fitted_blocks)
-    contender = search.judge(fit, ideal, effect)
-    return contender.clear, contender.nats, float(fit.hypothesis.effects[effect][parameter])
+    captures, truth = record(clips, {effect: {EFFECTS[effect]: strength}}, SIDE, seed)
+    contender = judged_by_truth(captures, truth, effect)
+    return contender.clear, contender.nats, float(contender.fit.hypothesis.effects[effect][EFFECTS[effect]])
 
 
 def main(clips: Path) -> None:

@@ -26,6 +26,7 @@ from sci_lightning.virtual_camera import Session
 from sci_lightning.virtual_camera.acquisition import Acquisition, World
 from sci_lightning.virtual_camera.hardware.camera import Camera
 from sci_lightning.virtual_camera.hidden_effects import choose_effects
+from tests.diagnosis.blind.true_camera import judged_by_truth
 from tests.measurements_file import MeasurementsFile
 
 HIDDEN = (
@@ -117,7 +118,7 @@ def record(
 
 
 def case(clips: list[Path], hidden: str, side: int, number: int) -> dict[str, Any]:
-    """Diagnose one case."""
+    """Diagnose one case, and find out which effects that were missed are clear if the search begins with the truth."""
     seed = zlib.crc32(f"blind {hidden} {number}".encode()) % 100_000
     captures, truth = record(clips, hidden, side, seed)
     start = time.process_time()
@@ -128,8 +129,16 @@ def case(clips: list[Path], hidden: str, side: int, number: int) -> dict[str, An
     }
     alternatives = {effect.name: effect.alternatives for effect in diagnosis.effects}
     seconds = time.process_time() - start
+    missed = [name for name in truth if name not in named]
+    clear = [name for name in missed if judged_by_truth(captures, truth, name).clear]
     about = {"hidden": hidden, "number": number, "side": side, "seed": seed, "truth": truth, "named": named}
-    return {**about, "alternatives": alternatives, "verdict": diagnosis.verdict, "cpu_seconds": seconds}
+    return {
+        **about,
+        "alternatives": alternatives,
+        "verdict": diagnosis.verdict,
+        "cpu_seconds": seconds,
+        "clear_by_truth": clear,
+    }
 
 
 def inside(truth: dict[str, Any], named: dict[str, Any]) -> list[bool]:
@@ -161,10 +170,17 @@ def summary(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
                     "wrong": _text(Proportion.of(one in wrong and one["verdict"] == "explained" for one in group)),
                     "held": f"{sum(held)} of {len(held)}" if held else "",
                     "instead": "; ".join(instead) if title != ALL else "",
+                    "clear": _clear(group),
                     "seconds": float(np.median([one["cpu_seconds"] for one in group])),
                 }
             )
     return rows
+
+
+def _clear(group: list[dict[str, Any]]) -> str:
+    """Return of how many effects that were missed the snapshots tell enough."""
+    missed = sum(len(set(one["truth"]) - set(one["named"])) for one in group)
+    return f"{sum(len(one['clear_by_truth']) for one in group)} of {missed}" if missed else ""
 
 
 def _text(proportion: Proportion) -> str:
@@ -195,6 +211,7 @@ def main(clips: Path, out: Path, side: int, rounds: int, pairs: bool) -> None:
             ("wrong", "a wrong name, `explained`", None),
             ("held", "95 % intervals that hold", None),
             ("instead", "named otherwise", None),
+            ("clear", "missed, yet clear to a search that begins with the truth", None),
             ("seconds", "processor seconds", 0),
         ]
         file.write(columns, summary([one for one in done if one["side"] == side]))
