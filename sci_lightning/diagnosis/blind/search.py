@@ -178,7 +178,7 @@ class BlindSearch:
         if len(names) == 1 and not self.judge(fit, ideal, names[0]).clear:
             return ideal
         for name, other in SHOWN_ALIKE.items():
-            if name in names and other in self.candidates:
+            if name in fit.hypothesis.effects and other in self.candidates:
                 fit = self._exchanged(fit, name, other)
         names = self._deviations(fit)
         self._promising |= set(names)
@@ -191,7 +191,7 @@ class BlindSearch:
         for rival in self._fitted(without, 1, 1, names=[other], ahead=fit):
             direct = compare(rival.fit.log_likelihood, fit.log_likelihood, self.columns)
             if direct.nats > price(rival.fit, fit):
-                return rival.fit
+                return self.prune(rival.fit)  # what had support beside the one may have none beside the other
         return fit
 
     def contenders(self, base: BlindFit) -> list[Contender]:

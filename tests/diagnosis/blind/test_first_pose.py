@@ -84,6 +84,7 @@ def test_nothing_is_begun_with_where_nothing_is_displaced() -> None:
         {"mask_rotation": {"angle": 0.8}, "black_level": {"offset": 0.05}},
         {"mask_scale": {"scale": 1.02}, "mask_blur": {"sigma": 0.4}},
         {"mask_distortion": {"k": -0.012}, "mask_blur": {"sigma": 0.4}},
+        {"mask_distortion": {"k": 0.0127}},
     ],
     ids=" ".join,
 )
