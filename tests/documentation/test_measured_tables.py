@@ -115,7 +115,7 @@ def test_files_of_no_use(clone: Path) -> None:
 
 
 def test_tables_of_the_paper_show_the_rows_that_are_kept(clone: Path, made: Made) -> None:
-    """Empty cells as long as there are no rows; then their scores, with the days and commits of all of them."""
+    """Empty cells as long as there are no rows; then those rows alone, with the days and commits of all of them."""
     page = clone / "README.md"
     page.write_text(MARKER.replace("measurements", "paper.table5").replace("a.json", "tables/cpu"))
     assert "*Not yet run.*" in updated(page, clone) and "34.95, 0.965, 52.85" in updated(page, clone)
@@ -128,6 +128,7 @@ def test_tables_of_the_paper_show_the_rows_that_are_kept(clone: Path, made: Made
     text = updated(page, clone)
     assert "30.50 ± 0.71, 0.762 ± 0.018, 45.50 ± 0.71" in text and "2026-11-22 to 2026-11-24" in text
     assert "seeds: 0, 1." in text
+    assert "34.25" not in text and "Rows that have not been trained yet are left out." in text
     kept.write_text("{}")
     with pytest.raises(BadInput, match=r"seed1\.json: not the metrics of a run"):
         updated(page, clone)

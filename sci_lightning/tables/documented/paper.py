@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import yaml
@@ -15,7 +16,10 @@ from sci_lightning.tables.documentation import DocumentedTable
 from sci_lightning.tables.grid import Grid
 from sci_lightning.tables.provenance import NOT_YET, Provenance, joined, read_provenance
 from sci_lightning.tables.run import Run, find_runs
-from sci_lightning.tables.score_table import score_table
+from sci_lightning.tables.score_table import HEADING, SCORES, score_table
+
+OURS = HEADING.index(f"ours: {SCORES}")
+"""Column of our scores in the paper's tables."""
 
 
 def build(path: str | Path, part: str) -> DocumentedTable:
@@ -38,12 +42,20 @@ def build(path: str | Path, part: str) -> DocumentedTable:
         grid = (claim_table if part == "claims" else verdict_table)(scored, paper["tables"], runs)
     elif part in paper["tables"]:
         table = {key: value for key, value in paper["tables"][part].items() if key != "cost"}
-        grid = score_table(part, table, runs)
+        grid = _trained(score_table(part, table, runs))
     else:
         raise BadInput(
             f"paper.{part}: no such table; choose one of {', '.join([*paper['tables'], 'claims', 'verdicts'])}"
         )
     return DocumentedTable(*_cells(grid), _provenance(runs), [in_markdown(note) for note in grid.notes])
+
+
+def _trained(grid: Grid) -> Grid:
+    """Return a table of scores without the rows that have not been trained; an empty one stays as it is."""
+    rows = [row for row in grid.rows if row[OURS]]
+    if not rows or len(rows) == len(grid.rows):
+        return grid
+    return replace(grid, rows=rows, notes=["Rows that have not been trained yet are left out.", *grid.notes])
 
 
 def _cells(grid: Grid) -> tuple[list[str], list[list[str]]]:
