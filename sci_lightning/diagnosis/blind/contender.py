@@ -8,6 +8,7 @@ import torch
 
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price
 from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
+from sci_lightning.diagnosis.blind.undetermined import SHOWN_IF_STRONG
 from sci_lightning.diagnosis.model.recent import Recent
 from sci_lightning.encoder.effects.stage import ModulatorEffect, RelayEffect
 
@@ -116,7 +117,8 @@ class ContenderJudge:
 
     def is_like_a_scene(self, name: str) -> bool:
         """Return whether an effect changes the image as a scene of another kind would, and not that of the mask."""
-        return not issubclass(self.fitter.model.vocabulary[name], (ModulatorEffect, RelayEffect))
+        of_the_mask = issubclass(self.fitter.model.vocabulary[name], (ModulatorEffect, RelayEffect))
+        return not of_the_mask or name in SHOWN_IF_STRONG
 
     def _is_possible(self, fit: BlindFit, without: BlindFit, name: str) -> bool:
         """Return whether an effect leaves light in the darkest pixels, as far as the noise and its own error tell.
