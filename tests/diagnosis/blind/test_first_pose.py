@@ -101,3 +101,15 @@ def test_what_the_search_begins_with(hidden: dict[str, Any]) -> None:
     for name in names:
         for key, value in hidden[name].items():
             assert begun.hypothesis.effects[name][key] == pytest.approx(value, rel=0.15, abs=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "hidden",
+    [{"mask_scale": {"scale": 1.02}, "mask_blur": {"sigma": 0.4}}, {"mask_distortion": {"k": 0.0127}}],
+    ids=" ".join,
+)
+def test_scenes_that_move_unlike_the_prior_are_no_delay(hidden: dict[str, Any]) -> None:
+    likelihood, ideal = likelihood_of(snapshots(hidden))
+    explanation = BlindSearch(BlindFitter(likelihood), ideal, SearchSettings(), lambda message: None).run()
+    assert {one.name for one in explanation.named} == set(hidden)
