@@ -101,7 +101,7 @@ class BlindDiagnosis:
         effects: the named effects in the order in which light meets them.
         rounds: calibrated nats of the candidates that were fitted, by name, round by round.
         undetermined: what these snapshots cannot tell: the name of an effect, and what about the scenes looks alike.
-            Effects that only strong ones of are seen stand here unless they are named.
+            An effect that is seen only if it is strong stands here unless it is named.
         notes: what is unusual about the snapshots, in sentences.
         stated_noise: names of the noise effects whose values the captures file states.
         mask_is_visible: whether the snapshots are likelier with the mask than with none, and that by more than chance
