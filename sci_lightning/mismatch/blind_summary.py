@@ -26,6 +26,7 @@ HEADING = [
     "III less IV-blind, up to gain",
     "missed",
     "wrong",
+    "processor seconds of the diagnosis",
     "commit",
 ]
 
@@ -42,7 +43,7 @@ def blind_table(records: Sequence[Record]) -> list[list[str]]:
         records: that :func:`diagnosed_blind` chose.
     """
     rows = [
-        [record["camera"], record["decoder"], *map(_decibels, _figures(record)), *_names(record), _commit(record)]
+        [record["camera"], record["decoder"], *map(_decibels, _figures(record)), *_names(record), *_origin(record)]
         for record in records
     ]
     drawn = [record for record in records if record["camera"].startswith("drawn_")]
@@ -59,7 +60,7 @@ def blind_table(records: Sequence[Record]) -> list[list[str]]:
 def _mean(title: str, records: Sequence[Record]) -> list[str]:
     figures = [_figures(record) for record in records]
     means = [sum(column) / len(column) for column in zip(*figures, strict=True)]
-    return [title, records[0]["decoder"], *map(_decibels, means), "", "", ""]
+    return [title, records[0]["decoder"], *map(_decibels, means), "", "", "", ""]
 
 
 def _blur(record: Record) -> float:
@@ -84,9 +85,10 @@ def _names(record: Record) -> list[str]:
     return [", ".join(missed), ", ".join(wrong)]
 
 
-def _commit(record: Record) -> str:
-    """Return the commits that made a record; records that a later run completed name several."""
-    return str(record.get("provenance", {}).get("commit", ""))
+def _origin(record: Record) -> list[str]:
+    """Return how long a diagnosis took, and the commits of a record: one that a later run completed names several."""
+    seconds = record["diagnosis"]["blind"].get("cpu_seconds")
+    return ["" if seconds is None else f"{seconds:.0f}", str(record.get("provenance", {}).get("commit", ""))]
 
 
 def _decibels(value: float) -> str:

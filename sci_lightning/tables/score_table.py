@@ -13,7 +13,7 @@ from sci_lightning.tables.line import METRICS, Line, lines_of
 from sci_lightning.tables.run import Run
 
 SCORES = "PSNR (dB), SSIM, Q-Score"
-HEADING = ["", "", f"ours: {SCORES}", "the paper's", "difference", "scale", "seeds"]
+HEADING = ["row", "column", f"ours: {SCORES}", "the paper's", "difference", "scale", "seeds"]
 COST = ["parameters (M)", "FLOPs (G)", "time (s)"]
 COST_NOTE = (
     "Parameters and FLOPs are those of the full network at 256 x 256, T = 8, counted as the paper counts; the time is "
@@ -23,6 +23,7 @@ MASK_SCORE = "score of the mask (dB)"
 MASK_NOTE = (
     "The score of a mask is the PSNR that the best linear decoder is expected to reach behind it, in closed form."
 )
+NOTE = "Difference: ours less the paper's. Behind ±: the standard deviation over the seeds."
 DIGITS = {"psnr": 2, "ssim": 3, "qscore": 2}
 
 Scores = Mapping[str, float]
@@ -60,8 +61,13 @@ def score_table(
     devices = sorted({run.device for line in lines for run in line.runs})
     notes = [f"Runs on {', '.join(devices)}."] if devices else []
     sentences = {f"{key}: {text}." for line in lines for run in line.runs for key, text in run.setting.conventions}
-    notes += sorted(sentences)
-    heading = [*HEADING, *(COST if table.get("cost") else []), *([MASK_SCORE] if scored else [])]
+    notes += [*sorted(sentences), NOTE]
+    heading = [
+        *table.get("titles", HEADING[:2]),
+        *HEADING[2:],
+        *(COST if table.get("cost") else []),
+        *([MASK_SCORE] if scored else []),
+    ]
     notes += [COST_NOTE] * bool(table.get("cost")) + [MASK_NOTE] * scored
     return Grid(name, table["title"], heading, rows, notes)
 

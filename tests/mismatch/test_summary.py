@@ -96,9 +96,9 @@ def test_what_blind_diagnoses_are_worth(tmp_path: Path) -> None:
         "IV-blind",
         *(f"{title}, up to gain" for title in ("II", "III", "IV-blind", "III less IV-blind")),
     ]
-    assert rows[0][4:] == ["19.00", "12.00", "22.00", "21.00", "1.00", "", "", made_by]
-    assert rows[1][8:] == ["3.00", "black_level", "mask_contrast", made_by]
-    assert rows[2][0] == "mean of 2 drawn" and rows[2][8:] == ["2.00", "", "", ""]
+    assert rows[0][4:] == ["19.00", "12.00", "22.00", "21.00", "1.00", "", "", "1", made_by]
+    assert rows[1][8:] == ["3.00", "black_level", "mask_contrast", "1", made_by]
+    assert rows[2][0] == "mean of 2 drawn" and rows[2][8:] == ["2.00", "", "", "", ""]
     assert [row[0] for row in rows[3:]] == [
         "1 of them, mask blurred by 0 to 0.5 pixel",
         "1 of them, mask blurred by 1 to 2 pixel",

@@ -50,7 +50,13 @@ def main(clips: Path) -> None:
             nats.append(float(likelihood.evaluate(hypothesis).log_likelihood.nanmean()))
         rows.append({"contrasts": ", ".join(f"{one:g}" for one in contrasts), "nats": sum(nats) / len(nats)})
         print(rows[-1], flush=True)
-        file.write([("contrasts", "contrasts", None), ("nats", "nats per block, by the true camera", 2)], rows)
+        file.write(
+            [
+                ("contrasts", "factors on the variance of a patch", None),
+                ("nats", "nats per block, by the true camera", 2),
+            ],
+            rows,
+        )
 
 
 if __name__ == "__main__":
