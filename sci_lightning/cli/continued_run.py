@@ -164,6 +164,9 @@ def _finetuned(
             f"{path}: which camera shall the decoder get used to? Give encoder=FOUND/encoder.yaml, which a diagnosis "
             "writes, or the name of an encoder"
         )
+    out = given.get("out")
+    if out and given.get("resume", "").lower() != "true" and _last_of(out).is_file() and _last_of(out).samefile(path):
+        raise BadInput(f"{out}: holds the training that is to be fine-tuned, which would be lost; give another out=")
     recipe = {*_keys(OmegaConf.to_container(OmegaConf.load(CONF / "experiment" / f"{FINETUNE}.yaml")))}
     before: list[str] = []
     named_paths: list[tuple[str, str]] = []
@@ -308,9 +311,14 @@ def _checkpoint(given: Mapping[str, str]) -> Path | None:
     if (path := given.get("ckpt_path")) and path != "null":
         return Path(path)
     if given.get("resume", "").lower() == "true" and given.get("out"):
-        last = Path(given["out"]) / "checkpoints" / "last.ckpt"
+        last = _last_of(given["out"])
         return last if last.is_file() else None
     return None
+
+
+def _last_of(out: str | Path) -> Path:
+    """Return where a run keeps its last checkpoint."""
+    return Path(out) / "checkpoints" / "last.ckpt"
 
 
 def _checked(path: str | Path, line: str) -> Override:

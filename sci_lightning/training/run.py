@@ -96,6 +96,9 @@ def run_training(
     goes_on = checkpoint is not None and checkpoint.resumable
     if config.get("finetune"):
         goes_on = goes_on and _is_finetuning(checkpoint, run_config)
+        last = out / "checkpoints" / "last.ckpt"
+        if not goes_on and last.is_file() and start_from and last.samefile(start_from):
+            raise BadInput(f"{out}: holds the training that is to be fine-tuned, which would be lost; give another out=")
         _fix_mask(system, checkpoint, run_config)
     if checkpoint is not None and (goes_on or not config.get("finetune")):
         _load(system, checkpoint, run_config, on_resume)

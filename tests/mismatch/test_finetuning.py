@@ -14,6 +14,7 @@ from sci_lightning.cli import command as command_frame
 from sci_lightning.cli.composition import group_members
 from sci_lightning.cli.continued_run import continued
 from sci_lightning.cli.notebook import train
+from sci_lightning.errors import BadInput
 from sci_lightning.mismatch.finetuning import mismatch_finetuning
 from tests.cli.test_encoder_file import _store, encoder_file
 from tests.end_to_end.test_train import TINY
@@ -79,6 +80,11 @@ def test_an_interrupted_fine_tuning_goes_on(ran: Callable[..., str], trained: Pa
     path = tmp_path / "TUNED" / "checkpoints" / "last.ckpt"
     assert "goes on from" in ran("train", f"ckpt_path={path}", "trainer.max_epochs=2", *QUIET)
     assert torch.load(path, weights_only=True)["global_step"] == 8  # two epochs of four steps, not three
+    before = path.read_bytes()
+    again = ["encoder=rbw_sr", f"out={tmp_path / 'TUNED'}"]  # another camera: a new fine-tuning, which has no folder
+    with pytest.raises(BadInput, match="which would be lost; give another out="):
+        train([*TINY, *QUIET, f"ckpt_path={path}", "finetune=true", *again])
+    assert path.read_bytes() == before
 
 
 def test_the_arguments_of_a_fine_tuning(tmp_path: Path) -> None:
@@ -102,6 +108,11 @@ def test_bad_input(refused: Callable[..., str], trained: Path, tmp_path: Path) -
         "train", f"ckpt_path={trained}", f"encoder={result}", "finetune=true"
     )  # it would go on in that folder
     assert "give experiment=finetune in the place of finetune=true" in line and trained.read_bytes() == before
+    for recipe in (["experiment=finetune"], ["+finetune=true"]):  # on top of what it would begin with
+        words = [f"encoder={result}", f"out={trained.parent.parent}"]
+        line = refused("train", f"ckpt_path={trained}", *recipe, *words)
+        assert "which would be lost; give another out=" in line or "give experiment=finetune" in line
+        assert trained.read_bytes() == before
     line = refused("train", f"ckpt_path={trained}", "experiment=finetune")
     assert "Give encoder=FOUND/encoder.yaml" in line
     line = refused("train", f"ckpt_path={trained}", f"encoder={result}", "experiment=finetune", "decoder=res2former")
