@@ -27,6 +27,10 @@ if TYPE_CHECKING:
 
 PART = "covered_snapshots.npy"
 """File of the part of the snapshots that the mask covers; no name that snapshots themselves are likely to have."""
+OF_SNAPSHOTS = ("key", "bit_depth", "mask", "mask_key", "mask_step", "mask_origin", "verification")
+"""Settings that say how snapshots and masks of separate files are read."""
+FACTS = "snapshots.json"
+"""File of what snapshots tell by themselves."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,8 @@ class Task:
         settings: thresholds and budgets of the search.
         console: the terminal.
         provenance: says where a report comes from, once it is written.
+        beside: writes into a folder what belongs beside a report.
+        read: files that were read, which are kept.
     """
 
     cfg: DictConfig
@@ -63,6 +69,8 @@ class Task:
     settings: SearchSettings
     console: PlainConsole
     provenance: Callable[[], Provenance]
+    beside: Callable[[Path], None]
+    read: list[Path]
 
 
 def diagnose(composition: Composition) -> None:
@@ -75,22 +83,34 @@ def diagnose(composition: Composition) -> None:
         composition: of ``conf/diagnose.yaml``.
     """
     from sci_lightning.cli.next_command import invocation, nearest, print_next
+    from sci_lightning.diagnosis.report.report_folder import check_no_foreign_report, report_folder
     from sci_lightning.diagnosis.report.report_page import Provenance
     from sci_lightning.diagnosis.search_settings import SearchSettings
     from sci_lightning.diagnosis.vocabulary import vocabulary
+    from sci_lightning.files.stored_array import readable_shape
 
     cfg = composition.cfg
     start, out, console = time.perf_counter(), Path(cfg.out), PlainConsole()
     candidates = vocabulary(cfg.candidates, composition.targets("effect"), cfg.leave_out)
     settings = SearchSettings(max_effects=cfg.most, **cfg.search)
+    check_no_foreign_report(out)
     given = read_input(cfg)
-    captures, snapshots, facts_file = given.captures, given.snapshots, out / "snapshots.json"
+    captures, snapshots = given.captures, given.snapshots
+    read = [path.absolute() for name in (cfg.captures, cfg.measurement, cfg.mask) if name for path in _files(name)]
+
+    def beside(folder: Path) -> None:
+        """Write what was told by the snapshots themselves, and the part of them that was diagnosed."""
+        if snapshots is not None:
+            snapshots.write(folder / FACTS)
+        if given.is_part and captures is not None:
+            _write_part(captures, folder)
+
     if snapshots is not None:
         snapshots.print(console)
     if captures is None:
-        if snapshots is not None:
-            snapshots.write(facts_file)
-        console.say(styled(facts_file))
+        with report_folder(out, read) as folder:
+            beside(folder)
+        console.say(styled(out / FACTS))
         return
 
     def provenance() -> Provenance:
@@ -102,17 +122,16 @@ def diagnose(composition: Composition) -> None:
             command=shlex.join(["python", "-m", "sci_lightning.diagnose", *sys.argv[1:]]),
         )
 
-    task = Task(cfg, captures, candidates, settings, console, provenance)
+    task = Task(cfg, captures, candidates, settings, console, provenance, beside, read)
     useful = True
     if captures.known.any():
         _calibrated(task)
     else:
         useful = _blind(task)
-    if snapshots is not None:  # with the report, so that a folder never holds those of two runs
-        snapshots.write(facts_file)
     console.say(styled(out / "report.html"), "; beside it report.json, encoder.yaml and pictures")
     if given.is_part:
-        _write_part(captures, out, console)
+        pixels = readable_shape(captures.size)
+        console.say(styled(out / PART), f": the {pixels} pixels of the snapshots that the mask covers")
     lines = [invocation("train", "experiment=quickstart", paths={"encoder": out / "encoder.yaml"})] if useful else []
     known = bool(captures.known.any())  # a report on unknown scenes has no chi2 to be revealed
     if known and cfg.captures and (truth := Path(cfg.captures).with_suffix(".truth.json")).is_file():
@@ -126,6 +145,7 @@ def _calibrated(task: Task) -> None:
     from sci_lightning.diagnosis.report.dashboard import log_diagnosis
     from sci_lightning.diagnosis.report.pictures import figures
     from sci_lightning.diagnosis.report.report import write_report
+    from sci_lightning.diagnosis.report.report_folder import report_folder
     from sci_lightning.diagnosis.report.terminal import print_report, search_progress
     from sci_lightning.training.loggers import build_loggers
 
@@ -136,7 +156,9 @@ def _calibrated(task: Task) -> None:
         )
         on_progress("writing the report")
         drawn = figures(diagnosis)
-        write_report(diagnosis, Path(cfg.out), task.provenance(), drawn)
+        with report_folder(cfg.out, task.read) as folder:
+            write_report(diagnosis, folder, task.provenance(), drawn)
+            task.beside(folder)
     for logger in build_loggers(plain(cfg.logger) if cfg.get("logger") else None, "diagnosis"):
         log_diagnosis(logger, diagnosis, drawn)
     print_report(diagnosis, task.console)
@@ -147,6 +169,7 @@ def _blind(task: Task) -> bool:
     from sci_lightning.diagnosis.blind.blind_diagnosis import diagnose_blind
     from sci_lightning.diagnosis.blind.prior import scene_statistics
     from sci_lightning.diagnosis.report.blind_report import print_blind_report, write_blind_report
+    from sci_lightning.diagnosis.report.report_folder import report_folder
     from sci_lightning.diagnosis.report.terminal import search_progress
 
     cfg = task.cfg
@@ -155,22 +178,28 @@ def _blind(task: Task) -> bool:
         statistics = None if cfg.prior is None else scene_statistics(cfg.prior)
         diagnosis = diagnose_blind(task.captures, task.candidates, cfg.seed, task.settings, on_progress, statistics)
         on_progress("writing the report")
-        write_blind_report(diagnosis, Path(cfg.out), task.provenance())
+        with report_folder(cfg.out, task.read) as folder:
+            write_blind_report(diagnosis, folder, task.provenance())
+            task.beside(folder)
     print_blind_report(diagnosis, task.console)
     return diagnosis.mask_is_visible
 
 
-def _write_part(captures: Captures, out: Path, console: PlainConsole) -> None:
+def _files(name: str) -> list[Path]:
+    """Return the files of a name or a pattern."""
+    from sci_lightning.captures.snapshots import matching_files
+
+    return [Path(path) for path in matching_files(name)]
+
+
+def _write_part(captures: Captures, out: Path) -> None:
     """Write the part of the snapshots that was diagnosed, which is what the corrected camera records."""
     import numpy as np
 
     from sci_lightning.files.atomic_file import atomic_write
-    from sci_lightning.files.stored_array import readable_shape
 
     with atomic_write(out / PART) as temporary, temporary.open("wb") as file:
         np.save(file, captures.measurement)
-    pixels = readable_shape(captures.size)
-    console.say(styled(out / PART), f": the {pixels} pixels of the snapshots that the mask covers")
 
 
 def read_input(cfg: DictConfig) -> Given:
@@ -192,15 +221,24 @@ def read_input(cfg: DictConfig) -> Given:
         raise BadInput(
             "give captures=FILE.h5, or measurement=FILE mask=FILE for snapshots of unknown scenes (one of the two)"
         )
+    of_files = [key for key in OF_SNAPSHOTS if cfg[key] is not None]
+    if cfg.captures is not None and of_files:
+        raise BadInput(
+            f"{of_files[0]}={cfg[of_files[0]]}: belongs to measurement=; a captures file holds its mask and "
+            "what belongs to it: leave this out"
+        )
+    of_mask = [key for key in of_files if key.startswith("mask_") or key == "verification"]
+    if cfg.mask is None and of_mask:
+        raise BadInput(f"{of_mask[0]}={cfg[of_mask[0]]}: belongs to a mask; give mask=FILE as well")
     if cfg.captures is not None:
         captures = read_captures(cfg.captures)
         unknown = ~captures.known
         if not unknown.any():
             return Given(captures)
-        facts = snapshot_facts(captures.measurement[unknown], captures.bit_depth)
+        facts = snapshot_facts(captures.measurement[unknown], captures.bit_depth, str(cfg.captures))
         return Given(captures, SnapshotReport(facts, Path(cfg.captures).name, True, not unknown.all()))
     dn, bit_depth = read_snapshots(matching_files(cfg.measurement), cfg.key, cfg.bit_depth)
-    facts = snapshot_facts(dn, bit_depth)
+    facts = snapshot_facts(dn, bit_depth, str(cfg.measurement))
     name = Path(cfg.measurement).name
     if cfg.mask is None:
         return Given(None, SnapshotReport(facts, name, False, False))

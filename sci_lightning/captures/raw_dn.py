@@ -35,7 +35,13 @@ def raw_dn(values: np.ndarray, where: str, bit_depth: int | None = None) -> tupl
         BadInput: negative values, NaN, values that need more bits, or fractions above 1.
     """
     low, high = (float(values.min()), float(values.max())) if values.size else (np.nan, np.nan)
-    if not (low >= 0 and np.isfinite(high)):  # also for NaN
+    if np.isnan(low):
+        number, row, column = np.argwhere(np.isnan(values))[0] if values.size else (0, 0, 0)
+        raise BadInput(
+            f"{where}: NaN in snapshot {number}, row {row}, column {column}; "
+            "expected raw DN: finite numbers of 0 or more"
+        )
+    if not (low >= 0 and np.isfinite(high)):
         subtracted = "; was a dark frame subtracted? Give the raw snapshot" if -np.inf < low < 0 else ""
         raise BadInput(
             f"{where}: values from {low:g} to {high:g}, expected raw DN: finite numbers of 0 or more{subtracted}"
@@ -48,7 +54,9 @@ def raw_dn(values: np.ndarray, where: str, bit_depth: int | None = None) -> tupl
         bits = bit_depth or FINEST_BITS
         return np.round(values.astype(np.float64) * (2**bits - 1)).astype(np.uint16), bits
     else:
-        raise BadInput(f"{where}: fractions up to {high:g}, expected raw DN or fractions of full scale from 0 to 1")
+        raise BadInput(
+            f"{where}: fractions up to {high:.9g}, expected raw DN or fractions of full scale, which do not exceed 1"
+        )
     largest = int(numbers.max())
     fitting = [bits for bits in BIT_DEPTHS if largest < 2**bits]
     if largest >= 2 ** (bit_depth or FINEST_BITS):

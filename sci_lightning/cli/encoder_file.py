@@ -90,6 +90,8 @@ def adopt_encoder_files(arguments: list[str], taken: Iterable[str] = ()) -> tupl
     def member(value: str) -> str:
         bare = value.strip().strip("'\"")
         if not bare.endswith(".yaml"):
+            if "/" in bare:
+                _refuse_path(Path(os.path.expanduser(bare)))
             return value
         file = read_encoder_file(Path(os.path.expanduser(bare)))
         name = _name(file.path.resolve(), {*taken, *files})
@@ -113,6 +115,14 @@ def _members(value: str) -> list[str]:
     if os.path.isfile(os.path.expanduser(value)):
         return [value]
     return re.findall(r"'[^']*'|\"[^\"]*\"|[^,]+", value) or [value]
+
+
+def _refuse_path(path: Path) -> None:
+    """Raise BadInput for a path that names no encoder file; a name of a member with folders in it is none."""
+    if path.is_dir():
+        raise BadInput(f"{path}: is a folder; give the encoder file in it: {path / 'encoder.yaml'}")
+    if path.is_file():
+        raise BadInput(f"{path}: is no encoder file, whose name ends with .yaml; give the encoder.yaml of a diagnosis")
 
 
 def read_encoder_file(path: Path) -> EncoderFile:

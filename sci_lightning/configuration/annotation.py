@@ -29,6 +29,8 @@ def in_words(annotation: Any) -> str:
         return ", ".join(str(choice) for choice in arguments)
     if (origin or annotation) in SEQUENCES:
         entries = [argument for argument in arguments if argument is not Ellipsis]
+        if entries and get_origin(entries[0]) is Literal:
+            return f"a list of {in_words(entries[0])}"
         return f"a list of {_plural(in_words(entries[0]))}" if entries else "a list"
     if (origin or annotation) in (dict, collections.abc.Mapping):
         return "a mapping"

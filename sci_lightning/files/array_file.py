@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,7 +22,7 @@ MOST_NAMED = 20
 
 
 def read_array(
-    path: str | Path, *, prefer: str, dimensions: int, key: str | None = None, setting: str = ""
+    path: str | Path, *, prefer: str, dimensions: int | Sequence[int], key: str | None = None, setting: str = ""
 ) -> np.ndarray:
     """Read a numeric array with time (or the snapshot's number) first.
 
@@ -31,7 +32,8 @@ def read_array(
     Args:
         path: .npy, .mat, .h5 or .hdf5.
         prefer: name of the array when ``key`` is None; failing that the only array with ``dimensions`` will do.
-        dimensions: how many the array must have.
+        dimensions: how many the array must have. Of several numbers, arrays of the first come before those of the next,
+            which are looked at only where there is none of the first.
         key: name of the array in a .mat or HDF5 file.
         setting: what the user sets to choose the array, for the message; empty where there is nothing to set.
 
@@ -44,21 +46,25 @@ def read_array(
         raise BadInput(f"{path}: {'is a folder, expected a file' if path.is_dir() else 'no such file'}")
     if path.suffix.lower() not in ENDINGS:
         raise BadInput(f"{path}: cannot read an array from '{path.suffix}'; use one of {', '.join(ENDINGS)}")
+    allowed = (dimensions,) if isinstance(dimensions, int) else tuple(dimensions)
     try:
         if path.suffix.lower() in (".npy", ".mat") and not _is_hdf5(path):
-            return _read(path, _choose(path, _arrays(path), prefer, key, dimensions, setting), dimensions)
-        return _read_hdf5(path, prefer, key, dimensions, setting)
+            return _read(path, _choose(path, _arrays(path), prefer, key, allowed, setting), allowed)
+        return _read_hdf5(path, prefer, key, allowed, setting)
     except BadInput as error:
         raise error if str(error).startswith(str(path)) else BadInput(f"{path}: {error}") from error
+    except PermissionError as error:
+        raise BadInput(f"{path}: you may not read this file (permission denied)") from error
     except Exception as error:  # the readers raise whatever they like on a damaged file
         reason = (str(error).splitlines() or [""])[0] or type(error).__name__
         raise BadInput(f"{path}: not a readable {path.suffix} file, damaged or truncated ({reason})") from error
 
 
-def _read(path: Path, stored: StoredArray, dimensions: int) -> np.ndarray:
-    if len(stored.shape) != dimensions or not stored.numeric or 0 in stored.shape:
+def _read(path: Path, stored: StoredArray, dimensions: tuple[int, ...]) -> np.ndarray:
+    if len(stored.shape) not in dimensions or not stored.numeric or 0 in stored.shape:
+        numbers = " or ".join(map(str, sorted(dimensions)))
         raise BadInput(
-            f"{path}: expected a numeric array of {dimensions} dimensions, found {stored.dtype} of shape {stored.shape}"
+            f"{path}: expected a numeric array of {numbers} dimensions, found {stored.dtype} of shape {stored.shape}"
         )
     array = stored.read()
     if array.shape != stored.shape or array.dtype.kind not in "buif":
@@ -67,13 +73,14 @@ def _read(path: Path, stored: StoredArray, dimensions: int) -> np.ndarray:
 
 
 def _choose(
-    path: Path, arrays: dict[str, StoredArray], prefer: str, key: str | None, dimensions: int, setting: str
+    path: Path, arrays: dict[str, StoredArray], prefer: str, key: str | None, dimensions: tuple[int, ...], setting: str
 ) -> StoredArray:
     if path.suffix.lower() == ".npy":
         return arrays[""]
     if (name := key or prefer) in arrays:
         return arrays[name]
-    fitting = [array for array in arrays.values() if len(array.shape) == dimensions]
+    by_dimensions = [[array for array in arrays.values() if len(array.shape) == number] for number in dimensions]
+    fitting = next(filter(None, by_dimensions), [])
     if key is None and len(fitting) == 1:
         return fitting[0]
     names = [f"{name} {array.shape}" for name, array in arrays.items()]
@@ -100,7 +107,7 @@ def _is_hdf5(path: Path) -> bool:
     return path.suffix.lower() == ".mat" and bool(h5py.is_hdf5(path))
 
 
-def _read_hdf5(path: Path, prefer: str, key: str | None, dimensions: int, setting: str) -> np.ndarray:
+def _read_hdf5(path: Path, prefer: str, key: str | None, dimensions: tuple[int, ...], setting: str) -> np.ndarray:
     from sci_lightning.files.hdf5_file import hdf5_datasets, open_hdf5
 
     matlab = path.suffix.lower() == ".mat"

@@ -28,15 +28,8 @@ def read_mask_file(
         BadInput: the file cannot be read or lacks the array, fewer than 2 slots or more than
             :data:`~sci_lightning.configuration.bounds.MOST_FRAMES`, or values outside [0, 1].
     """
-    try:
-        mask = read_array(path, prefer="mask", key=key, dimensions=3, setting=setting)
-    except BadInput as three:
-        if not one_pattern:
-            raise
-        try:
-            mask = read_array(path, prefer="mask", key=key, dimensions=2, setting=setting)
-        except BadInput:
-            raise three from None
+    dimensions = (3, 2) if one_pattern else 3
+    mask = read_array(path, prefer="mask", key=key, dimensions=dimensions, setting=setting)
     shape = f"the mask is {readable_shape(mask.shape)} (T x H x W)"
     if mask.ndim == 3 and len(mask) == 1:
         raise BadInput(f"{path}: {shape}, a single slot; a snapshot is the sum of at least 2")

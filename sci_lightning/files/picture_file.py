@@ -52,13 +52,7 @@ def read_pictures(path: str | Path, *, prefer: str, key: str | None = None, sett
     """
     path = Path(path)
     if path.suffix.lower() in ENDINGS:
-        try:
-            return read_array(path, key=key, prefer=prefer, dimensions=3, setting=setting)
-        except BadInput as three:
-            try:
-                return read_array(path, key=key, prefer=prefer, dimensions=2, setting=setting)
-            except BadInput:
-                raise three from None
+        return read_array(path, key=key, prefer=prefer, dimensions=(3, 2), setting=setting)
     if path.is_dir():
         raise BadInput(f"{path}: is a folder, expected a file")
     if path.suffix.lower() not in PICTURES:

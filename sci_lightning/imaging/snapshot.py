@@ -50,6 +50,8 @@ class Snapshot:
         largest = top * self.full_scale
         level = f"the largest value is {largest:g}, the mean level {mean:.3g} of full_scale={self.full_scale:g}"
         about = f"{self.path}: {level}"
+        if top == 0 and mean == 0:
+            return f"{self.path}: the snapshot is black: every value is 0; is the array the right one, the lens open?"
         fitting = [2**bits - 1 for bits in BIT_DEPTHS if 2**bits > largest]
         if top > 1.05 * brightest:
             fits = next((2**bits - 1 for bits in BIT_DEPTHS if largest <= 1.05 * brightest * (2**bits - 1)), None)
@@ -69,6 +71,8 @@ class Snapshot:
                 f"{about}; numbers of {bits} bits in a file made for more? Then give full_scale={fitting[0]} (of a sum "
                 "of frames made by software: that of one frame, as 255); else the exposure was short"
             )
+        if mean < 0:
+            return f"{about}; values below 0: was a dark frame subtracted twice? Give the raw snapshot"
         if mean < DARK_LEVEL:
             return f"{about}; that is nearly dark: check full_scale= and the exposure"
         return ""

@@ -25,6 +25,9 @@ from sci_lightning.virtual_camera.hardware.effect import Effect
 from sci_lightning.virtual_camera.patterns import binary
 from sci_lightning.virtual_camera.stream import stream
 
+LEAST_SIDE = 16
+"""Pixels along each side of the smallest field."""
+
 
 @dataclass(frozen=True, eq=False)
 class Bench:
@@ -168,6 +171,8 @@ def prepare_bench(
                 f"their size, or frames={len(patterns)} size=[{patterns.shape[1]},{patterns.shape[2]}] and such scenes"
             )
     if middle is not None:
+        if min(middle) < LEAST_SIDE:
+            raise BadInput(f"middle={list(middle)}: expected at least {LEAST_SIDE} pixels along each side")
         if any(part > whole for part, whole in zip(middle, size, strict=True)):
             raise BadInput(f"middle={list(middle)}: larger than the scenes, which are {size} (H, W)")
         patterns = _middle(patterns, middle)

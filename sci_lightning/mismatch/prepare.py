@@ -72,7 +72,7 @@ class Prepared:
         path = record_path(folder, camera.name, name)
         settings = {**self.settings, **described}
         digest = record_digest({"bench": self.bench.digest, "camera": camera.mismatch, **settings})
-        earlier = earlier_record(path, digest)
+        earlier = earlier_record(path, digest, settings)
         if earlier is not None and set(wanted) <= earlier["scenarios"].keys():
             return earlier, False
         device = self.protocol.device

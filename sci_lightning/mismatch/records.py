@@ -50,13 +50,28 @@ def read_records(folder: str | Path) -> list[dict[str, Any]]:
     return [read_record(path) for path in sorted(Path(folder).glob("[!.]*.json"))]
 
 
-def earlier_record(path: str | Path, digest: str) -> dict[str, Any] | None:
-    """Return the record at ``path`` if it was made with the settings of this digest, else None."""
+def earlier_record(path: str | Path, digest: str, settings: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the record at ``path``, None if there is none.
+
+    Args:
+        path: of the record.
+        digest: of everything that a record depends on.
+        settings: that the record would have now, for the message.
+
+    Raises:
+        BadInput: it was made with other settings, and would be lost.
+    """
     path = Path(path)
     if not path.is_file():
         return None
     record = read_record(path)
-    return record if record["digest"] == digest else None
+    if record["digest"] != digest:
+        now = json.loads(json.dumps(dict(settings), default=str))
+        before = record.get("settings", {})
+        changed = [f"{key}={before.get(key)}, now {now.get(key)}" for key in now if before.get(key) != now.get(key)]
+        reason = changed[0] if changed else "other scenes, another mask or another camera"
+        raise BadInput(f"{path}: made with other settings ({reason}), and would be overwritten; give another out=")
+    return record
 
 
 def write_record(

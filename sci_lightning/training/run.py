@@ -98,7 +98,9 @@ def run_training(
         goes_on = goes_on and _is_finetuning(checkpoint, run_config)
         last = out / "checkpoints" / "last.ckpt"
         if not goes_on and last.is_file() and start_from and last.samefile(start_from):
-            raise BadInput(f"{out}: holds the training that is to be fine-tuned, which would be lost; give another out=")
+            raise BadInput(
+                f"{out}: holds the training that is to be fine-tuned, which would be lost; give another out="
+            )
         _fix_mask(system, checkpoint, run_config)
     if checkpoint is not None and (goes_on or not config.get("finetune")):
         _load(system, checkpoint, run_config, on_resume)
@@ -176,6 +178,11 @@ def _fix_mask(system: System, checkpoint: Checkpoint | None, config: Mapping[str
         raise BadInput(
             "finetune=true needs a decoder that is trained already: ckpt_path=RUN/checkpoints/last.ckpt, and "
             "encoder=FOUND/encoder.yaml for the camera that it shall get used to"
+        )
+    if checkpoint.config.get("frames", config["frames"]) != config["frames"]:
+        raise BadInput(
+            f"{checkpoint.path}: its decoder was trained for {checkpoint.config['frames']} slots, the camera has "
+            f"{config['frames']}; fine-tuning needs a camera of as many slots"
         )
     checkpoint.fill("decoder", system.decoder, config["names"]["decoder"])
     system.encoder.requires_grad_(False)

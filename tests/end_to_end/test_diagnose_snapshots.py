@@ -59,6 +59,13 @@ def test_without_a_mask(snapshot: np.ndarray, tmp_path: Path, ran: Ran) -> None:
         (["measurement=meas.mat", "bit_depth=4"], "do not fit into 4 bits"),
         (["measurement=meas.mat", "mask=mask.mat", "verification=[1]"], "numbered from 0 to 0"),
         (["measurement=meas.mat", "mask=mask.mat", "mask_step=[0,2,1]"], "mask_step"),
+        (["captures=a.h5", "mask=mask.mat"], "mask=mask.mat: belongs to measurement="),
+        (["captures=a.h5", "verification=[0]"], "verification=[0]: belongs to measurement="),
+        (["measurement=meas.mat", "mask_step=[0,2]"], "mask_step=[0, 2]: belongs to a mask; give mask=FILE"),
+        (["measurement=several.mat"], "several.mat: no array named 'meas'; the file holds"),
+        (["measurement=holes.npy"], "holes.npy: NaN in snapshot 1, row 2, column 3"),
+        (["measurement=small.npy"], "small.npy: snapshots (1) of 9 x 40 pixels are too small"),
+        (["measurement=flat.npy"], "flat.npy: expected a numeric array of 2 or 3 dimensions"),
     ],
 )
 def test_bad_input(words: list[str], answer: str, snapshot: np.ndarray, tmp_path: Path, refused: Refused) -> None:
@@ -69,6 +76,10 @@ def test_bad_input(words: list[str], answer: str, snapshot: np.ndarray, tmp_path
     savemat(tmp_path / "open.mat", {"mask": np.ones((64, 64, 4))})
     savemat(tmp_path / "nan.mat", {"mask": np.full((64, 64, 4), np.nan)})
     (tmp_path / "folder").mkdir()
+    savemat(tmp_path / "several.mat", {"y": mask, "dark": mask[..., :2], "positions": mask[:20, :30, 0]})
+    np.save(tmp_path / "holes.npy", np.where(np.arange(2 * 32 * 32).reshape(2, 32, 32) == 1024 + 67, np.nan, 5.0))
+    np.save(tmp_path / "small.npy", np.ones((9, 40), np.uint8))
+    np.save(tmp_path / "flat.npy", np.ones(40, np.uint8))
     savemat(tmp_path / "closed.mat", {"mask": np.zeros((64, 64, 4))})
     assert answer in refused("diagnose", *words, "out=found")
     assert not (tmp_path / "found" / "report.json").exists() and not (tmp_path / "found" / "snapshots.json").exists()
@@ -86,3 +97,32 @@ def test_a_part_of_the_snapshots_is_reconstructed(snapshot: np.ndarray, tmp_path
     camera = ["decoder=gap_tv", "decoder.iterations=[2]", "decoder.camera=found/encoder.yaml"]
     ran("reconstruct", *camera, "measurement=found/covered_snapshots.npy", "out=video")
     assert list((tmp_path / "video").iterdir())
+
+
+def test_a_second_diagnosis_leaves_nothing_of_the_first(snapshot: np.ndarray, tmp_path: Path, ran: Ran) -> None:
+    """A folder holds the files of one diagnosis, and what is nobody's diagnosis is not overwritten."""
+    out = tmp_path / "found"
+    out.mkdir()
+    for name in ("report.json", "report.html", "encoder.yaml", "effective_mask.npy", "prediction.png"):
+        (out / name).write_text("of an earlier diagnosis")
+    (out / "notes.txt").write_text("mine")
+    ran("diagnose", "measurement=meas.mat", "out=found")
+    assert {path.name for path in out.iterdir() if path.is_file()} <= {"snapshots.json", "notes.txt", "diagnose.log"}
+    assert (out / "notes.txt").read_text() == "mine"
+    assert not list(out.glob(".report-*"))
+
+
+def test_a_file_of_somebody_else_is_kept(snapshot: np.ndarray, tmp_path: Path, refused: Refused) -> None:
+    (tmp_path / "found").mkdir()
+    (tmp_path / "found" / "encoder.yaml").write_text("mine")
+    line = refused("diagnose", "measurement=meas.mat", "out=found")
+    assert "found: holds encoder.yaml, which no diagnosis wrote" in line
+    assert (tmp_path / "found" / "encoder.yaml").read_text() == "mine"
+
+
+def test_what_was_diagnosed_is_kept(snapshot: np.ndarray, tmp_path: Path, ran: Ran) -> None:
+    """A snapshot that lies in the folder under the name of a diagnosis's file is the user's."""
+    (tmp_path / "found").mkdir()
+    np.save(tmp_path / "found" / "covered_snapshots.npy", snapshot)
+    ran("diagnose", "measurement=found/covered_snapshots.npy", "out=found")
+    assert np.array_equal(np.load(tmp_path / "found" / "covered_snapshots.npy"), snapshot)

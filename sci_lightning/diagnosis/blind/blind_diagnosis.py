@@ -29,7 +29,12 @@ from sci_lightning.diagnosis.blind.search import (
     BlindSearch,
 )
 from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera, snapshots_of
-from sci_lightning.diagnosis.blind.snapshots import observe_snapshots, textured_part, usable_snapshots
+from sci_lightning.diagnosis.blind.snapshots import (
+    observe_snapshots,
+    textured_part,
+    usable_snapshots,
+    useless_snapshots,
+)
 from sci_lightning.diagnosis.blind.undetermined import SHOWN_IF_STRONG, undetermined_effects
 from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.model.observation import Observation
@@ -52,6 +57,8 @@ OF_THE_FIELD = (
     "rolling_shutter",
 )
 """Effects that depend on the place in the field, and are not looked for where only a part of it is searched."""
+MOST_LISTED = 10
+"""Largest number of snapshots that a note lists by their numbers."""
 FEW_SNAPSHOTS = 3
 """Fewer snapshots say little about how scenes differ, so that uncertainties are widened."""
 NO_MASK_IS_AS_GOOD = (
@@ -302,9 +309,12 @@ def _notes(
     if count < FEW_SNAPSHOTS:
         what = "One snapshot says" if count == 1 else "Two snapshots say"
         notes.append(f"{what} little about how scenes differ: uncertainties are widened.")
-    if (black := int((~captures.known).sum()) - count - aside) > 0:
-        what = "1 snapshot is" if black == 1 else f"{black} snapshots are"
-        notes.append(f"{what} left out: black, even, mostly saturated, or taken behind closed patterns.")
+    useless = useless_snapshots(captures)
+    for reason in dict.fromkeys(useless.values()):
+        numbers = [number for number, why in useless.items() if why == reason]
+        listed = ", ".join(map(str, numbers[:MOST_LISTED])) + ", .." * (len(numbers) > MOST_LISTED)
+        what = f"Snapshot {listed} is" if len(numbers) == 1 else f"{len(numbers)} snapshots ({listed}) are"
+        notes.append(f"{what} left out: {reason}. Snapshots are counted from 0.")
     saturated = 1 - float(likelihood.usable.double().mean())
     if saturated > 0.01:
         notes.append(f"{100 * saturated:.0f} % of the blocks have a saturated pixel and are left out.")

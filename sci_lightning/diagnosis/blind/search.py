@@ -140,7 +140,7 @@ class BlindSearch:
             contenders = self.contenders(best)
             rounds.append({one.name: one.nats for one in contenders})
             winner = self._winner(contenders)
-            if winner is None:
+            if winner is None or len(self._deviations(best)) >= self.settings.max_effects:
                 break
             self.on_progress(f"{winner.name}: {winner.nats:.0f} nats")
             best = self.prune(winner.fit)
@@ -172,8 +172,8 @@ class BlindSearch:
             hypothesis = hypothesis.with_effect(name, setting)
         fit = self.prune(self.fitter.fit(hypothesis, self.fitted_blocks, enough=ENOUGH))
         names = self._deviations(fit)
-        if not pose.keys() & set(names):  # what is beside it has to be asked for by itself
-            return ideal
+        if not pose.keys() & set(names) or len(names) > self.settings.max_effects:
+            return ideal  # what is beside the pose has to be asked for by itself
         # Where there is nothing beside it, pruning compared it with nothing.
         if len(names) == 1 and not self.judge(fit, ideal, names[0]).clear:
             return ideal

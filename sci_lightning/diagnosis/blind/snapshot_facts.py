@@ -134,12 +134,13 @@ class SnapshotFacts:
         return (*parts, self.noise.sentence())
 
 
-def snapshot_facts(dn: np.ndarray, bit_depth: int) -> SnapshotFacts:
+def snapshot_facts(dn: np.ndarray, bit_depth: int, name: str = "") -> SnapshotFacts:
     """Return what snapshots tell by themselves.
 
     Args:
         dn: ``(N, H, W)`` raw DN, integers.
         bit_depth: of the converter.
+        name: of the file, for messages.
 
     Raises:
         BadInput: fewer than 16 x 16 pixels, in which nothing can be told from chance.
@@ -148,8 +149,8 @@ def snapshot_facts(dn: np.ndarray, bit_depth: int) -> SnapshotFacts:
         last = min(dn.shape[:2]) >= 16 > dn.shape[2]
         advice = "; this one looks like H x W x N: move its last axis to the front" if last else ""
         raise BadInput(
-            f"{len(dn)} snapshots of {dn.shape[1]} x {dn.shape[2]} pixels are too small, expected at least 16 x 16; an "
-            f"array of several snapshots is N x H x W{advice}"
+            f"{name}{': ' * bool(name)}snapshots ({len(dn)}) of {dn.shape[1]} x {dn.shape[2]} pixels are too small, "
+            f"expected at least 16 x 16; an array of several snapshots is N x H x W{advice}"
         )
     full_scale = 2**bit_depth - 1
     counts = np.bincount(dn.ravel().astype(np.int64), minlength=full_scale + 1)
@@ -193,7 +194,7 @@ def _levels(dn: np.ndarray, counts: np.ndarray, full_scale: int) -> Levels:
     at_zero = float(counts[0] / total)
     clipped = tuple(float((image == full_scale).mean()) for image in dn)
     saturates = None
-    if highest < full_scale:
+    if present[0] < highest < full_scale:
         top, below = (
             counts[max(0, highest - 1) : highest + 1].sum(),
             counts[max(0, highest - 9) : highest - 1].sum() / 4,
@@ -215,6 +216,8 @@ def _black_level(counts: np.ndarray, at_zero: float, full_scale: int) -> float |
     """Return the mean of the peak at the dark end of the histogram; 0 where values are cut off at 0."""
     if at_zero > CLIPPED:
         return 0.0
+    if np.count_nonzero(counts) == 1:  # the same everywhere: nothing says that this is black
+        return None
     total, lowest = counts.sum(), int(np.flatnonzero(counts)[0])
     dark = counts[: lowest + max(4, int(DARK_END * full_scale))]
     peak = int(dark.argmax())
@@ -310,6 +313,9 @@ def _light(facts: SnapshotFacts) -> list[str]:
     levels = facts.levels
     clipped = max(levels.at_full_scale)
     full_scale = 2**facts.bit_depth - 1
+    if levels.lowest == levels.highest:
+        state = "is saturated" if levels.lowest == full_scale else "is the same"
+        return [f"every pixel {state} ({levels.lowest} DN): nothing is to be seen; change exposure or aperture"]
     said = []
     if levels.at_zero > CLIPPED:
         said.append(f"no black pedestal: {100 * levels.at_zero:.3g} % of the pixels are cut off at 0 DN")

@@ -89,18 +89,29 @@ def observe_snapshots(captures: Captures, leave_out: Collection[int] = ()) -> Ob
 def usable_snapshots(captures: Captures, leave_out: Collection[int] = ()) -> np.ndarray:
     """Return the numbers of the captures with unknown scenes that show something.
 
-    The others are black, even or mostly saturated, or were taken behind closed patterns.
-
     Args:
         captures: of one camera.
         leave_out: numbers of captures that are not asked for.
     """
-    unknown = np.array([n for n in np.flatnonzero(~captures.known) if n not in leave_out], dtype=int)
-    dn = captures.measurement[unknown]
-    lit, saturated = dn.mean((1, 2)) >= LEAST_LIGHT, (dn == captures.full_scale).mean((1, 2)) > MOST_SATURATED
-    uneven = dn.max((1, 2)) > dn.min((1, 2))
-    coded = captures.patterns[captures.sequence[unknown]].sum(1).mean((1, 2)) >= NEVER_OPEN
-    return np.asarray(unknown[lit & ~saturated & uneven & coded])
+    unknown = [int(n) for n in np.flatnonzero(~captures.known) if n not in leave_out]
+    useless = useless_snapshots(captures, leave_out)
+    return np.array([number for number in unknown if number not in useless], dtype=int)
+
+
+def useless_snapshots(captures: Captures, leave_out: Collection[int] = ()) -> dict[int, str]:
+    """Return why captures with unknown scenes show nothing, by their numbers; arguments as of ``usable_snapshots``."""
+    reasons = {}
+    for number in (int(n) for n in np.flatnonzero(~captures.known) if n not in leave_out):
+        dn = captures.measurement[number]
+        if dn.mean() < LEAST_LIGHT:
+            reasons[number] = "black"
+        elif (dn == captures.full_scale).mean() > MOST_SATURATED:
+            reasons[number] = "mostly saturated"
+        elif dn.max() == dn.min():
+            reasons[number] = "the same everywhere"
+        elif captures.patterns[captures.sequence[number]].sum(0).mean() < NEVER_OPEN:
+            reasons[number] = "taken behind closed patterns"
+    return reasons
 
 
 def textured_part(captures: Captures, side: int, leave_out: Collection[int] = ()) -> Captures:

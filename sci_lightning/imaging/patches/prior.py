@@ -131,7 +131,7 @@ def read_prior(path: str | Path | None = None) -> PatchPrior:
 @lru_cache(maxsize=4)
 def _read(path: Path) -> PatchPrior:
     if not path.is_file():
-        raise BadInput(f"{path}: no such file; give the patch statistics that fit_prior wrote")
+        raise BadInput(f"{path}: no such file; give the patch statistics that fit_prior wrote (.npz)")
     try:
         with np.load(path, allow_pickle=False) as content:
             level = float(content["level"])

@@ -49,7 +49,7 @@ def test_snapshots_that_cannot_judge_do_not() -> None:
     assert result.prediction is not None and np.isfinite(result.prediction.gap.after)
     assert result.camera is not None and sorted(result.camera.numbers) == [0, 2, 3, 5, 6, 7]
     assert result.camera.set_aside == (6,)
-    assert any("1 snapshot is left out" in note for note in result.notes)
+    assert any(note.startswith("Snapshot 1 is left out: black.") for note in result.notes)
 
 
 def test_all_snapshots_are_set_aside() -> None:
