@@ -108,7 +108,8 @@ def _page(diagnosis: BlindDiagnosis, drawn: Mapping[str, Figure]) -> BlindPage:
         figures={CAPTIONS[name]: figure for name, figure in drawn.items()},
         advice=diagnosis.next_captures,
         undetermined=diagnosis.undetermined,
-        remark="A displacement of mask and scene together, and scenes that are less sharp, cannot be told either. "
+        remark="A displacement of mask and scene together, scenes that are less sharp, and patterns in reversed order "
+        "(scenes that run backwards) cannot be told either. "
         "Nobody has looked for deviations without a name.",
     )
 
