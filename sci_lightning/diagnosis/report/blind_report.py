@@ -85,8 +85,10 @@ def write_blind_report(diagnosis: BlindDiagnosis, out: str | Path, provenance: P
 
 
 CAPTIONS = {
-    "evidence.png": "What every snapshot gains by the corrected camera, and what candidates gained in the first round of the search, "
-    "beside what it began with.",
+    "evidence.png": (
+        "What every snapshot gains by the corrected camera, and what candidates gained in the first round of the "
+        "search, beside what it began with."
+    ),
     "prediction.png": "The error of held-out pixels by the ideal camera and by the corrected one.",
     "reconstruction.png": "A part of a snapshot, reconstructed for the ideal camera and for the corrected one.",
 }
