@@ -35,13 +35,13 @@ def raw_dn(values: np.ndarray, where: str, bit_depth: int | None = None) -> tupl
         BadInput: negative values, NaN, values that need more bits, or fractions above 1.
     """
     low, high = (float(values.min()), float(values.max())) if values.size else (np.nan, np.nan)
-    if np.isnan(low):
-        number, row, column = np.argwhere(np.isnan(values))[0] if values.size else (0, 0, 0)
+    if values.size and np.isnan(low):
+        number, row, column = np.argwhere(np.isnan(values))[0]
         raise BadInput(
             f"{where}: NaN in snapshot {number}, row {row}, column {column}; "
             "expected raw DN: finite numbers of 0 or more"
         )
-    if not (low >= 0 and np.isfinite(high)):
+    if not (low >= 0 and np.isfinite(high)):  # also where there is no value
         subtracted = "; was a dark frame subtracted? Give the raw snapshot" if -np.inf < low < 0 else ""
         raise BadInput(
             f"{where}: values from {low:g} to {high:g}, expected raw DN: finite numbers of 0 or more{subtracted}"
