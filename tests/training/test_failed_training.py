@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -37,9 +38,23 @@ class Mean(Decoder):
         return self.operator(mask).mean_video(measurement) - self.offset.relu()
 
 
-def fit(folder: Path, decoder: Decoder, watch: FailedTraining, lr: float) -> int:
+class Breaking(Mean):
+    """The mean measurement, until a step after which every frame is far too bright."""
+
+    def __init__(self, after: int, brightness: float) -> None:
+        super().__init__(0.0)
+        self.after, self.brightness, self.batches = after, brightness, 0
+
+    def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        self.batches += self.training
+        broken = self.training and self.batches > self.after
+        return super().decode(measurement, mask) + self.brightness * broken
+
+
+def fit(folder: Path, decoder: Decoder, watch: FailedTraining, lr: float, **options: Any) -> int:
     """Train with the callback; return the epochs that were begun."""
-    system, trainer, clips = system_and_trainer(folder, [watch], decoder=decoder, lr=lr, max_epochs=10)
+    options = {"max_epochs": 10, **options}
+    system, trainer, clips = system_and_trainer(folder, [watch], decoder=decoder, lr=lr, **options)
     trainer.fit(system, clips, scenes())
     return trainer.global_step // BATCHES
 
@@ -71,3 +86,16 @@ def test_a_training_that_is_not_below_or_still_rises_is_not_ended(
 ) -> None:
     assert fit(tmp_path, Mean(offset), FailedTraining(), lr=1e-2) == 10
     assert capsys.readouterr().err.count("warning:") == warnings
+
+
+@pytest.mark.parametrize(("brightness", "warnings"), [(5.0, 1), (0.0, 0)])
+def test_a_jump_of_the_loss_warns_once_before_the_next_validation(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], brightness: float, warnings: int
+) -> None:
+    decoder, options = Breaking(100, brightness), {"max_epochs": 40, "log_every_n_steps": 5}
+    assert fit(tmp_path, decoder, FailedTraining(), lr=1e-6, **options) == 40
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == warnings
+    for line in told:
+        assert line.startswith("warning: step 1") and "the loss has risen from 0." in line
+        assert "smaller system.lr" in line

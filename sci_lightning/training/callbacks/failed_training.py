@@ -1,8 +1,11 @@
-"""A training that has failed says so: its validation stays below the mean measurement."""
+"""A training that has failed says so: its loss jumps, or its validation stays below the mean measurement."""
 
 from __future__ import annotations
 
 import math
+import statistics
+from collections import deque
+from collections.abc import Mapping
 from typing import Any
 
 import lightning as L
@@ -14,13 +17,18 @@ from sci_lightning.training.system import MEAN_MEASUREMENT, System
 
 RISE = 0.1
 """A validation that is better by less than this, in dB, is no better."""
+JUMP = 4.0
+"""How many times its least value the loss must be to have jumped; both are medians of ``RECENT`` losses, so that a few
+hard batches are no jump. A network whose output saturates raises its loss twentyfold and more."""
+RECENT = 10
 
 
 class FailedTraining(L.Callback):
     """Warns of a training whose validation is below the mean measurement, and ends it if it stays there.
 
     The mean measurement, repeated in every frame, is what one gets without a decoder. The first validation below it,
-    once a part of the run is over, warns; a later one that is still below it and no better ends the training.
+    once a part of the run is over, warns; a later one that is still below it and no better ends the training. Between
+    validations, which may be half an hour apart, a jump of the loss warns as well; it ends nothing.
 
     Args:
         after: the part of the run, 0 to 1, before which nothing is said.
@@ -34,6 +42,29 @@ class FailedTraining(L.Callback):
         self.after = after
         self.stop = stop
         self._warned_at: float | None = None
+        self._losses: deque[float] = deque(maxlen=RECENT)
+        self._least = math.inf
+        self._jumped = False
+
+    def on_train_batch_end(
+        self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int
+    ) -> None:
+        every = trainer.log_every_n_steps  # type: ignore[attr-defined]  # set by Lightning, not declared
+        # reading a loss waits for the device, so that only as many are read as are logged
+        if self._jumped or not every or trainer.global_step % every or not isinstance(outputs, Mapping):
+            return
+        self._losses.append(float(outputs["loss"]))
+        if len(self._losses) < RECENT:
+            return
+        typical = statistics.median(self._losses)
+        self._least = min(self._least, typical)
+        self._jumped = typical > JUMP * self._least
+        if self._jumped and trainer.is_global_zero:
+            warn(
+                f"step {trainer.global_step}: the loss has risen from {self._least:.3g} to {typical:.3g}, so that the "
+                "training may have collapsed; the next validation will show it. If so, start anew with a smaller "
+                "system.lr"
+            )
 
     def on_validation_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
         if trainer.sanity_checking or trainer.state.fn != "fit" or not isinstance(pl_module, System):
@@ -58,7 +89,10 @@ class FailedTraining(L.Callback):
             )
 
     def state_dict(self) -> dict[str, Any]:
-        return {} if self._warned_at is None else {"warned_at": self._warned_at}
+        state = {"warned_at": self._warned_at, "least": self._least if math.isfinite(self._least) else None}
+        return {key: value for key, value in state.items() if value is not None}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        self._warned_at = float(state_dict["warned_at"])
+        if "warned_at" in state_dict:
+            self._warned_at = float(state_dict["warned_at"])
+        self._least = float(state_dict.get("least", math.inf))
