@@ -50,6 +50,7 @@ SETTINGS: Mapping[str, Any] = {
     "captures": Place,
     "device": Name,
     "workers": Workers,
+    "initialisation": Literal["layers", "unit_variance"],
     "kernels": Literal["auto", "plain"],
     "precision": Literal["auto", 32, "bf16", 16, "32-true", "bf16-mixed", "16-mixed"],
     # train

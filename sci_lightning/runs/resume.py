@@ -178,6 +178,7 @@ def _comparable(config: Mapping[str, Any]) -> dict[str, Any]:
         "mask.start": "published",
         "core_minutes": None,
         "first_estimate": "published",
+        "initialisation": "layers",
         "muon_lr": None,
         "muon_decay": 0,
         "warmup": 0,

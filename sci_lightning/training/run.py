@@ -24,6 +24,7 @@ from sci_lightning.runs.precision import describe_precision, device_of_accelerat
 from sci_lightning.runs.results import RunMetrics, hparams, run_metrics, write_json
 from sci_lightning.runs.resume import check_same_run, find_resumable_checkpoint, load_finished_metrics
 from sci_lightning.training.callbacks import LastCheckpoint
+from sci_lightning.training.initialisation import start_at_unit_variance
 from sci_lightning.training.loggers import build_loggers, run_name
 from sci_lightning.training.metrics import build_metrics
 from sci_lightning.training.processor_time import ProcessorTime
@@ -115,6 +116,8 @@ def run_training(
     batch_size = share_of_batch(config["batch_size"], trainer.world_size)
     pinned = {"workers": config["workers"], "pin_memory": trainer.strategy.root_device.type == "cuda"}
     clips = checkpoint_io.clips = ClipLoader(source.clips(), batch_size, **pinned, **share)
+    if checkpoint is None and config["initialisation"] == "unit_variance":
+        start_at_unit_variance(system, source.clips())
     trainer.fit(system, clips, scene_loader(held_out, **share), ckpt_path=resumed)
     trainer.save_checkpoint(out / "checkpoints" / "last.ckpt")
     if trainer.is_global_zero:

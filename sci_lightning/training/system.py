@@ -199,11 +199,14 @@ class System(L.LightningModule):
 
     def batch_loss(self, video: torch.Tensor) -> torch.Tensor:
         """Record a batch of clips ``(N, T, h, w)`` behind a random window of the mask, decode it, return the loss."""
+        return self.stage_loss(self.stages(*self.recorded(video)), video)
+
+    def recorded(self, video: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return what the decoder gets of clips ``(N, T, h, w)``: measurements and the window of the mask."""
         mask, origin = self._window(*video.shape[-2:])
         pipeline = self.pipeline
         linear = pipeline.linearise(pipeline.record(video, mask, origin), origin=origin)
-        stages = self.stages(linear, pipeline.decoder_mask(mask))
-        return self.stage_loss(stages, video)
+        return linear, pipeline.decoder_mask(mask)
 
     def logged(self, loss: torch.Tensor) -> torch.Tensor:
         """Return the loss of a batch, after it was logged if this step is one of those that are."""
