@@ -23,6 +23,7 @@ RECIPE = (
     "decoder",
     "encoder",
     "frames",
+    "initialisation",
     "precision",
     "size",
     "system",
@@ -34,6 +35,9 @@ RECIPE = (
     "trainer.max_time",
 )
 """Entries of a configuration that rows of one table must share with the present one, as far as both have them."""
+
+UNSAID = {"initialisation": "layers"}
+"""What rows of earlier versions do not say, because there was nothing to choose."""
 
 PLACES = ("root", "store", "val_root")
 """Settings that say where something lies on one machine."""
@@ -110,7 +114,7 @@ def check_recipe(row: TableRow, results: str | Path, config: Mapping[str, Any]) 
     """
     results = Path(results)
     path = kept_files(row, results)[0]
-    earlier, now = read_json(path).part("config").content, _without_places(config)
+    earlier, now = {**UNSAID, **read_json(path).part("config").content}, _without_places(config)
     for key in RECIPE:
         before, after = _flat(_entry(earlier, key), key), _flat(_entry(now, key), key)
         for name in sorted(before.keys() & after.keys()):

@@ -45,6 +45,9 @@ def test_what_is_kept(made: Made, tmp_path: Path) -> None:
     check_recipe(ROW, tmp_path / "kept", {"size": [64, 64], "system": {"lr": 1}})  # what only one of them says
     with pytest.raises(BadInput, match=r"trained with size=\[64, 64\], now it is \[32, 32\]; remove .*label=NAME"):
         check_recipe(ROW, tmp_path / "kept", {"size": [32, 32]})
+    check_recipe(ROW, tmp_path / "kept", {"initialisation": "layers"})  # an earlier version had no choice
+    with pytest.raises(BadInput, match="trained with initialisation=layers, now it is unit_variance"):
+        check_recipe(ROW, tmp_path / "kept", {"initialisation": "unit_variance"})
     check_recipe(ROW, tmp_path / "kept", {"data": {"root": "/elsewhere/OTHER"}})  # a place is no part of a recipe
 
 
