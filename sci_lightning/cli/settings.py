@@ -161,6 +161,7 @@ SETTINGS: Mapping[str, Any] = {
     # proving_ground
     "suites": Sequence[Name],
     "seeds": Repeats,
+    "other_seeds": Repeats,
     "cases": Repeats | None,  # 4 where nothing is said; null for all
     "masks": Sequence[Name],
     "slots": Sequence[Frames],

@@ -42,9 +42,8 @@ def tables_rows(composition: Composition) -> None:
         more += shlex.split(cfg.overrides or "")
     except ValueError as error:
         raise BadInput(f"overrides={cfg.overrides}: {str(error).lower()}; give words as on a command line") from error
-    rows = plan(
-        yaml.safe_load((PACKAGE / "tables" / "paper_figures.yaml").read_text())["tables"], cfg.seeds, cfg.only or ()
-    )
+    paper = yaml.safe_load((PACKAGE / "tables" / "paper_figures.yaml").read_text())["tables"]
+    rows = plan(paper, cfg.seeds, cfg.only or (), cfg.other_seeds)
     if not rows:
         raise BadInput(f"only={list(cfg.only)}: no row is called so; name tables (table5) or parts of rows (e2e_cnn)")
     for row in rows:

@@ -52,16 +52,17 @@ class TableRow:
         return [*choices, f"encoder.mask.bits={self.bits}", f"seed={self.seed}"]
 
 
-def plan(tables: Mapping[str, Any], seeds: int, only: Sequence[str] = ()) -> list[TableRow]:
+def plan(tables: Mapping[str, Any], seeds: int, only: Sequence[str] = (), other_seeds: int = 1) -> list[TableRow]:
     """Return every training of the tables, those first that decide claims.
 
     The order: the deciding rows of seed 0, then of seed 1 (from two seeds on there are intervals), then all other rows,
-    then the deciding rows of the further seeds.
+    then the deciding rows of the further seeds, at last the other rows of theirs.
 
     Args:
         tables: of ``paper_figures.yaml``.
-        seeds: seeds of the deciding rows; every other row has one.
+        seeds: seeds of the deciding rows.
         only: parts of names of tables or rows (``table5``, ``res2former``); empty for all.
+        other_seeds: seeds of every other row.
     """
     rows = [row for row in _single(tables) if not only or any(part in (row[0], *row[1].name.split("/")) or
             part in row[1].name for part in only)]  # fmt: skip
@@ -69,7 +70,8 @@ def plan(tables: Mapping[str, Any], seeds: int, only: Sequence[str] = ()) -> lis
     deciding = [row for row in first if _decides(row)]
     others = [row for row in first if not _decides(row)]
     waves = [_with_seed(deciding, seed) for seed in range(seeds)]
-    return [*(row for wave in waves[:2] for row in wave), *others, *(row for wave in waves[2:] for row in wave)]
+    further = [_with_seed(others, seed) for seed in range(1, other_seeds)]
+    return [row for wave in (*waves[:2], others, *waves[2:], *further) for row in wave]
 
 
 def _single(tables: Mapping[str, Any]) -> Iterable[tuple[str, TableRow]]:

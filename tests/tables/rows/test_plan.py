@@ -27,6 +27,13 @@ def test_rows_that_decide_claims_come_first_and_have_several_seeds() -> None:
     assert {row.name for row in rows[:7]} == {row.name for row in rows[7:14]} == {row.name for row in rows[-7:]}
 
 
+def test_further_seeds_of_the_other_rows_come_last() -> None:
+    rows = plan(TABLES, seeds=3, other_seeds=2)
+    assert rows[:37] == plan(TABLES, seeds=3)
+    assert [row.seed for row in rows[37:]] == [1] * 16
+    assert {row.name for row in rows[37:]} == {row.name for row in rows[14:30]}
+
+
 def test_a_part_of_the_rows() -> None:
     assert len(plan(TABLES, 1, ["table5"])) == 8
     assert {row.decoder for row in plan(TABLES, 1, ["revsci"])} == {"revsci"}
