@@ -92,8 +92,8 @@ def test_a_training_that_is_not_below_or_still_rises_is_not_ended(
 def test_a_jump_of_the_loss_warns_once_before_the_next_validation(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], brightness: float, warnings: int
 ) -> None:
-    decoder, options = Breaking(100, brightness), {"max_epochs": 40, "log_every_n_steps": 5}
-    assert fit(tmp_path, decoder, FailedTraining(), lr=1e-6, **options) == 40
+    decoder, watch = Breaking(100, brightness), FailedTraining(every_n_steps=5)
+    assert fit(tmp_path, decoder, watch, lr=1e-6, max_epochs=40) == 40
     told = capsys.readouterr().err.splitlines()
     assert len(told) == warnings
     for line in told:

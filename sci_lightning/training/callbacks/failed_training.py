@@ -33,14 +33,16 @@ class FailedTraining(L.Callback):
     Args:
         after: the part of the run, 0 to 1, before which nothing is said.
         stop: whether such a training is ended; else there is only the warning.
+        every_n_steps: batches between two looks at the loss, which waits for the device; 0 for none.
 
     Raises:
         TrainingFailed: the training is ended. Its checkpoints stay.
     """
 
-    def __init__(self, after: Share = 0.1, stop: bool = True) -> None:
+    def __init__(self, after: Share = 0.1, stop: bool = True, every_n_steps: int = 10) -> None:
         self.after = after
         self.stop = stop
+        self.every_n_steps = every_n_steps
         self._warned_at: float | None = None
         self._losses: deque[float] = deque(maxlen=RECENT)
         self._least = math.inf
@@ -49,9 +51,8 @@ class FailedTraining(L.Callback):
     def on_train_batch_end(
         self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int
     ) -> None:
-        every = trainer.log_every_n_steps  # type: ignore[attr-defined]  # set by Lightning, not declared
-        # reading a loss waits for the device, so that only as many are read as are logged
-        if self._jumped or not every or trainer.global_step % every or not isinstance(outputs, Mapping):
+        due = self.every_n_steps and (trainer.fit_loop.total_batch_idx + 1) % self.every_n_steps == 0
+        if self._jumped or not due or not isinstance(outputs, Mapping):
             return
         self._losses.append(float(outputs["loss"]))
         if len(self._losses) < RECENT:
