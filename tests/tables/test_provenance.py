@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import permutations
+
 from sci_lightning.tables.provenance import Provenance, joined
 
 
@@ -16,8 +18,15 @@ def test_each_machine_and_command_is_named_once() -> None:
     assert twice == joined([old, new])
     assert twice.machine == "one core, A, x86_64 | one core, B, x86_64" and twice.commit == "1111, 2222"
     assert twice.date == "2026-11-23 to 2026-11-24" and twice.command.count("python") == 2
-    assert joined([new, joined([old, new])]).machine == "one core, B, x86_64 | one core, A, x86_64"
-    assert joined([made("8 cores", "1"), made("28 cores", "1")]).machine == "8 cores | 28 cores"
+    assert joined([new, joined([old, new])]) == twice
+    assert joined([made("8 cores", "1"), made("28 cores", "2")]).machine == "8 cores | 28 cores"
+
+
+def test_order_of_the_runs_does_not_matter() -> None:
+    """Every checkout lists files in another order, and a table must say the same in all of them."""
+    runs = [made("A", "3333"), made("B", "1111", "2026-11-24"), made("A", "2222", "2026-11-24"), made("B", "3333")]
+    assert {joined(order) for order in permutations(runs)} == {joined(runs)}
+    assert joined(runs).commit == "3333, 1111, 2222"
 
 
 def test_sentence_tells_machines_and_commands_apart() -> None:
