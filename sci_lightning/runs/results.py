@@ -37,6 +37,7 @@ class RunMetrics:
         parameters: of the decoder.
         macs: multiply-accumulates to decode one measurement of the mask's size.
         config: the run's plain configuration.
+        training_steps: of the optimiser, in the whole training; None where the training did not record them.
         effects, test_effects: names of the effects of the encoder that was trained and of the one that was tested
             with; none of a real camera, whose effects nobody knows.
     """
@@ -53,15 +54,18 @@ class RunMetrics:
     parameters: int
     macs: int
     config: Mapping[str, Any]
+    training_steps: int | None = None
     effects: Sequence[str] = ()
     test_effects: Sequence[str] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """Return the dictionary that the file holds; effects are absent where there are none."""
+        """Return the dictionary that the file holds; effects and training steps are absent where there are none."""
         content = {field.name: getattr(self, field.name) for field in fields(self)}
         order = ("encoder", "decoder", "test_encoder", "effects", "test_effects")
         first = {key: content.pop(key) for key in order}
         last = content.pop("config")
+        if content["training_steps"] is None:
+            del content["training_steps"]
         kept = {key: list(value) if key.endswith("effects") else value for key, value in first.items() if value}
         return {"format": "sci-metrics", "format_version": 1, **kept, **content, "config": dict(last)}
 
@@ -74,13 +78,16 @@ class RunMetrics:
         return cls(**{field.name: known[field.name] for field in fields(cls) if field.name in known})
 
 
-def run_metrics(system: System, names: Mapping[str, str], config: Mapping[str, Any]) -> RunMetrics:
+def run_metrics(
+    system: System, names: Mapping[str, str], config: Mapping[str, Any], training_steps: int | None = None
+) -> RunMetrics:
     """Return the metrics of a system that has just been tested.
 
     Args:
         system: after ``trainer.test``.
         names: ``encoder``, ``decoder`` and ``test_encoder`` as the configuration calls them.
         config: the run's plain configuration.
+        training_steps: of the optimiser, in the training that has just ended; None after no training.
     """
     trained = [name for name, effect in (config["encoder"].get("effects") or {}).items() if effect is not None]
     tested: list[str] = [] if config.get("evaluate", {}).get("captures") else system.encoder.path.names
@@ -95,6 +102,7 @@ def run_metrics(system: System, names: Mapping[str, str], config: Mapping[str, A
         parameters=count_parameters(system.decoder),
         macs=count_macs(system.decoder, system.encoder.mask.frames, *system.encoder.size),
         config=config,
+        training_steps=training_steps,
     )
 
 

@@ -68,6 +68,7 @@ class Run:
         baseline: the same of the mean measurement in every frame, which trained decoders beat; empty if not stated.
         seconds: to decode one measurement.
         device: on which it was decoded.
+        training_steps: of the optimiser; None where the run did not record them.
         mask_score: expected PSNR of the best linear decoder behind the mask, in dB; None where it was not computed.
     """
 
@@ -82,6 +83,7 @@ class Run:
     baseline: Mapping[str, float]
     seconds: float
     device: str
+    training_steps: int | None = None
     mask_score: float | None = None
 
     @property
@@ -177,6 +179,7 @@ def _run(content: Fields) -> Run:
         baseline=_scores(content.part("baseline", optional=True)),
         seconds=content.number("seconds_per_measurement", 0, 1e9),
         device=content.text("device"),
+        training_steps=content.whole("training_steps", 0, LARGEST_COUNT) if "training_steps" in content else None,
         mask_score=content.number("mask_score", -LARGEST_SCORE, LARGEST_SCORE) if "mask_score" in content else None,
     )
 

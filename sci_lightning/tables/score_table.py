@@ -23,6 +23,11 @@ MASK_SCORE = "score of the mask (dB)"
 MASK_NOTE = (
     "The score of a mask is the PSNR that the best linear decoder is expected to reach behind it, in closed form."
 )
+STEPS = "training steps"
+STEPS_NOTE = (
+    "Training steps: of the seeds that recorded them, the least to the most. Where trainings end after so many "
+    "minutes, a faster processor makes more steps in them; rows of one network are as comparable as their steps."
+)
 NOTE = "Difference: ours less the paper's. Behind ±: the standard deviation over the seeds."
 DIGITS = {"psnr": 2, "ssim": 3, "qscore": 2}
 
@@ -44,6 +49,7 @@ def score_table(
     columns = list(table["columns"])
     first, last = columns[0], columns[-1]
     scored = any(run.mask_score is not None for line in lines for run in line.runs) and bool(table.get("mask_score"))
+    counted = any(run.training_steps is not None for line in lines for run in line.runs)
     rows = []
     for line in lines:
         cells = [line.row, line.column, *_cells(line.mean(), line.spread(), line.paper), *_origin(line.runs)]
@@ -52,12 +58,13 @@ def score_table(
         if scored:
             values = [run.mask_score for run in line.runs if run.mask_score is not None]
             cells.append(f"{statistics.fmean(values):.2f}" if values else "")
+        cells += [_steps(line.runs)] * counted
         rows.append(cells)
         gain = str(table.get("gain"))
         if line.column == last and gain in table["rows"][line.row]:
             paper = dict(zip(METRICS, table["rows"][line.row][gain], strict=True))
             cells = [line.row, gain, *_gain(line, [other for other in lines if other.column == first], paper)]
-            rows.append(cells + [""] * len(COST) * bool(table.get("cost")))
+            rows.append(cells)
     devices = sorted({run.device for line in lines for run in line.runs})
     notes = [f"Runs on {', '.join(devices)}."] if devices else []
     sentences = {f"{key}: {text}." for line in lines for run in line.runs for key, text in run.setting.conventions}
@@ -67,8 +74,10 @@ def score_table(
         *HEADING[2:],
         *(COST if table.get("cost") else []),
         *([MASK_SCORE] if scored else []),
+        *([STEPS] if counted else []),
     ]
-    notes += [COST_NOTE] * bool(table.get("cost")) + [MASK_NOTE] * scored
+    notes += [COST_NOTE] * bool(table.get("cost")) + [MASK_NOTE] * scored + [STEPS_NOTE] * counted
+    rows = [row + [""] * (len(heading) - len(row)) for row in rows]  # gains have the columns of scores alone
     return Grid(name, table["title"], heading, rows, notes)
 
 
@@ -114,6 +123,15 @@ def _cells(mean: Scores, spread: Scores, paper: Scores, sign: str = "") -> list[
 
 def _origin(runs: Sequence[Run]) -> list[str]:
     return [str(runs[0].setting), seeds(runs)] if runs else ["", ""]
+
+
+def _steps(runs: Sequence[Run]) -> str:
+    """The training steps of the runs that recorded them, and of how many these are where some did not."""
+    steps = [run.training_steps for run in runs if run.training_steps is not None]
+    if not steps:
+        return ""
+    span = " to ".join(f"{count:,}" for count in sorted({min(steps), max(steps)}))
+    return span if len(steps) == len(runs) else f"{span} ({len(steps)} of {len(runs)} seeds)"
 
 
 def _cost(line: Line, cost: Cost | None) -> list[str]:

@@ -214,16 +214,17 @@ def _build_trainer(
 def _test(system: System, trainer: L.Trainer, scenes: Any, config: Mapping[str, Any]) -> Run:
     """Test behind every encoder of ``test_encoders``, then behind the trained one; write a ``metrics.json`` of each."""
     out, names, tests = Path(config["out"]), config["names"], {}
+    steps = trainer.global_step
     recorded = {key: value for key, value in config.items() if key not in ("names", "overrides")}
     for name, settings in config["test_encoders"].items():
         metrics = build_metrics(config.get("metrics", {}), config["size"])
         tested = system.with_encoder(build(settings, f"test_encoders.{name}"), metrics)
         trainer.test(tested, scenes, verbose=False)
         if trainer.is_global_zero:
-            tests[name] = run_metrics(tested, {**names, "test_encoder": name}, recorded)
+            tests[name] = run_metrics(tested, {**names, "test_encoder": name}, recorded, steps)
             write_json(tests[name].to_json(), out / f"test_{name}" / "metrics.json")
     trainer.test(system, scenes, verbose=False)
-    scores = run_metrics(system, {**names, "test_encoder": names["encoder"]}, recorded)
+    scores = run_metrics(system, {**names, "test_encoder": names["encoder"]}, recorded, steps)
     if trainer.is_global_zero:  # metrics.json last: it says that the run is finished
         write_json(scores.to_json(), out / "metrics.json")
         for logger in trainer.loggers:

@@ -78,6 +78,8 @@ def test_metrics_file(run: Path) -> None:
     )
     assert result["parameters"] > 0 and result["macs"] > 0 and result["seconds_per_measurement"] > 0
     assert result["device"].startswith("cpu")
+    checkpoint = torch.load(run / "checkpoints" / "last.ckpt", weights_only=True)
+    assert result["training_steps"] == checkpoint["global_step"] > 0
     assert result["config"]["encoder"]["mask"]["bits"] == 4
 
 

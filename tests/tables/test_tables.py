@@ -99,6 +99,25 @@ def test_scores_of_masks_are_a_column_once_there_are_some(made: Made, tmp_path: 
     assert {cells[-1] for cells in grid.rows if cells[2]} == {"26.25"} and {len(cells) for cells in grid.rows} == {8}
 
 
+def test_training_steps_are_a_column_once_some_are_recorded(made: Made, tmp_path: Path) -> None:
+    """Rows trained for as many minutes on processors of different speed are not alike, and the table shows it."""
+
+    def record(path: Path, steps: int) -> None:
+        path.write_text(json.dumps({**json.loads(path.read_text()), "training_steps": steps}))
+
+    paths = [made(f"l{seed}", "lsw_sr", "e2e_cnn", 30.0 + seed, bits=4, seed=seed) for seed in (0, 1, 2)]
+    made("b", "rbw_osr", "e2e_cnn", 28.0)
+    assert "training steps" not in grid_of("table4", tmp_path).heading
+    record(paths[0], 12515)
+    record(paths[1], 3000)
+    grid = grid_of("table4", tmp_path)
+    steps = {cells[1]: cells[grid.heading.index("training steps")] for cells in grid.rows if cells[0] == "E2E-CNN"}
+    assert steps == {"previous (RBw/oSR)": "", "deep optics (LSw/SR)": "3,000 to 12,515 (2 of 3 seeds)", "Gain": ""}
+    assert {len(cells) for cells in grid.rows} == {len(grid.heading)}
+    record(paths[2], 3000)
+    assert any(cells[-1] == "3,000 to 12,515" for cells in grid_of("table4", tmp_path).rows)
+
+
 def test_a_mask_of_another_kind_is_left_out(made: Made, tmp_path: Path) -> None:
     path = made("a", "lsw_sr", "res2former", 30.0, bits=2)
     path.write_text(path.read_text().replace("LearnedStructural", "Measured"))
