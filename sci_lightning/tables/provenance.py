@@ -123,7 +123,7 @@ def commit() -> str:
 def joined(provenances: Sequence[Provenance]) -> Provenance:
     """Return what several measurements of one table have in common, and the range of what they have not.
 
-    They are taken by their dates, in whatever order they come: files lie in another order in each checkout.
+    The result does not depend on their order, because files lie in another order in each checkout.
     """
     provenances = sorted(provenances, key=lambda one: (one.date, one.commit, one.machine, one.scale, one.command))
     dates = sorted({date for one in provenances for date in one.date.split(" to ")})
