@@ -22,6 +22,11 @@ def resolve_device(name: str) -> torch.device:
     return device
 
 
+def is_processor(name: str) -> bool:
+    """Return whether a name of :func:`device_name` is that of a processor, not of a GPU."""
+    return name.startswith("cpu")
+
+
 def device_name(device: torch.device) -> str:
     """Such as ``NVIDIA A40`` or ``cpu (2 threads)``."""
     if device.type == "cuda":

@@ -159,6 +159,8 @@ def _run(content: Fields) -> Run:
     scale = config.text("scale", "own")
     if "core_minutes" in config:
         scale += f", {config.number('core_minutes', 0, 1e9):g} core minutes"
+    elif (steps := config.part("trainer", optional=True).whole("max_steps", -1, LARGEST_COUNT, default=-1)) > 0:
+        scale += f", {steps} steps"
     scenes = content.part("scenes")
     setting = Setting(
         scale=scale,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import torch
@@ -19,16 +19,17 @@ def is_large(weight: torch.Tensor) -> bool:
     return weight.ndim > 1 and min(weight.shape[:2]) >= SMALLEST
 
 
-def orthogonalised(matrix: torch.Tensor, iterations: int = 5) -> torch.Tensor:
-    """Return about U V' of a matrix U S V' ``(m, n)``, by Newton-Schulz iterations in bfloat16."""
+def orthogonalised(matrices: torch.Tensor, iterations: int = 5) -> torch.Tensor:
+    """Return about U V' of matrices U S V' ``(.., m, n)``, by Newton-Schulz iterations in bfloat16."""
     a, b, c = COEFFICIENTS
-    x = matrix.bfloat16()
-    x = x.T if len(matrix) > matrix.shape[1] else x
-    x = x / (x.norm() + 1e-7)
+    tall = matrices.shape[-2] > matrices.shape[-1]
+    x = matrices.bfloat16()
+    x = x.mT if tall else x
+    x = x / (x.flatten(-2).norm(dim=-1)[..., None, None] + 1e-7)
     for _ in range(iterations):
-        square = x @ x.T
+        square = x @ x.mT
         x = a * x + (b * square + c * square @ square) @ x
-    return (x.T if len(matrix) > matrix.shape[1] else x).to(matrix.dtype)
+    return (x.mT if tall else x).to(matrices.dtype)
 
 
 class Muon(torch.optim.Adam):
@@ -76,19 +77,32 @@ class Muon(torch.optim.Adam):
         finally:
             self.param_groups = groups
         for group in groups:
-            for weight in group["params"] if group["muon"] else ():
-                if weight.grad is not None:
-                    self._step(weight, float(group["lr"]))
+            if group["muon"]:
+                self._step([weight for weight in group["params"] if weight.grad is not None], float(group["lr"]))
         return loss
 
-    def _step(self, weight: torch.Tensor, lr: float) -> None:
-        assert weight.grad is not None  # step() checked it
-        state = self.state[weight]
-        if not state:
-            state["step"], state["momentum_buffer"] = torch.zeros(()), torch.zeros_like(weight)
-        state["step"] += 1
-        average = state["momentum_buffer"].lerp_(weight.grad, 1 - self.momentum)
-        update = weight.grad.lerp(average, self.momentum).flatten(1)
-        stretch = max(1.0, update.shape[0] / update.shape[1]) ** 0.5
-        weight.mul_(1 - lr * self.decay)
-        weight.add_(orthogonalised(update).view_as(weight), alpha=-lr * stretch)
+    def _step(self, weights: Sequence[torch.Tensor], lr: float) -> None:
+        """Step along the momentum of weights; those of one shape together, for a GPU waits for launches more than for
+        products."""
+        gradients = []
+        for weight in weights:
+            assert weight.grad is not None  # step() checked it
+            gradients.append(weight.grad)
+            if not self.state[weight]:
+                state = {"step": torch.zeros(()), "momentum_buffer": torch.zeros_like(weight)}
+                self.state[weight].update(state)
+            self.state[weight]["step"] += 1
+        averages = [self.state[weight]["momentum_buffer"] for weight in weights]
+        if not weights:
+            return
+        torch._foreach_lerp_(averages, gradients, 1 - self.momentum)
+        updates = torch._foreach_lerp(gradients, averages, self.momentum)
+        torch._foreach_mul_(list(weights), 1 - lr * self.decay)
+        alike: dict[tuple[int, int], list[int]] = {}
+        for number, update in enumerate(updates):
+            alike.setdefault((len(update), update[0].numel()), []).append(number)
+        for (rows, columns), numbers in alike.items():
+            steps = orthogonalised(torch.stack([updates[number].flatten(1) for number in numbers]))
+            moved = [weights[number] for number in numbers]
+            parts = [step.view_as(weight) for step, weight in zip(steps.unbind(), moved, strict=True)]
+            torch._foreach_add_(moved, parts, alpha=-lr * max(1.0, rows / columns) ** 0.5)

@@ -24,6 +24,7 @@ from sci_lightning.runs.precision import describe_precision, device_of_accelerat
 from sci_lightning.runs.results import RunMetrics, hparams, run_metrics, write_json
 from sci_lightning.runs.resume import check_same_run, find_resumable_checkpoint, load_finished_metrics
 from sci_lightning.training.callbacks import LastCheckpoint
+from sci_lightning.training.cuda_graph import check_graphed
 from sci_lightning.training.initialisation import start_at_unit_variance
 from sci_lightning.training.loggers import build_loggers, run_name
 from sci_lightning.training.metrics import build_metrics
@@ -206,6 +207,8 @@ def _build_trainer(
     trainer: L.Trainer = build(
         config["trainer"], "trainer", callbacks=callbacks, logger=loggers, plugins=[checkpoint_io]
     )
+    if config["system"].get("cuda_graph"):
+        check_graphed(trainer.accumulate_grad_batches, trainer.world_size)
     if stop is not None and SLURMEnvironment.detect():  # Lightning queues the job again
         stop.leave(signal.SIGTERM)
     return trainer

@@ -23,6 +23,7 @@ from sci_lightning.imaging.tile_choice import TileChoice
 from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.scene_scores import SceneScores
 from sci_lightning.runs.device import device_name
+from sci_lightning.training.cuda_graph import GraphedStages
 from sci_lightning.training.loss import LOSSES
 from sci_lightning.training.muon import Muon, is_large
 from sci_lightning.training.processor_time import time_limits
@@ -58,6 +59,7 @@ class System(L.LightningModule):
         muon_decay: by which part of its learning rate Muon shrinks those weights in every step.
         warmup: part of the run, 0 to below 1, in which all learning rates rise from 0.
         compile: compile the decoder with ``torch.compile``.
+        cuda_graph: replay the decoder's part of a step, see :class:`~sci_lightning.training.cuda_graph.GraphedStages`.
         tile: in a test, how large fields are decoded, see :meth:`Pipeline.decode`.
         seed: seed of everything random in a step.
         run_config: the run's plain, resolved configuration; kept in every checkpoint so that the run can be rebuilt.
@@ -84,6 +86,7 @@ class System(L.LightningModule):
         muon_decay: NonNegative = 0.0,
         warmup: Share = 0.0,
         compile: bool = False,
+        cuda_graph: bool = False,
         tile: TileChoice | str = "none",
         seed: Seed = 0,
         run_config: dict[str, Any] | None = None,
@@ -105,6 +108,8 @@ class System(L.LightningModule):
         self.loss = LOSSES[loss]
         self.stage_weights = tuple(stage_weights)
         self.stages = torch.compile(decoder.stages) if compile else decoder.stages
+        if cuda_graph:
+            self.stages = GraphedStages(decoder)  # which leaves nothing to compile
         self.lr, self.final_lr, self.mask_lr = lr, final_lr, lr if mask_lr is None else mask_lr
         self.muon_lr, self.muon_decay, self.warmup = muon_lr, muon_decay, warmup
         self.tile = tile

@@ -98,6 +98,7 @@ def system_and_trainer(
     lr: float = 1e-2,
     muon_lr: float | None = None,
     warmup: float = 0.0,
+    cuda_graph: bool = False,
     **options: Any,
 ) -> tuple[System, L.Trainer, ClipLoader]:
     torch.manual_seed(0)
@@ -108,6 +109,7 @@ def system_and_trainer(
         lr=lr,
         muon_lr=muon_lr,
         warmup=warmup,
+        cuda_graph=cuda_graph,
     )
     clips = ClipLoader(Noise(), 1, workers=workers)
     last = LastCheckpoint(folder, every_minutes=None, every_n_steps=every)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 import sys
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
@@ -29,15 +31,16 @@ def tables_rows(composition: Composition) -> None:
     """
     from sci_lightning.cli.next_command import override, print_next
     from sci_lightning.tables.__main__ import tables
-    from sci_lightning.tables.provenance import machine_name, provenance_now
+    from sci_lightning.tables.provenance import provenance_now
     from sci_lightning.tables.rows.kept import check_recipe, is_kept, keep
     from sci_lightning.tables.rows.plan import TableRow, plan
     from sci_lightning.tables.rows.queue import RowQueue
 
     cfg, console, out = composition.cfg, PlainConsole(), Path(composition.cfg.out).resolve()
-    minutes, label = _budget(composition)
+    budget = _budget(composition)
+    label = budget.label
     results = Path(cfg.results) / label
-    more = [f"scale={cfg.row_scale}", *([] if cfg.core_minutes is None else [f"core_minutes={cfg.core_minutes}"])]
+    more = [f"scale={cfg.row_scale}", *budget.overrides]
     try:
         more += shlex.split(cfg.overrides or "")
     except ValueError as error:
@@ -55,14 +58,14 @@ def tables_rows(composition: Composition) -> None:
 
     def say(line: str) -> None:
         left = sum(not is_kept(row, results) for row in rows)
-        hours = f", about {left * minutes / 60:.1f} core hours" if minutes else ""
+        hours = f", about {left * budget.minutes / 60:.1f} core hours" if budget.minutes else ""
         console.print(f"{datetime.now():%H:%M:%S} {line}; {left} of {len(rows)} rows left{hours}", soft_wrap=True)
         sys.stdout.flush()
 
     def finished(row: TableRow) -> None:
-        scale = f"{cfg.row_scale}, {minutes:g} core minutes" if minutes else cfg.row_scale
-        words = shlex.join(f"{key}={cfg[key]}" for key in ("row_scale", "core_minutes", "label") if cfg[key])
-        origin = provenance_now(machine_name(1), scale, [row.seed], f"python -m sci_lightning.tables.rows {words}")
+        words = shlex.join(f"{key}={cfg[key]}" for key in ("row_scale", "core_minutes", "steps", "label") if cfg[key])
+        made_by = f"python -m sci_lightning.tables.rows {words}"
+        origin = provenance_now(_trained_on(out / label / row.folder), budget.scale, [row.seed], made_by)
         (path, *_) = keep(row, out / label / row.folder, results, origin)
         say(f"kept {path}")
 
@@ -84,17 +87,52 @@ def tables_rows(composition: Composition) -> None:
     print_next(console, "make documentation")
 
 
-def _budget(composition: Composition) -> tuple[float, str]:
-    """Return the core minutes of a row (0: no limit), and the folder of the results: the scale, and what differs."""
+@dataclass(frozen=True)
+class _Budget:
+    """How long a row is trained.
+
+    Attributes:
+        minutes: of one core; 0: no limit.
+        overrides: of every training.
+        scale: what the results say about it.
+        label: the folder of the results: the scale, and what differs from it.
+    """
+
+    minutes: float
+    overrides: tuple[str, ...]
+    scale: str
+    label: str
+
+
+def _budget(composition: Composition) -> _Budget:
+    """Return the budget of a row: steps where they are given, else the core minutes.
+
+    Raises:
+        BadInput: both are given.
+    """
     cfg = composition.cfg
+    end = [cfg.label] if cfg.label else []
+    if cfg.steps is not None:
+        if cfg.core_minutes is not None:
+            raise BadInput(f"steps={cfg.steps} core_minutes={cfg.core_minutes}: give one of them; both end a training")
+        overrides = ("core_minutes=null", f"trainer.max_steps={cfg.steps}")
+        label = "_".join([cfg.row_scale, f"{cfg.steps}_steps", *end])
+        return _Budget(0.0, overrides, f"{cfg.row_scale}, {cfg.steps} steps", label)
     usual = compose("train", [f"scale={cfg.row_scale}"]).cfg.core_minutes
-    minutes = usual if cfg.core_minutes is None else cfg.core_minutes
-    parts = [
-        cfg.row_scale,
-        *([] if minutes == usual else [f"{minutes:g}_minutes"]),
-        *([cfg.label] if cfg.label else []),
-    ]
-    return float(minutes or 0), "_".join(parts)
+    given = cfg.core_minutes is not None
+    minutes = float((cfg.core_minutes if given else usual) or 0)
+    parts = [cfg.row_scale, *([] if minutes == float(usual or 0) else [f"{minutes:g}_minutes"]), *end]
+    scale = f"{cfg.row_scale}, {minutes:g} core minutes" if minutes else cfg.row_scale
+    return _Budget(minutes, (f"core_minutes={cfg.core_minutes}",) if given else (), scale, "_".join(parts))
+
+
+def _trained_on(run: Path) -> str:
+    """Return the name of the machine that trained a row: the processor, with the GPU that its metrics name."""
+    from sci_lightning.runs.device import is_processor
+    from sci_lightning.tables.provenance import machine_name
+
+    device = str(json.loads((run / "metrics.json").read_text())["device"])
+    return machine_name(1) if is_processor(device) else device
 
 
 if __name__ == "__main__":

@@ -86,6 +86,28 @@ def test_another_budget_has_results_of_its_own(
     assert any("cpu_10_minutes_designed/rbw_sr_1bit/e2e_cnn/seed0" in word for word in words)
 
 
+def test_a_budget_of_steps_is_the_same_on_any_machine(
+    ran: Callable[..., str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from sci_lightning.cli import command as command_frame
+    from sci_lightning.tables.rows import __main__ as rows
+    from sci_lightning.tables.rows.queue import RowQueue
+
+    commands: list[list[str]] = []
+    monkeypatch.setattr(RowQueue, "run", lambda self: commands.extend(self.command(row) for row in self.rows))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["tables_rows", "steps=5000", "only=[rbw_sr_1bit_e2e_cnn]", "seeds=1"])
+    command_frame.run("tables_rows", rows.tables_rows)
+    (words,) = commands
+    assert {"core_minutes=null", "trainer.max_steps=5000", "scale=cpu"} < set(words)
+    assert any("cpu_5000_steps/rbw_sr_1bit/e2e_cnn/seed0" in word for word in words)
+
+
+def test_two_budgets(command: Callable[..., subprocess.CompletedProcess[str]]) -> None:
+    done = command("tables.rows", "steps=5", "core_minutes=1")
+    assert done.returncode == 2 and "steps=5 core_minutes=1: give one of them" in done.stderr
+
+
 def test_a_row_that_is_none(command: Callable[..., subprocess.CompletedProcess[str]]) -> None:
     done = command("tables.rows", "only=[table9]")
     assert done.returncode == 2 and "no row is called so" in done.stderr
