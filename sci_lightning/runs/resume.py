@@ -33,6 +33,7 @@ FREE = {
 
 EXTENDABLE = re.compile(
     r"trainer\.(max_epochs|max_steps|max_time)(\..*)?|trainer\.(log_every_n_steps|accelerator)|data.store|core_minutes"
+    r"|system\.(compile|cuda_graph)"
 )
 """Settings that may change while a training goes on from ``ckpt_path=``: the learning rate follows the longer plan."""
 

@@ -39,8 +39,8 @@ RECIPE = (
 UNSAID = {"initialisation": "layers"}
 """What rows of earlier versions do not say, because there was nothing to choose."""
 
-PLACES = ("root", "store", "val_root")
-"""Settings that say where something lies on one machine."""
+NO_RECIPE = ("root", "store", "val_root", "compile", "cuda_graph")
+"""Settings that say where something lies on one machine, and those that change how fast a step is, not what it does."""
 
 
 def kept_files(row: TableRow, results: str | Path) -> list[Path]:
@@ -118,7 +118,7 @@ def check_recipe(row: TableRow, results: str | Path, config: Mapping[str, Any]) 
     for key in RECIPE:
         before, after = _flat(_entry(earlier, key), key), _flat(_entry(now, key), key)
         for name in sorted(before.keys() & after.keys()):
-            if name.rpartition(".")[2] not in PLACES and before[name] != after[name]:
+            if name.rpartition(".")[2] not in NO_RECIPE and before[name] != after[name]:
                 raise BadInput(
                     f"{path}: trained with {name}={before[name]}, now it is {after[name]}; remove {path.parent} to "
                     "train the row again, or give label=NAME for results of their own"

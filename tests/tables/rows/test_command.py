@@ -28,7 +28,7 @@ def test_what_is_kept(made: Made, tmp_path: Path) -> None:
     made("run/test_rbw_sr", "rbw_osr", "e2e_cnn", 25.0, test="rbw_sr")
     for path in (run / "metrics.json", run / "test_rbw_sr" / "metrics.json"):
         content = json.loads(path.read_text())
-        content["config"] |= {"out": str(run), "data": {"root": "/home/me/CLIPS"}}
+        content["config"] |= {"out": str(run), "data": {"root": "/home/me/CLIPS"}, "system": {"cuda_graph": False}}
         path.write_text(json.dumps(content))
     assert not is_kept(ROW, tmp_path / "kept")
     files = keep(ROW, run, tmp_path / "kept", ORIGIN)
@@ -49,6 +49,7 @@ def test_what_is_kept(made: Made, tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="trained with initialisation=layers, now it is unit_variance"):
         check_recipe(ROW, tmp_path / "kept", {"initialisation": "unit_variance"})
     check_recipe(ROW, tmp_path / "kept", {"data": {"root": "/elsewhere/OTHER"}})  # a place is no part of a recipe
+    check_recipe(ROW, tmp_path / "kept", {"system": {"cuda_graph": True}})  # nor is what a GPU needs to be fast
 
 
 @pytest.mark.slow
