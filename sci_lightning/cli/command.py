@@ -167,7 +167,8 @@ def _end_sweep(interrupted: bool) -> list[tuple[str, int]]:
 def _silence_libraries() -> None:
     """Drop what the libraries say that tells a user of a command nothing."""
     lightning = (
-        f"lightning.pytorch.{name}" for name in ("utilities.rank_zero", "trainer.connectors.checkpoint_connector")
+        f"lightning.pytorch.{name}"
+        for name in ("utilities.rank_zero", "trainer.connectors.checkpoint_connector", "accelerators.cuda")
     )
     for name in (*lightning, "torch._subclasses.fake_tensor", "matplotlib"):
         logging.getLogger(name).setLevel(logging.WARNING)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import torch
@@ -55,6 +56,8 @@ class GraphedStages:
         samples = tuple(value.detach().clone().requires_grad_(value.requires_grad) for value in inputs)
         precision = torch.get_autocast_dtype("cuda")
         enabled = torch.is_autocast_enabled("cuda")
+        # recorded on a stream of its own, as PyTorch advises; autograd waits for it once a step, and says so once
+        warnings.filterwarnings("ignore", message="The AccumulateGrad node's stream does not match")
         try:
             # without the cache: a replay must cast the weights as they are then
             with torch.autocast("cuda", precision, enabled=enabled, cache_enabled=False):
