@@ -61,7 +61,7 @@ class GraphedStages:
         try:
             # without the cache: a replay must cast the weights as they are then
             with torch.autocast("cuda", precision, enabled=enabled, cache_enabled=False):
-                stages = _Stages(self._stages.decoder)
+                stages = _Stages(self._stages.decoder)  # another one: recording replaces its forward
                 self._recorded = torch.cuda.make_graphed_callables(stages, samples, allow_unused_input=True)
         except RuntimeError as error:
             name = type(self._stages.decoder).__name__

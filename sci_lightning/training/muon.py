@@ -82,8 +82,9 @@ class Muon(torch.optim.Adam):
         return loss
 
     def _step(self, weights: Sequence[torch.Tensor], lr: float) -> None:
-        """Step along the momentum of weights; those of one shape together, for a GPU waits for launches more than for
-        products."""
+        """Step along the momentum of weights, those of one shape together: a GPU waits for launches, not products."""
+        if not weights:
+            return
         gradients = []
         for weight in weights:
             assert weight.grad is not None  # step() checked it
@@ -93,8 +94,6 @@ class Muon(torch.optim.Adam):
                 self.state[weight].update(state)
             self.state[weight]["step"] += 1
         averages = [self.state[weight]["momentum_buffer"] for weight in weights]
-        if not weights:
-            return
         torch._foreach_lerp_(averages, gradients, 1 - self.momentum)
         updates = torch._foreach_lerp(gradients, averages, self.momentum)
         torch._foreach_mul_(list(weights), 1 - lr * self.decay)

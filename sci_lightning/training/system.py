@@ -109,7 +109,7 @@ class System(L.LightningModule):
         self.stage_weights = tuple(stage_weights)
         self.stages = torch.compile(decoder.stages) if compile else decoder.stages
         if cuda_graph:
-            self.stages = GraphedStages(decoder)  # which leaves nothing to compile
+            self.stages = GraphedStages(decoder)
         self.lr, self.final_lr, self.mask_lr = lr, final_lr, lr if mask_lr is None else mask_lr
         self.muon_lr, self.muon_decay, self.warmup = muon_lr, muon_decay, warmup
         self.tile = tile

@@ -127,7 +127,7 @@ def _budget(composition: Composition) -> _Budget:
 
 
 def _trained_on(run: Path) -> str:
-    """Return the name of the machine that trained a row: the processor, with the GPU that its metrics name."""
+    """Return the name of what trained a row: the GPU that its metrics name, else a core of this machine."""
     from sci_lightning.runs.device import is_processor
     from sci_lightning.tables.provenance import machine_name
 

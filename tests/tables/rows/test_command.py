@@ -69,8 +69,20 @@ def test_a_row_is_trained_once(command: Callable[..., subprocess.CompletedProces
     assert again.returncode == 0 and "started" not in again.stdout and kept.stat().st_mtime_ns == before
 
 
+@pytest.mark.parametrize(
+    ("given", "expected", "folder"),
+    [
+        (["core_minutes=10", "label=designed"], {"core_minutes=10"}, "cpu_10_minutes_designed"),
+        (["steps=5000"], {"core_minutes=null", "trainer.max_steps=5000"}, "cpu_5000_steps"),
+    ],
+)
 def test_another_budget_has_results_of_its_own(
-    ran: Callable[..., str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    given: list[str],
+    expected: set[str],
+    folder: str,
+    ran: Callable[..., str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
 ) -> None:
     from sci_lightning.cli import command as command_frame
     from sci_lightning.tables.rows import __main__ as rows
@@ -79,29 +91,11 @@ def test_another_budget_has_results_of_its_own(
     commands: list[list[str]] = []
     monkeypatch.setattr(RowQueue, "run", lambda self: commands.extend(self.command(row) for row in self.rows))
     monkeypatch.chdir(tmp_path)
-    words = ["tables_rows", "core_minutes=10", "label=designed", "only=[rbw_sr_1bit_e2e_cnn]", "seeds=1"]
-    monkeypatch.setattr("sys.argv", words)
+    monkeypatch.setattr("sys.argv", ["tables_rows", *given, "only=[rbw_sr_1bit_e2e_cnn]", "seeds=1"])
     command_frame.run("tables_rows", rows.tables_rows)
     (words,) = commands
-    assert {"core_minutes=10", "scale=cpu", "resume=true", "encoder=rbw_sr", "decoder=e2e_cnn", "seed=0"} < set(words)
-    assert any("cpu_10_minutes_designed/rbw_sr_1bit/e2e_cnn/seed0" in word for word in words)
-
-
-def test_a_budget_of_steps_is_the_same_on_any_machine(
-    ran: Callable[..., str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    from sci_lightning.cli import command as command_frame
-    from sci_lightning.tables.rows import __main__ as rows
-    from sci_lightning.tables.rows.queue import RowQueue
-
-    commands: list[list[str]] = []
-    monkeypatch.setattr(RowQueue, "run", lambda self: commands.extend(self.command(row) for row in self.rows))
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.argv", ["tables_rows", "steps=5000", "only=[rbw_sr_1bit_e2e_cnn]", "seeds=1"])
-    command_frame.run("tables_rows", rows.tables_rows)
-    (words,) = commands
-    assert {"core_minutes=null", "trainer.max_steps=5000", "scale=cpu"} < set(words)
-    assert any("cpu_5000_steps/rbw_sr_1bit/e2e_cnn/seed0" in word for word in words)
+    assert {*expected, "scale=cpu", "resume=true", "encoder=rbw_sr", "decoder=e2e_cnn", "seed=0"} < set(words)
+    assert any(f"{folder}/rbw_sr_1bit/e2e_cnn/seed0" in word for word in words)
 
 
 def test_two_budgets(command: Callable[..., subprocess.CompletedProcess[str]]) -> None:
