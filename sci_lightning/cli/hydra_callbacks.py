@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from hydra.core.hydra_config import HydraConfig
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
@@ -62,7 +65,8 @@ class OwnFolder(Callback):
             while _is_new(config) and not _made_for(config):
                 time.sleep(0.1)
                 OmegaConf.clear_cache(config)  # which keeps the time
-            folder = Path(config.hydra.run.dir).resolve()
+            with _choices_of(config):
+                folder = Path(config.hydra.run.dir).resolve()
             lock(folder)
             try:
                 check_folder(folder, config)
@@ -82,6 +86,21 @@ def check_folder(folder: Path, config: DictConfig) -> None:
     training = "resume" in config
     settings = {"resume": bool(config.resume), "ckpt_path": config.ckpt_path} if training else {}
     check_nothing_lost(folder, training, **settings)
+
+
+@contextmanager
+def _choices_of(config: DictConfig) -> Iterator[None]:
+    """Let the name of a folder say what was chosen: an experiment of sweeps, started for one row, calls it so.
+
+    Hydra knows the choices (``hydra:runtime``) only once its job runs.
+    """
+    state = HydraConfig.instance()
+    present = state.cfg
+    state.set_config(config)
+    try:
+        yield
+    finally:
+        state.cfg = present
 
 
 def _is_new(config: DictConfig) -> bool:

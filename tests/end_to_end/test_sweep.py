@@ -178,6 +178,14 @@ def test_a_sweep_of_which_no_row_exists(refused: Callable[..., str]) -> None:
     assert "none of the 2 rows exists: encoder.mask.bit is no setting" in line
 
 
+def test_one_row_without_a_sweep(ran: Callable[..., str], tmp_path: Path) -> None:
+    """Without ``-m`` a table's experiment is one row, in the folder in which the next sweep finds it."""
+    for _ in range(2):
+        printed = ran("train", "experiment=table5", "decoder=e2e_cnn", "scale=smoke", *QUICK)
+    assert (tmp_path / "sweep" / "lsw_sr_4bit" / "e2e_cnn" / "seed0" / "metrics.json").is_file()
+    assert "finished before, kept" in printed
+
+
 def test_rows_with_folders_of_their_own(ran: Callable[..., str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         ran("export_mask", "-m", "ckpt_path=no.ckpt", "out=one,two")
