@@ -27,11 +27,12 @@ diagnose: $(READY)
 	$(BIN)/python -m sci_lightning.virtual_camera.reveal $(FOUND)/captures.truth.json $(FOUND)/report.json
 
 # a row that fails stops neither the others nor the tables; WITH='data=folder data.root=CLIPS' adds overrides, ONLY='[table5]' leaves
-# rows out, LABEL=name keeps results of their own, SEEDS= and OTHER_SEEDS= say how many of the rows that decide claims and of the others
+# rows out, LABEL=name keeps results of their own, SEEDS= and OTHER_SEEDS= say how many of the rows that decide claims and of the others,
+# SCALE=gpu30 trains the rows at another scale
 tables: $(READY)
 	$(BIN)/python -m sci_lightning.tables.rows overrides='"$(WITH)"' $(if $(MINUTES),core_minutes=$(MINUTES)) $(if $(STEPS),steps=$(STEPS)) \
 	  $(if $(WORKERS),workers=$(WORKERS)) $(if $(ONLY),'only=$(ONLY)') $(if $(LABEL),label=$(LABEL)) \
-	  $(if $(SEEDS),seeds=$(SEEDS)) $(if $(OTHER_SEEDS),other_seeds=$(OTHER_SEEDS))
+	  $(if $(SEEDS),seeds=$(SEEDS)) $(if $(OTHER_SEEDS),other_seeds=$(OTHER_SEEDS)) $(if $(SCALE),row_scale=$(SCALE))
 
 smoke-tables: SCALE := smoke
 gpu-tables: SCALE := gpu30
