@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 
 from annotated_types import DocInfo, Interval, Len, MinLen
 from omegaconf import DictConfig, OmegaConf
+from pydantic import StringConstraints
 
 from sci_lightning.configuration.arguments import check_arguments, check_value
 from sci_lightning.configuration.bounds import (
@@ -32,6 +33,11 @@ from sci_lightning.errors import BadInput
 from sci_lightning.files.memory_bound import memory_bound
 
 Name = Annotated[str, MinLen(1), DocInfo("a name")]
+FolderName = Annotated[
+    str,
+    StringConstraints(pattern=r"^\w[\w.-]*$"),
+    DocInfo("a name of letters, digits, '_', '-' and '.' (not the first)"),
+]
 Place = Annotated[str, MinLen(1), DocInfo("the path of a file or a folder")]
 Workers = Annotated[int, Interval(ge=0, le=1024)]
 Count = Annotated[int, Interval(ge=0, le=10**9)]
@@ -96,7 +102,7 @@ SETTINGS: Mapping[str, Any] = {
     # tables.rows
     "overrides": Annotated[str, DocInfo("overrides of every training, as one text")],
     "row_scale": Name,
-    "label": Name,
+    "label": FolderName,
     "results": Place,
     "sensor": Mapping[str, Positive | None],
     # export_mask

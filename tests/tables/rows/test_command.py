@@ -69,6 +69,12 @@ def test_a_row_is_trained_once(command: Callable[..., subprocess.CompletedProces
     assert again.returncode == 0 and "started" not in again.stdout and kept.stat().st_mtime_ns == before
 
 
+def test_a_label_that_is_a_path(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
+    done = command("tables.rows", "label=../elsewhere")
+    assert done.returncode == 2 and "expected a name of letters, digits" in done.stderr
+    assert not any(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     ("given", "expected", "folder"),
     [
