@@ -65,7 +65,7 @@ class OwnFolder(Callback):
             while _is_new(config) and not _made_for(config):
                 time.sleep(0.1)
                 OmegaConf.clear_cache(config)  # which keeps the time
-            with _choices_of(config):
+            with choices_of(config):
                 folder = Path(config.hydra.run.dir).resolve()
             lock(folder)
             try:
@@ -89,10 +89,10 @@ def check_folder(folder: Path, config: DictConfig) -> None:
 
 
 @contextmanager
-def _choices_of(config: DictConfig) -> Iterator[None]:
-    """Let the name of a folder say what was chosen: an experiment of sweeps, started for one row, calls it so.
+def choices_of(config: DictConfig) -> Iterator[None]:
+    """Let names in a configuration say what was chosen (``hydra:runtime``), which Hydra knows only once its job runs.
 
-    Hydra knows the choices (``hydra:runtime``) only once its job runs.
+    Hydra's part of ``config`` is read-only afterwards.
     """
     state = HydraConfig.instance()
     present = state.cfg

@@ -31,7 +31,7 @@ from omegaconf import DictConfig, OmegaConf, flag_override, open_dict, read_writ
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError
 
 from sci_lightning.cli.failure_line import exit_status, one_line, root_cause
-from sci_lightning.cli.hydra_callbacks import check_folder
+from sci_lightning.cli.hydra_callbacks import check_folder, choices_of
 from sci_lightning.errors import BadInput, NoSuchCombination
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.runs.run_folder import is_first_process
@@ -228,15 +228,12 @@ class RowLoader(ConfigLoader):
 
 def _folder(row: DictConfig, number: int) -> Path:
     """Where a row will write, which may depend on its number."""
-    present, row_then = HydraConfig.instance().cfg, copy.deepcopy(row)  # what is set in Hydra's state is made read-only
+    row_then = copy.deepcopy(row)  # what is set in Hydra's state is made read-only
     OmegaConf.copy_cache(from_config=row, to_config=row_then)
     with read_write(row_then.hydra.job), open_dict(row_then.hydra.job):
         row_then.hydra.job.num = number
-    try:
-        HydraConfig.instance().set_config(row_then)
+    with choices_of(row_then):
         return Path(row_then.hydra.sweep.dir, row_then.hydra.sweep.subdir).resolve()
-    finally:
-        HydraConfig.instance().cfg = present
 
 
 def _uncomposed(master: DictConfig, overrides: list[str], error: Exception) -> DictConfig:
