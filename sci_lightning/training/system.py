@@ -179,6 +179,11 @@ class System(L.LightningModule):
         scheduler = torch.optim.lr_scheduler.LambdaLR(optimizer, schedule)
         return {"optimizer": optimizer, "lr_scheduler": {"scheduler": scheduler, "interval": "step"}}
 
+    def rates(self) -> str:
+        """Return the decoder's learning rates as words for a message: ``system.lr (it is 0.002)``."""
+        rates = {"system.lr": self.lr, "system.muon_lr": self.muon_lr}
+        return " and ".join(f"{name} (it is {rate:g})" for name, rate in rates.items() if rate is not None)
+
     def part_done(self, step: int | None = None) -> float:
         """Return the part of the run, 0 to 1, that is over after a step (None: now); 0 in a run without end."""
         steps = self.global_step if step is None else step
@@ -293,8 +298,7 @@ class System(L.LightningModule):
         what = f"the gradient's norm became {float(norm)}" if math.isfinite(loss) else f"the loss became {loss}"
         return TrainingDiverged(
             f"{what} at epoch {self.current_epoch}, batch {self.trainer.fit_loop.batch_idx} (step {self.global_step}): "
-            "stopped; the checkpoints hold the last good state; resume from there with a smaller system.lr or check "
-            "the data"
+            f"stopped; give a smaller {self.rates()}, or check the data; the checkpoints hold the last finite state"
         )
 
     # Validation and test. A batch is (scene numbers, videos); of real captures it is followed by (measurements,
