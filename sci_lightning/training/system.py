@@ -298,7 +298,8 @@ class System(L.LightningModule):
         what = f"the gradient's norm became {float(norm)}" if math.isfinite(loss) else f"the loss became {loss}"
         return TrainingDiverged(
             f"{what} at epoch {self.current_epoch}, batch {self.trainer.fit_loop.batch_idx} (step {self.global_step}): "
-            f"stopped; give a smaller {self.rates()}, or check the data; checkpoints hold the last good, finite state"
+            f"stopped; give a smaller {self.rates()} or check the data; "
+            "the checkpoints hold the last good (finite) state"
         )
 
     # Validation and test. A batch is (scene numbers, videos); of real captures it is followed by (measurements,
