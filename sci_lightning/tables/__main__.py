@@ -22,6 +22,7 @@ def tables(composition: Composition) -> None:
     """Collect the ``metrics.json`` below ``runs``; print each table and write it as Markdown, LaTeX and PNG.
 
     Beside them the paper's figures as PNG: quality against cost, dynamic range, mosaics of runs that left a checkpoint.
+    With ``dashboard=true`` a TensorBoard log as well, in which every run is a trial.
     Files that are of no use are named, one line each, and the others go on.
 
     With ``documentation=DIR`` it writes the measured tables of README.md and docs/ from docs/results/ instead.
@@ -32,12 +33,13 @@ def tables(composition: Composition) -> None:
     if composition.cfg.documentation:
         _write_documentation(Path(str(composition.cfg.documentation)))
         return
-    from sci_lightning.cli.next_command import browser, invocation, print_next
+    from sci_lightning.cli.next_command import browser, dashboard, invocation, print_next
     from sci_lightning.imaging.figures import write_figure
     from sci_lightning.tables.claim_table import claim_table, verdict_table
     from sci_lightning.tables.colour_checker import colour_checkers
     from sci_lightning.tables.cost import costs
     from sci_lightning.tables.cost_figure import cost_figure
+    from sci_lightning.tables.dashboard import check_dashboard, write_dashboard
     from sci_lightning.tables.dynamic_range import dynamic_range_figure, dynamic_range_table, wedges
     from sci_lightning.tables.encoder_table import encoder_table
     from sci_lightning.tables.mosaic import mosaics, retrained_mosaics
@@ -53,6 +55,8 @@ def tables(composition: Composition) -> None:
     runs, lines = find_runs([Path(str(folder)) for folder in (folders if isinstance(folders, list) else [folders])])
     for line in lines:
         _left_out(line)
+    if cfg.dashboard:
+        check_dashboard(out / "tensorboard")
     paper = yaml.safe_load((PACKAGE / "tables" / "paper_figures.yaml").read_text())
     ours = [name for name in group_members("decoder") if name in paper["decoders"]]
     cost = costs(paper["decoders"], _members("decoder", ours, "frames=8"))
@@ -82,7 +86,11 @@ def tables(composition: Composition) -> None:
         names.append(name)
     console.say(styled(out), f": {', '.join(grid.name for grid in grids)} as .md, .tex and .png; {len(runs)} runs")
     console.print(f"figures: {', '.join(names)} as .png")
-    print_next(console, browser(out / "cost.png"), invocation("train", "-m", "experiment=table5", "scale=cpu"))
+    shown = []
+    if cfg.dashboard:
+        write_dashboard(sorted(runs, key=lambda run: str(run.path)), out / "tensorboard")
+        shown.append(dashboard(out / "tensorboard"))
+    print_next(console, *shown, browser(out / "cost.png"), invocation("train", "-m", "experiment=table5", "scale=cpu"))
 
 
 def _write_documentation(root: Path) -> None:
