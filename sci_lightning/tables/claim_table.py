@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import statistics
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -24,10 +25,14 @@ NOTE = (
     f"{CONFIDENCE:.0%} interval lies on the claim's side; contradicted: on the other one. The spread of the seeds is "
     "pooled over all rows with several, separately for rows tested through their own encoder and for rows tested "
     f"through another one. A row that learned less than {ENOUGH_LEARNED:g} dB beyond the mean measurement decides "
-    f"nothing. Each verdict is at {CONFIDENCE:.0%} by itself, and the comparisons share rows: they are not so many "
-    "independent findings."
+    "nothing. Where the compared trainings of a network differ by more than a quarter in their steps, as on processors "
+    "of different speed, only the seeds within which they do not differ count, and the spread of the seeds is that of "
+    "trainings of as many steps. Each verdict is at "
+    f"{CONFIDENCE:.0%} by itself, and the comparisons share rows: they are not so many independent findings."
 )
 FIGURES_NOTE = "In the cells: the mean difference; its interval on these scenes; on other scenes; the paper's."
+MOST_STEPS = 1.25
+"""How many times the steps of one training another one of the same network may have made to be compared with it."""
 VERDICTS = ("reproduced", "contradicted", "undecided")
 
 Cell = tuple[str, str, str]
@@ -193,8 +198,9 @@ class Evidence:
         for run in self.runs:
             if run.setting == setting and metric in run.scores and _is_own_test(run) == own:
                 groups.setdefault((*sorted(map(str, run.fields.items())), run.parameters), []).append(run)
+        alike = [group for row in groups.values() for group in _by_steps(row)]
         return seed_spread([{scene: run.scenes[scene][metric] for scene in run.scenes} for run in group]
-                           for group in groups.values())  # fmt: skip
+                           for group in alike)  # fmt: skip
 
     def unlearned(self, line: Line) -> str:
         """Why a line decides nothing, or nothing: its trainings, tested as they were trained, learned too little."""
@@ -225,10 +231,47 @@ class Evidence:
             sizes: dict[str, set[int]] = {}
             for line in combination:
                 sizes.setdefault(line.decoder, set()).add(line.runs[0].parameters)
-            if len({line.runs[0].setting for line in combination}) == 1 and all(
-                len(size) == 1 for size in sizes.values()
-            ):
-                yield tuple((weight, line) for (weight, _), line in zip(cells, combination, strict=True))
+            if len({line.runs[0].setting for line in combination}) > 1 or any(len(size) > 1 for size in sizes.values()):
+                continue
+            compared = _trained_alike(combination)
+            if all(line.runs for line in compared):
+                yield tuple((weight, line) for (weight, _), line in zip(cells, compared, strict=True))
+
+
+def _trained_alike(lines: Sequence[Line]) -> list[Line]:
+    """Return the lines with the runs that can be compared.
+
+    A processor that makes more steps in the same time must not decide a claim: where the trainings of a network differ
+    in their steps, only the seeds are left that all its lines have, and within which they do not differ.
+    """
+    runs: dict[str, dict[int, list[Run]]] = defaultdict(lambda: defaultdict(list))
+    for line in lines:
+        for run in line.runs:
+            runs[line.decoder][run.seed].append(run)
+    alike = []
+    for line in lines:
+        by_seed, rows = runs[line.decoder], sum(other.decoder == line.decoder for other in lines)
+        every = _as_many_steps([run for group in by_seed.values() for run in group])
+        seeds = {seed for seed, group in by_seed.items() if every or (len(group) == rows and _as_many_steps(group))}
+        alike.append(replace(line, runs=tuple(run for run in line.runs if run.seed in seeds)))
+    return alike
+
+
+def _by_steps(runs: Sequence[Run]) -> list[list[Run]]:
+    """Return runs in groups of about as many steps: what differs within a group is the seed and not the processor."""
+    groups: list[list[Run]] = []
+    for run in sorted(runs, key=lambda run: run.training_steps or 0):
+        if groups and _as_many_steps([*groups[-1], run]):
+            groups[-1].append(run)
+        else:
+            groups.append([run])
+    return groups
+
+
+def _as_many_steps(runs: Sequence[Run]) -> bool:
+    """Whether trainings made about as many steps, as far as that is known."""
+    steps = [run.training_steps for run in runs if run.training_steps is not None]
+    return not steps or max(steps) <= MOST_STEPS * min(steps)
 
 
 def _is_own_test(run: Run) -> bool:

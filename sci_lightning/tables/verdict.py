@@ -13,7 +13,8 @@ The first term is the paired t interval over the scenes; d_s has the interaction
 variance of a row's mean score from seed to seed, is pooled over the rows of the same setting that were trained with
 more than one seed: two or three seeds of one row alone would say next to nothing about it. Rows that were tested
 through another encoder than they were trained with are pooled by themselves, because their scores vary several times
-as much. The degrees of freedom are combined after Welch and Satterthwaite, and the interval is that of Student's t.
+as much; so are trainings that made other numbers of steps, because the processor varies there and not the seed. The
+degrees of freedom are combined after Welch and Satterthwaite, and the interval is that of Student's t.
 
 That interval says what to expect of *other scenes*. The paper's claims are read off means over six scenes, and whether
 those means would come out the same way in another training is a narrower question, which more seeds can decide. Its

@@ -33,6 +33,7 @@ def made(tmp_path: Path) -> Made:
         effects: dict[str, Any] | None = None,
         baseline: float = 15.0,
         unevenness: float = 0.0,
+        steps: int | None = None,
     ) -> Path:
         mask = {"_target_": f"sci_lightning.encoder.mask.{MASKS[encoder[:3]]}", **({"bits": bits} if bits else {})}
         config = {"encoder": {"mask": mask, "effects": effects or {}}, "seed": seed, "size": size, "scale": scale}
@@ -56,6 +57,7 @@ def made(tmp_path: Path) -> Made:
             "macs": 1000,
             "seconds_per_measurement": 0.25,
             "device": "cpu (x86-64)",
+            **({} if steps is None else {"training_steps": steps}),
             "config": config,
         }
         path = tmp_path / place / "metrics.json"

@@ -102,19 +102,20 @@ def test_scores_of_masks_are_a_column_once_there_are_some(made: Made, tmp_path: 
 def test_training_steps_are_a_column_once_some_are_recorded(made: Made, tmp_path: Path) -> None:
     """Rows trained for as many minutes on processors of different speed are not alike, and the table shows it."""
 
-    def record(path: Path, steps: int) -> None:
-        path.write_text(json.dumps({**json.loads(path.read_text()), "training_steps": steps}))
+    def record(seed: int, steps: int | None = None) -> None:
+        made(f"l{seed}", "lsw_sr", "e2e_cnn", 30.0 + seed, bits=4, seed=seed, steps=steps)
 
-    paths = [made(f"l{seed}", "lsw_sr", "e2e_cnn", 30.0 + seed, bits=4, seed=seed) for seed in (0, 1, 2)]
+    for seed in (0, 1, 2):
+        record(seed)
     made("b", "rbw_osr", "e2e_cnn", 28.0)
     assert "training steps" not in grid_of("table4", tmp_path).heading
-    record(paths[0], 12515)
-    record(paths[1], 3000)
+    record(0, 12515)
+    record(1, 3000)
     grid = grid_of("table4", tmp_path)
     steps = {cells[1]: cells[grid.heading.index("training steps")] for cells in grid.rows if cells[0] == "E2E-CNN"}
     assert steps == {"previous (RBw/oSR)": "", "deep optics (LSw/SR)": "3,000 to 12,515 (2 of 3 seeds)", "Gain": ""}
     assert {len(cells) for cells in grid.rows} == {len(grid.heading)}
-    record(paths[2], 3000)
+    record(2, 3000)
     assert any(cells[-1] == "3,000 to 12,515" for cells in grid_of("table4", tmp_path).rows)
 
 
@@ -167,6 +168,24 @@ def test_one_seed_decides_nothing(made: Made, tmp_path: Path) -> None:
     psnr, *_, verdict = verdict_on(claims_of(tmp_path), "Learned masks are ahead of random", "1-bit")
     assert psnr == "+9.00 (paper +0.37)"
     assert verdict == "undecided in all three (no row like these was trained with more than one seed)"
+
+
+def test_a_faster_processor_decides_nothing(made: Made, tmp_path: Path) -> None:
+    """Seeds that were trained where as many minutes make half the steps count only against their like."""
+    claim = "Learned masks of 4 bits are ahead"
+    for seed, steps in ((0, 12_000), (1, 6_000), (2, 7_000)):
+        made(f"l4{seed}", "lsw_sr", "res2former", 30.0 - bool(seed), bits=4, seed=seed, steps=steps)
+        made(f"r4{seed}", "rsw_sr", "res2former", 29.0 - bool(seed), bits=4, seed=seed, steps=steps)
+    made("l30", "lsw_sr", "res2former", 29.5, bits=3, steps=12_500)
+    made("l32", "lsw_sr", "res2former", 20.0, bits=3, seed=2, steps=12_500)  # its like made fewer
+    grid = claims_of(tmp_path)
+    assert verdict_on(grid, claim, "4-bit, 3-bit")[0].startswith("+0.50 [")
+    assert verdict_on(grid, "Learned masks are ahead of random", "4-bit")[0].startswith("+1.00 [")
+    assert [cells[-1] for cells in grid.rows if cells[0].startswith(claim)] == ["1"]
+    (freedom,) = [note for note in grid.notes if note.startswith("Degrees of freedom")]
+    assert ": 3 of rows tested through the encoder" in freedom  # seeds 1 and 2 of 4 bits twice, 0 and 2 of 3 bits
+    made("l30", "lsw_sr", "res2former", 29.5, bits=3, steps=2_000)
+    assert verdict_on(claims_of(tmp_path), claim, "4-bit, 3-bit")[3] == "not yet run"
 
 
 def test_rows_that_learned_too_little_decide_nothing(made: Made, tmp_path: Path) -> None:
