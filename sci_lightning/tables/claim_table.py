@@ -21,14 +21,14 @@ SCOPES = {"on these scenes": True, "on other scenes": False}
 HEADING = ["claim", "place in the paper", "row", "PSNR (dB)", "SSIM", "Q-Score", *SCOPES, "scale", "seeds"]
 NOTE = (
     "On these scenes: would other trainings, tested on the same scenes, have the same sign? On other scenes: would it "
-    "hold on scenes drawn like these as well? Reproduced: the whole "
-    f"{CONFIDENCE:.0%} interval lies on the claim's side; contradicted: on the other one. The spread of the seeds is "
-    "pooled over all rows with several, separately for rows tested through their own encoder and for rows tested "
-    f"through another one. A row that learned less than {ENOUGH_LEARNED:g} dB beyond the mean measurement decides "
-    "nothing. Where the compared trainings of a network differ by more than a quarter in their steps, as on processors "
-    "of different speed, only the seeds within which they do not differ count, and the spread of the seeds is that of "
-    "trainings of as many steps. Each verdict is at "
-    f"{CONFIDENCE:.0%} by itself, and the comparisons share rows: they are not so many independent findings."
+    f"hold on scenes drawn like these as well? Reproduced: the whole {CONFIDENCE:.0%} interval lies on the claim's "
+    "side; contradicted: on the other one. The spread of the seeds is pooled over all rows with several, separately "
+    "for rows tested through their own encoder and for rows tested through another one. A row decides nothing if its "
+    f"training, tested with its own encoder, learned less than {ENOUGH_LEARNED:g} dB beyond the mean measurement. "
+    "Where the compared trainings of a network differ by more than a quarter in their steps, as on processors of "
+    "different speed, only the seeds within which they do not differ count, and the spread of the seeds is that of "
+    f"trainings of as many steps. Each verdict is at {CONFIDENCE:.0%} by itself, and the comparisons share rows: they "
+    "are not so many independent findings."
 )
 FIGURES_NOTE = "In the cells: the mean difference; its interval on these scenes; on other scenes; the paper's."
 MOST_STEPS = 1.25
@@ -242,19 +242,19 @@ def _trained_alike(lines: Sequence[Line]) -> list[Line]:
     """Return the lines with the runs that can be compared.
 
     A processor that makes more steps in the same time must not decide a claim: where the trainings of a network differ
-    in their steps, only the seeds are left that all its lines have, and within which they do not differ.
+    in their steps, only the seeds are left that all lines have, and within which no network's trainings differ.
     """
-    runs: dict[str, dict[int, list[Run]]] = defaultdict(lambda: defaultdict(list))
+    networks: dict[str, list[Run]] = defaultdict(list)
     for line in lines:
-        for run in line.runs:
-            runs[line.decoder][run.seed].append(run)
-    alike = []
-    for line in lines:
-        by_seed, rows = runs[line.decoder], sum(other.decoder == line.decoder for other in lines)
-        every = _as_many_steps([run for group in by_seed.values() for run in group])
-        seeds = {seed for seed, group in by_seed.items() if every or (len(group) == rows and _as_many_steps(group))}
-        alike.append(replace(line, runs=tuple(run for run in line.runs if run.seed in seeds)))
-    return alike
+        networks[line.decoder] += line.runs
+    if all(_as_many_steps(runs) for runs in networks.values()):
+        return list(lines)
+    common = set.intersection(*({run.seed for run in line.runs} for line in lines))
+    seeds = {
+        seed for seed in common
+        if all(_as_many_steps([run for run in runs if run.seed == seed]) for runs in networks.values())
+    }  # fmt: skip
+    return [replace(line, runs=tuple(run for run in line.runs if run.seed in seeds)) for line in lines]
 
 
 def _by_steps(runs: Sequence[Run]) -> list[list[Run]]:

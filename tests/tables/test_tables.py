@@ -182,6 +182,8 @@ def test_a_faster_processor_decides_nothing(made: Made, tmp_path: Path) -> None:
     assert verdict_on(grid, claim, "4-bit, 3-bit")[0].startswith("+0.50 [")
     assert verdict_on(grid, "Learned masks are ahead of random", "4-bit")[0].startswith("+1.00 [")
     assert [cells[-1] for cells in grid.rows if cells[0].startswith(claim)] == ["1"]
+    made("s0", "lsw_sr", "stformer", 30.5, bits=4, steps=4_000)  # of the fast processor, as one seed of Res2former
+    assert verdict_on(claims_of(tmp_path), "Res2former is behind", "Res2former, STFormer")[0].startswith("-0.50 [")
     (freedom,) = [note for note in grid.notes if note.startswith("Degrees of freedom")]
     assert ": 3 of rows tested through the encoder" in freedom  # seeds 1 and 2 of 4 bits twice, 0 and 2 of 3 bits
     made("l30", "lsw_sr", "res2former", 29.5, bits=3, steps=2_000)
