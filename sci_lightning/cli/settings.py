@@ -98,6 +98,7 @@ SETTINGS: Mapping[str, Any] = {
     # tables
     "runs": Place | Sequence[Place],
     "documentation": Place,
+    "dashboard": bool,
     "mosaic": Count,
     # tables.rows
     "overrides": Annotated[str, DocInfo("overrides of every training, as one text")],

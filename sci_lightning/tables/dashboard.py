@@ -12,17 +12,18 @@ from sci_lightning.files.plain_text import file_name
 from sci_lightning.tables.run import Run
 
 
-def check_dashboard(folder: Path) -> None:
+def check_dashboard(folder: str | Path) -> None:
     """Check that a dashboard can be written into a folder; beside an older one, TensorBoard would show runs twice.
 
     Raises:
         BadInput: something is there already.
     """
+    folder = Path(folder)
     if folder.exists() and not (folder.is_dir() and next(folder.iterdir(), None) is None):
         raise BadInput(f"{folder} is there already, and would show its runs beside these; give another out=")
 
 
-def write_dashboard(runs: Sequence[Run], folder: Path) -> None:
+def write_dashboard(runs: Sequence[Run], folder: str | Path) -> None:
     """Write a TensorBoard log (tab "HParams"): every run is a trial, with its settings, scores and mask's score.
 
     Args:
@@ -35,7 +36,7 @@ def write_dashboard(runs: Sequence[Run], folder: Path) -> None:
 
     taken: Counter[Path] = Counter()
     for run in runs:
-        place = folder / _name(run)
+        place = Path(folder, _name(run))
         taken[place] += 1
         if taken[place] > 1:  # of another size, or tested behind another encoder
             place = place.with_name(f"{place.name}_{taken[place]}")
