@@ -95,13 +95,7 @@ def verdict_table(
         missing = sum(not of_scopes for _, of_scopes in judged)
         rows.append([claim["claim"], *counts, str(missing or "")])
     heading = ["claim", *SCOPES, "rows not yet run"]
-    return Grid(
-        "verdicts",
-        "Verdicts on the paper's claims, by row and metric",
-        heading,
-        rows,
-        [NOTE, *Evidence(tables, runs).freedom()],
-    )
+    return Grid("verdicts", "Verdicts on the paper's claims, by row and metric", heading, rows, [NOTE])
 
 
 def _judged_claims(

@@ -132,6 +132,11 @@ def test_tables_of_the_paper_show_the_rows_that_are_kept(clone: Path, made: Made
     kept.write_text("{}")
     with pytest.raises(BadInput, match=r"seed1\.json: not the metrics of a run"):
         updated(page, clone)
+    kept.write_text(json.dumps(content))
+    page.write_text(MARKER.replace("measurements", "paper.psnr").replace("a.json", "tables/cpu"))
+    text = updated(page, clone)
+    assert "| Res2former, 4-bit mask |  |  |  | 30.50 ± 0.71 (34.95) | (35.98) |" in text
+    assert "| E2E-CNN | (29.45) | (27.02) | (24.67) |  | (32.42) |" in text and text.count("Res2former-L") == 1
     page.write_text(MARKER.replace("measurements", "paper.table9"))
     with pytest.raises(BadInput, match=r"paper\.table9: no such table; choose one of table2"):
         updated(page, clone)

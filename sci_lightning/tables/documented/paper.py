@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -14,12 +16,25 @@ from sci_lightning.files.plain_text import in_markdown
 from sci_lightning.tables.claim_table import claim_table, verdict_table
 from sci_lightning.tables.documentation import DocumentedTable
 from sci_lightning.tables.grid import Grid
+from sci_lightning.tables.line import Line, lines_of
 from sci_lightning.tables.provenance import NOT_YET, Provenance, joined, read_provenance
 from sci_lightning.tables.run import Run, find_runs
 from sci_lightning.tables.score_table import HEADING, SCORES, score_table
 
 OURS = HEADING.index(f"ours: {SCORES}")
 """Column of our scores in the paper's tables."""
+ENCODERS = {
+    ("rbw_osr", "rbw_osr"): "RBw/oSR",
+    ("rbw_osr", "rbw_sr"): "RBw/oSR, tested through RBw/SR",
+    ("rbw_sr", "rbw_sr"): "RBw/SR",
+    ("rsw_sr", "rsw_sr"): "RSw/SR",
+    ("lsw_sr", "lsw_sr"): "LSw/SR",
+}
+"""Columns of the table of all PSNRs, by the encoders of training and test."""
+PSNR_NOTE = (
+    "PSNR in dB, the paper's in brackets; behind ±: the standard deviation over the seeds. "
+    "Masks of LSw/SR have 4 bits where the row does not say otherwise."
+)
 
 
 def build(path: str | Path, part: str) -> DocumentedTable:
@@ -27,7 +42,8 @@ def build(path: str | Path, part: str) -> DocumentedTable:
 
     Args:
         path: the folder, such as ``docs/results/tables/cpu``; as long as it is not there, the table is empty.
-        part: ``table2`` to ``table5``, ``claims`` (every comparison) or ``verdicts`` (a line for each claim).
+        part: ``table2`` to ``table5``, ``psnr`` (the PSNR of these four, a line for each decoder), ``claims`` (every
+            comparison) or ``verdicts`` (a line for each claim).
 
     Raises:
         BadInput: another part, or a file of no use.
@@ -40,13 +56,14 @@ def build(path: str | Path, part: str) -> DocumentedTable:
     if part in ("claims", "verdicts"):
         scored = [claim for claim in paper["claims"] if "cost" not in claim]
         grid = (claim_table if part == "claims" else verdict_table)(scored, paper["tables"], runs)
+    elif part == "psnr":
+        grid = _psnr(paper["tables"], runs)
     elif part in paper["tables"]:
         table = {key: value for key, value in paper["tables"][part].items() if key != "cost"}
         grid = _trained(score_table(part, table, runs))
     else:
-        raise BadInput(
-            f"paper.{part}: no such table; choose one of {', '.join([*paper['tables'], 'claims', 'verdicts'])}"
-        )
+        parts = [*paper["tables"], "psnr", "claims", "verdicts"]
+        raise BadInput(f"paper.{part}: no such table; choose one of {', '.join(parts)}")
     return DocumentedTable(*_cells(grid), _provenance(runs), [in_markdown(note) for note in grid.notes])
 
 
@@ -56,6 +73,30 @@ def _trained(grid: Grid) -> Grid:
     if not rows or len(rows) == len(grid.rows):
         return grid
     return replace(grid, rows=rows, notes=["Rows that have not been trained yet are left out.", *grid.notes])
+
+
+def _psnr(tables: Mapping[str, Any], runs: Sequence[Run]) -> Grid:
+    """The PSNR of Tables 2 to 5 in one: decoders below each other, pairs of encoders side by side."""
+    by_bits = {fields["decoder"] for fields in tables["table5"]["columns"].values()}
+    names = {row["match"]["decoder"]: name for key in ("table2", "table4") for name, row in tables[key]["rows"].items()}
+    cells: dict[str, dict[str, list[str]]] = {}
+    for key in ("table2", "table3", "table5", "table4"):  # Table 4 repeats Table 5's learned mask of 4 bits
+        for line in lines_of(tables[key], runs):
+            fields = {**tables[key]["columns"][line.column], **tables[key]["rows"][line.row]["match"]}
+            name = names[line.decoder] + (f", {fields['bits']}-bit mask" if line.decoder in by_bits else "")
+            row = cells.setdefault(name, {column: [] for column in ENCODERS.values()})
+            texts = row[ENCODERS[fields["encoder"], fields["test_encoder"]]]
+            if _psnr_cell(line) not in texts:
+                texts.append(_psnr_cell(line))
+    rows = [[name, *("; ".join(texts) for texts in row.values())] for name, row in cells.items()]
+    return Grid("psnr", "Tables 2 to 5: PSNR", ["decoder", *ENCODERS.values()], rows, [PSNR_NOTE])
+
+
+def _psnr_cell(line: Line) -> str:
+    """Our PSNR, if there is one, and the paper's in brackets."""
+    ours, spread = line.mean().get("psnr"), line.spread().get("psnr")
+    text = "" if ours is None else f"{ours:.2f} " + ("" if spread is None else f"± {spread:.2f} ")
+    return f"{text}({line.paper['psnr']:.2f})"
 
 
 def _cells(grid: Grid) -> tuple[list[str], list[list[str]]]:
