@@ -1,4 +1,7 @@
-"""The paper's tables with our kept rows in them, and verdicts on its claims: ``paper.table5``, ``paper.verdicts``."""
+"""The paper's tables with our kept rows in them, and verdicts on its claims.
+
+``paper.table5`` is one of the tables, ``paper.psnr`` all of them in short, ``paper.verdicts`` a line for each claim.
+"""
 
 from __future__ import annotations
 
@@ -86,8 +89,8 @@ def _psnr(tables: Mapping[str, Any], runs: Sequence[Run]) -> Grid:
             name = names[line.decoder] + (f", {fields['bits']}-bit mask" if line.decoder in by_bits else "")
             row = cells.setdefault(name, {column: [] for column in ENCODERS.values()})
             texts = row[ENCODERS[fields["encoder"], fields["test_encoder"]]]
-            if _psnr_cell(line) not in texts:
-                texts.append(_psnr_cell(line))
+            if (text := _psnr_cell(line)) not in texts:
+                texts.append(text)
     rows = [[name, *("; ".join(texts) for texts in row.values())] for name, row in cells.items()]
     return Grid("psnr", "Tables 2 to 5: PSNR", ["decoder", *ENCODERS.values()], rows, [PSNR_NOTE])
 
