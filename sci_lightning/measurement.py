@@ -218,8 +218,8 @@ def linear_with_mask(measurement: torch.Tensor, mask: torch.Tensor) -> tuple[tor
         measurement = measurement.linear()
     elif aperture is not None:
         raise BadInput(
-            f"a plain tensor as measurement beside the mask of a camera of aperture {aperture:.3g} does not say what it "
-            "is: give what the encoder returned; or encoder.normalised(y) of what it recorded, a fraction of full "
+            f"a plain tensor as measurement beside the mask of a camera of aperture {aperture:.3g} does not say what "
+            "it is: give what the encoder returned; or encoder.normalised(y) of what it recorded, a fraction of full "
             "scale; or sci.Measurement(y) of a sum of mask times frame"
         )
     return measurement, mask if aperture is None else mask.view_as(mask)

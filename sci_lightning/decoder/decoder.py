@@ -55,10 +55,10 @@ class FirstVideo(NamedTuple):
 class Decoder(nn.Module):
     """A decoder: ``decoder(measurement, mask) -> video``.
 
-    The measurement ``(N, H, W)`` is what an encoder or :class:`sci_lightning.measurement.Measurement` returned, of which
-    the decoder undoes the aperture; or, as a plain tensor, the sum over t of M_t x_t. The mask M is ``(T, H, W)`` in
-    [0, 1], and the video x is ``(N, T, H, W)``. A subclass implements :meth:`decode`, or :meth:`decode_stages` if it makes several estimates
-    one after another. The shapes are checked before either is called.
+    The measurement ``(N, H, W)`` is what an encoder returned, a :class:`~sci_lightning.measurement.Measurement`, of
+    which the decoder undoes the aperture; or, as a plain tensor, the sum over t of M_t x_t. The mask M is ``(T, H, W)``
+    in [0, 1], and the video x is ``(N, T, H, W)``. A subclass implements :meth:`decode`, or :meth:`decode_stages` if it
+    makes several estimates one after another. The shapes are checked before either is called.
 
     Args:
         first_estimate: for networks: ``published`` gives them the input that their authors describe, ``linear`` the
@@ -278,7 +278,7 @@ def check_levels(measurement: torch.Tensor, mask: torch.Tensor) -> None:
         mask: M, ``(T, H, W)``.
 
     Raises:
-        BadInput: integers; a mask beyond [0, 1]; a measurement beyond :data:`BRIGHTEST_SUM` times that of white frames.
+        BadInput: integers; a mask beyond [0, 1]; more than :data:`BRIGHTEST_SUM` times the light of white frames.
     """
     if not measurement.is_floating_point():
         raise BadInput(
@@ -289,8 +289,8 @@ def check_levels(measurement: torch.Tensor, mask: torch.Tensor) -> None:
     least, most = (float(value) for value in torch.aminmax(mask))
     if not (least >= -MASK_ROUNDING and most <= 1 + MASK_ROUNDING):
         raise BadInput(
-            f"the mask holds {least:.4g} to {most:.4g}, but a transmittance is 0 to 1: divide it by the value that lets "
-            "all light pass"
+            f"the mask holds {least:.4g} to {most:.4g}, but a transmittance is 0 to 1: divide it by the value that "
+            "lets all light pass"
         )
     white, brightest = float(mask.sum(0).max()), float(measurement.max())
     if brightest > BRIGHTEST_SUM * max(white, 1.0):
