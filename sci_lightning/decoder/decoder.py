@@ -289,8 +289,8 @@ def check_levels(measurement: torch.Tensor, mask: torch.Tensor) -> None:
     least, most = (float(value) for value in torch.aminmax(mask))
     if not (least >= -MASK_ROUNDING and most <= 1 + MASK_ROUNDING):
         raise BadInput(
-            f"the mask holds {least:.4g} to {most:.4g}, but a transmittance is 0 to 1: divide it by the value that "
-            "lets all light pass"
+            f"the mask holds {least:.4g} to {most:.4g}, but a transmittance is 0 to 1: divide it by the value "
+            "that lets all light pass"
         )
     white, brightest = float(mask.sum(0).max()), float(measurement.max())
     if brightest > BRIGHTEST_SUM * max(white, 1.0):
