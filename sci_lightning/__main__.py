@@ -48,7 +48,7 @@ COMMANDS = (
     (
         "export_mask",
         "a trained mask as the bit planes and frames that a modulator displays",
-        "ckpt_path=RUN/checkpoints/last.ckpt canvas=[768,1024]",
+        "ckpt_path=RUN/checkpoints/last.ckpt 'canvas=[768,1024]'",
     ),
     (
         "export",
