@@ -5,8 +5,8 @@ A page marks the place of a table with two comments, which Markdown does not sho
     <!-- table: KIND, from docs/results/FILE.json -->
     <!-- end -->
 
-KIND is a module of :mod:`sci_lightning.tables.documented`, or ``MODULE.PART``. A figure in a sentence is marked likewise:
-``<!-- value: KEY, from FILE -->28.36<!-- end -->`` is the entry KEY in the last row of a ``sci-measurements`` file.
+KIND is a module of :mod:`sci_lightning.tables.documented`, or ``MODULE.PART``. A figure in a sentence is marked
+likewise: ``<!-- value: KEY, from FILE -->28.36<!-- end -->`` is KEY in the last row of a ``sci-measurements`` file.
 ``python -m sci_lightning.tables documentation=.`` writes what lies between the comments;
 tests/documentation/test_measured_tables.py compares it.
 """
