@@ -34,7 +34,8 @@ def main(clip: str, out: str) -> None:
     with torch.no_grad():
         snapshots, estimate = encoder(video), pipeline(video).clamp(0, 1)
     print(f"{-10 * (estimate - video).square().mean((2, 3)).log10().mean():.1f} dB, mean over frames")
-    drawn = [_drawn(snapshots[n] / snapshots.max(), estimate[n, t], t) for n in range(len(video)) for t in range(SLOTS)]
+    snapshots = (snapshots / snapshots.quantile(0.99)).clamp(max=1)  # to be seen, not to be measured
+    drawn = [_drawn(snapshots[n], estimate[n, t], t) for n in range(len(video)) for t in range(SLOTS)]
     with atomic_write(Path(out)) as temporary:
         drawn[0].save(temporary, "GIF", save_all=True, append_images=drawn[1:], duration=125, loop=0, optimize=True)
 

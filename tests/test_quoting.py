@@ -86,6 +86,7 @@ def test_messages() -> None:
     wrong = []
     for path in sorted((ROOT / "sci_lightning").rglob("*.py")):
         for text in texts(path):
+            wrong += [text for _ in re.finditer(r"pip install [^'\"`]*\[", text)]
             for match in ARGUMENT.finditer(text):
                 repeated = re.match(r"[^\]]*\](:| is )", text[match.end() :])
                 wrong += [] if repeated else [f"{name(path)}: {text[match.start() :][:40]!r}"]
