@@ -6,6 +6,7 @@
 # make speedrun CLIPS=.. VALIDATION=.. SCENES=..: the best recipe of half an hour on two cores; interrupted, the same line goes on
 # make benchmark: measure the figures of docs/results/decoder-cost.md anew, seven minutes of an otherwise idle machine
 # make documentation: write the measured tables of README.md and docs/ from docs/results/
+# make lock: write requirements.lock, the tested versions with the hashes of their files, from pyproject.toml and constraints.txt
 PYTHON ?= python3
 SEED   ?= 5
 WITH   ?=
@@ -13,8 +14,9 @@ SPEEDRUN ?= outputs/speedrun
 VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/ready
+TOOLS  := $(VENV)/ready-for-tests
 
-.PHONY: train diagnose tables smoke-tables gpu-tables speedrun benchmark documentation test lint clean
+.PHONY: train diagnose tables smoke-tables gpu-tables speedrun benchmark documentation test lint lock clean
 
 train: $(READY)
 	$(BIN)/python -m sci_lightning.train experiment=quickstart
@@ -22,7 +24,7 @@ train: $(READY)
 # the effect and its parameters are chosen by SEED, and revealed only at the end
 diagnose: FOUND := outputs/diagnose/seed_$(SEED)
 diagnose: $(READY)
-	$(BIN)/python -m sci_lightning.virtual_camera out=$(FOUND)/captures.h5 size=[64,64] effects=random seed=$(SEED)
+	$(BIN)/python -m sci_lightning.virtual_camera out=$(FOUND)/captures.h5 'size=[64,64]' effects=random seed=$(SEED)
 	$(BIN)/python -m sci_lightning.diagnose captures=$(FOUND)/captures.h5 out=$(FOUND)
 	$(BIN)/python -m sci_lightning.virtual_camera.reveal $(FOUND)/captures.truth.json $(FOUND)/report.json
 
@@ -67,22 +69,43 @@ speedrun: $(READY)
 	$(BIN)/python -m sci_lightning.train experiment=speedrun resume=true out=$(SPEEDRUN) \
 	  data.root=$(CLIPS) data.val_root=$(VALIDATION) benchmark.root=$(SCENES) $(WITH)
 
-test: $(READY) lint
+test: $(TOOLS) lint
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
 
-lint: $(READY)
+lint: $(TOOLS)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# deepinv brings PyPI's torchvision, which is compiled for torch with CUDA; where it does not fit the installed torch, it
-# would stop Lightning at its import, and the tests of deepinv do without it.
-# made anew whenever the pinned versions or the project's own requirements change
+INSTALL = $(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable
+
+# What training needs; made anew whenever the pinned versions or the project's own requirements change.
 $(READY): constraints.txt pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	$(INSTALL) .
+	touch $@
+
+# What the tests and the linters need besides. deepinv brings PyPI's torchvision, which is compiled for torch with CUDA; where
+# it does not fit the installed torch, it would stop Lightning at its import, and the tests of deepinv do without it.
+$(TOOLS): $(READY)
+	$(INSTALL) '.[dev]'
 	$(BIN)/python -c 'import torchvision' 2>/dev/null || $(BIN)/pip uninstall --quiet --yes torchvision
 	touch $@
+
+# PyTorch is built for CPUs and for several versions of CUDA under one version number: its hash, and which CUDA libraries come
+# with it, depend on the machine. The lock leaves them out, and says so.
+LOCK_HEADER = "Made by 'make lock' from pyproject.toml and constraints.txt; CONTRIBUTING.md says how to install from it." \
+  "For Python 3.11 to 3.13 on every platform, the SHA-256 of every file that a release of these versions has." \
+  "Not in it: torch and torchvision, which differ between machines (CPU, versions of CUDA), and the CUDA libraries" \
+  "that they bring. Install them first, from a source that you trust; only their version is tested here." \
+  "antlr4-python3-runtime is a source archive: its own file is checked, what pip builds it with is not."
+lock: $(READY)
+	$(BIN)/pip install --quiet --disable-pip-version-check 'uv>=0.9'
+	$(BIN)/uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --constraint constraints.txt --quiet \
+	  --generate-hashes --no-annotate --no-header --no-emit-index-url > $(VENV)/resolved
+	{ printf '# %s\n' $(LOCK_HEADER); \
+	  awk '/^[a-z]/ { kept = $$0 !~ /^((torch|torchvision|triton)==|nvidia-|cuda-)/ } kept' $(VENV)/resolved; } > $(VENV)/lock
+	mv $(VENV)/lock requirements.lock
 
 clean:
 	rm -rf $(VENV)

@@ -48,7 +48,7 @@ COMMANDS = (
     (
         "export_mask",
         "a trained mask as the bit planes and frames that a modulator displays",
-        "ckpt_path=RUN/checkpoints/last.ckpt canvas=[768,1024]",
+        "ckpt_path=RUN/checkpoints/last.ckpt 'canvas=[768,1024]'",
     ),
     (
         "export",
@@ -135,6 +135,8 @@ def main() -> None:
         sys.exit(2)
     else:
         sys.argv = [f"sci_lightning.{name}", *arguments]
+        if not getattr(sys.flags, "safe_path", False):
+            sys.path.insert(0, "")  # modules of the user's own in the current folder, as `python -m` has it
         # as `python -m` does it, so that processes which this one starts are started in the same way
         run_module(f"sci_lightning.{name}", run_name="__main__", alter_sys=True)
 

@@ -34,7 +34,7 @@ def design_mask(composition: Composition) -> None:
     out, console = Path(cfg.out), PlainConsole()
     height, width = (int(side) for side in cfg.size)
     if not isinstance(cfg.tile, Sequence) or len(cfg.tile) != 2:
-        raise BadInput(f"tile={cfg.tile}: expected two positive whole numbers, height and width, as in tile=[8,8]")
+        raise BadInput(f"tile={cfg.tile}: expected two positive whole numbers, height and width, as in 'tile=[8,8]'")
     tile = (int(cfg.tile[0]), int(cfg.tile[1]))
     if cfg.kind not in ("structural", "binary"):
         raise BadInput(f"kind={cfg.kind}: choose structural or binary")

@@ -57,7 +57,7 @@ def sizes_of_steps(size: Sequence[int], field: Sequence[int]) -> str:
     example[axis] = likely
     return (
         f"the snapshots are {field[0]} x {field[1]}, {space} {'columns' if axis else 'rows'} more: a mask that moves "
-        f"from slot to slot fits, by {listed} pixels; give mask_step=[{example[0]},{example[1]}] or another"
+        f"from slot to slot fits, by {listed} pixels; give 'mask_step=[{example[0]},{example[1]}]' or another"
     )
 
 

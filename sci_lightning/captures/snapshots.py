@@ -59,7 +59,7 @@ def read_snapshots(
         BadInput: no file, one that cannot be read, other sizes, or values that are no DN.
     """
     if not files:
-        raise BadInput("measurement: no file is named; give measurement=FILE or measurement=[FILE,FILE]")
+        raise BadInput("measurement: no file is named; give measurement=FILE or 'measurement=[FILE,FILE]'")
     images: list[np.ndarray] = []
     depths: list[int] = []
     fractions: list[bool] = []

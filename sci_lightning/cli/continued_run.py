@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -249,7 +250,7 @@ def _check_paths(path: Path, named: list[tuple[str, str]]) -> None:
     if elsewhere := _elsewhere(path, named):
         raise BadInput(
             f"{path}: this training read files that lie neither in the current folder nor in the run's; if they are "
-            f"yours, say so by repeating: {' '.join(map(one_printable_line, elsewhere))}"
+            f"yours, say so by repeating: {shlex.join(map(one_printable_line, elsewhere))}"
         )
     if named and is_first_process():
         shown = ", ".join(f"{key}={excerpt(value)}" for key, value in named)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -140,14 +141,14 @@ def resized(composition: Composition, checkpoint: Checkpoint, size: Sequence[int
     words = [f"size=[{height},{width}]"]
     given = (composition.cfg.get("encoder") or {}).get("mask") or {}
     if given.get("_target_") not in (None, mask.get("_target_")) and given.get("file") is None:
-        return f"add {words[0]}"
+        return f"add '{words[0]}'"
     if "tile" not in mask or name not in group_members("encoder"):
-        return f"to test with a random mask add {words[0]} encoder=rbw_sr"
+        return f"to test with a random mask add '{words[0]}' encoder=rbw_sr"
     tile = mask["tile"] or config["size"]
     words += [f"encoder={name}", f"encoder.mask.tile=[{tile[0]},{tile[1]}]"]
     words += [f"encoder.mask.bits={mask['bits']}"] if "bits" in mask else []
     words += [f"encoder.mask.repeat={mask['repeat']}"] if mask.get("repeat", 1) != 1 else []
-    return f"to test with the trained mask, repeated, add {' '.join(words)}"
+    return f"to test with the trained mask, repeated, add {shlex.join(words)}"
 
 
 def _built_encoder(settings: DictConfig, named: str, checkpoint: Checkpoint) -> Encoder:
@@ -161,7 +162,7 @@ def _built_encoder(settings: DictConfig, named: str, checkpoint: Checkpoint) -> 
         try:
             checkpoint.fill("encoder.mask", encoder.mask)
         except BadInput as error:
-            words = " ".join(
+            words = shlex.join(
                 f"encoder.mask.{key}={'null' if value is None else value}".replace(", ", ",")
                 for key, value in own.items()
             )

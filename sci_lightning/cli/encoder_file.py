@@ -174,8 +174,8 @@ def adapt_to_encoder_files(cfg: DictConfig, files: Mapping[str, EncoderFile], ov
                 shape = readable_shape((known.get("frames"), *(known.get("size") or ())))
                 raise BadInput(
                     f"{file.path}: the encoder is {shape} (T x H x W), {other or 'the command line'} asks for "
-                    f"{key}={_compact(wanted)}; set frames={known.get('frames')} size={_compact(known.get('size'))} or "
-                    "give another file"
+                    f"{key}={_compact(wanted)}; set frames={known.get('frames')} 'size={_compact(known.get('size'))}' "
+                    "or give another file"
                 )
             cfg[key] = value
             fitted[key] = (value, file.path)

@@ -85,7 +85,7 @@ def _unknown_setting(error: ConfigCompositionException) -> str | None:
         own = "one of your own is added with +candidates.mine=my_module.Mine"
         return f"{line}; {own}; candidates without that are {names}"
     if effect := re.match(r"encoder\.effects\.(\w+)\.", key):
-        return f"{line}; effect=[{effect[1]}] puts that effect into the encoder"
+        return f"{line}; effect={effect[1]} puts that effect into the encoder"
     above, _, name = key.rpartition(".")
     node = getattr(error.__cause__, "parent_node", None)
     exact = getattr(error.__cause__, "full_key", None) == key

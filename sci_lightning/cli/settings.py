@@ -184,7 +184,7 @@ SETTINGS: Mapping[str, Any] = {
     "scenarios": Sequence[Literal["ideal", "ideal_noisy", "mismatched", "known", "calibrated", "blind"]],
     "drawn": Count,
     "mismatch": Annotated[Mapping[str, Any], DocInfo("effects with their parameters, mismatch.gain.factor=1.05")],
-    "ranges": Annotated[Mapping[str, Any], DocInfo("effects with ranges, ranges.gain.factor=[0.5,1.5]")],
+    "ranges": Annotated[Mapping[str, Any], DocInfo("effects with ranges, 'ranges.gain.factor=[0.5,1.5]'")],
     "calibration": Annotated[Mapping[str, Any], DocInfo("numbers of captures by kind, calibration.dark=4")],
     "middle": Size,
     "snapshots": Repeats,
@@ -231,7 +231,7 @@ def check_command_settings(cfg: DictConfig, command: str) -> None:
         raise TypeError(f"conf/{command}.yaml: expected a mapping")
     for key in ("size", "crop"):
         if isinstance(side := settings.get(key), int) and not isinstance(defaults.get(key), int):
-            raise BadInput(f"{key}={side}: expected [height,width]; of a square {key}=[{side},{side}]")
+            raise BadInput(f"{key}={side}: expected [height,width]; of a square '{key}=[{side},{side}]'")
     nullable = [str(key) for key, value in defaults.items_ex(resolve=False) if value is None]
     check_settings(settings, nullable)
 

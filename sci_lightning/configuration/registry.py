@@ -82,7 +82,7 @@ def class_for_file(path: str | Path, target: object, trusted: Iterable[str] = ()
     shown = excerpt(target)
     advice = "name a member of its own packages"
     if isinstance(target, str) and NAME.fullmatch(target) and package != "sci_lightning":
-        advice = f"if you trust the package, say so: trusted=[{package}]"
+        advice = f"if you trust the package, say so: 'trusted=[{package}]'"
     raise BadInput(f"{path}: asks to build '{shown}', which is not a module of sci_lightning; {advice}")
 
 

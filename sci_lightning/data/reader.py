@@ -171,7 +171,7 @@ def _read_video(path: Path) -> Iterator[np.ndarray]:
     try:
         import av
     except ImportError as error:
-        raise BadInput(f"{path}: video files need PyAV; pip install sci-lightning[video]") from error
+        raise BadInput(f"{path}: video files need PyAV; pip install 'sci-lightning[video]'") from error
 
     size, declared = path.stat().st_size, declared_bytes(path)
     count, seconds = 0, 0.0

@@ -98,7 +98,7 @@ class SixScenes:
         if names:
             rest = [name for name in self.names if name not in names]
             advice = (
-                f"; data.scenes=[{','.join(rest)}] leaves {'it' if len(names) == 1 else 'them'} out" if rest else ""
+                f"; 'data.scenes=[{','.join(rest)}]' leaves {'it' if len(names) == 1 else 'them'} out" if rest else ""
             )
             raise BadInput(f"{self.root}: {', '.join(names)}: {reason.format(names[0])}{advice}")
 

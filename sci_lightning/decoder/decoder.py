@@ -211,7 +211,7 @@ class Decoder(nn.Module):
                     raise BadInput(
                         f"tile=[{size[0]},{size[1]}]: neighbouring tiles differ by {seam.difference:.2g} at their "
                         f"seams, and are smaller than the wider halo of {halo} pixels that would be tried next; give "
-                        f"at least tile=[{halo},{halo}], or tile=auto"
+                        f"at least 'tile=[{halo},{halo}]', or tile=auto"
                     ) from seam
 
     def _rounding(self, measurement: torch.Tensor, mask: torch.Tensor) -> float:

@@ -42,8 +42,8 @@ class Encoder(nn.Module):
     from torch's global generator. The sensor then adds its own noise, clips and rounds. Without effects nothing of this
     is computed. :mod:`sci_lightning.encoder.effects.stage` has the formula with effects.
 
-    On the command line ``effect=[mask_shift,prnu] encoder.effects.mask_shift.dx=0.6`` adds members of ``conf/effect``,
-    and ``+encoder.effects.mine._target_=my_module.Mine`` adds an effect of your own.
+    On the command line ``'effect=[mask_shift,prnu]' encoder.effects.mask_shift.dx=0.6`` adds members of
+    ``conf/effect``, and ``+encoder.effects.mine._target_=my_module.Mine`` adds an effect of your own.
 
     Args:
         mask: the transmittance M, ``(T, H, W)`` in [0, 1].
@@ -83,7 +83,7 @@ class Encoder(nn.Module):
         self._aperture = aperture
         given = effects.values() if isinstance(effects, Mapping) else effects or ()
         if sensor_to_modulator is not None and size is None:
-            raise BadInput("encoder.sensor_to_modulator needs encoder.size=[H,W], the field in pixels")
+            raise BadInput("encoder.sensor_to_modulator needs 'encoder.size=[H,W]', the field in pixels")
         grid = (
             None
             if sensor_to_modulator is None or size is None

@@ -25,7 +25,8 @@ def deepinv_physics(transmittance: torch.Tensor, aperture: float) -> Any:
     try:
         from deepinv.physics import LinearPhysics
     except ImportError as error:
-        raise BadInput("encoder.as_deepinv() needs deepinv: pip install 'sci-lightning[deepinv]'") from error
+        needed = f"encoder.as_deepinv() needs deepinv, and the torchvision that it imports ({error})"
+        raise BadInput(f"{needed}: pip install 'sci-lightning[deepinv]'") from error
     except RuntimeError as error:  # torchvision without the compiled operators that it describes
         raise BadInput(
             f"deepinv cannot be imported: {error}; install the torchvision that fits torch {torch.__version__}"

@@ -49,7 +49,7 @@ class TileChoice:
         if self.tile not in ("auto", "none") and not whole:
             given = f"[{','.join(map(str, self.tile))}]" if isinstance(self.tile, tuple) else tile
             raise BadInput(
-                f"tile={given}: give auto, none, or height and width of a tile in pixels, as in tile=[256,256]"
+                f"tile={given}: give auto, none, or height and width of a tile in pixels, as in 'tile=[256,256]'"
             )
         self.say, self.watch = say, watch
         self._made: dict[tuple[object, ...], Tiling | None] = {}

@@ -142,7 +142,7 @@ class Tiling:
             if height < min(halo, rows) or width < min(halo, columns):
                 raise BadInput(
                     f"tile=[{height},{width}] is smaller than the halo of {halo} pixels that this decoder needs around "
-                    f"a tile; give at least tile=[{halo},{halo}], or tile=auto"
+                    f"a tile; give at least 'tile=[{halo},{halo}]', or tile=auto"
                 )
             spans = (_spans(s, -(-s // part), halo, alignment) for s, part in zip(field, self.size, strict=True))
             return [Tile(row, column) for row, column in product(*spans)]

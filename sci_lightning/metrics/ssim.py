@@ -14,8 +14,10 @@ def ssim(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     """Return the structural similarity of every frame (Wang et al., 2004), as the video SCI literature computes it.
 
     11x11 Gaussian window of sigma 1.5, constants 0.01 and 0.03 of the range 1.0, population moments, mean over the
-    valid region (a border of 5 pixels is left out): scikit-image's values for these settings. Written here because
-    torchmetrics' function differs from them by some 1e-4 and is many times slower in float64.
+    valid region (a border of 5 pixels is left out): scikit-image's values for these settings, to 1e-13. Written here
+    because torchmetrics' function differs from them and is many times slower in float64. On six photographs of
+    scikit-image (256 x 256) it differs by 0.0012 to 0.0051 under noise of 0.05, and by 0.0003 to 0.0031 under a blur
+    of one pixel; on 47 other photographs by 0.0037 on average under that noise, and by up to 0.018.
 
     Args:
         estimate, truth: ``(..., H, W)``, H and W at least 11; not clipped.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -95,11 +96,11 @@ def _line(record: Mapping[str, Any]) -> str:
 def _command(composition: Composition) -> str:
     """Return the command line without the places of this machine."""
     words = [word for word in composition.overrides if "/" not in word.partition("=")[2]]
-    return " ".join(["python -m sci_lightning.mismatch", *words])
+    return shlex.join(["python", "-m", "sci_lightning.mismatch", *words])
 
 
 def list_decoders(words: list[str]) -> list[str]:
-    """Return the words of a command line with ``decoder=a,b`` as ``decoder=a decoders=[a,b]``, which is no sweep."""
+    """Return the words of a command line with ``decoder=a,b`` as ``decoder=a`` and ``'decoders=[a,b]'``, no sweep."""
     listed = []
     for word in words:
         key, _, value = word.partition("=")

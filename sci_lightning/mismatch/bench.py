@@ -168,7 +168,8 @@ def prepare_bench(
         if patterns.shape != (frames, *size):
             raise BadInput(
                 f"mask={mask}: holds {patterns.shape} (T, H, W), the scenes are {(frames, *size)}; give a mask of "
-                f"their size, or frames={len(patterns)} size=[{patterns.shape[1]},{patterns.shape[2]}] and such scenes"
+                f"their size, or frames={len(patterns)} 'size=[{patterns.shape[1]},{patterns.shape[2]}]' and "
+                "such scenes"
             )
     if middle is not None:
         if min(middle) < LEAST_SIDE:

@@ -73,7 +73,7 @@ def plan_cameras(
     if "alone" in groups:
         cameras += [MismatchedCamera(f"alone_{name}", {name: values}) for name, values in present.items()]
     if not cameras:
-        raise BadInput("no cameras: name some of them, cameras=[published,drawn,alone], and drawn=1 or more")
+        raise BadInput("no cameras: name some of them, 'cameras=[published,drawn,alone]', and drawn=1 or more")
     return cameras
 
 

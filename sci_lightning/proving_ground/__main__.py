@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -45,7 +46,7 @@ def proving_ground(composition: Composition) -> None:
         raise BadInput(f"{files.path}: no records to sum up; run=true makes some, out= says where they are")
     rows = summarise(records)
     chosen = [override for override in composition.overrides if override.split("=")[0].lstrip("+") not in PLACES]
-    command = " ".join(("python -m sci_lightning.proving_ground", *chosen)) if cfg.run else ""
+    command = shlex.join(("python", "-m", "sci_lightning.proving_ground", *chosen)) if cfg.run else ""
     write_report(out, rows, provenance_of(records, command))
     pictures = write_pictures(out, records)
     marks = {True: styled("yes", "green"), False: styled("no ", "red"), None: styled("   ", "")}

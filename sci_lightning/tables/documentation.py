@@ -5,8 +5,10 @@ A page marks the place of a table with two comments, which Markdown does not sho
     <!-- table: KIND, from docs/results/FILE.json -->
     <!-- end -->
 
-KIND is a module of :mod:`sci_lightning.tables.documented`, or ``MODULE.PART``. ``python -m sci_lightning.tables
-documentation=.`` writes what lies between the comments; tests/documentation/test_measured_tables.py compares it.
+KIND is a module of :mod:`sci_lightning.tables.documented`, or ``MODULE.PART``. A figure in a sentence is marked
+likewise: ``<!-- value: KEY, from FILE -->28.36<!-- end -->`` is KEY in the last row of a ``sci-measurements`` file.
+``python -m sci_lightning.tables documentation=.`` writes what lies between the comments;
+tests/documentation/test_measured_tables.py compares it.
 """
 
 from __future__ import annotations
@@ -20,10 +22,13 @@ from types import ModuleType
 
 from sci_lightning.errors import BadInput
 from sci_lightning.files.atomic_file import atomic_write
+from sci_lightning.files.json_fields import read_json
 from sci_lightning.tables import documented
 from sci_lightning.tables.provenance import Provenance
 
 MARKED = re.compile(r"^<!-- table: (?P<kind>[\w.]+), from (?P<path>\S+) -->\n(?P<body>.*?)^<!-- end -->$", re.M | re.S)
+
+VALUE = re.compile(r"<!-- value: (?P<key>\w+), from (?P<path>\S+) -->[^<\n]*<!-- end -->")
 
 
 @dataclass(frozen=True)
@@ -67,7 +72,8 @@ def updated(page: str | Path, root: str | Path) -> str:
     text = page.read_text(encoding="utf-8")
     if text.count("<!-- table: ") != len(MARKED.findall(text)):
         raise BadInput(f"{page}: expected <!-- table: KIND, from PATH --> and <!-- end --> on lines of their own")
-    return MARKED.sub(lambda match: _filled(match, page, root), text)
+    text = MARKED.sub(lambda match: _filled(match, page, root), text)
+    return VALUE.sub(lambda match: _value(match, page, root), text)
 
 
 def update_pages(root: str | Path) -> list[Path]:
@@ -103,6 +109,15 @@ def _filled(match: re.Match[str], page: Path, root: Path) -> str:
     table: DocumentedTable = _module(name, page).build(path, part)
     # a blank line on either side: GitHub takes what follows a comment directly for a part of it
     return f"<!-- table: {kind}, from {match['path']} -->\n\n{table.as_markdown()}\n<!-- end -->"
+
+
+def _value(match: re.Match[str], page: Path, root: Path) -> str:
+    key, path = match["key"], root / match["path"]
+    rows = _module("measurements", page).build(path, "").rows
+    keys = [column["key"] for column in read_json(path).content["columns"]]  # type: ignore[attr-defined]
+    if key not in keys or not rows:
+        raise BadInput(f"{page}: value {key}: {match['path']} has no row with such a column")
+    return f"<!-- value: {key}, from {match['path']} -->{rows[-1][keys.index(key)]}<!-- end -->"
 
 
 def _module(name: str, page: Path) -> ModuleType:

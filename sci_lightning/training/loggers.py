@@ -1,4 +1,4 @@
-"""Where a training is logged: ``logger=tensorboard``, ``logger=[tensorboard,csv]``, ..."""
+"""Where a training is logged: ``logger=tensorboard``, ``'logger=[tensorboard,csv]'``, ..."""
 
 from __future__ import annotations
 

@@ -32,5 +32,5 @@ def build_metrics(settings: Mapping[str, Any], size: Sequence[int]) -> dict[str,
                 f"pixels; metrics.{name}=null leaves it out"
             )
     if "psnr" not in metrics:
-        raise BadInput("metric: psnr is missing, which the best checkpoint is chosen by; add it, as in metric=[psnr]")
+        raise BadInput("metric: psnr is missing, which the best checkpoint is chosen by; add it, as in 'metric=[psnr]'")
     return metrics

@@ -87,7 +87,7 @@ def test_a_pattern_that_moves(step: tuple[int, int], tmp_path: Path) -> None:
     captures = captures_of_snapshots(snapshot(patterns), 12, tmp_path / "mask.mat", step=step, verification=[0])
     assert captures.frames == 6 and np.array_equal(captures.patterns, patterns) and not captures.known.any()
     assert captures.verification == (0,)
-    with pytest.raises(BadInput, match=r"one pattern of 40 x 40 pixels; .* a mask that moves .* give mask_step="):
+    with pytest.raises(BadInput, match=r"one pattern of 40 x 40 pixels; .* a mask that moves .* give 'mask_step="):
         captures_of_snapshots(snapshot(patterns), 12, tmp_path / "mask.mat")
     with pytest.raises(BadInput, match="does not end at the edge"):
         captures_of_snapshots(snapshot(patterns), 12, tmp_path / "mask.mat", step=(0, 7))

@@ -86,7 +86,7 @@ def test_video_becomes_full_range_luma(tmp_path, ending):
 def test_video_without_pyav_tells_how_to_get_it(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "av", None)
     (tmp_path / "a.mp4").touch()
-    with pytest.raises(BadInput, match=r"a\.mp4: .*pip install sci-lightning\[video\]"):
+    with pytest.raises(BadInput, match=r"a\.mp4: .*pip install 'sci-lightning\[video\]'"):
         read_clip(tmp_path / "a.mp4")
 
 

@@ -99,7 +99,8 @@ def test_missing_scenes_are_named_with_what_is_left(make, save):
 
 def test_scenes_shorter_than_a_snapshot_are_named(make, all_scenes):
     with pytest.raises(
-        BadInput, match=r"runner, drop: shorter than a snapshot of 10 .*=\[kobe,traffic,crash,aerial\] leaves them"
+        BadInput,
+        match=r"runner, drop: shorter than a snapshot of 10 .*=\[kobe,traffic,crash,aerial\]' leaves them",
     ):
         make(frames=10)
 

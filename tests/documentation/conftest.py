@@ -23,7 +23,7 @@ from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.cli.test_encoder_file import encoder_file
 from tests.conftest import ROOT
 from tests.decoder.test_published import as_published
-from tests.documentation.pages import ONLY_IMPORTED, SMALL, SMALL_DECODER, reduced, split
+from tests.documentation.pages import ONLY_IMPORTED, SMALL, SMALL_DECODER, own_files, reduced, split
 from tests.test_configs import clips
 
 Run = Callable[[str], None]
@@ -51,6 +51,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         savemat(place / "SCENES" / f"{scene}_cacti.mat", {"orig": frames})
     savemat(place / "MASK.mat", {"mask": np.random.default_rng(0).integers(0, 2, (32, 32, 8))})
     imsave(place / "SNAPSHOT.tiff", (torch.rand(32, 32) * 255).byte().numpy(), check_contrast=False)
+    own_files(place)
     (place / "LAB").mkdir()
     np.save(place / "LAB" / "masks.npy", np.full((8, 32, 32), 1 / 8))
     imsave(place / "LAB" / "grey.tif", np.full((32, 32), 100, np.uint8), check_contrast=False)
@@ -73,6 +74,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def stand_ins(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder of stand-ins as the current one; what a page's commands write stays in it for the next ones."""
     monkeypatch.chdir(folder)
+    monkeypatch.syspath_prepend(folder)
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
     monkeypatch.setenv("MPLBACKEND", "agg")
     return folder

@@ -20,6 +20,7 @@ SMALL = [
 ]
 """Overrides that make one training a matter of seconds; the stand-ins of ``conftest.py`` are of this size."""
 SMALL_DECODER = {
+    "mine": [],
     "e2e_cnn": ["decoder.channels=4", "decoder.blocks=1"],
     "pnp_ffdnet": ["decoder.denoiser.channels=4", "decoder.denoiser.layers=3", "decoder.iterations=[1]"],
     "res2former": ["decoder.dim=8", "decoder.depths=[1,1]", "decoder.groups=[1,1]"],
@@ -50,6 +51,18 @@ ONLY_COMPOSED = (
 """Commands with one of these words are composed with ``--cfg job`` and not run: other tests run the same code."""
 ONLY_IMPORTED = ("sci_lightning.benchmark.convolutions",)
 """Commands without settings, which tests of the same name run on small data."""
+
+
+OWN_FILE = re.compile(r"`([\w/]+\.(?:py|yaml))`:\n\n```(?:python|yaml)\n(.*?)```", re.DOTALL)
+"""A file that a page tells its reader to write: its path, and what it holds."""
+
+
+def own_files(folder: Path) -> None:
+    """Write the files that the pages tell their readers to write, all into one folder."""
+    for page in PAGES:
+        for path, content in OWN_FILE.findall(page.read_text()):
+            (folder / path).parent.mkdir(parents=True, exist_ok=True)
+            (folder / path).write_text(content)
 
 
 def name(page: Path) -> str:

@@ -80,6 +80,18 @@ def test_a_table_shows_values_notes_and_provenance(clone: Path, ran: Callable[..
     assert "is as its file says" in ran("tables", f"documentation={clone}")
 
 
+def test_a_figure_in_a_sentence_is_that_of_the_last_row(clone: Path, ran: Callable[..., str]) -> None:
+    page, rows = clone / "README.md", [{"name": "old", "psnr": 20}, {"name": "new", "psnr": 28.567}]
+    marked = "It reaches <!-- value: psnr, from docs/results/a.json -->1<!-- end --> dB.\n\n"
+    page.write_text(marked + MARKER)
+    (clone / "docs" / "results" / "a.json").write_text(json.dumps(CONTENT | {"rows": rows}))
+    assert "README.md: tables written" in ran("tables", f"documentation={clone}")
+    assert page.read_text().startswith(marked.replace(">1<", ">28.57<"))
+    page.write_text(marked.replace("psnr", "ssim"))
+    with pytest.raises(BadInput, match=r"value ssim: .* no row with such a column"):
+        updated(page, clone)
+
+
 def test_a_table_that_differs_from_its_file(clone: Path) -> None:
     (clone / "README.md").write_text(updated(clone / "README.md", clone).replace("28.57", "29.57"))
     assert updated(clone / "README.md", clone) != (clone / "README.md").read_text()
@@ -137,6 +149,9 @@ def test_tables_of_the_paper_show_the_rows_that_are_kept(clone: Path, made: Made
     text = updated(page, clone)
     assert "| Res2former, 4-bit mask |  |  |  | 30.50 ± 0.71 (34.95) | (35.98) |" in text
     assert "| E2E-CNN | (29.45) | (27.02) | (24.67) |  | (32.42) |" in text and text.count("Res2former-L") == 1
+    page.write_text(MARKER.replace("measurements", "paper.trained").replace("a.json", "tables/cpu"))
+    text = updated(page, clone)
+    assert "| Res2former, 4-bit mask | RSw/SR | 30.50 | 34.95 |\n\n" in text and "E2E-CNN" not in text
     page.write_text(MARKER.replace("measurements", "paper.table9"))
     with pytest.raises(BadInput, match=r"paper\.table9: no such table; choose one of table2"):
         updated(page, clone)

@@ -5,13 +5,17 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
+from runpy import run_path
 
+import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 from tests.conftest import ROOT
 from tests.documentation.pages import PAGES, blocks, commands, commands_of, name
 
+LAYOUT = ROOT / "docs" / "explanation" / "repository-layout.md"
 PYTHON = [page for page in PAGES if blocks(page, "python")]
 
 
@@ -42,7 +46,25 @@ def test_the_pages_are_there() -> None:
 
 
 def test_the_readme_is_short() -> None:
-    assert len((ROOT / "README.md").read_text().splitlines()) <= 200
+    text = (ROOT / "README.md").read_text()
+    assert len(text.splitlines()) <= 120 and len(text.split()) <= 900
+    assert "**Tell it what your camera recorded" in text and len(PAGES) > 30
+
+
+def test_the_moving_picture() -> None:
+    """It stands on top of the README, is small, and moves."""
+    path = ROOT / re.findall(r"^!\[[^]]+\]\((\S+)\)$", (ROOT / "README.md").read_text(), re.MULTILINE)[0]
+    with Image.open(path) as picture:
+        assert path.suffix == ".gif" and path.stat().st_size < 1.5e6 and picture.n_frames >= 8  # type: ignore[attr-defined]
+
+
+def test_how_the_moving_picture_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    script = run_path(str(ROOT / "docs" / "make_animation.py"))
+    monkeypatch.setitem(script["main"].__globals__, "SIDE", 24)
+    np.savez(tmp_path / "clip.npz", frames=np.random.default_rng(0).integers(0, 256, (30, 40, 50), np.uint8))
+    script["main"](str(tmp_path / "clip.npz"), str(tmp_path / "out.gif"))
+    with Image.open(tmp_path / "out.gif") as picture:
+        assert picture.n_frames == 24 and picture.size == (2 * 24 + 8, 24 + 16)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
@@ -63,8 +85,8 @@ def test_links(page: Path) -> None:
 
 
 def test_every_room_is_on_the_map() -> None:
-    """README's map of the house names every folder of the package, and no folder that is not there."""
-    drawn = re.search(r"^sci_lightning/\n(.*?)^tests/", (ROOT / "README.md").read_text(), re.DOTALL | re.MULTILINE)
+    """The map of the repository names every folder of the package, and no folder that is not there."""
+    drawn = re.search(r"^sci_lightning/\n(.*?)^tests/", LAYOUT.read_text(), re.DOTALL | re.MULTILINE)
     assert drawn is not None
     rooms = set(re.findall(r"^  (\w+)/ ", drawn[1], re.MULTILINE))
     there = {folder.parent.name for folder in (ROOT / "sci_lightning").glob("*/__init__.py")}

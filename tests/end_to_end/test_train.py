@@ -176,7 +176,7 @@ def test_evaluate_on_the_benchmark(run: Path, command: Command, tmp_path: Path, 
     done = command("evaluate", *few, *right.split()[1:])
     assert done.returncode == 0, done.stderr
     done = command("evaluate", *few, "encoder=rbw_sr")  # its random mask takes any size
-    assert done.returncode == 2 and done.stderr.endswith("; add size=[256,256]\n")
+    assert done.returncode == 2 and done.stderr.endswith("; add 'size=[256,256]'\n")
     done = command("evaluate", *few, "encoder=lsw_sr", "encoder.mask.tile=[8,8]")
     assert done.returncode == 2 and "build the encoder.mask that was trained: encoder.mask.tile=null" in done.stderr
     tiled = [*TINY, "size=[256,256]", "crop=[32,32]", "encoder.mask.tile=[32,32]", "data.scenes_count=1"]

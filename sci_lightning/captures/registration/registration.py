@@ -95,7 +95,7 @@ def register(
         said = "" if best is None else f" (best correlation {best.correlation:.2f})"
         raise BadInput(
             f"{name}: no pattern can be found in its image{said}; expected captures of an even target that show "
-            "the commanded patterns with contrast, in focus, with no other structure; a known pitch=[ACROSS,DOWN] in "
+            "the commanded patterns with contrast, in focus, with no other structure; a known 'pitch=[ACROSS,DOWN]' in "
             "pixels per mirror helps"
         )
     check_homography(best.matrix, captures.size, captures.mirrors)

@@ -35,7 +35,7 @@ from sci_lightning.diagnosis.blind.snapshots import (
     usable_snapshots,
     useless_snapshots,
 )
-from sci_lightning.diagnosis.blind.undetermined import SHOWN_IF_STRONG, undetermined_effects
+from sci_lightning.diagnosis.blind.undetermined import SHOWN_IF_STRONG, determined_effects, undetermined_effects
 from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.search.evidence import Estimate, NamedEffect, systematic_limit
@@ -107,6 +107,7 @@ class BlindDiagnosis:
         corrected: fit of the corrected camera.
         effects: the named effects in the order in which light meets them.
         rounds: calibrated nats of the candidates that were fitted, by name, round by round.
+        considered: classes of the effects that might have been named, by name.
         undetermined: what these snapshots cannot tell: the name of an effect, and what about the scenes looks alike.
             An effect that is seen only if it is strong stands here unless it is named.
         notes: what is unusual about the snapshots, in sentences.
@@ -126,6 +127,7 @@ class BlindDiagnosis:
     corrected: BlindFit
     effects: tuple[BlindEffect, ...]
     rounds: tuple[dict[str, float], ...]
+    considered: Mapping[str, type[Effect]]
     undetermined: Mapping[str, str]
     notes: tuple[str, ...]
     stated_noise: tuple[str, ...]
@@ -253,6 +255,7 @@ def diagnose_blind(
         corrected=explanation.fit,
         effects=tuple(_named(model, explanation.fit, one) for one in explanation.named),
         rounds=explanation.rounds,
+        considered=determined_effects(searched),
         undetermined=undetermined_effects(model) | weak,
         notes=_notes(captures, likelihood, len(judges), explanation.mask_is_visible, prediction, withdrawn),
         mask_is_visible=explanation.mask_is_visible,

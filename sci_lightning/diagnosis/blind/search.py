@@ -14,11 +14,9 @@ from sci_lightning.diagnosis.blind.displacement import proposed_displacements
 from sci_lightning.diagnosis.blind.first_pose import first_pose
 from sci_lightning.diagnosis.blind.likelihood import spread
 from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
-from sci_lightning.diagnosis.blind.undetermined import undetermined_effects
-from sci_lightning.diagnosis.laboratory import SceneEffect
+from sci_lightning.diagnosis.blind.undetermined import determined_effects
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 from sci_lightning.diagnosis.search_settings import SearchSettings
-from sci_lightning.encoder.effects import SensorEffect
 from sci_lightning.encoder.effects.parameter import part_of
 
 OnProgress = Callable[[str], None]
@@ -115,13 +113,7 @@ class BlindSearch:
         self.judge = ContenderJudge(fitter, self.all_blocks, settings.min_gain_nats)
         self._contenders: dict[frozenset[str], list[Contender]] = {}
         self._promising: set[str] = set()
-        self.undetermined = undetermined_effects(fitter.model)
-        self.candidates = [
-            name
-            for name, effect in fitter.model.vocabulary.items()
-            if not (effect.noise or effect.map_kind or issubclass(effect, SceneEffect) or name in self.undetermined)
-            and not (issubclass(effect, SensorEffect) and effect.is_discrete())
-        ]
+        self.candidates = list(determined_effects(fitter.model))
 
     def _inner(self) -> torch.Tensor:
         """Return the blocks that are not at the edge of the field: most candidates leave them all."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from sci_lightning.diagnosis.blind.prior import LONGEST_VIDEO
+from sci_lightning.diagnosis.laboratory import SceneEffect
 from sci_lightning.diagnosis.model.camera_model import CameraModel
-from sci_lightning.encoder.effects import OpticsEffect, SensorEffect
+from sci_lightning.encoder.effects import Effect, OpticsEffect, SensorEffect
 
 UNDETERMINED = {
     "gain": "the brightness of the scenes",
@@ -40,3 +41,14 @@ def undetermined_effects(model: CameraModel) -> dict[str, str]:
         if "flicker" in model.vocabulary:
             unclear["flicker"] = OF_THE_SLOTS
     return unclear
+
+
+def determined_effects(model: CameraModel) -> dict[str, type[Effect]]:
+    """Return the effects that a search in snapshots of unknown scenes considers, by name."""
+    undetermined = undetermined_effects(model)
+    return {
+        name: effect
+        for name, effect in model.considered.items()
+        if not (effect.map_kind or issubclass(effect, SceneEffect) or name in undetermined)
+        and not (issubclass(effect, SensorEffect) and effect.is_discrete())
+    }

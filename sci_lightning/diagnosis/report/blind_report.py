@@ -29,7 +29,7 @@ from sci_lightning.diagnosis.report.corrected_camera import (
 from sci_lightning.diagnosis.report.digits import quantity, uncertainty
 from sci_lightning.diagnosis.report.report import VERIFIED_BY_NONE, write_corrected_encoder
 from sci_lightning.diagnosis.report.report_page import Provenance
-from sci_lightning.diagnosis.report.sentences import clause
+from sci_lightning.diagnosis.report.sentences import class_paths, clause, considered
 from sci_lightning.diagnosis.report.svg import AFTER, FAINT, style
 from sci_lightning.diagnosis.report.terminal import COLOURS
 from sci_lightning.files.atomic_file import atomic_write
@@ -113,7 +113,7 @@ def _page(diagnosis: BlindDiagnosis, drawn: Mapping[str, Figure]) -> BlindPage:
         undetermined=diagnosis.undetermined,
         remark="A displacement of mask and scene together, scenes that are less sharp, and patterns in reversed order "
         "(scenes that run backwards) cannot be told either. "
-        "Nobody has looked for deviations without a name.",
+        f"Nobody has looked for deviations without a name; {considered(diagnosis.considered)}.",
     )
 
 
@@ -136,6 +136,7 @@ def describe_blind(diagnosis: BlindDiagnosis) -> dict[str, Any]:
         "unnamed": [],
         "where": {"before": [], "after": []},
         "noise": {**noise, "stated_by_the_file": list(diagnosis.stated_noise)},
+        "considered": class_paths(diagnosis.considered),
         "next_captures": list(diagnosis.next_captures),
         "mode": "blind",
         "laboratory": [],
@@ -213,6 +214,7 @@ def print_blind_report(diagnosis: BlindDiagnosis, console: PlainConsole) -> None
         console.say(note)
     hidden = [f"a weak {name}" if name in SHOWN_IF_STRONG else name for name in diagnosis.undetermined]
     console.say(f"unknown scenes cannot tell: {', '.join(hidden)}; report.json says why")
+    console.say(considered(diagnosis.considered))
     for advice in diagnosis.next_captures:
         console.say(styled("record next"), f": {advice}")
 

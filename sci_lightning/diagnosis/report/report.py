@@ -22,6 +22,7 @@ from sci_lightning.diagnosis.model.camera_model import CameraModel, Setting
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.report.pictures import figures
 from sci_lightning.diagnosis.report.report_page import Provenance, report_page
+from sci_lightning.diagnosis.report.sentences import class_paths
 from sci_lightning.encoder.empirical import Empirical
 from sci_lightning.files.atomic_file import atomic_write
 
@@ -90,6 +91,7 @@ def describe(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "where": {when: [test.describe() for test in model.tests] for when, model in assessments.items()},
         "noise": {**noise, "stated_by_the_file": list(diagnosis.stated_noise)},
+        "considered": class_paths(diagnosis.model.considered),
         "next_captures": list(diagnosis.next_captures),
         "mode": "calibrated",
         "laboratory": [effect.describe() for effect in diagnosis.laboratory],

@@ -22,7 +22,7 @@ from sci_lightning.diagnosis.fit.gap import Misfit
 from sci_lightning.diagnosis.model.camera_model import datasheet_noise
 from sci_lightning.diagnosis.report import pictures
 from sci_lightning.diagnosis.report.digits import chi2, quantity, uncertainty
-from sci_lightning.diagnosis.report.sentences import clause, headline
+from sci_lightning.diagnosis.report.sentences import clause, considered, headline
 from sci_lightning.diagnosis.report.svg import svg
 from sci_lightning.diagnosis.residual_tests import ResidualTest
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE
@@ -288,7 +288,8 @@ def _footer(diagnosis: Diagnosis, provenance: Provenance) -> dict[str, str]:
             stated = name in diagnosis.stated_noise and values == datasheet[name]
             listed = ", ".join(f"{key} {value:.4g}" for key, value in values.items())
             noise.append(f"{name.replace('_', ' ')}: {listed} ({'stated by the file' if stated else 'estimated'})")
-    rows = {"held out": held_out, **_left_out(diagnosis), "noise": "; ".join(noise), "command": provenance.command}
+    rows = {"held out": held_out, **_left_out(diagnosis), "noise": "; ".join(noise)}
+    rows |= {"effects": considered(diagnosis.model.considered), "command": provenance.command}
     rows["run time"] = "" if provenance.runtime_s is None else f"{provenance.runtime_s:.1f} s"
     rows["version"] = f"sci_lightning {__version__}, seed {diagnosis.seed}"
     return {title: content for title, content in rows.items() if content}

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.fit.gap import Gap
 from sci_lightning.diagnosis.report.digits import chi2, quantity
 from sci_lightning.diagnosis.search.evidence import NamedEffect
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE
+from sci_lightning.encoder.effects import Effect
 
 MAX_CLAUSES = 3
 """Effects that a headline describes in words; of more it gives the names."""
@@ -50,6 +53,21 @@ def clause(effect: NamedEffect) -> str:
         for name, estimate in effect.parameters.items()
     }
     return effect.effect.describe(values)
+
+
+def considered(effects: Mapping[str, type[Effect]]) -> str:
+    """Say how many effects might have been named, and which of them are not of the package.
+
+    Args:
+        effects: their classes by name.
+    """
+    own = [f"{name} ({path})" for name, path in class_paths(effects).items() if not path.startswith("sci_lightning.")]
+    return f"{len(effects)} effects were considered" + (f", of your own: {', '.join(own)}" if own else "")
+
+
+def class_paths(effects: Mapping[str, type[Effect]]) -> dict[str, str]:
+    """Return the dotted paths of classes of effects, by name."""
+    return {name: f"{effect.__module__}.{effect.__qualname__}" for name, effect in effects.items()}
 
 
 def improvement(before: Gap, after: Gap) -> str:

@@ -11,7 +11,7 @@ from rich.table import Table
 from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.report.digits import chi2, quantity
-from sci_lightning.diagnosis.report.sentences import headline
+from sci_lightning.diagnosis.report.sentences import considered, headline
 
 COLOURS = {"consistent": "green", "explained": "green", "partly_explained": "yellow", "unexplained": "red"}
 
@@ -78,5 +78,6 @@ def print_report(diagnosis: Diagnosis, console: PlainConsole) -> None:
             f"what lies beyond the patterns is unknown: {100 * split['counted_fraction']:.0f} % of the pixels do not "
             "depend on it and count"
         )
+    console.say(considered(diagnosis.model.considered))
     for advice in diagnosis.next_captures:
         console.say(styled("record next"), f": {advice}")

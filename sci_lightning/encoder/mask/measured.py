@@ -45,7 +45,7 @@ class Measured(Mask):
         if shape != wanted:
             raise BadInput(
                 f"{file}: the mask is {readable_shape(shape)} (T x H x W), the run needs {readable_shape(wanted)}; "
-                f"set frames={shape[0]} size=[{shape[1]},{shape[2]}] or give another file"
+                f"set frames={shape[0]} 'size=[{shape[1]},{shape[2]}]' or give another file"
             )
         super().__init__(shape[0], shape[1:])
         self.register_buffer("pattern", pattern)

@@ -1,11 +1,12 @@
 """The paper's tables with our kept rows in them, and verdicts on its claims.
 
-``paper.table5`` is one of the tables, ``paper.psnr`` all of them in short, ``paper.verdicts`` a line for each claim.
+``paper.table5`` is one of the tables, ``paper.psnr`` all of them in short, ``paper.trained`` what of this has been
+trained, ``paper.verdicts`` a line for each claim.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -45,8 +46,8 @@ def build(path: str | Path, part: str) -> DocumentedTable:
 
     Args:
         path: the folder, such as ``docs/results/tables/cpu``; as long as it is not there, the table is empty.
-        part: ``table2`` to ``table5``, ``psnr`` (the PSNR of these four, a line for each decoder), ``claims`` (every
-            comparison) or ``verdicts`` (a line for each claim).
+        part: ``table2`` to ``table5``, ``psnr`` (the PSNR of these four, a line for each decoder), ``trained`` (the
+            PSNR of the rows that are there), ``claims`` (every comparison) or ``verdicts`` (a line for each claim).
 
     Raises:
         BadInput: another part, or a file of no use.
@@ -59,13 +60,13 @@ def build(path: str | Path, part: str) -> DocumentedTable:
     if part in ("claims", "verdicts"):
         scored = [claim for claim in paper["claims"] if "cost" not in claim]
         grid = (claim_table if part == "claims" else verdict_table)(scored, paper["tables"], runs)
-    elif part == "psnr":
-        grid = _psnr(paper["tables"], runs)
+    elif part in ("psnr", "trained"):
+        grid = (_psnr if part == "psnr" else _trained_psnr)(paper["tables"], runs)
     elif part in paper["tables"]:
         table = {key: value for key, value in paper["tables"][part].items() if key != "cost"}
         grid = _trained(score_table(part, table, runs))
     else:
-        parts = [*paper["tables"], "psnr", "claims", "verdicts"]
+        parts = [*paper["tables"], "psnr", "trained", "claims", "verdicts"]
         raise BadInput(f"paper.{part}: no such table; choose one of {', '.join(parts)}")
     return DocumentedTable(*_cells(grid), _provenance(runs), [in_markdown(note) for note in grid.notes])
 
@@ -80,19 +81,34 @@ def _trained(grid: Grid) -> Grid:
 
 def _psnr(tables: Mapping[str, Any], runs: Sequence[Run]) -> Grid:
     """The PSNR of Tables 2 to 5 in one: decoders below each other, pairs of encoders side by side."""
+    cells: dict[str, dict[str, list[str]]] = {}
+    for name, encoder, line in _named_lines(tables, runs):
+        texts = cells.setdefault(name, {column: [] for column in ENCODERS.values()})[encoder]
+        if (text := _psnr_cell(line)) not in texts:
+            texts.append(text)
+    rows = [[name, *("; ".join(texts) for texts in row.values())] for name, row in cells.items()]
+    return Grid("psnr", "Tables 2 to 5: PSNR", ["decoder", *ENCODERS.values()], rows, [PSNR_NOTE])
+
+
+def _trained_psnr(tables: Mapping[str, Any], runs: Sequence[Run]) -> Grid:
+    """The PSNR of what was trained, and nothing else: a line for each decoder and encoder."""
+    rows = {
+        (name, encoder): [name, encoder, f"{psnr:.2f}", f"{line.paper['psnr']:.2f}"]
+        for name, encoder, line in _named_lines(tables, runs)
+        if (psnr := line.mean().get("psnr")) is not None
+    }
+    return Grid("psnr", "PSNR", ["decoder", "camera", "ours (dB)", "the paper's (dB)"], list(rows.values()), [])
+
+
+def _named_lines(tables: Mapping[str, Any], runs: Sequence[Run]) -> Iterator[tuple[str, str, Line]]:
+    """Yield every line of Tables 2 to 5 after the names of its decoder and of its encoder."""
     by_bits = {fields["decoder"] for fields in tables["table5"]["columns"].values()}
     names = {row["match"]["decoder"]: name for key in ("table2", "table4") for name, row in tables[key]["rows"].items()}
-    cells: dict[str, dict[str, list[str]]] = {}
     for key in ("table2", "table3", "table5", "table4"):  # Table 4 repeats Table 5's learned mask of 4 bits
         for line in lines_of(tables[key], runs):
             fields = {**tables[key]["columns"][line.column], **tables[key]["rows"][line.row]["match"]}
             name = names[line.decoder] + (f", {fields['bits']}-bit mask" if line.decoder in by_bits else "")
-            row = cells.setdefault(name, {column: [] for column in ENCODERS.values()})
-            texts = row[ENCODERS[fields["encoder"], fields["test_encoder"]]]
-            if (text := _psnr_cell(line)) not in texts:
-                texts.append(text)
-    rows = [[name, *("; ".join(texts) for texts in row.values())] for name, row in cells.items()]
-    return Grid("psnr", "Tables 2 to 5: PSNR", ["decoder", *ENCODERS.values()], rows, [PSNR_NOTE])
+            yield name, ENCODERS[fields["encoder"], fields["test_encoder"]], line
 
 
 def _psnr_cell(line: Line) -> str:

@@ -1,4 +1,4 @@
-"""Tables of a proving ground's folder: ``proving_ground.headline``, ``.summary``, ``.outside`` and ``.rays``."""
+"""Tables of a proving ground's folder: ``proving_ground.summary``, ``.outside`` and ``.rays``."""
 
 from __future__ import annotations
 
@@ -14,10 +14,7 @@ from sci_lightning.tables.documentation import DocumentedTable
 from sci_lightning.tables.provenance import NOT_YET, Provenance, read_provenance
 from sci_lightning.virtual_camera import OTHER_FIELDS
 
-PARTS = ("headline", "summary", "outside", "rays")
-
-DETAILS = ("right names", "95% of", "fewer captures", "memory", "cases that failed")
-"""How the rows of a summary begin that have a target and are no headline."""
+PARTS = ("summary", "outside", "rays")
 
 
 def build(path: str | Path, part: str) -> DocumentedTable:
@@ -25,9 +22,8 @@ def build(path: str | Path, part: str) -> DocumentedTable:
 
     Args:
         path: of the folder with ``cases.jsonl`` and ``summary.json``; as long as it is not there, the table is empty.
-        part: ``headline`` (the main figures that have a target), ``summary`` (every figure),
-            ``outside`` (a line for each case with a deviation known from other fields) or ``rays`` (a line for each
-            case that was sampled by rays and in which a name is missing or wrong).
+        part: ``summary`` (every figure), ``outside`` (a line for each case with a deviation known from other fields)
+            or ``rays`` (a line for each case that was sampled by rays and in which a name is missing or wrong).
 
     Raises:
         BadInput: another part, or a file of no use.
@@ -38,10 +34,8 @@ def build(path: str | Path, part: str) -> DocumentedTable:
     records = Records(path / "cases.jsonl").read()
     outcomes = [record for record in records if isinstance(record, Outcome)]
     provenance = _provenance(path) if records else NOT_YET
-    if part in ("headline", "summary"):
+    if part == "summary":
         rows = [row for row in summarise(records) if row.figure != "no cases"] if records else []
-        if part == "headline":
-            rows = [row for row in rows if row.target and not row.what.startswith(DETAILS)]
         cells = [[row.what, row.figure, row.target, ANSWERS[row.met]] for row in rows]
         return DocumentedTable(["what", "result (95 % interval)", "target", "reached"], cells, provenance)
     if part == "outside":
