@@ -10,8 +10,9 @@ from scipy.io import savemat
 
 from sci_lightning.captures.mask_fit import moving_masks, place_of_mask
 from sci_lightning.captures.raw_dn import raw_dn, step_of
-from sci_lightning.captures.snapshots import captures_of_snapshots, matching_files, read_snapshots
+from sci_lightning.captures.snapshots import captures_of_snapshots, read_snapshots
 from sci_lightning.errors import BadInput
+from sci_lightning.files.picture_file import matching_files
 
 
 def test_raw_dn_of_divided_values() -> None:
