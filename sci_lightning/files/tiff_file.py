@@ -105,7 +105,7 @@ def _read(path: Path, file: Any) -> np.ndarray:
         else:
             picture = np.stack([page.asarray() for page in pages])
     except (ValueError, ImportError, NotImplementedError) as error:
-        if "imagecodecs" not in str(error):
+        if "imagecodecs" not in str(error) and not isinstance(error, ImportError):  # of a codec in the library
             raise
         read = _by_pillow(path, pages)
         if read is None:

@@ -23,7 +23,7 @@ def packed(values: np.ndarray, name: str) -> bytes:
         return number.to_bytes(-(-bits * len(pixels) // 8), "little")
     if name.endswith("Packed"):
         low = bits - 8
-        pairs = [(pixels + [0])[index : index + 2] for index in range(0, len(pixels), 2)]
+        pairs = [[*pixels, 0][index : index + 2] for index in range(0, len(pixels), 2)]
         return b"".join(bytes((a >> low, a % 2**low | (b % 2**low) << 4, b >> low)) for a, b in pairs)
     return values.astype("u1" if bits == 8 else "<u2").tobytes()
 
@@ -53,7 +53,7 @@ def test_settings() -> None:
     assert raw_layout(None, None) is None
     assert raw_layout("Mono12p", [5, 7]) == RawLayout("Mono12p", (5, 7))
     for settings in (("Mono12p", None), (None, [5, 7])):
-        with pytest.raises(BadInput, match="raw_format=Mono12p and .*raw_size"):
+        with pytest.raises(BadInput, match=r"raw_format=Mono12p and .*raw_size"):
             raw_layout(*settings)
     with pytest.raises(BadInput, match="raw_format=RGB8: use one of Mono8"):
         raw_layout("RGB8", [5, 7])
