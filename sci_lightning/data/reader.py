@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ from sci_lightning.errors import BadInput
 from sci_lightning.files.array_file import array_names
 from sci_lightning.files.memory_bound import check_memory
 from sci_lightning.files.npy_file import npz_arrays
+from sci_lightning.files.picture_file import natural
 
 IMAGES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"})
 VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v"})
@@ -63,13 +63,13 @@ def find_clips(root: str | Path) -> list[Path]:
             f"{' or '.join(VIDEO_NAMES)}, a video file ({', '.join(sorted(VIDEOS))}) "
             f"or a folder of two or more images ({', '.join(sorted(IMAGES))})"
         )
-    return sorted(clips, key=_natural_order)
+    return sorted(clips, key=lambda path: natural(path.as_posix()))
 
 
 def frame_files(folder: str | Path) -> list[Path]:
     """Return the image files directly in ``folder``, the frames of one clip, in natural order."""
     files = [f for f in Path(folder).iterdir() if f.suffix.lower() in IMAGES and not f.name.startswith(".")]
-    return sorted(files, key=_natural_order)
+    return sorted(files, key=lambda path: natural(path.as_posix()))
 
 
 def read_clip(path: str | Path) -> np.ndarray:
@@ -227,8 +227,3 @@ def _is_clip_file(path: Path) -> bool:
         return bool(array_names(path) & set(VIDEO_NAMES))
     except Exception:  # damaged: named when it is read, not passed over
         return True
-
-
-def _natural_order(path: Path) -> tuple[list[str | int], str]:
-    parts = re.split(r"([0-9]+)", path.as_posix())
-    return [int(p) if i % 2 else p for i, p in enumerate(parts)], path.as_posix()

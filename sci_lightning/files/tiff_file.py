@@ -98,7 +98,7 @@ def _read(path: Path, file: Any) -> np.ndarray:
         warnings.warn(f"{path}: {BAYER}", InputWarning, stacklevel=2)
     axes = series.axes if series else "N" + first.axes
     try:
-        if first.bitspersample not in WHOLE_BYTES and not compressed and not first.is_tiled:
+        if first.bitspersample not in WHOLE_BYTES and not (compressed or first.is_tiled or first.fillorder == 2):
             picture, axes = np.stack([_unpack(path, page) for page in pages]), "NYX"
         elif series:
             picture = series.asarray()
@@ -169,9 +169,7 @@ def _unpack(path: Path, page: Any) -> np.ndarray:
     row = -(-columns * bits // 8)
     if len(content) < rows * row or page.samplesperpixel != 1:
         raise ValueError(f"{len(content)} bytes for {rows} rows of {columns} numbers of {bits} bits")
-    order = "little" if page.fillorder == 2 else "big"
-    lines = np.frombuffer(content, np.uint8, rows * row).reshape(rows, row)
-    return unpacked(lines, bits, columns, order=order, most_significant_first=True)
+    return unpacked(np.frombuffer(content, np.uint8, rows * row).reshape(rows, row), bits, columns, "big")
 
 
 def _by_pillow(path: Path, pages: Sequence[Any]) -> np.ndarray | None:
@@ -179,25 +177,28 @@ def _by_pillow(path: Path, pages: Sequence[Any]) -> np.ndarray | None:
     from PIL import Image, UnidentifiedImageError
 
     read = []
-    for page in pages:
-        try:
-            with Image.open(path, formats=["TIFF"]) as image:
+    try:
+        with Image.open(path, formats=["TIFF"]) as image:
+            for page in pages:
                 image.seek(page.index)
-                one = np.asarray(image)
-        except (UnidentifiedImageError, KeyError):
-            return None
-        bits, bytes_of = page.bitspersample, one.dtype.itemsize
-        own = np.dtype(page.dtype) if page.dtype is not None else np.dtype(np.uint16)
-        if one.dtype.kind in "iu" and own.kind == "u" and bytes_of > own.itemsize:  # Pillow widens some types
-            one = one.astype(own)
-        if one.shape[:2] != (page.imagelength, page.imagewidth) or one.dtype.newbyteorder("=") != own.newbyteorder("="):
-            return None
-        if bits in (2, 4):  # Pillow spreads these over the range of 8 bits
-            one = one // (255 // (2**bits - 1))
-        if int(page.photometric) == 0 and bits <= 8:  # and inverts these, which is done once for all
-            one = ~one if bits == 1 else (2**bits - 1) - one
-        read.append(one)
-    return np.stack(read)
+                read.append(_with_own_numbers(np.asarray(image), page))
+    except (UnidentifiedImageError, KeyError):
+        return None
+    return None if any(one is None for one in read) else np.stack([one for one in read if one is not None])
+
+
+def _with_own_numbers(read: np.ndarray, page: Any) -> np.ndarray | None:
+    """Return what Pillow made of a page in the type and on the scale of the file; None if it is something else."""
+    bits, own = page.bitspersample, np.dtype(page.dtype or np.uint16)
+    if read.dtype.kind in "iu" and own.kind == "u" and read.dtype.itemsize > own.itemsize:  # Pillow widens some types
+        read = read.astype(own)
+    if read.shape[:2] != (page.imagelength, page.imagewidth) or read.dtype.newbyteorder("=") != own.newbyteorder("="):
+        return None
+    if bits in (2, 4):  # Pillow spreads these over the range of 8 bits
+        read = read // (255 // (2**bits - 1))
+    if int(page.photometric) == 0 and bits <= 8:  # and inverts these, which is done once for all
+        return ~read if bits == 1 else (2**bits - 1) - read
+    return read
 
 
 def _check_pages(path: Path) -> None:
