@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
 PART = "covered_snapshots.npy"
 """File of the part of the snapshots that the mask covers; no name that snapshots themselves are likely to have."""
-OF_SNAPSHOTS = ("key", "bit_depth", "mask", "mask_key", "mask_step", "mask_origin", "verification")
+OF_MASK = ("mask_key", "mask_dark", "mask_white", "mask_step", "mask_origin", "verification")
+OF_SNAPSHOTS = ("key", "bit_depth", "raw_format", "raw_size", "mask", *OF_MASK)
 """Settings that say how snapshots and masks of separate files are read."""
 FACTS = "snapshots.json"
 """File of what snapshots tell by themselves."""
@@ -187,7 +188,7 @@ def _blind(task: Task) -> bool:
 
 def _files(name: str) -> list[Path]:
     """Return the files of a name or a pattern."""
-    from sci_lightning.captures.snapshots import matching_files
+    from sci_lightning.files.picture_file import matching_files
 
     return [Path(path) for path in matching_files(name)]
 
@@ -212,10 +213,12 @@ def read_input(cfg: DictConfig) -> Given:
         BadInput: both or neither, or files that cannot be used.
     """
     from sci_lightning.captures import read_captures
-    from sci_lightning.captures.snapshots import captures_of_snapshots, matching_files, read_snapshots
+    from sci_lightning.captures.snapshots import captures_of_snapshots, read_snapshots
     from sci_lightning.diagnosis.blind.snapshot_facts import snapshot_facts
     from sci_lightning.diagnosis.report.snapshot_report import SnapshotReport
     from sci_lightning.errors import BadInput
+    from sci_lightning.files.packed_file import raw_layout
+    from sci_lightning.files.picture_file import matching_files
 
     if (cfg.captures is None) == (cfg.measurement is None):
         raise BadInput(
@@ -227,7 +230,7 @@ def read_input(cfg: DictConfig) -> Given:
             f"{of_files[0]}={cfg[of_files[0]]}: belongs to measurement=; a captures file holds its mask and "
             "what belongs to it: leave this out"
         )
-    of_mask = [key for key in of_files if key.startswith("mask_") or key == "verification"]
+    of_mask = [key for key in of_files if key in OF_MASK]
     if cfg.mask is None and of_mask:
         raise BadInput(f"{of_mask[0]}={cfg[of_mask[0]]}: belongs to a mask; give mask=FILE as well")
     if cfg.captures is not None:
@@ -237,7 +240,8 @@ def read_input(cfg: DictConfig) -> Given:
             return Given(captures)
         facts = snapshot_facts(captures.measurement[unknown], captures.bit_depth, str(cfg.captures))
         return Given(captures, SnapshotReport(facts, Path(cfg.captures).name, True, not unknown.all()))
-    dn, bit_depth = read_snapshots(matching_files(cfg.measurement), cfg.key, cfg.bit_depth)
+    raw = raw_layout(cfg.raw_format, cfg.raw_size)
+    dn, bit_depth = read_snapshots(matching_files(cfg.measurement), cfg.key, cfg.bit_depth, raw)
     facts = snapshot_facts(dn, bit_depth, str(cfg.measurement))
     name = Path(cfg.measurement).name
     if cfg.mask is None:
@@ -247,6 +251,7 @@ def read_input(cfg: DictConfig) -> Given:
         bit_depth,
         cfg.mask,
         key=cfg.mask_key,
+        levels=(cfg.mask_dark, cfg.mask_white),
         step=cfg.mask_step,
         origin=cfg.mask_origin,
         verification=cfg.verification,

@@ -28,6 +28,13 @@ class BadInput(ValueError):
     """
 
 
+class InputWarning(UserWarning):
+    """What the user gave was used, but may not be what it seems to be; the message is one line.
+
+    Commands print it as one line that begins with ``warning:``; a notebook sees an ordinary warning.
+    """
+
+
 class MachineFailure(RuntimeError):
     """The machine could not do what was rightly asked of it, for example because a disk is full.
 

@@ -39,6 +39,7 @@ def reconstruct(composition: Composition) -> None:
     from sci_lightning.files.atomic_file import atomic_write
     from sci_lightning.files.mask_file import doubtful_axes
     from sci_lightning.files.npy_file import write_npy
+    from sci_lightning.files.packed_file import raw_layout
     from sci_lightning.imaging.animation import write_frames, write_gif
     from sci_lightning.imaging.mask_check import mask_warning
     from sci_lightning.imaging.pipeline import Pipeline
@@ -64,12 +65,28 @@ def reconstruct(composition: Composition) -> None:
     encoder = resolve_camera(composition, checkpoint) or encoder
     bit_depth = getattr(encoder.sensor, "bit_depth", None)
     snapshot = read_snapshot(
-        cfg.measurement, key=cfg.key, full_scale=cfg.full_scale, bit_depth=8 if bit_depth is None else bit_depth
+        cfg.measurement,
+        key=cfg.key,
+        full_scale=cfg.full_scale,
+        bit_depth=8 if bit_depth is None else bit_depth,
+        raw=raw_layout(cfg.raw_format, cfg.raw_size),
     )
     measurement = snapshot.measurement
     pipeline = Pipeline(encoder, decoder.eval())
     with torch.no_grad():
-        mask = pipeline.decoder_mask() if cfg.mask is None else read_mask(cfg.mask, cfg.mask_key, "mask_key")
+        mask = (
+            pipeline.decoder_mask()
+            if cfg.mask is None
+            else read_mask(
+                cfg.mask,
+                cfg.mask_key,
+                "mask_key",
+                field=measurement.shape[1:],
+                frames=frames,
+                dark=cfg.mask_dark,
+                white=cfg.mask_white,
+            )
+        )
     named = f"mask={cfg.mask}" if cfg.mask else "the encoder's mask"
     if not mask.any():
         raise BadInput(f"{named} is dark: every value is 0; {GIVE_MASK}")

@@ -13,18 +13,14 @@ from sci_lightning.captures.captures import SURROUNDS, Captures
 from sci_lightning.captures.kind import infer_kind
 from sci_lightning.captures.plausibility import Entry, check_entries, suspicions
 from sci_lightning.captures.recipe import FILE, WORDS, Node, Recipe, as_number, read_recipe
-from sci_lightning.captures.snapshots import natural
 from sci_lightning.captures.write import write_captures
 from sci_lightning.errors import BadInput
 from sci_lightning.files.memory_bound import check_memory
-from sci_lightning.files.picture_file import read_pictures
+from sci_lightning.files.picture_file import COPIES, natural, read_stack
 from sci_lightning.imaging.homography import check_homography, nearest_mirrors
 
 MOST_SLOTS = 5_000_000
 """Largest number of slots of all entries together; every one of them is checked."""
-
-COPIES = 3
-"""Copies of an array that are in memory at once while it is checked and joined with others."""
 
 
 def pack_captures(
@@ -231,22 +227,13 @@ def _scene(folder: Path, entry: Node, shape: tuple[int, ...]) -> np.ndarray:
 
 def _stacks(folder: Path, node: Node, key: str, names: list[str], prefer: str) -> list[np.ndarray]:
     """Return the images (K, H, W) of every file, in the order of the list and, within a glob, in natural order."""
-    stacks: list[np.ndarray] = []
-    for name in names:
-        for path in _files(folder, node, key, name):
-            try:
-                array = read_pictures(path, prefer=prefer)
-                check_memory(
-                    f"{path} with those before it", COPIES * (sum(stack.nbytes for stack in stacks) + array.nbytes)
-                )
-            except BadInput as error:
-                raise node.refusal(key, str(error)) from error
-            stacks.append(array if array.ndim == 3 else array[None])
-            if stacks[-1].shape[1:] != stacks[0].shape[1:]:
-                raise node.refusal(key, f"{path} is {array.shape[-2:]} (H, W), the first is {stacks[0].shape[1:]}")
-    if not stacks:
+    paths = [path for name in names for path in _files(folder, node, key, name)]
+    if not paths:
         raise node.refusal(key, f"no file is named; {FILE} needs at least one")
-    return stacks
+    try:
+        return read_stack(paths, prefer=prefer)
+    except BadInput as error:
+        raise node.refusal(key, str(error)) from error
 
 
 def _files(folder: Path, node: Node, key: str, name: str) -> list[str]:

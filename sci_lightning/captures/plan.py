@@ -16,14 +16,11 @@ from scipy.ndimage import gaussian_filter
 
 from sci_lightning.captures.recipe import FILE
 from sci_lightning.errors import BadInput, MachineFailure
-from sci_lightning.files.array_file import ENDINGS, read_array
-from sci_lightning.files.picture_file import read_pictures
+from sci_lightning.files.mask_file import read_mask_file
 
 COMPARED = 5
 """Captures of a kind from which one is left for verification: a diagnosis keeps one in five of a kind."""
 
-LARGEST_LEVEL = 2**16 - 1
-"""Level of the finest pictures that modulators and cameras have."""
 MOST_CAPTURES = 1000
 """More than anybody records in a session."""
 
@@ -157,30 +154,8 @@ def plan_session(
 
 
 def read_coding_patterns(path: str | Path) -> np.ndarray:
-    """Return the coding patterns of a file, (T, H, W) float64 in [0, 1].
-
-    Whole levels are divided by the largest of their type, or by the largest there is where the type has more than 16
-    bits.
-
-    Raises:
-        BadInput: the file cannot be read, or has other values or dimensions.
-    """
-    path = Path(path)
-    if path.suffix.lower() in ENDINGS:
-        stored = read_array(path, prefer="mask", dimensions=3)
-    else:
-        stored = read_pictures(path, prefer="mask")
-    if stored.ndim != 3:
-        raise BadInput(f"{path}: expected the coding patterns (T, H, W), found {stored.shape}")
-    patterns = stored.astype(np.float64)
-    if not np.isfinite(patterns).all() or patterns.min() < 0:
-        raise BadInput(f"{path}: expected patterns of 0 or more, found NaN, infinite or negative values")
-    if stored.dtype.kind in "ui" and patterns.max() > 1:
-        levels = np.iinfo(stored.dtype).max
-        patterns /= levels if levels <= LARGEST_LEVEL else patterns.max()
-    if patterns.max() > 1:
-        raise BadInput(f"{path}: values up to {patterns.max():g}, expected transmittances from 0 to 1")
-    return patterns
+    """Return the coding patterns of a file, (T, H, W) float64 in [0, 1]; raises BadInput as ``read_mask_file`` does."""
+    return read_mask_file(path).astype(np.float64)
 
 
 def random_binary(seed: int, frames: int, size: Sequence[int]) -> np.ndarray:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import glob
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,35 +13,16 @@ from sci_lightning.captures.raw_dn import raw_dn, step_of
 from sci_lightning.errors import BadInput
 from sci_lightning.files.mask_file import doubtful_axes, read_mask_file
 from sci_lightning.files.memory_bound import check_memory
+from sci_lightning.files.packed_file import RawLayout
 from sci_lightning.files.picture_file import read_pictures
 from sci_lightning.files.stored_array import readable_shape
 
 
-def matching_files(name: str | Path) -> list[str]:
-    """Return the file of this name, or the files that a pattern such as ``scene*.mat`` fits, in natural order.
-
-    Raises:
-        BadInput: no file fits.
-    """
-    if Path(name).is_dir():
-        raise BadInput(f"{name}: is a folder, expected a file; several are given as '{name}/*.tiff'")
-    if Path(name).is_file():
-        return [str(name)]
-    folder = Path(name).parent  # brackets are legal in its name
-    place = str(Path(glob.escape(str(folder)), Path(name).name)) if folder.is_dir() else str(name)
-    files = [path for path in glob.glob(place) if Path(path).is_file()]
-    if not files:
-        raise BadInput(f"{name}: no such file")
-    return sorted(files, key=natural)
-
-
-def natural(path: str) -> list[tuple[int, str]]:
-    """Return a key by which frame2 comes before frame10."""
-    return [(int(digits or -1), text) for digits, text in re.findall(r"(\d+)|(\D+)", path)]
-
-
 def read_snapshots(
-    files: Sequence[str | Path], key: str | None = None, bit_depth: int | None = None
+    files: Sequence[str | Path],
+    key: str | None = None,
+    bit_depth: int | None = None,
+    raw: RawLayout | None = None,
 ) -> tuple[np.ndarray, int]:
     """Read snapshots of one camera.
 
@@ -51,6 +30,7 @@ def read_snapshots(
         files: TIFF, PNG, MAT, NPY or HDF5, one or more snapshots each, all of one size.
         key: name of the array in a MAT or HDF5 file; None for ``meas``, or the only one that fits.
         bit_depth: of the camera; None for the smallest usual one that holds all values.
+        raw: what files of raw numbers do not say of themselves; its bits are the bit depth unless that is given.
 
     Returns:
         raw DN, uint16 ``(N, H, W)``, and the bit depth.
@@ -60,11 +40,12 @@ def read_snapshots(
     """
     if not files:
         raise BadInput("measurement: no file is named; give measurement=FILE or 'measurement=[FILE,FILE]'")
+    bit_depth = raw.bits if raw is not None and bit_depth is None else bit_depth
     images: list[np.ndarray] = []
     depths: list[int] = []
     fractions: list[bool] = []
     for file in files:
-        values = read_pictures(file, prefer="meas", key=key, setting="key")
+        values = read_pictures(file, prefer="meas", key=key, setting="key", raw=raw)
         dn, bits = raw_dn(values if values.ndim == 3 else values[None], str(file), bit_depth)
         if not dn.any():
             raise BadInput(
@@ -89,6 +70,7 @@ def captures_of_snapshots(
     mask: str | Path,
     *,
     key: str | None = None,
+    levels: tuple[float | None, float | None] = (None, None),
     step: Sequence[int] | None = None,
     origin: Sequence[int] | None = None,
     verification: Sequence[int] | None = None,
@@ -99,8 +81,11 @@ def captures_of_snapshots(
     Args:
         dn: raw DN ``(N, H, W)``.
         bit_depth: of the camera.
-        mask: file of ``(T, h, w)`` in [0, 1] (MATLAB's ``(h, w, T)`` in a .mat), or of one pattern ``(h, w)``.
+        mask: file or folder of ``(T, h, w)`` (MATLAB's ``(h, w, T)`` in a .mat), or of one pattern ``(h, w)``, see
+            :func:`~sci_lightning.files.mask_file.read_mask_file`.
         key: name of the mask's array; None for ``mask``, or the only one that fits.
+        levels: numbers in the file that are transmittance 0 and 1, see
+            :func:`~sci_lightning.files.mask_file.transmittance`.
         step: (rows, columns) by which one pattern moves from slot to slot; the field has room for all its places.
         origin: (row, column) of the mask at which the snapshots begin, where their sizes differ; negative where the
             snapshots begin earlier. Only what both have is used.
@@ -110,7 +95,9 @@ def captures_of_snapshots(
     Raises:
         BadInput: the mask cannot be read or does not fit; the message says which shift or crop would fit, if one does.
     """
-    patterns = read_mask_file(mask, key, one_pattern=True, setting="mask_key")
+    patterns = read_mask_file(
+        mask, key, one_pattern=True, setting="mask_key", field=dn.shape[1:], dark=levels[0], white=levels[1]
+    )
     if not patterns.any():
         raise BadInput(
             f"{mask}: the mask never opens: every value is 0; give the mask that the snapshots were taken with"

@@ -17,6 +17,7 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, open_dict
 
 from sci_lightning.cli.composition import Composition, from_hydra, group_members
+from sci_lightning.cli.console import warn
 from sci_lightning.cli.continued_run import continued
 from sci_lightning.cli.encoder_file import PLACES, EncoderFile, adapt_to_encoder_files, adopt_encoder_files
 from sci_lightning.cli.failure_line import exit_status, one_line
@@ -26,7 +27,7 @@ from sci_lightning.cli.settings import check_command_settings
 from sci_lightning.cli.sweep import defer_to_rows, finished_rows, in_sweep, refuse_uncomposed_row
 from sci_lightning.cli.words import check_choices, check_words
 from sci_lightning.configuration.conf_folder import CONF
-from sci_lightning.errors import INTERRUPTED
+from sci_lightning.errors import INTERRUPTED, InputWarning
 from sci_lightning.files.plain_text import one_printable_line
 from sci_lightning.runs.run_folder import is_first_process, remove_if_refused, run_folder
 
@@ -54,6 +55,7 @@ def run(name: str, task: Task) -> None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return
     debug = os.environ.get("HYDRA_FULL_ERROR") == "1" or "debug=true" in sys.argv
+    warnings.showwarning = _show_warning
     failed: list[tuple[str, int]] = []
     interrupted = False
     try:
@@ -162,6 +164,17 @@ def _end_sweep(interrupted: bool) -> list[tuple[str, int]]:
 
     print_summary(rows, interrupted)
     return [] if interrupted else failures(rows)
+
+
+_show_others = warnings.showwarning
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+    """Print a warning about the user's input as one line, and any other as Python does."""
+    if issubclass(category, InputWarning):
+        warn(str(message))
+    else:
+        _show_others(message, category, *place, **more)
 
 
 def _silence_libraries() -> None:

@@ -58,7 +58,7 @@ class EncoderFile:
         if len(known) < 2 and isinstance(file := mask.get("file"), str) and file != "???":
             from sci_lightning.encoder.mask.measured import read_mask
 
-            frames, *size = read_mask(file, mask.get("key")).shape
+            frames, *size = read_mask(file, mask.get("key"), dark=mask.get("dark"), white=mask.get("white")).shape
             known = {"frames": frames, "size": size, **known}
         if self.content.get("sensor_to_modulator") is not None:  # the mask's size is that of the modulator
             known.pop("size", None)

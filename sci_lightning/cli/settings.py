@@ -75,6 +75,10 @@ SETTINGS: Mapping[str, Any] = {
     "measurement": Place,
     "key": Name,
     "mask": Place,
+    "mask_dark": NonNegative,
+    "mask_white": Positive,
+    "raw_format": Name,
+    "raw_size": Size,
     "full_scale": Positive,
     "aperture": Positive | str,
     "fps": Annotated[float, Interval(ge=0.1, le=50)],  # of a GIF: browsers slow faster ones down

@@ -10,12 +10,13 @@ import numpy as np
 from sci_lightning.configuration.bounds import Frames, Repeats, Seed, Share, Size
 from sci_lightning.data.augmentation import Augmentation
 from sci_lightning.data.reader import find_clips
+from sci_lightning.data.source import Clips
 from sci_lightning.data.stored_clips import StoredSource
 from sci_lightning.errors import BadInput
 
 
 class Folder(StoredSource):
-    """Any tree of clips: folders of images, ``.npz`` files, video files.
+    """Any tree of clips: folders of images, ``.npz`` files, video files, MATLAB and HDF5 files with frames.
 
     Args:
         root: the folder of the clips; see :func:`~sci_lightning.data.reader.find_clips`.
@@ -23,15 +24,16 @@ class Folder(StoredSource):
         size: ``(H, W)`` in pixels, the mask's full size, to which scenes are cut.
         crop: ``(h, w)`` in pixels, the size of training clips.
         seed: decides all that is random in the training clips; the clips that are held out are the same for every seed.
-        val_root: the folder of the held-out clips, which are not trained on even if they lie inside ``root``.
+        val_root: the folder of the held-out clips, which are not trained on even if they lie inside ``root``; a test
+            on all clips of a folder names it twice.
         validation: without ``val_root``, the share of the clips (between 0 and 1, at least one clip) that is held out.
         clips_per_epoch: by default the number of separate groups of T frames in the training clips.
         store: see :class:`~sci_lightning.data.store.ClipStore`.
         max_stride, reverse, scale, flip, rotate: see :class:`~sci_lightning.data.augmentation.Augmentation`.
 
     Raises:
-        BadInput: there are no clips, or too few to hold one out, or an argument is out of range. ``clips`` and
-            ``scenes`` read the clips, and raise it for one that is unreadable, too short or too small.
+        BadInput: there are no clips, or an argument is out of range. ``clips`` and ``scenes`` read the clips, and raise
+            it for one that is unreadable, too short or too small; ``clips`` also if all of them are held out.
     """
 
     def __init__(
@@ -56,11 +58,9 @@ class Folder(StoredSource):
             frames, crop, max_stride=max_stride, reverse=reverse, scale=scale, flip=flip, rotate=rotate
         )
         clips = find_clips(root)
-        held_out = find_clips(val_root) if val_root else _held_out_share(clips, validation, root)
+        held_out = find_clips(val_root) if val_root else _held_out_share(clips, validation)
         excluded = {clip.resolve() for clip in held_out}
         training = [clip for clip in clips if clip.resolve() not in excluded]
-        if not training:
-            raise BadInput(f"{root}: every clip is in val_root={val_root} too; none is left to train on")
         super().__init__(
             training,
             held_out,
@@ -71,17 +71,24 @@ class Folder(StoredSource):
             clips_per_epoch=clips_per_epoch,
             store=store,
         )
+        self.root, self.val_root = root, val_root
+
+    def clips(self) -> Clips:
+        """Return augmented training clips, float32 ``(T, h, w)`` in [0, 1]."""
+        if not self.training:
+            one = "holds a single clip, so none can be held out; give val_root for validation"
+            every = f"every clip is in val_root={self.val_root} too; none is left to train on"
+            raise BadInput(f"{self.root}: {every if self.val_root else one}")
+        return super().clips()
 
 
-def _held_out_share(clips: list[Path], share: float, root: str | Path) -> list[Path]:
-    """Draw the clips to hold out: at least one, and at least one is left to train on.
+def _held_out_share(clips: list[Path], share: float) -> list[Path]:
+    """Draw the clips to hold out: at least one, and where there are several at least one is left to train on.
 
     They do not depend on the seed of a training: a test with another seed would fall on clips that were trained on.
     """
     if not 0 < share < 1:
         raise BadInput(f"validation={share}: must lie between 0 and 1")
-    if len(clips) < 2:
-        raise BadInput(f"{root}: holds a single clip, so none can be held out; give val_root for validation")
-    count = min(max(1, round(share * len(clips))), len(clips) - 1)
+    count = max(1, min(round(share * len(clips)), len(clips) - 1))
     drawn = np.random.default_rng(0).choice(len(clips), count, replace=False)
     return [clips[i] for i in sorted(drawn)]

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-import math
 import os
-import re
 import warnings
-import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.lib import format as npy
 
 from sci_lightning.data.container_end import declared_bytes
+from sci_lightning.data.video_array import VIDEO_NAMES, read_video_array
 from sci_lightning.errors import BadInput
-from sci_lightning.files.memory_bound import check_memory, check_stored
-from sci_lightning.files.npy_file import npy_header
+from sci_lightning.files.array_file import array_names
+from sci_lightning.files.memory_bound import check_memory
+from sci_lightning.files.npy_file import npz_arrays
+from sci_lightning.files.picture_file import natural
 
 IMAGES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp"})
 VIDEOS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v"})
+ARRAYS = frozenset({".mat", ".h5", ".hdf5"})
+"""Files that are clips if they hold an array of :data:`~sci_lightning.data.video_array.VIDEO_NAMES`."""
 
 FORMATS = ("PNG", "JPEG", "TIFF", "BMP")
 """Image formats that are read, whatever the names end with: Pillow would hand PostScript to an interpreter."""
@@ -39,7 +40,8 @@ BT601 = np.array([0.299, 0.587, 0.114], dtype=np.float32)
 def find_clips(root: str | Path) -> list[Path]:
     """List the clips below ``root`` in natural order (``clip2`` comes before ``clip10``).
 
-    A clip is a video file, an ``.npz`` file, or a folder that directly holds two or more image files.
+    A clip is a video file, an ``.npz`` file, a MATLAB or HDF5 file with frames, or a folder that directly holds two or
+    more image files.
     ``root`` may itself be a clip. Names that start with a dot are ignored.
 
     Raises:
@@ -57,16 +59,17 @@ def find_clips(root: str | Path) -> list[Path]:
             clips.append(Path(folder))
     if not clips:
         raise BadInput(
-            f"{root}: holds no clip; a clip is an .npz file, a video file ({', '.join(sorted(VIDEOS))}) "
+            f"{root}: holds no clip; a clip is an .npz file, a .mat or .h5 file with an array "
+            f"{' or '.join(VIDEO_NAMES)}, a video file ({', '.join(sorted(VIDEOS))}) "
             f"or a folder of two or more images ({', '.join(sorted(IMAGES))})"
         )
-    return sorted(clips, key=_natural_order)
+    return sorted(clips, key=lambda path: natural(path.as_posix()))
 
 
 def frame_files(folder: str | Path) -> list[Path]:
     """Return the image files directly in ``folder``, the frames of one clip, in natural order."""
     files = [f for f in Path(folder).iterdir() if f.suffix.lower() in IMAGES and not f.name.startswith(".")]
-    return sorted(files, key=_natural_order)
+    return sorted(files, key=lambda path: natural(path.as_posix()))
 
 
 def read_clip(path: str | Path) -> np.ndarray:
@@ -77,7 +80,8 @@ def read_clip(path: str | Path) -> np.ndarray:
 def read_frames(path: str | Path) -> Iterator[np.ndarray]:
     """Yield the frames of the clip at ``path``, uint8 ``(H, W)`` luma, all of one size.
 
-    ``path`` is an ``.npz`` file (its array ``frames``, else its first array of three dimensions or of
+    ``path`` is a MATLAB or HDF5 file (see :func:`~sci_lightning.data.video_array.read_video_array`), an
+    ``.npz`` file (its array ``frames`` or ``orig``, else its first array of three dimensions or of
     four with the colours last: uint8, or floating point in [0, 1]), a folder of 8-bit images, or a
     video file. Colour becomes luma by full-range BT.601.
 
@@ -90,6 +94,8 @@ def read_frames(path: str | Path) -> Iterator[np.ndarray]:
         frames = _read_images(path)
     elif path.suffix.lower() == ".npz":
         frames = _read_npz(path)
+    elif path.suffix.lower() in ARRAYS:
+        frames = iter(read_video_array(path, VIDEO_NAMES))
     elif path.suffix.lower() in VIDEOS:
         frames = _read_video(path)
     else:
@@ -122,32 +128,21 @@ def _naming(path: Path) -> Iterator[None]:
 
 
 def _read_npz(path: Path) -> Iterator[np.ndarray]:
-    with zipfile.ZipFile(path) as archive:
-        entries = {entry.filename.removesuffix(".npy"): entry for entry in archive.infolist()}
-        names = ["frames"] if "frames" in entries else [name for name, e in entries.items() if e.filename != name]
-        for name in names:
-            with archive.open(entries[name]) as stream:  # the header alone: other arrays are never inflated
-                shape, dtype = npy_header(stream)
-                header = stream.tell()
-            if len(shape) == 3 or (len(shape) == 4 and shape[3] == 3):
-                frames = _inflate(archive, entries[name], f"'{name}' of shape {shape}", shape, dtype, header)
-                break
-        else:
-            raise BadInput(f"{path}: its arrays are {names[:20]}; expected one of (T, H, W) or (T, H, W, 3)")
+    arrays = npz_arrays(path)
+    name = next((name for name in VIDEO_NAMES if name in arrays), None)
+    for array in [arrays[name]] if name else arrays.values():
+        if len(array.shape) == 3 or (len(array.shape) == 4 and array.shape[3] == 3):
+            if not array.numeric:
+                raise BadInput(f"{path}: cannot be read ({array.dtype} of shape {array.shape}); expected numbers")
+            try:
+                frames = array.read()
+            except BadInput as error:
+                raise BadInput(f"{path}: {error}") from error
+            break
+    else:
+        names = [name] if name else list(arrays)[:20]
+        raise BadInput(f"{path}: its arrays are {names}; expected one of (T, H, W) or (T, H, W, 3)")
     yield from frames
-
-
-def _inflate(
-    archive: zipfile.ZipFile, entry: zipfile.ZipInfo, what: str, shape: tuple[int, ...], dtype: np.dtype, header: int
-) -> np.ndarray:
-    if dtype.hasobject:
-        raise BadInput(f"{archive.filename}: cannot be read ({what} holds Python objects); expected numbers")
-    declared = math.prod(shape) * dtype.itemsize
-    what = f"{archive.filename}: {what}"
-    check_stored(what, declared, entry.file_size - header, compressed=False)
-    check_stored(what, declared, entry.compress_size, compressed=True)
-    with archive.open(entry) as stream:
-        return npy.read_array(stream, allow_pickle=False)
 
 
 def _read_images(folder: Path) -> Iterator[np.ndarray]:
@@ -225,9 +220,10 @@ def _luma(frame: np.ndarray, where: str) -> np.ndarray:
 
 
 def _is_clip_file(path: Path) -> bool:
-    return path.is_file() and path.suffix.lower() in VIDEOS | {".npz"}
-
-
-def _natural_order(path: Path) -> tuple[list[str | int], str]:
-    parts = re.split(r"([0-9]+)", path.as_posix())
-    return [int(p) if i % 2 else p for i, p in enumerate(parts)], path.as_posix()
+    ending = path.suffix.lower()
+    if ending not in ARRAYS or not path.is_file():
+        return path.is_file() and ending in VIDEOS | {".npz"}
+    try:
+        return bool(array_names(path) & set(VIDEO_NAMES))
+    except Exception:  # damaged: named when it is read, not passed over
+        return True

@@ -295,6 +295,6 @@ def check_levels(measurement: torch.Tensor, mask: torch.Tensor) -> None:
     white, brightest = float(mask.sum(0).max()), float(measurement.max())
     if brightest > BRIGHTEST_SUM * max(white, 1.0):
         raise BadInput(
-            f"the measurement reaches {brightest:.4g} where white frames give at most {white:.4g}, the sum of the mask: "
+            f"the measurement reaches {brightest:.4g}, white frames give at most {white:.4g}, the sum of the mask: "
             "for DN give sci.Measurement(dn, full_scale=.., aperture=..)"
         )

@@ -1,9 +1,10 @@
-"""NumPy's .npy format: the header first, the numbers only if they are there."""
+"""NumPy's formats .npy and .npz: the header first, the numbers only if they are there."""
 
 from __future__ import annotations
 
 import math
 import os
+import zipfile
 from collections.abc import Iterable
 from pathlib import Path
 from typing import IO
@@ -40,6 +41,32 @@ def npy_array(path: Path) -> StoredArray:
     def read() -> np.ndarray:
         check_stored(f"its array of shape {shape}", math.prod(shape) * dtype.itemsize, stored, compressed=False)
         with path.open("rb") as stream:
+            return npy.read_array(stream, allow_pickle=False)
+
+    return StoredArray(shape, str(dtype), dtype.kind in "buif", read)
+
+
+def npz_arrays(path: Path) -> dict[str, StoredArray]:
+    """List the arrays of an .npz file by name without reading their numbers.
+
+    Raises:
+        OSError, ValueError, zipfile.BadZipFile: no .npz file.
+    """
+    with zipfile.ZipFile(path) as archive:
+        entries = [entry for entry in archive.infolist() if entry.filename.endswith(".npy")]
+        return {entry.filename.removesuffix(".npy"): _entry(path, archive, entry) for entry in entries}
+
+
+def _entry(path: Path, archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> StoredArray:
+    with archive.open(entry) as stream:
+        shape, dtype = npy_header(stream)
+        header = stream.tell()
+
+    def read() -> np.ndarray:
+        declared, what = math.prod(shape) * dtype.itemsize, f"'{entry.filename.removesuffix('.npy')}' of shape {shape}"
+        check_stored(what, declared, entry.file_size - header, compressed=False)
+        check_stored(what, declared, entry.compress_size, compressed=True)
+        with zipfile.ZipFile(path) as archive, archive.open(entry) as stream:
             return npy.read_array(stream, allow_pickle=False)
 
     return StoredArray(shape, str(dtype), dtype.kind in "buif", read)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import torch
 
+from sci_lightning.files.grey import BAYER
 from sci_lightning.imaging.operator import SnapshotOperator
 from sci_lightning.imaging.slot_order import better_order
 
@@ -48,6 +49,9 @@ structural ones, which only motion tells apart.
 """
 MIN_GAIN = 0.02
 """Another position or orientation has to be better by so many nats per block."""
+MOSAIC_SPREAD, MOSAIC_ALIKE, MOSAIC_CERTAINTY = 0.06, 0.3, 8.0
+"""Of the four answers within a cell of 2 x 2 pixels, as parts of their mean: how far they lie apart in a mosaic of
+colours, how much less those of green differ, and standard errors by which they must."""
 SATURATED = 0.999
 MAX_SNAPSHOTS = 4
 MAX_BLOCKS = 1500
@@ -77,6 +81,30 @@ class MaskCheck:
         return (
             not self.better and not self.order and (self.share < MIN_EXPECTED_SHARE or self.explained >= MIN_EXPLAINED)
         )
+
+
+def is_colour_mosaic(image: torch.Tensor, expected: torch.Tensor) -> bool:
+    """Return whether the pixels of 2 x 2 cells answer as those of a Bayer filter: one diagonal alike, the rest not.
+
+    On 34 real snapshots and scenes of grey cameras the four answers differ by at most 2 %.
+
+    Args:
+        image: ``(H, W)``, linear in the light.
+        expected: ``(H, W)``, what every pixel would have in even light.
+    """
+    height, width = (2 * (side // 2) for side in image.shape)
+    values, light = (
+        part[:height, :width].double().unfold(0, 2, 2).unfold(1, 2, 2).reshape(-1, 4) for part in (image, expected)
+    )
+    if len(values) < MIN_BLOCKS or not (light.sum(0) > 0).all() or not (values.sum(0) > 0).all():
+        return False
+    answers = values.sum(0) / light.sum(0)
+    rest = values - light * values.sum() / light.sum()
+    rest = rest - rest.mean(1, keepdim=True)
+    certainty = rest.mean(0).abs() / (rest.std(0) / len(rest) ** 0.5 + 1e-9)
+    spread = float((answers.max() - answers.min()) / answers.mean())
+    alike = float(min((answers[0] - answers[3]).abs(), (answers[1] - answers[2]).abs()) / answers.mean())
+    return spread > MOSAIC_SPREAD and alike < MOSAIC_ALIKE * spread and float(certainty.max()) > MOSAIC_CERTAINTY
 
 
 @torch.no_grad()
@@ -134,7 +162,8 @@ def check_mask(measurement: torch.Tensor, mask: torch.Tensor) -> MaskCheck | Non
 def mask_warning(measurement: torch.Tensor, mask: torch.Tensor) -> str:
     """Return one line that says that a mask does not seem to belong to snapshots, and what to check.
 
-    It is empty if at least half of the snapshots that can tell do not contradict the mask.
+    A mosaic of colours is named first. The line is empty if at least half of the snapshots that can tell do not
+    contradict the mask.
 
     Args:
         measurement: ``(N, H, W)``, linear in the light, 1.0 is full scale; at most ``MAX_SNAPSHOTS`` are tested.
@@ -142,6 +171,9 @@ def mask_warning(measurement: torch.Tensor, mask: torch.Tensor) -> str:
     """
     if len(mask) > 1 and bool((mask == mask[:1]).all()):
         return "all slots of the mask are equal: they code nothing, so that the frames cannot be told apart"
+    brightest = mask.amax(0)  # also where the mask was calibrated through the same filters
+    if is_colour_mosaic(measurement[0], mask.sum(0)) or is_colour_mosaic(brightest, torch.ones_like(brightest)):
+        return f"seems to be {BAYER}"
     checks = [check_mask(one, mask) for one in measurement[:MAX_SNAPSHOTS]]
     answers = [check for check in checks if check is not None]
     doubts = [check for check in answers if not check.belongs]

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from sci_lightning.errors import BadInput
+from sci_lightning.files.packed_file import RawLayout
 from sci_lightning.files.picture_file import read_pictures
 
 BIT_DEPTHS = (8, 10, 12, 14, 16)
@@ -79,23 +80,30 @@ class Snapshot:
 
 
 def read_snapshot(
-    path: str | Path, *, key: str | None = None, full_scale: float | None = None, bit_depth: int = 8
+    path: str | Path,
+    *,
+    key: str | None = None,
+    full_scale: float | None = None,
+    bit_depth: int = 8,
+    raw: RawLayout | None = None,
 ) -> Snapshot:
     """Read one or more snapshots.
 
     Args:
-        path: TIFF or PNG (one grey picture, or a TIFF stack), NPY ``(H, W)`` or ``(N, H, W)``, or MAT, in which several
-            snapshots are ``(H, W, N)``.
-        key: name of the array in a MAT file; None takes ``meas``, else the only array that fits.
+        path: a grey picture, a TIFF stack, NPY, NPZ or HDF5 ``(H, W)`` or ``(N, H, W)``, or MAT, in which several
+            snapshots are ``(H, W, N)``; see :func:`~sci_lightning.files.picture_file.read_pictures`.
+        key: name of the array in a MAT, NPZ or HDF5 file; None takes ``meas``, else the only array that fits.
         full_scale: the value that is 1.0. None: floating-point files are taken as they are; of integer files it is the
             full scale of ``bit_depth`` if no value exceeds it, else the largest value of the integer type.
         bit_depth: bits of the sensor that the decoder was trained with.
+        raw: what a file of raw numbers does not say of itself; its bits then count as those of the sensor.
 
     Raises:
         BadInput: unreadable file, colour, not finite, a full scale that is not positive or is needed.
     """
     path = Path(path)
-    values = read_pictures(path, prefer="meas", key=key, setting="key")
+    values = read_pictures(path, prefer="meas", key=key, setting="key", raw=raw)
+    bit_depth = bit_depth if raw is None else raw.bits
     if values.ndim == 2:
         values = values[None]
     if full_scale is None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from sci_lightning.errors import BadInput
-from sci_lightning.files.npy_file import npy_array
+from sci_lightning.files.mask_file import read_mask_file
 
 
 def structural(random: np.random.Generator, frames: int, size: tuple[int, int], bits: int) -> np.ndarray:
@@ -44,25 +44,16 @@ def binary(random: np.random.Generator, frames: int, size: tuple[int, int]) -> n
 
 
 def read_patterns(path: str | Path, frames: int, size: tuple[int, int]) -> np.ndarray:
-    """Read coding patterns (T, H, W) in [0, 1] from an .npy file.
+    """Read coding patterns (T, H, W) in [0, 1] from a file, see :func:`~sci_lightning.files.mask_file.read_mask_file`.
 
     Raises:
-        BadInput: no such file, not an .npy file, or another shape or range.
+        BadInput: no such file, not readable, or another shape or range.
     """
     expected = f"{frames} patterns of {size[0]} x {size[1]} (frames and size), values in [0, 1]"
     try:
-        stored = npy_array(Path(path))
-        if not stored.numeric or stored.shape != (frames, *size):
-            raise BadInput(f"mask={path}: holds {stored.dtype} {stored.shape}, expected {expected}")
-        patterns = stored.read()
-    except FileNotFoundError as error:
-        raise BadInput(
-            f"mask={path}: no such file; mask is structural, binary or an .npy file of {expected}"
-        ) from error
-    except BadInput:
-        raise
-    except (OSError, ValueError) as error:
-        raise BadInput(f"mask={path}: not a readable .npy file ({error}); it should hold {expected}") from error
-    if not (patterns >= 0).all() or not (patterns <= 1).all():
-        raise BadInput(f"mask={path}: values from {patterns.min()} to {patterns.max()}, expected {expected}")
+        patterns = read_mask_file(path, field=size, frames=frames)
+    except BadInput as error:
+        raise BadInput(f"mask={error}; mask is structural, binary or a file of {expected}") from error
+    if patterns.shape != (frames, *size):
+        raise BadInput(f"mask={path}: holds {patterns.dtype} {patterns.shape}, expected {expected}")
     return patterns.astype(np.float64)

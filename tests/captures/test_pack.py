@@ -192,7 +192,7 @@ WRONG = {
 def test_wrong_recipe(folder, tmp_path, what):
     entries, top, message = WRONG[what]
     (folder / "damaged.tif").write_bytes((folder / "shot0.tif").read_bytes()[:20])
-    save(folder / "colour.png", np.zeros((H, W, 3), np.uint8))
+    save(folder / "colour.png", np.broadcast_to(np.arange(3, dtype=np.uint8), (H, W, 3)).copy())
     save(folder / "high.tif", np.full((H, W), 5000, np.uint16))
     save(folder / "small.tif", np.zeros((4, 4), np.uint16))
     save(folder / "nan.npy", np.full((H, W), np.nan))

@@ -121,8 +121,8 @@ def test_own_mask(plan, tmp_path: Path) -> None:
         (("flat=100000",), "captures besides those of single patterns, expected 1 to 1,000"),
         (("mask=none.npy",), "none.npy: no such file"),
         (("mask=flat.npy",), "flat.npy: expected a numeric array of 3 dimensions"),
-        (("mask=nan.npy",), "nan.npy: expected patterns of 0 or more"),
-        (("mask=bright.npy",), "bright.npy: values up to 2, expected transmittances from 0 to 1"),
+        (("mask=nan.npy",), "nan.npy: the mask holds NaN"),
+        (("mask=bright.npy",), "bright.npy: mask values must lie in [0, 1]"),
         (("mask=dark.npy",), "pattern 1 is dark everywhere"),
         (("bit_depth=40",), "bit_depth=40"),
     ],
@@ -149,9 +149,13 @@ def test_recordings_are_never_lost(plan, tmp_path: Path) -> None:
 
 
 def test_pictures_of_whole_levels(tmp_path: Path) -> None:
-    imsave(tmp_path / "mask.tif", np.stack([np.full((8, 8), 51, np.uint8)] * 2), check_contrast=False)
-    assert read_coding_patterns(tmp_path / "mask.tif") == pytest.approx(0.2)
-    np.save(tmp_path / "mask.npy", np.arange(128).reshape(2, 8, 8))  # NumPy's own whole numbers have 64 bits
+    imsave(
+        tmp_path / "mask.tif",
+        np.stack([np.full((8, 8), level, np.uint8) for level in (0, 51, 255)]),
+        check_contrast=False,
+    )
+    assert read_coding_patterns(tmp_path / "mask.tif")[:, 0, 0] == pytest.approx([0, 0.2, 1])
+    np.save(tmp_path / "mask.npy", np.arange(256).reshape(2, 8, 16))  # NumPy's own whole numbers have 64 bits
     assert read_coding_patterns(tmp_path / "mask.npy").max() == 1
 
 

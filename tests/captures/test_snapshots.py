@@ -10,8 +10,9 @@ from scipy.io import savemat
 
 from sci_lightning.captures.mask_fit import moving_masks, place_of_mask
 from sci_lightning.captures.raw_dn import raw_dn, step_of
-from sci_lightning.captures.snapshots import captures_of_snapshots, matching_files, read_snapshots
-from sci_lightning.errors import BadInput
+from sci_lightning.captures.snapshots import captures_of_snapshots, read_snapshots
+from sci_lightning.errors import BadInput, InputWarning
+from sci_lightning.files.picture_file import matching_files
 
 
 def test_raw_dn_of_divided_values() -> None:
@@ -125,12 +126,14 @@ def test_a_mask_that_belongs_to_nothing(tmp_path: Path) -> None:
     for name, array, words in (
         ("closed", np.zeros((4, 64, 64)), "never opens"),
         ("levels", np.full((4, 64, 64), 255.0), r"\[0, 1\]"),
-        ("order", np.ones((64, 64, 4)), "time comes first|H x W x T"),
         ("single", np.ones((64, 64)), "one pattern for every slot"),
     ):
         np.save(tmp_path / f"{name}.npy", array)
         with pytest.raises(BadInput, match=words):
             captures_of_snapshots(dn, 12, tmp_path / f"{name}.npy")
+    np.save(tmp_path / "order.npy", np.moveaxis(mask((64, 64)), 0, -1))
+    with pytest.warns(InputWarning, match="4 x 64 x 64"):
+        np.testing.assert_array_equal(captures_of_snapshots(dn, 12, tmp_path / "order.npy").patterns, mask((64, 64)))
     np.save(tmp_path / "turned.npy", np.ones((4, 64, 50)))
     with pytest.raises(BadInput, match="H and W swapped"):
         captures_of_snapshots(dn[:, :50], 12, tmp_path / "turned.npy")

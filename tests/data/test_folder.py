@@ -1,5 +1,8 @@
+import h5py
 import numpy as np
 import pytest
+import torch
+from scipy.io import savemat
 
 from sci_lightning.data.folder import Folder
 from sci_lightning.errors import BadInput
@@ -39,7 +42,7 @@ def test_val_root_inside_root_is_not_trained_on(make, tree):
     folder = make(val_root=tree / "clip3.npz")
     assert [clip.name for clip in folder.training] == ["clip0.npz", "clip1.npz", "clip2.npz", "clip4.npz"]
     with pytest.raises(BadInput, match=r"every clip is in val_root=.* too; none is left to train on"):
-        make(val_root=tree)
+        make(val_root=tree).clips()
 
 
 def test_arguments_reach_the_clips(make):
@@ -59,8 +62,25 @@ def test_arguments_reach_the_clips(make):
 
 
 def test_a_single_clip_asks_for_val_root(make, tree):
+    single = make(tree / "clip0.npz")
+    assert [scene.name for scene in single.scenes()] == ["clip0"]  # it can be tested on
     with pytest.raises(BadInput, match=r"clip0\.npz: holds a single clip.*give val_root"):
-        make(tree / "clip0.npz")
+        single.clips()
+
+
+def test_matlab_and_hdf5_files_with_frames_are_clips(make, tree, noise):
+    for number, name in enumerate(("lab.mat", "mask.mat", "lab.h5", "other.h5")):
+        key = "mask" if number % 2 else "orig"
+        if name.endswith(".mat"):
+            savemat(tree / name, {key: np.moveaxis(noise(16), 0, -1), "meas": noise(1)[0]})
+        else:
+            with h5py.File(tree / name, "w") as file:
+                file[key] = noise(16)
+    every = make(val_root=tree)
+    names = [clip.name for clip in every.held_out]
+    assert "lab.mat" in names and "lab.h5" in names and not {"mask.mat", "other.h5"} & set(names)
+    videos = {clip.name: scene.video[0] for clip, scene in zip(every.held_out, every.scenes(), strict=True)}
+    assert torch.equal(videos["lab.mat"], videos["lab.h5"])
 
 
 @pytest.mark.parametrize("share", [0, 1, -0.1, 2])

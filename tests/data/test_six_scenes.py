@@ -1,10 +1,11 @@
+import h5py
 import numpy as np
 import pytest
 import torch
 from scipy.io import savemat
 
 from sci_lightning.data.six_scenes import LENGTHS, Benchmark, SixScenes, _announce_present_name
-from sci_lightning.errors import BadInput
+from sci_lightning.errors import BadInput, InputWarning
 
 
 @pytest.fixture
@@ -117,10 +118,34 @@ def test_a_missing_key_is_named(make, save):
 
 
 def test_unknown_scenes_and_folders_are_named(make, tmp_path):
-    with pytest.raises(BadInput, match=r"data\.scenes=\['lena'\]: choose from kobe, traffic"):
+    with pytest.raises(BadInput, match=r"lena: no file lena\.mat.*choose from kobe, traffic"):
         make("lena")
     with pytest.raises(BadInput, match="absent: no such folder"):
         SixScenes(tmp_path / "absent", 8, (8, 10))
+
+
+def test_scenes_of_your_own(make, save, tmp_path, noise):
+    save("lab01", 19)
+    np.savez(tmp_path / "lab02.npz", orig=noise(8, 8, 10), mask=noise(8, 8, 10), meas=noise(1, 8, 10)[0])
+    with h5py.File(tmp_path / "lab03.h5", "w") as file:
+        file["orig"] = noise(16, 8, 10) / 255
+    scenes = make("lab01", "lab02", "lab03").scenes()
+    assert [(scene.name, len(scene.video)) for scene in scenes] == [("lab01", 2), ("lab02", 1), ("lab03", 2)]
+    for scene in scenes:
+        assert scene.video[0].min() >= 0 and 0.9 < scene.video[0].max() <= 1
+    assert torch.equal(scenes[1].video[0], torch.from_numpy(noise(8, 8, 10)) / 255)
+    with pytest.raises(BadInput, match=r"lab07: no file lab07\.mat.* of this folder, lab01, lab02, lab03"):
+        make("lab07")
+    with pytest.raises(BadInput, match="lab02 needs 10 frames"):
+        make("lab02", frames=10).scenes()
+
+
+def test_a_scene_with_time_first(make, tmp_path):
+    frames = np.random.default_rng(0).integers(0, 255, (8, 32, 40)).astype(np.uint8)
+    savemat(tmp_path / "lab01.mat", {"orig": frames})
+    with pytest.warns(InputWarning, match="8 x 32 x 40"):
+        (scene,) = make("lab01", size=(32, 40)).scenes()
+    assert torch.equal(scene.video[0], torch.from_numpy(frames) / 255)
 
 
 def test_it_is_for_testing_only(make, all_scenes):

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from sci_lightning.captures import Captures
-from sci_lightning.captures.snapshots import captures_of_snapshots, matching_files, read_snapshots
+from sci_lightning.captures.snapshots import captures_of_snapshots, read_snapshots
 from sci_lightning.diagnosis.blind.blind_diagnosis import LARGEST_SEARCHED, BlindDiagnosis, diagnose_blind
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prior import BLOCK, ScenePrior, statistics_for
@@ -24,6 +24,7 @@ from sci_lightning.diagnosis.report.blind_report import write_blind_report
 from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, FAINT, style
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder.effects import MaskContrast
+from sci_lightning.files.picture_file import matching_files
 from tests.measurements_file import MeasurementsFile
 
 VERIFY = (3, 4)

@@ -115,7 +115,7 @@ def test_measured_real_masks(shared_data: Path) -> None:
 def test_measured_refuses(tmp_path: Path) -> None:
     good = np.random.default_rng(0).random((4, 6, 6))
     cases = {
-        "levels.npy": (good * 255, r"\[0, 1\].*divide"),
+        "levels.npy": (good * 255, r"\[0, 1\].*mask\.dark=.* encoder\.mask\.white="),
         "nan.npy": (np.where(good > 0.9, np.nan, good), r"holds NaN; every value must be a transmittance in \[0, 1\]"),
         "negative.npy": (good - 0.5, r"\[0, 1\]"),
         "flat.npy": (good[0], "3 dimensions"),

@@ -1,4 +1,4 @@
-"""TIFF and PNG: every kind of number is right or refused, and no file takes more memory than it is worth."""
+"""TIFF, PNG and BMP: every kind of number is right or refused, and no file takes more memory than it is worth."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 from tifffile import TiffWriter, imwrite
 
-from sci_lightning.errors import BadInput
+from sci_lightning.errors import BadInput, InputWarning
 from sci_lightning.files.picture_file import read_pictures
 from tests import hostile_files
 from tests.hostile_files import deflated
@@ -51,20 +51,93 @@ def test_complex_tiff(tmp_path: Path, dtype: str) -> None:
 
 def test_tiff_that_is_no_grey_picture(tmp_path: Path) -> None:
     page = STACK[0].astype(np.uint8)
-    imwrite(tmp_path / "rgb.tif", np.stack([page] * 3, -1), photometric="rgb")
-    imwrite(tmp_path / "palette.tif", page, photometric="palette", colormap=np.zeros((3, 256), np.uint16))
-    imwrite(tmp_path / "white.tif", page, photometric="miniswhite")
-    for name in ("rgb", "palette", "white"):
-        with pytest.raises(BadInput, match=rf"{name}\.tif: one grey channel with black as 0 is expected, this picture"):
+    imwrite(tmp_path / "rgb.tif", STACK.astype(np.uint8).transpose(1, 2, 0), photometric="rgb")
+    colours = np.stack([np.arange(256), np.zeros(256), np.arange(256)]).astype(np.uint16) * 257
+    imwrite(tmp_path / "palette.tif", page, photometric="palette", colormap=colours)
+    imwrite(tmp_path / "white.tif", STACK[0].astype(np.float32), photometric="miniswhite")
+    for name, line in (("rgb", "channels that differ"), ("palette", "palette of colours"), ("white", "white as 0")):
+        with pytest.raises(BadInput, match=rf"{name}\.tif: .*{line}"):
             read_pictures(tmp_path / f"{name}.tif", prefer="meas")
-    imwrite(tmp_path / "stack.tif", np.stack([page] * 4), photometric="rgb", planarconfig="separate", extrasamples=[0])
-    with pytest.raises(BadInput, match="grey pages that are labelled as colour"):
-        read_pictures(tmp_path / "stack.tif", prefer="meas")
+    imwrite(tmp_path / "hyper.tif", np.stack([STACK.astype(np.uint8)] * 2), imagej=True, metadata={"axes": "TCYX"})
+    with pytest.raises(BadInput, match=r"hyper\.tif: .*hyperstack \(2 of T, 3 of C"):
+        read_pictures(tmp_path / "hyper.tif", prefer="meas")
     with TiffWriter(tmp_path / "sizes.tif") as file:
         for size in (8, 9):
             file.write(np.zeros((size, size), np.uint8), photometric="minisblack", metadata=None)
-    with pytest.raises(BadInput, match=r"sizes\.tif: "):
+    with pytest.raises(BadInput, match=r"sizes\.tif: pages of one size .* 8 x 8 of uint8, 9 x 9 of uint8"):
         read_pictures(tmp_path / "sizes.tif", prefer="meas")
+
+
+@pytest.mark.parametrize("compression", ["tiff_lzw", "packbits", "tiff_adobe_deflate", "tiff_deflate", "zstd", "lzma"])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_every_compression_that_pillow_writes(tmp_path: Path, compression: str, dtype: type) -> None:
+    pages = [Image.fromarray(page.astype(dtype)) for page in STACK]
+    try:
+        pages[0].save(tmp_path / "a.tif", compression=compression, save_all=True, append_images=pages[1:])
+    except (OSError, KeyError, ValueError):
+        pytest.skip(f"this Pillow writes no {compression}")
+    np.testing.assert_array_equal(read_pictures(tmp_path / "a.tif", prefer="meas"), STACK)
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_lzw_in_which_white_is_0(tmp_path: Path, bits: int) -> None:
+    """Pillow inverts numbers of 8 bits while it reads them, and no others."""
+    values = (STACK[0] * (2**bits // 256)).astype(f"u{bits // 8}")
+    Image.fromarray(values).save(tmp_path / "a.tif", compression="tiff_lzw")
+    content = (tmp_path / "a.tif").read_bytes()
+    entry = struct.pack("<HHIHH", 262, 3, 1, 1, 0)
+    assert content.count(entry) == 1
+    (tmp_path / "a.tif").write_bytes(content.replace(entry, struct.pack("<HHIHH", 262, 3, 1, 0, 0)))
+    np.testing.assert_array_equal(read_pictures(tmp_path / "a.tif", prefer="meas"), 2**bits - 1 - values)
+
+
+def test_a_compression_without_a_reader_is_named(tmp_path: Path) -> None:
+    path = tiff(tmp_path / "a.tif", 8, 8, bytes(64), 34712)  # JPEG 2000, which Pillow's libtiff has not
+    with pytest.raises(BadInput, match=r"a\.tif: compressed by JPEG.*2000.*pip install imagecodecs"):
+        read_pictures(path, prefer="meas")
+
+
+@pytest.mark.parametrize("bits", [4, 10, 12, 14])
+def test_tiff_of_packed_numbers(tmp_path: Path, bits: int) -> None:
+    """Rows begin with a byte of their own: 7 numbers of 12 bits take 11 bytes."""
+    values = RANDOM.integers(0, 2**bits, (5, 7))
+    single = (values[..., None] >> np.arange(bits - 1, -1, -1)) & 1
+    content = np.packbits(single.reshape(5, -1).astype(np.uint8), axis=1).tobytes()
+    path = tiff(tmp_path / "a.tif", 5, 7, content, 1)
+    eight, own = (struct.pack("<HHII", 258, 3, 1, number) for number in (8, bits))
+    path.write_bytes(path.read_bytes().replace(eight, own))
+    np.testing.assert_array_equal(read_pictures(path, prefer="meas"), values)
+
+
+def test_grey_that_is_stored_in_other_ways(tmp_path: Path) -> None:
+    page = STACK[0].astype(np.uint8)
+    imwrite(tmp_path / "rgb.tif", np.stack([page] * 3, -1), photometric="rgb")
+    imwrite(tmp_path / "white.tif", 255 - page, photometric="miniswhite")
+    imwrite(tmp_path / "palette.tif", page, photometric="palette", colormap=np.stack([np.arange(256) * 257] * 3))
+    imwrite(tmp_path / "axes.tif", page[None, None], photometric="minisblack")
+    with TiffWriter(tmp_path / "thumbnail.tif") as file:
+        file.write(page[::4, ::4].copy())
+        file.write(page)
+        file.write(np.zeros((8, 8, 3), np.uint8), photometric="rgb", subfiletype=1)
+    for mode in ("RGB", "RGBA", "LA", "P"):
+        Image.fromarray(page).convert(mode).save(tmp_path / f"{mode}.png")
+    Image.fromarray(page).save(tmp_path / "a.bmp")
+    for path in sorted(tmp_path.iterdir()):
+        np.testing.assert_array_equal(read_pictures(path, prefer="meas"), page, err_msg=path.name)
+
+
+def test_grey_pages_that_are_labelled_as_colour(tmp_path: Path) -> None:
+    imwrite(tmp_path / "a.tif", STACK.astype(np.uint8))  # tifffile takes three pages for red, green and blue
+    with pytest.warns(InputWarning, match="stack of grey pictures"):
+        np.testing.assert_array_equal(read_pictures(tmp_path / "a.tif", prefer="meas"), STACK)
+
+
+def test_a_mosaic_of_colours_is_named(tmp_path: Path) -> None:
+    path = tiff(tmp_path / "a.tif", 8, 8, bytes(64), 1)
+    grey, mosaic = (struct.pack("<HHII", 262, 3, 1, kind) for kind in (1, 32803))
+    path.write_bytes(path.read_bytes().replace(grey, mosaic))
+    with pytest.warns(InputWarning, match="Bayer"):
+        read_pictures(path, prefer="meas")
 
 
 def test_imagej_and_ome(tmp_path: Path) -> None:
@@ -160,8 +233,8 @@ def test_every_depth_of_png(tmp_path: Path, bits: int, dtype: type) -> None:
 
 
 def test_png_that_is_no_grey_picture(tmp_path: Path) -> None:
-    for mode in ("RGB", "RGBA", "P", "LA"):
-        Image.new(mode, (8, 8)).save(tmp_path / "a.png")
+    for mode in ("RGB", "RGBA", "P"):
+        Image.new("RGB", (8, 8), (1, 2, 3)).convert(mode).save(tmp_path / "a.png")
         with pytest.raises(BadInput, match=rf"a\.png: one grey channel is expected, this picture is {mode}"):
             read_pictures(tmp_path / "a.png", prefer="meas")
 

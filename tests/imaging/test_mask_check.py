@@ -99,3 +99,21 @@ def test_one_of_several_snapshots_does_not_outvote_the_others(shared_data: Path)
     snapshot, mask = benchmark(shared_data, "drop8_cacti.mat")
     assert mask_warning(torch.stack([snapshot, snapshot, snapshot.flip(0)]), mask) == ""
     assert mask_warning(torch.stack([snapshot, snapshot.flip(0), snapshot.flip(0)]), mask) != ""
+
+
+@pytest.mark.parametrize(("red", "blue"), [(0.5, 0.7), (1.0, 0.9), (0.9, 0.8)])
+@pytest.mark.parametrize("where", ["snapshot", "snapshot and mask"])
+def test_a_bayer_mosaic_is_named(red: float, blue: float, where: str) -> None:
+    generator = torch.Generator().manual_seed(0)
+    mask = (torch.rand(8, 64, 96, generator=generator) < 0.5).float()
+    y, x = torch.meshgrid(torch.arange(64.0), torch.arange(96.0), indexing="ij")
+    frames = torch.stack([0.4 + 0.2 * torch.sin((x + slot) / 9) * torch.cos(y / 7) for slot in range(8)])
+    filters = torch.ones(64, 96)
+    filters[::2, ::2], filters[1::2, 1::2] = red, blue
+    columns = torch.ones(64, 96)
+    columns[:, ::2] = red  # a sensor whose columns are read by two amplifiers is no mosaic
+    snapshot = (mask * frames).sum(0)
+    assert "Bayer" not in mask_warning(snapshot[None], mask)
+    assert "Bayer" not in mask_warning((snapshot * columns)[None], mask)
+    seen = mask if where == "snapshot" else mask * filters
+    assert "Bayer" in mask_warning((snapshot * filters)[None], seen)

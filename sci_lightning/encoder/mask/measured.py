@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import torch
 
-from sci_lightning.configuration.bounds import Frames, Size
+from sci_lightning.configuration.bounds import Frames, NonNegative, Positive, Size
 from sci_lightning.encoder.mask.mask import Mask
 from sci_lightning.errors import BadInput
 from sci_lightning.files.mask_file import read_mask_file
@@ -17,13 +18,16 @@ class Measured(Mask):
     """A mask read from a file and never changed.
 
     Args:
-        file: .npy, .h5 or .hdf5 holding ``(T, H, W)``, or .mat (version 5 or 7.3) holding MATLAB's ``(H, W, T)``;
-            values in [0, 1]. None leaves the mask dark, to be filled from a checkpoint's state.
+        file: .npy, .npz, .h5 or .hdf5 holding ``(T, H, W)``, .mat (any version) holding MATLAB's ``(H, W, T)``, a TIFF
+            stack or a folder of pictures; see :func:`~sci_lightning.files.mask_file.read_mask_file`. None leaves the
+            mask dark, to be filled from a checkpoint's state.
         frames, size: T and (H, W) that the rest of the run uses; the file must agree. None takes the file's.
-        key: name of the array in a .mat or .h5 file; None takes ``mask``, else the only three-dimensional array.
+        key: name of the array in a .mat, .npz or .h5 file; None takes ``mask``, else the only three-dimensional array.
+        dark, white: numbers in the file that are transmittance 0 and 1; None: see
+            :func:`~sci_lightning.files.mask_file.transmittance`.
 
     Raises:
-        BadInput: the file is missing, unreadable, lacks the key, does not fit, or leaves [0, 1].
+        BadInput: the file is missing, unreadable, lacks the key, does not fit, or holds no transmittances.
     """
 
     pattern: torch.Tensor
@@ -34,9 +38,11 @@ class Measured(Mask):
         frames: Frames | None = None,
         size: Size | None = None,
         key: str | None = None,
+        dark: NonNegative | None = None,
+        white: Positive | None = None,
     ) -> None:
         if file is not None:
-            pattern = read_mask(file, key)
+            pattern = read_mask(file, key, field=size, frames=frames, dark=dark, white=white)
         elif frames is not None and size is not None:
             pattern = torch.zeros(frames, *size)
         else:
@@ -60,11 +66,22 @@ class Measured(Mask):
         return self.pattern
 
 
-def read_mask(file: str | Path, key: str | None = None, setting: str = "encoder.mask.key") -> torch.Tensor:
+def read_mask(
+    file: str | Path,
+    key: str | None = None,
+    setting: str = "encoder.mask.key",
+    *,
+    field: Sequence[int] | None = None,
+    frames: int | None = None,
+    dark: float | None = None,
+    white: float | None = None,
+) -> torch.Tensor:
     """Read a mask file into float32 ``(T, H, W)`` in [0, 1]; see :class:`Measured` for formats and errors.
 
     Args:
-        file, key: as of :class:`Measured`.
+        file, key, dark, white: as of :class:`Measured`.
         setting: what the user sets to give ``key``, for the message; empty where it cannot be set.
+        field, frames: (H, W) and T that the mask should have, if known; only the order of axes depends on them.
     """
-    return torch.from_numpy(read_mask_file(file, key, setting=setting).astype("float32"))
+    mask = read_mask_file(file, key, setting=setting, field=field, frames=frames, dark=dark, white=white)
+    return torch.from_numpy(mask.astype("float32"))

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from sci_lightning.data.matlab import read_matlab_video
+from sci_lightning.data.video_array import read_video_array
 from sci_lightning.errors import BadInput
 
 
@@ -25,7 +25,7 @@ def save_73(path, **arrays):
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
 def test_both_formats_and_all_types(tmp_path, noise, save, dtype):
     save(tmp_path / "a.mat", orig=noise().astype(dtype), mask=noise(2))
-    video = read_matlab_video(tmp_path / "a.mat", "orig")
+    video = read_video_array(tmp_path / "a.mat", "orig")
     assert video.dtype == np.float32
     np.testing.assert_allclose(video, noise() / 255, atol=1e-7)
 
@@ -33,14 +33,14 @@ def test_both_formats_and_all_types(tmp_path, noise, save, dtype):
 @pytest.mark.parametrize("save", [save_5, save_73])
 def test_values_up_to_one_count_as_scaled(tmp_path, noise, save):
     save(tmp_path / "a.mat", orig=noise() / 255)
-    np.testing.assert_allclose(read_matlab_video(tmp_path / "a.mat", "orig"), noise() / 255, atol=1e-7)
+    np.testing.assert_allclose(read_video_array(tmp_path / "a.mat", "orig"), noise() / 255, atol=1e-7)
 
 
 @pytest.mark.parametrize("save", [save_5, save_73])
 def test_a_missing_key_is_named_with_those_there_are(tmp_path, noise, save):
     save(tmp_path / "a.mat", mask=noise(), meas=noise())
     with pytest.raises(BadInput, match=r"a\.mat: no array named 'orig'; the file holds m\w+ \(.*\), m\w+ \("):
-        read_matlab_video(tmp_path / "a.mat", "orig")
+        read_video_array(tmp_path / "a.mat", "orig")
 
 
 @pytest.mark.parametrize("save", [save_5, save_73])
@@ -50,7 +50,7 @@ def test_values_out_of_range_are_refused(tmp_path, noise, save, bad):
     frames[1, 2, 3] = bad
     save(tmp_path / "a.mat", orig=frames)
     with pytest.raises(BadInput, match=r"a\.mat: 'orig' holds values from .*; expected 0 to 255"):
-        read_matlab_video(tmp_path / "a.mat", "orig")
+        read_video_array(tmp_path / "a.mat", "orig")
 
 
 @pytest.mark.parametrize("save", [save_5, save_73])
@@ -59,7 +59,7 @@ def test_truncated_files_are_refused(tmp_path, noise, save):
     whole = (tmp_path / "a.mat").read_bytes()
     (tmp_path / "a.mat").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(BadInput, match=r"a\.mat: not a readable (\.mat|HDF5) file, damaged or truncated") as caught:
-        read_matlab_video(tmp_path / "a.mat", "orig")
+        read_video_array(tmp_path / "a.mat", "orig")
     assert "\n" not in str(caught.value)
 
 
@@ -68,6 +68,6 @@ def test_what_is_no_video_is_refused(tmp_path):
     savemat(tmp_path / "text.mat", {"orig": "frames"})
     for name in ("flat", "text"):
         with pytest.raises(BadInput, match=rf"{name}\.mat: expected a numeric array of 3 dimensions, found"):
-            read_matlab_video(tmp_path / f"{name}.mat", "orig")
+            read_video_array(tmp_path / f"{name}.mat", "orig")
     with pytest.raises(BadInput, match=r"absent\.mat: no such file"):
-        read_matlab_video(tmp_path / "absent.mat", "orig")
+        read_video_array(tmp_path / "absent.mat", "orig")

@@ -1,0 +1,41 @@
+"""Frames from files of arrays: MATLAB's of any version, HDF5, .npz and .npy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from sci_lightning.errors import BadInput
+from sci_lightning.files.array_file import read_array, time_first
+
+VIDEO_NAMES = ("frames", "orig")
+"""Names of the array of frames; the files of the papers' test scenes call it ``orig``."""
+
+
+def read_video_array(
+    path: str | Path, key: str | Sequence[str] = "orig", size: Sequence[int] | None = None
+) -> np.ndarray:
+    """Read the frames that a file of arrays holds under ``key`` on the 0 to 255 scale.
+
+    Args:
+        path: one of :data:`~sci_lightning.files.array_file.ENDINGS`.
+        key: the array's name, or several of which the first that the file has counts; (H, W, F) in MATLAB, else
+            (F, H, W), see :func:`~sci_lightning.files.array_file.time_first`. Values of at most 1 overall count as
+            scaled already.
+        size: (H, W) that the frames should have, if known.
+
+    Returns:
+        float32 ``(F, H, W)`` in [0, 1].
+
+    Raises:
+        BadInput: the file is missing, damaged or without ``key``, or does not hold frames.
+    """
+    array = time_first(Path(path), read_array(path, key=key, prefer="", dimensions=3), size)
+    low, high = float(array.min()), float(array.max())
+    if not (low >= 0 and high <= 255):  # written so that NaN fails too
+        name = key if isinstance(key, str) else " or ".join(key)
+        raise BadInput(f"{path}: '{name}' holds values from {low:g} to {high:g}; expected 0 to 255")
+    video = np.ascontiguousarray(array, dtype=np.float32)
+    return video if high <= 1 else video / np.float32(255)
