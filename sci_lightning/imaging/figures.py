@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import torch
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from sci_lightning.errors import BadInput
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.plain_text import in_figure
 
@@ -16,24 +18,26 @@ MAX_FRAMES = 8
 """Of longer videos, so many frames are shown at equal distances."""
 
 
-def mask_figure(mask: torch.Tensor, bits: int | None = None, title: str = "") -> Figure:
-    """Draw the slots of a mask side by side, a close-up, its sum over time, and the histogram of its levels.
+def mask_figure(mask: torch.Tensor, bits: int | None = None, title: str = "", most: int = 3) -> Figure:
+    """Draw slots of a mask side by side, a close-up, its sum over time, and the histogram of its levels.
 
     Args:
         mask: ``(T, H, W)`` in [0, 1].
         bits: bit depth of its levels; None for two levels.
         title: heading, such as the encoder and the step.
+        most: slots that are shown, at equal distances in time; the figure is as wide as they need.
     """
-    slots = _shown_frames(mask)
+    slots = _shown_frames(mask, most)
     values = mask.detach().float().cpu().numpy()
     levels = 2**bits if bits else 2
-    figure = Figure(figsize=(1.55 * len(slots), 5.6), layout="constrained")
+    figure = Figure(figsize=(1.55 * max(len(slots), 3), 5.6), layout="constrained")
     figure.suptitle(title)
-    top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=[1, 1.5])[:, 0]
+    top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=[1, 2])[:, 0]
     brightest = max(values.max(), 1e-6)
     for axes, slot in zip(top.subplots(1, len(slots), squeeze=False)[0], slots, strict=True):
         show_picture(axes, values[slot], f"slot {slot + 1}", high=brightest)
-    close, sums, histogram = bottom.subplots(1, 3, width_ratios=[1, 1, 1.6])
+    diagrams = bottom.subplot_mosaic([["close", "sums"], ["levels", "levels"]])
+    close, sums, histogram = diagrams["close"], diagrams["sums"], diagrams["levels"]
     show_picture(close, values[0, :24, :24], "slot 1, 24 x 24 corner", high=brightest)
     total = values.sum(0)
     image = sums.imshow(total, cmap="viridis", vmin=min(total.min(), 0.999), vmax=max(total.max(), 1.001))
@@ -43,41 +47,117 @@ def mask_figure(mask: torch.Tensor, bits: int | None = None, title: str = "") ->
     steps = levels if levels > 2 else 1
     count = np.bincount(np.rint(values.ravel() * steps).astype(int), minlength=steps + 1) / values.size
     histogram.bar(np.arange(steps + 1) / steps, 100 * count, width=0.8 / steps, color="#30678d")
-    histogram.set(xlabel="transmittance", ylabel="share of values (%)", title="levels")
+    histogram.set(
+        xticks=[0, 1] if steps == 1 else [0, 0.25, 0.5, 0.75, 1],
+        xlabel="transmittance",
+        ylabel="share of values (%)",
+        title="levels",
+    )
     return figure
 
 
 def reconstruction_figure(
-    measurement: torch.Tensor, truth: torch.Tensor, estimate: torch.Tensor, title: str = ""
+    measurement: torch.Tensor,
+    truth: torch.Tensor | None,
+    estimate: torch.Tensor | None,
+    title: str = "",
+    most: int = MAX_FRAMES,
 ) -> Figure:
     """Draw one snapshot: the measurement, then in every column a frame, its reconstruction and the error.
 
     Args:
-        measurement: ``(H, W)``; truth, estimate: ``(T, H, W)``; all with white at 1.0.
+        measurement: ``(H, W)``; truth, estimate: ``(T, H, W)``; all with white at 1.0. Without ``truth`` or
+            ``estimate`` the rows that need it are left out.
         title: heading, such as the scene's name.
+        most: frames that are shown; the figure is as wide as they need.
     """
-    shown = _shown_frames(truth)
-    x, y, m = (v.detach().float().cpu().numpy() for v in (estimate, truth, measurement))
-    error = np.abs(x - y)
-    figure = Figure(figsize=(1.55 * (len(shown) + 1), 5.2), layout="constrained")
+    m, y, x = (None if v is None else v.detach().float().cpu().numpy() for v in (measurement, truth, estimate))
+    rows: dict[str, tuple[np.ndarray, list[str], str]] = {}
+    shown = _shown_frames(y if y is not None else x, most)
+    numbers = [f"{frame + 1}" for frame in shown]
+    if y is not None:
+        rows["frame"] = y, numbers, "gray"
+    if x is not None:
+        rows["reconstruction"] = x, numbers if y is None else [f"{_psnr(x[i], y[i]):.1f} dB" for i in shown], "gray"
+    if x is not None and y is not None:
+        rows["error x 5"] = 5 * np.abs(x - y), [""] * len(shown), "magma"
+    figure = _NotebookFigure(figsize=(1.55 * (len(shown) + 1), 1.65 * len(rows) + 0.25), layout="constrained")
     figure.suptitle(in_figure(title))
-    grid = figure.subplots(3, len(shown) + 1, squeeze=False)
+    grid = figure.subplots(len(rows), len(shown) + 1, squeeze=False)
     show_picture(grid[0, 0], m, "measurement", high=max(1.0, m.max()))
     for axes in grid[1:, 0]:
         axes.set_axis_off()
-    for label, axes in zip(("frame", "reconstruction", "error x 5"), grid[:, 1], strict=True):
-        axes.text(-0.06, 0.5, label, transform=axes.transAxes, rotation=90, va="center", ha="right", fontsize=9)
-    for column, frame in enumerate(shown, start=1):
-        psnr = -10 * np.log10(max(float(np.mean((x[frame] - y[frame]) ** 2)), 1e-10))
-        show_picture(grid[0, column], y[frame], f"{frame + 1}")
-        show_picture(grid[1, column], x[frame], f"{psnr:.1f} dB")
-        show_picture(grid[2, column], 5 * error[frame], "", colours="magma")
+    for line, (label, (video, titles, colours)) in zip(grid[:, 1:], rows.items(), strict=True):
+        line[0].text(-0.06, 0.5, label, transform=line[0].transAxes, rotation=90, va="center", ha="right", fontsize=9)
+        for axes, frame, above in zip(line, shown, titles, strict=True):
+            show_picture(axes, video[frame], above, colours=colours)
     return figure
 
 
-def _shown_frames(video: torch.Tensor) -> list[int]:
-    """Return the numbers of at most ``MAX_FRAMES`` frames at equal distances."""
-    count = min(len(video), MAX_FRAMES)
+def plot(
+    measurement: torch.Tensor,
+    video: torch.Tensor | None = None,
+    estimate: torch.Tensor | None = None,
+    *,
+    title: str = "",
+    frames: int = MAX_FRAMES,
+) -> Figure:
+    """Draw a snapshot, its frames and their reconstruction with the PSNR of every frame, to be looked at in a notebook.
+
+    >>> import torch
+    >>> import sci_lightning as sci
+    >>> video = torch.rand(1, 8, 16, 16)
+    >>> figure = sci.plot(video.mean(1), video, video.sqrt(), title="noise")
+    >>> figure.savefig("noise.png")
+
+    Args:
+        measurement: ``(H, W)`` or a batch ``(N, H, W)``, of which the first snapshot is drawn; white is 1.0 or the
+            brightest pixel beyond it.
+        video: ``(T, H, W)`` or ``(N, T, H, W)``, the frames as they were, white at 1.0; None if nobody knows them.
+        estimate: the reconstruction, of the same shape; None for none.
+        title: heading, such as the scene's name.
+        frames: how many frames are drawn at most, at equal distances in time.
+
+    Returns:
+        a matplotlib figure: a notebook shows it, ``figure.savefig(FILE)`` writes it.
+
+    Raises:
+        BadInput: neither frames nor estimate, or shapes that do not belong together.
+    """
+    given = {"measurement": (measurement, 2), "video": (video, 3), "estimate": (estimate, 3)}
+    first: dict[str, torch.Tensor | None] = {}
+    for name, (value, dimensions) in given.items():
+        tensor = None if value is None else torch.as_tensor(value)
+        if tensor is not None and tensor.ndim not in (dimensions, dimensions + 1):
+            axes = "(H, W) or (N, H, W)" if dimensions == 2 else "(T, H, W) or (N, T, H, W)"
+            raise BadInput(f"{name}: shape {tuple(tensor.shape)}, expected {axes}")
+        first[name] = tensor[0] if tensor is not None and tensor.ndim > dimensions else tensor
+    shapes = {tuple(one.shape) for one in (first["video"], first["estimate"]) if one is not None}
+    snapshot = first["measurement"]
+    if snapshot is None or len(shapes) != 1 or next(iter(shapes))[1:] != tuple(snapshot.shape):
+        named = ", ".join(f"{name} {tuple(one.shape)}" for name, one in first.items() if one is not None)
+        raise BadInput(f"{named}: plot(measurement, video, estimate) needs frames (T, H, W) of the snapshot's (H, W)")
+    if frames < 1:
+        raise BadInput(f"frames={frames}: at least one frame must be drawn")
+    return reconstruction_figure(snapshot, first["video"], first["estimate"], title, frames)
+
+
+class _NotebookFigure(Figure):
+    """A figure that a notebook shows although matplotlib's pyplot, which would tell it how, was never imported."""
+
+    def _repr_png_(self) -> bytes:
+        with io.BytesIO() as file:
+            self.savefig(file, format="png", dpi=110)
+            return file.getvalue()
+
+
+def _psnr(estimate: np.ndarray, truth: np.ndarray) -> float:
+    return float(-10 * np.log10(max(float(np.mean((estimate - truth) ** 2)), 1e-10)))
+
+
+def _shown_frames(video: torch.Tensor | np.ndarray, most: int) -> list[int]:
+    """Return the numbers of at most ``most`` frames at equal distances."""
+    count = min(len(video), most)
     return [int(index) for index in np.linspace(0, len(video) - 1, count).round()]
 
 

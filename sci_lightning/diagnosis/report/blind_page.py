@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from sci_lightning import __version__
 from sci_lightning.diagnosis.blind.held_out.paired_comparison import PairedComparison
-from sci_lightning.diagnosis.report.report_page import Provenance, environment
+from sci_lightning.diagnosis.report.report_page import Provenance, environment, without_empty_columns
 
 COLUMNS = ("effect", "stage", "parameter", "value", "error (1 σ)", "unit", "snapshots that ask for it", "alternatives")
 
@@ -49,7 +49,8 @@ class BlindPage:
     def render(self, provenance: Provenance) -> str:
         """Return the page, which needs no other file."""
         template = environment().get_template("blind_page.html")
-        return template.render(page=self, columns=COLUMNS, provenance=provenance, version=__version__)
+        table = without_empty_columns(COLUMNS, self.rows)
+        return template.render(page=self, table=table, provenance=provenance, version=__version__)
 
 
 def predicted_errors(

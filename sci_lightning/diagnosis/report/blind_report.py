@@ -232,7 +232,7 @@ def snapshots_figure(diagnosis: BlindDiagnosis) -> Figure | None:
     if not count:
         return None
     with style():
-        figure = Figure(figsize=(4.4 * count, 3.2), layout="constrained")
+        figure = Figure(figsize=(3.3 * max(count, 1.5), 3.0), layout="constrained")
         panels = list(figure.subplots(1, count, squeeze=False)[0])
         if diagnosis.effects:
             axes = panels.pop(0)

@@ -16,6 +16,9 @@ from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.imaging.figures import mask_figure, reconstruction_figure
 from sci_lightning.training.system import System
 
+FRAMES = 3
+"""Frames in a picture: a dashboard shows it some 400 pixels wide, in which more could not be made out."""
+
 
 class Pictures(L.Callback):
     """Draws the mask before the first step, and mask and reconstructions of some scenes after every validation.
@@ -68,4 +71,4 @@ class Pictures(L.Callback):
             video = video.to(system.device).unsqueeze(0)
             measurement = pipeline.record(video)
             estimate = pipeline.decode(pipeline.linearise(measurement), pipeline.decoder_mask())
-            yield f"scene/{name}", reconstruction_figure(measurement[0], video[0], estimate[0], name)
+            yield f"scene/{name}", reconstruction_figure(measurement[0], video[0], estimate[0], name, FRAMES)
