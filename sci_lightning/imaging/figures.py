@@ -18,26 +18,24 @@ MAX_FRAMES = 8
 """Of longer videos, so many frames are shown at equal distances."""
 
 
-def mask_figure(mask: torch.Tensor, bits: int | None = None, title: str = "", most: int = 3) -> Figure:
-    """Draw slots of a mask side by side, a close-up, its sum over time, and the histogram of its levels.
+def mask_figure(mask: torch.Tensor, bits: int | None = None, title: str = "") -> Figure:
+    """Draw the slots of a mask side by side, a close-up, its sum over time, and the histogram of its levels.
 
     Args:
         mask: ``(T, H, W)`` in [0, 1].
         bits: bit depth of its levels; None for two levels.
         title: heading, such as the encoder and the step.
-        most: slots that are shown, at equal distances in time; the figure is as wide as they need.
     """
-    slots = _shown_frames(mask, most)
+    slots = _shown_frames(mask, MAX_FRAMES)
     values = mask.detach().float().cpu().numpy()
     levels = 2**bits if bits else 2
-    figure = Figure(figsize=(1.55 * max(len(slots), 3), 5.6), layout="constrained")
+    figure = Figure(figsize=(1.55 * len(slots), 5.6), layout="constrained")
     figure.suptitle(title)
-    top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=[1, 2])[:, 0]
+    top, bottom = figure.subfigures(2, 1, squeeze=False, height_ratios=[1, 1.5])[:, 0]
     brightest = max(values.max(), 1e-6)
     for axes, slot in zip(top.subplots(1, len(slots), squeeze=False)[0], slots, strict=True):
         show_picture(axes, values[slot], f"slot {slot + 1}", high=brightest)
-    diagrams = bottom.subplot_mosaic([["close", "sums"], ["levels", "levels"]])
-    close, sums, histogram = diagrams["close"], diagrams["sums"], diagrams["levels"]
+    close, sums, histogram = bottom.subplots(1, 3, width_ratios=[1, 1, 1.6])
     show_picture(close, values[0, :24, :24], "slot 1, 24 x 24 corner", high=brightest)
     total = values.sum(0)
     image = sums.imshow(total, cmap="viridis", vmin=min(total.min(), 0.999), vmax=max(total.max(), 1.001))
@@ -47,12 +45,22 @@ def mask_figure(mask: torch.Tensor, bits: int | None = None, title: str = "", mo
     steps = levels if levels > 2 else 1
     count = np.bincount(np.rint(values.ravel() * steps).astype(int), minlength=steps + 1) / values.size
     histogram.bar(np.arange(steps + 1) / steps, 100 * count, width=0.8 / steps, color="#30678d")
-    histogram.set(
-        xticks=[0, 1] if steps == 1 else [0, 0.25, 0.5, 0.75, 1],
-        xlabel="transmittance",
-        ylabel="share of values (%)",
-        title="levels",
-    )
+    histogram.set(xlabel="transmittance", ylabel="share of values (%)", title="levels")
+    return figure
+
+
+def pair_figure(left: tuple[str, torch.Tensor], right: tuple[str, torch.Tensor], title: str = "") -> Figure:
+    """Draw two images as large as the card of a dashboard shows them, which is some 380 x 220 pixels.
+
+    Args:
+        left, right: what stands above each, and the image ``(H, W)``, white at 1.0 or the brightest pixel of both.
+        title: heading.
+    """
+    figure = Figure(figsize=(4.0, 2.35), layout="constrained")
+    figure.suptitle(in_figure(title), fontsize=9)
+    images = [image.detach().float().cpu().numpy() for _, image in (left, right)]
+    for axes, (above, _), image in zip(figure.subplots(1, 2), (left, right), images, strict=True):
+        show_picture(axes, image, above, high=max(1.0, *(one.max() for one in images)))
     return figure
 
 

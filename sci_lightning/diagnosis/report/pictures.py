@@ -24,7 +24,7 @@ MAX_CANDIDATES = 8
 """Candidates of a round that are drawn."""
 MAX_TICKS = 5
 """Labels on a logarithmic axis."""
-PANEL_WIDTH = 2.3
+PANEL_WIDTH = 2.2
 """Width of one map of residuals, in inches."""
 PAGE_WIDTH = 6.6
 """Width of a figure of several panels, in inches: a telephone of 400 pixels shows it whole, with legible labels."""
