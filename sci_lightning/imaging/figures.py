@@ -27,7 +27,7 @@ def mask_figure(mask: torch.Tensor, bits: int | None = None, title: str = "") ->
         title: heading, such as the encoder and the step.
     """
     slots = _shown_frames(mask, MAX_FRAMES)
-    values = mask.detach().float().cpu().numpy()
+    values = _values(mask)
     levels = 2**bits if bits else 2
     figure = Figure(figsize=(1.55 * len(slots), 5.6), layout="constrained")
     figure.suptitle(title)
@@ -58,7 +58,7 @@ def pair_figure(left: tuple[str, torch.Tensor], right: tuple[str, torch.Tensor],
     """
     figure = Figure(figsize=(4.0, 2.35), layout="constrained")
     figure.suptitle(in_figure(title), fontsize=9)
-    images = [image.detach().float().cpu().numpy() for _, image in (left, right)]
+    images = [_values(image) for _, image in (left, right)]
     for axes, (above, _), image in zip(figure.subplots(1, 2), (left, right), images, strict=True):
         show_picture(axes, image, above, high=max(1.0, *(one.max() for one in images)))
     return figure
@@ -79,9 +79,10 @@ def reconstruction_figure(
         title: heading, such as the scene's name.
         most: frames that are shown; the figure is as wide as they need.
     """
-    m, y, x = (None if v is None else v.detach().float().cpu().numpy() for v in (measurement, truth, estimate))
+    m = _values(measurement)
+    y, x = (None if video is None else _values(video) for video in (truth, estimate))
     rows: dict[str, tuple[np.ndarray, list[str], str]] = {}
-    shown = _shown_frames(y if y is not None else x, most)
+    shown = _shown_frames(next(video for video in (truth, estimate) if video is not None), most)
     numbers = [f"{frame + 1}" for frame in shown]
     if y is not None:
         rows["frame"] = y, numbers, "gray"
@@ -159,11 +160,15 @@ class _NotebookFigure(Figure):
             return file.getvalue()
 
 
+def _values(tensor: torch.Tensor) -> np.ndarray:
+    return tensor.detach().float().cpu().numpy()
+
+
 def _psnr(estimate: np.ndarray, truth: np.ndarray) -> float:
     return float(-10 * np.log10(max(float(np.mean((estimate - truth) ** 2)), 1e-10)))
 
 
-def _shown_frames(video: torch.Tensor | np.ndarray, most: int) -> list[int]:
+def _shown_frames(video: torch.Tensor, most: int) -> list[int]:
     """Return the numbers of at most ``most`` frames at equal distances."""
     count = min(len(video), most)
     return [int(index) for index in np.linspace(0, len(video) - 1, count).round()]

@@ -87,7 +87,7 @@ def example_figure(before: Residuals, after: Residuals) -> Figure:
     own = hidden_by(*pictures)
     name = f"capture {int(seen.number[number])} ({seen.kinds[number]})"
     titles = {"recorded": name, "before": "residual before", "after": "residual after", "own": OWN}
-    panels = [["recorded", "own"], ["before", "after"]] if own else [["recorded", "before", "after"]]
+    panels: list[Any] = [["recorded", "own"], ["before", "after"]] if own else [["recorded", "before", "after"]]
     with style():
         figure = Figure(figsize=(PAGE_WIDTH, 5.4 if own else 2.3), layout="constrained")
         grid: dict[str, Any] = figure.subplot_mosaic(panels, sharex=True, sharey=True)
