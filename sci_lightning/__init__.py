@@ -9,7 +9,7 @@ Everything that a notebook needs is an attribute of this package, loaded when it
 >>> video = torch.rand(1, 8, 32, 32)  # (N, T, H, W); 1.0 fills the sensor's range when fully transmitted
 >>> measurement = encoder(video)  # (N, H, W), in [0, 1] of full scale
 >>> decoder = sci.load_decoder("gap_tv", ["decoder.iterations=[4]"])
->>> estimate = sci.Pipeline(encoder, decoder)(video)  # records, linearises and decodes
+>>> estimate = decoder(measurement, encoder.transmittance())
 >>> tuple(estimate.shape)
 (1, 8, 32, 32)
 
@@ -40,6 +40,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; at run time FACE says w
     from sci_lightning.imaging.figures import plot
     from sci_lightning.imaging.operator import SnapshotOperator
     from sci_lightning.imaging.pipeline import Pipeline
+    from sci_lightning.measurement import Measurement
     from sci_lightning.metrics import HDRVDP2
     from sci_lightning.runs.checkpoint import Checkpoint
     from sci_lightning.runs.checkpoint import read_checkpoint as load_checkpoint
@@ -54,6 +55,7 @@ FACE = {
     "Diagnosis": "diagnosis:Diagnosis",
     "Encoder": "encoder:Encoder",
     "HDRVDP2": "metrics:HDRVDP2",
+    "Measurement": "measurement:Measurement",
     "Pipeline": "imaging.pipeline:Pipeline",
     "Run": "training.run:Run",
     "Session": "virtual_camera:Session",
@@ -85,6 +87,7 @@ __all__ = [
     "Checkpoint",
     "Diagnosis",
     "Encoder",
+    "Measurement",
     "Pipeline",
     "Run",
     "SearchSettings",

@@ -59,7 +59,7 @@ def load_decoder(
     if chosen is None:
         if not Path(source).exists():
             raise BadInput(f"{source}: no such decoder or checkpoint; choose one of {', '.join(names)}, or give a path")
-        return read_checkpoint(source, trusted).decoder().eval()
+        return read_checkpoint(source, trusted).decoder()
     if chosen not in names:
         raise BadInput(f"{chosen}: no such decoder; choose one of {', '.join(names)}")
     decoder: Decoder = built(compose("train", [f"decoder={chosen}", *overrides]).cfg, "decoder")

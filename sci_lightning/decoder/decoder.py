@@ -15,6 +15,7 @@ from sci_lightning.errors import BadInput
 from sci_lightning.imaging.full_precision import full_precision
 from sci_lightning.imaging.operator import SnapshotOperator
 from sci_lightning.imaging.tiling import SEAM_TOLERANCE, SeamsDiffer, Tiling
+from sci_lightning.measurement import linear_with_mask
 
 if TYPE_CHECKING:
     from sci_lightning.imaging.patches.estimator import LinearEstimator
@@ -27,6 +28,12 @@ WIDEST_HALO = 256
 
 ROUNDING_WINDOW = 64
 """Height and width in pixels of the window on which the rounding of a lower precision is measured."""
+
+BRIGHTEST_SUM = 16.0
+"""How many times brighter than behind white frames a measurement may be."""
+
+MASK_ROUNDING = 1e-3
+"""How far a mask may lie beyond 0 to 1: effects interpolate."""
 
 FirstEstimate: TypeAlias = Literal["published", "linear"]
 """Which video a network gets as its input, see :meth:`Decoder.first_video`."""
@@ -48,8 +55,9 @@ class FirstVideo(NamedTuple):
 class Decoder(nn.Module):
     """A decoder: ``decoder(measurement, mask) -> video``.
 
-    The measurement ``(N, H, W)`` is the sum over t of M_t x_t, the mask M is ``(T, H, W)`` in [0, 1], and the video x
-    is ``(N, T, H, W)``. A subclass implements :meth:`decode`, or :meth:`decode_stages` if it makes several estimates
+    The measurement ``(N, H, W)`` is what an encoder or :class:`sci_lightning.measurement.Measurement` returned, of which
+    the decoder undoes the aperture; or, as a plain tensor, the sum over t of M_t x_t. The mask M is ``(T, H, W)`` in
+    [0, 1], and the video x is ``(N, T, H, W)``. A subclass implements :meth:`decode`, or :meth:`decode_stages` if it makes several estimates
     one after another. The shapes are checked before either is called.
 
     Args:
@@ -114,8 +122,12 @@ class Decoder(nn.Module):
         """Return the estimated video ``(N, T, H, W)``, nominally in [0, 1], not clipped: the last of :meth:`stages`.
 
         Raises:
-            BadInput: the shapes do not fit together, or the architecture cannot take them.
+            BadInput: the shapes do not fit together, the architecture cannot take them, or the values are those of
+                integers, DN or another light scale.
         """
+        measurement, mask = linear_with_mask(measurement, mask)
+        if not (measurement.is_meta or self.training):
+            check_levels(measurement, mask)
         return self.stages(measurement, mask)[-1]
 
     def stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
@@ -124,10 +136,13 @@ class Decoder(nn.Module):
         Raises:
             BadInput: as for the call.
         """
+        measurement, mask = linear_with_mask(measurement, mask)
         if measurement.ndim != 3 or mask.ndim != 3 or measurement.shape[1:] != mask.shape[1:]:
+            alone = measurement.ndim == 2 and mask.ndim == 3 and measurement.shape == mask.shape[1:]
             raise BadInput(
                 f"decoder called with measurement {tuple(measurement.shape)} and mask {tuple(mask.shape)}; "
                 "it takes measurement (N, H, W) and mask (T, H, W) of the same H and W"
+                f"{'; give measurement[None]' if alone else ''}"
             )
         if self.frames is not None and len(mask) != self.frames:
             raise BadInput(f"this {type(self).__name__} was built for {self.frames} frames, the mask has {len(mask)}")
@@ -169,6 +184,7 @@ class Decoder(nn.Module):
         Raises:
             BadInput: as for the call, a tile is smaller than the halo, or even :data:`WIDEST_HALO` is not enough.
         """
+        measurement, mask = linear_with_mask(measurement, mask)
         if self.global_steps:
             self._tiling = tiling
             try:
@@ -252,3 +268,33 @@ class Decoder(nn.Module):
     def operator(mask: torch.Tensor) -> SnapshotOperator:
         """Return the snapshot operator of a mask ``(T, H, W)``, in the form that is fastest inside a network."""
         return SnapshotOperator(mask, slot_by_slot=not are_plain())
+
+
+def check_levels(measurement: torch.Tensor, mask: torch.Tensor) -> None:
+    """Refuse values that no measurement and mask have, and that a decoder would turn into nonsense without a word.
+
+    Args:
+        measurement: ``(N, H, W)``, the sum over t of M_t x_t.
+        mask: M, ``(T, H, W)``.
+
+    Raises:
+        BadInput: integers; a mask beyond [0, 1]; a measurement beyond :data:`BRIGHTEST_SUM` times that of white frames.
+    """
+    if not measurement.is_floating_point():
+        raise BadInput(
+            f"the measurement is {measurement.dtype}: for DN give sci.Measurement(dn, full_scale=.., aperture=..)"
+        )
+    if measurement.numel() == 0 or mask.numel() == 0 or mask.ndim != 3:
+        return
+    least, most = (float(value) for value in torch.aminmax(mask))
+    if not (least >= -MASK_ROUNDING and most <= 1 + MASK_ROUNDING):
+        raise BadInput(
+            f"the mask holds {least:.4g} to {most:.4g}, but a transmittance is 0 to 1: divide it by the value that lets "
+            "all light pass"
+        )
+    white, brightest = float(mask.sum(0).max()), float(measurement.max())
+    if brightest > BRIGHTEST_SUM * max(white, 1.0):
+        raise BadInput(
+            f"the measurement reaches {brightest:.4g} where white frames give at most {white:.4g}, the sum of the mask: "
+            "for DN give sci.Measurement(dn, full_scale=.., aperture=..)"
+        )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -19,6 +20,7 @@ from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput
 from sci_lightning.imaging.full_precision import full_precision
 from sci_lightning.imaging.operator import SnapshotOperator
+from sci_lightning.measurement import Measurement, as_float_tensor, marked
 
 LEAST_VARIANCE = 1e-11
 """Noise of less variance is not drawn: it is a fifth of a 16-bit step, and the size of rounding errors."""
@@ -26,6 +28,10 @@ LEAST_VARIANCE = 1e-11
 LEAST_LIGHT = 0.05
 """Sum of the squared mask over time, as a part of its mean over the field, below which a pixel counts as dark. At the
 dark edge any value from 0.01 to 0.2 gives the same PSNR to 0.04 dB (GAP-TV, moving textures of the virtual camera)."""
+
+
+BRIGHTEST = 16.0
+"""Irradiance beyond which a video must be one of gray levels: four stops over white."""
 
 
 class Encoder(nn.Module):
@@ -128,9 +134,9 @@ class Encoder(nn.Module):
 
         Returns:
             ``(T, qH, qW)``, with q x q cells per pixel (``path.cells``) where a displaced mask is seen through a
-            blurring lens, else q = 1.
+            blurring lens, else q = 1. It remembers the aperture, see :mod:`sci_lightning.measurement`.
         """
-        return self.path.transmittance(self.mask())
+        return marked(self.path.transmittance(self.mask()), self.aperture, self._is_to_be_linearised)
 
     def transmittance_window(self, top: int, left: int, height: int, width: int) -> torch.Tensor:
         """Return the part ``(T, qh, qw)`` of :meth:`transmittance` of h x w pixels from pixel (top, left) on.
@@ -142,21 +148,38 @@ class Encoder(nn.Module):
         q = self.path.cells
         return self.transmittance()[:, q * top : q * (top + height), q * left : q * (left + width)]
 
-    def decoder_mask(self, mask: torch.Tensor) -> torch.Tensor:
+    def decoder_mask(self, mask: torch.Tensor | None = None) -> torch.Tensor:
         """Return the mask ``(T, H, W)`` for a decoder: the transmittance ``(T, qH, qW)`` averaged over whole pixels.
 
         Where effects come between the patterns and the light, pixels of less than :data:`LEAST_LIGHT` are shut: at the
         dark edge of a displaced mask a decoder would otherwise divide noise by next to nothing.
-        """
-        pixels = SnapshotOperator(mask, self.path.cells).in_pixels().mask
-        if self.path.shows_patterns_as_commanded:
-            return pixels
-        light = pixels.square().sum(0)
-        return pixels * (light >= LEAST_LIGHT * light.mean())
 
-    def forward(self, video: torch.Tensor) -> torch.Tensor:
-        """Record ``video`` (N, T, H, W) with the whole mask; see :meth:`record`."""
-        return self.record(video, self.transmittance())
+        Args:
+            mask: a window of :meth:`transmittance`; None for all of it.
+        """
+        pixels = SnapshotOperator(self.transmittance() if mask is None else mask, self.path.cells).in_pixels().mask
+        if not self.path.shows_patterns_as_commanded:
+            light = pixels.square().sum(0)
+            pixels = pixels * (light >= LEAST_LIGHT * light.mean())
+        return marked(pixels, self.aperture, self._is_to_be_linearised)
+
+    def forward(self, video: torch.Tensor) -> Measurement:
+        """Record ``video`` (N, T, H, W) with the whole mask, as :meth:`record` does.
+
+        Returns:
+            ``(N, H, W)``, normalised by the sensor's full scale: a tensor from which decoders undo aperture, optics and
+            sensor, ``decoder(encoder(video), encoder.transmittance())``.
+
+        Raises:
+            BadInput: as :meth:`record`; a video that is no irradiance: integers, values of 0 to 255, NaN.
+        """
+        check_irradiance(video)
+        camera = self if self._is_to_be_linearised else None
+        return Measurement.recorded_by(camera, self.record(video, self.transmittance()), self.aperture)
+
+    @property
+    def _is_to_be_linearised(self) -> bool:
+        return bool(self.path.of(OpticsEffect) or self.path.of(SensorEffect))
 
     @full_precision()
     def record(self, video: torch.Tensor, mask: torch.Tensor, origin: tuple[int, int] = (0, 0)) -> torch.Tensor:
@@ -175,11 +198,7 @@ class Encoder(nn.Module):
         """
         q = self.path.cells
         if video.ndim != 4 or (video.shape[1], video.shape[2] * q, video.shape[3] * q) != mask.shape:
-            raise BadInput(
-                f"the video is {tuple(video.shape)} (N, T, H, W), the mask {tuple(mask.shape)} (T, H, W)"
-                f"{f' in {q} x {q} cells a pixel' if q > 1 else ''}: "
-                f"T, H and W must agree; set frames= and size= to the data's, or crop the data"
-            )
+            raise _misfit(tuple(video.shape), (len(mask), mask.shape[1] // q, mask.shape[2] // q))
         image = self.aperture * SnapshotOperator(mask, q)(video)
         if not len(self.path.effects):
             return self.sensor(image)
@@ -201,14 +220,57 @@ class Encoder(nn.Module):
         passed: list[OpticsEffect | SensorEffect] = [*self.path.of(OpticsEffect), *self.path.of(SensorEffect)]
         if not passed:
             return measurement
+        if isinstance(measurement, Measurement):
+            undone = self.linearise(measurement.recorded(), origin)
+            return Measurement.recorded_by(None, undone, measurement.aperture)
         signal = self._signal(measurement, origin)
         for effect in reversed(passed):
             signal = effect.undo(signal)
         return signal.mean
 
-    def rescale(self, measurement: torch.Tensor) -> torch.Tensor:
-        """Return the measurement ``(N, H, W)`` over the aperture, which is near sum_t M_t x_t, as decoders take it."""
-        return measurement / self.aperture
+    def normalised(
+        self,
+        measurement: torch.Tensor,
+        aperture: torch.Tensor | float | None = None,
+        origin: tuple[int, int] = (0, 0),
+    ) -> Measurement:
+        """Return the measurement ``(N, H, W)`` as decoders take it: linearised, over the aperture, near sum_t M_t x_t.
+
+        Args:
+            measurement: a :class:`.Measurement`, or plain values normalised by full scale, a tensor or an array.
+            aperture: the light scale that it was recorded with, one number or one for each snapshot ``(N,)``; None for
+                this encoder's own.
+            origin: (row, column) of its first pixel in the field.
+
+        Raises:
+            BadInput: a window that is not inside the field, integers, or values of unknown scale.
+        """
+        if isinstance(measurement, Measurement):
+            recorded = measurement.recorded()
+            if measurement.is_linear:
+                return Measurement.of_linear(recorded)
+        else:
+            recorded = as_float_tensor(measurement)
+            if not recorded.is_floating_point():
+                raise BadInput(
+                    f"the measurement is {recorded.dtype}: for DN give sci.Measurement(dn, full_scale=.., aperture=..)"
+                )
+        scale = self.aperture if aperture is None else aperture
+        if isinstance(scale, torch.Tensor):
+            scale = scale[:, None, None]
+        return Measurement.of_linear(self.linearise(recorded, origin) / scale)
+
+    def __repr__(self) -> str:
+        """Say in one line what the camera is: T, size, mask, bits, aperture, sensor and effects."""
+        height, width = self.size
+        bits = getattr(self.mask, "bits", None)
+        depth = f"{bits} bit{'s' * (bits != 1)}, " if bits else ""
+        response = type(self.sensor).__name__ + (f" of {self._bits} bits" if self._bits else "")
+        effects = f", effects: {', '.join(self.path.names)}" if self.path.names else ""
+        return (
+            f"Encoder(T={self.mask.frames}, {height} x {width} pixels, {type(self.mask).__name__} mask, {depth}"
+            f"aperture {self.aperture:.4g}, {response}{effects})"
+        )
 
     @torch.no_grad()
     def as_deepinv(self) -> Any:
@@ -220,7 +282,7 @@ class Encoder(nn.Module):
         Raises:
             BadInput: deepinv is not installed.
         """
-        return deepinv_physics(self.decoder_mask(self.transmittance()), self.aperture)
+        return deepinv_physics(self.decoder_mask(), self.aperture)
 
     def _signal(self, light: torch.Tensor, origin: tuple[int, int], cells: int = 1) -> Signal:
         field, part = self.size, (light.shape[-2] // cells, light.shape[-1] // cells)
@@ -234,7 +296,46 @@ class Encoder(nn.Module):
         return self.sensor(light)
 
 
+def _misfit(video: tuple[int, ...], mask: tuple[int, ...]) -> BadInput:
+    """Return what is wrong with a video of a shape, before a mask ``(T, H, W)`` in pixels, and what would be right."""
+    if video == mask:
+        advice = "the axis N of videos is missing: give video[None]"
+    elif len(video) == 4 and (video[3], *video[1:3]) == mask:
+        advice = "time comes second: give video.permute(0, 3, 1, 2)"
+    elif len(video) == 4 and (video[0], *video[2:]) == mask:
+        advice = "N and T are exchanged: give video.transpose(0, 1)"
+    elif len(video) == 5 and 1 in video:
+        advice = "one axis too many: give a gray video without an axis of colours"
+    else:
+        advice = "T, H and W must agree: crop the video, or make a mask of its size (frames= and size= of a command)"
+    return BadInput(f"the video is {video} (N, T, H, W), the mask {mask} (T, H, W): {advice}")
+
+
 def _draw(signal: Signal) -> torch.Tensor:
     deviation = signal.variance.clamp(min=LEAST_VARIANCE).sqrt()  # a bound, or the root's gradient is infinite
     noise = torch.randn_like(signal.mean) * deviation
     return signal.mean + torch.where(signal.variance > LEAST_VARIANCE, noise, 0)
+
+
+def check_irradiance(video: torch.Tensor) -> None:
+    """Refuse a video whose values cannot be irradiance, of which 1.0 fills the sensor.
+
+    Args:
+        video: any shape.
+
+    Raises:
+        BadInput: integers, or floating values that are NaN or reach as far as gray levels do.
+    """
+    if not video.is_floating_point():
+        levels = {torch.uint8: 255, torch.uint16: 65535, torch.int16: 65535}.get(video.dtype)
+        by = f"video.float() / {levels}" if levels else "video.float(), over the value of white"
+        raise BadInput(f"the video is {video.dtype}, but irradiance is floating, 1.0 being white; give {by}")
+    least, most = (float(value) for value in torch.aminmax(video.detach())) if video.numel() else (0.0, 0.0)
+    if not (math.isfinite(least) and math.isfinite(most)):
+        raise BadInput("the video holds NaN or infinite values; irradiance is finite, 1.0 being white")
+    if most > BRIGHTEST or (most > 1.5 and bool((video == video.round()).all())):
+        levels = 255 if most <= 255 else 2 ** math.ceil(math.log2(most + 1)) - 1
+        raise BadInput(
+            f"the video's values reach {most:.4g}, but 1.0 is white and fills the sensor: gray levels? Give "
+            f"video / {levels}"
+        )

@@ -134,7 +134,7 @@ def _mask(choice: str, checkpoint: Checkpoint | None) -> torch.Tensor | None:
         raise BadInput("mask=trained: without ckpt_path= there is no trained mask; give one, or mask=FILE")
     encoder = checkpoint.encoder()
     with torch.no_grad():
-        return encoder.decoder_mask(encoder.transmittance())
+        return encoder.decoder_mask()
 
 
 if __name__ == "__main__":

@@ -10,6 +10,8 @@ from __future__ import annotations
 import torch
 from torch.nn import functional as F
 
+from sci_lightning.measurement import Measurement
+
 
 class SnapshotOperator:
     r"""The linear operator A of video snapshot compressive imaging, for binary and gray masks.
@@ -74,11 +76,11 @@ class SnapshotOperator:
 
     def adjoint(self, measurement: torch.Tensor) -> torch.Tensor:
         """Return ``A^T y``, ``(N, T, H, W)``: the measurement y ``(N, H, W)`` times the mask of every slot."""
-        return self.mask * measurement.unsqueeze(1)
+        return self.mask * _linear(measurement).unsqueeze(1)
 
     def pseudo_inverse(self, measurement: torch.Tensor) -> torch.Tensor:
         """Return ``A^T R^-1 y``, ``(N, T, H, W)``: the video of least norm that explains y ``(N, H, W)``."""
-        return self.mask / self.sum_of_squares() * measurement.unsqueeze(1)
+        return self.mask / self.sum_of_squares() * _linear(measurement).unsqueeze(1)
 
     def project(self, video: torch.Tensor, measurement: torch.Tensor) -> torch.Tensor:
         """Return the video nearest to ``video`` that explains the measurement: :meth:`data_step` with R as weight."""
@@ -107,11 +109,12 @@ class SnapshotOperator:
         Source: Liao, Li and Carin, "Generalized alternating projection for weighted-l2,1 minimization with
         applications to model-based compressive sensing", SIAM J. Imaging Sciences 2014.
         """
-        return torch.addcmul(video, self.mask, ((measurement - self(video)) / weight).unsqueeze(1), out=out)
+        residual = (_linear(measurement) - self(video)) / weight
+        return torch.addcmul(video, self.mask, residual.unsqueeze(1), out=out)
 
     def mean_frame(self, measurement: torch.Tensor) -> torch.Tensor:
         """Return the frame ``(N, H, W)`` that a scene at rest would have: the measurement over the sum of the masks."""
-        return measurement / self.total_or_one()
+        return _linear(measurement) / self.total_or_one()
 
     def mean_video(self, measurement: torch.Tensor) -> torch.Tensor:
         """Return :meth:`mean_frame` in every slot, ``(N, T, H, W)``: the baseline that any decoder must beat."""
@@ -144,3 +147,7 @@ class SnapshotOperator:
 
 def _or_one(divisor: torch.Tensor) -> torch.Tensor:
     return torch.where(divisor == 0, torch.ones_like(divisor), divisor)
+
+
+def _linear(measurement: torch.Tensor) -> torch.Tensor:
+    return measurement.linear() if isinstance(measurement, Measurement) else measurement

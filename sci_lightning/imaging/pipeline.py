@@ -8,8 +8,9 @@ import torch
 from torch import nn
 
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.encoder.encoder import Encoder
+from sci_lightning.encoder.encoder import Encoder, check_irradiance
 from sci_lightning.imaging.tile_choice import TileChoice
+from sci_lightning.measurement import Measurement, linear_with_mask
 
 
 class Pipeline(nn.Module):
@@ -62,10 +63,29 @@ class Pipeline(nn.Module):
         Raises:
             BadInput: shapes that do not fit together.
         """
+        check_irradiance(video)
         if mask is None and self._camera is None:  # once for both, where both have the same
             mask = self.encoder.transmittance()
         measurement = self.record(video, mask, origin)
         return self.decode(self.linearise(measurement, origin=origin), self.decoder_mask(mask))
+
+    def reconstruct(
+        self,
+        measurement: torch.Tensor,
+        aperture: torch.Tensor | float | None = None,
+        tile: TileChoice | str | Sequence[int] = "none",
+    ) -> torch.Tensor:
+        """Return the estimate ``(N, T, H, W)`` of what a snapshot shows: linearised, then decoded.
+
+        Args:
+            measurement: ``(N, H, W)``, what the encoder returned, or values normalised by full scale.
+            aperture: as :meth:`linearise` has it.
+            tile: as :meth:`decode` has it.
+
+        Raises:
+            BadInput: shapes that do not fit, or values of unknown scale.
+        """
+        return self.decode(self.linearise(measurement, aperture), tile=tile)
 
     def record(
         self, video: torch.Tensor, mask: torch.Tensor | None = None, origin: tuple[int, int] = (0, 0)
@@ -78,19 +98,12 @@ class Pipeline(nn.Module):
         measurement: torch.Tensor,
         aperture: torch.Tensor | float | None = None,
         origin: tuple[int, int] = (0, 0),
-    ) -> torch.Tensor:
+    ) -> Measurement:
         """Return the measurement ``(N, H, W)`` as decoders want it, near the sum of mask times frame.
 
-        Args:
-            measurement: ``(N, H, W)``, normalised by full scale.
-            aperture: the light scale that it was recorded with, one number or one for each snapshot ``(N,)``; None for
-                the camera model's own.
-            origin: (row, column) of its first pixel in the field.
+        It is what the camera model makes of it, see :meth:`.Encoder.normalised`, whatever encoder recorded.
         """
-        linear = self.camera.linearise(measurement, origin)
-        if aperture is None:
-            return self.camera.rescale(linear)
-        return linear / (aperture[:, None, None] if isinstance(aperture, torch.Tensor) else aperture)
+        return self.camera.normalised(measurement, aperture, origin)
 
     def decoder_mask(self, mask: torch.Tensor | None = None) -> torch.Tensor:
         """Return the mask ``(T, H, W)`` that the decoder gets, in whole pixels.
@@ -98,22 +111,23 @@ class Pipeline(nn.Module):
         Args:
             mask: a window of the camera model's transmittance ``(T, qH, qW)``; None for all of it.
         """
-        return self.camera.decoder_mask(self.camera.transmittance() if mask is None else mask)
+        return self.camera.decoder_mask(mask)
 
     def decode(
-        self, linear: torch.Tensor, mask: torch.Tensor, tile: TileChoice | str | Sequence[int] = "none"
+        self, linear: torch.Tensor, mask: torch.Tensor | None = None, tile: TileChoice | str | Sequence[int] = "none"
     ) -> torch.Tensor:
         """Return the estimate ``(N, T, H, W)`` from what :meth:`linearise` and :meth:`decoder_mask` return.
 
         Args:
             linear: ``(N, H, W)``.
-            mask: ``(T, H, W)``.
+            mask: ``(T, H, W)``; None for :meth:`decoder_mask`.
             tile: ``auto``, ``none`` or (height, width) of the tiles in which a large field is decoded one after
                 another, see :class:`~sci_lightning.imaging.tile_choice.TileChoice`. Not for training.
 
         Raises:
             BadInput: a tile is smaller than the decoder's halo, or more memory is needed than there is.
         """
+        linear, mask = linear_with_mask(linear, self.decoder_mask() if mask is None else mask)
         choice = tile if isinstance(tile, TileChoice) else TileChoice(tile)
         tiling = choice.tiling(self.decoder, linear, mask)
         return self.decoder(linear, mask) if tiling is None else self.decoder.in_tiles(linear, mask, tiling)

@@ -150,7 +150,7 @@ def trained_decoder(
         raise BadInput(f"weights.{name}={path}: a checkpoint of decoder={trained}; give one of decoder={name}")
     digest = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     if configured is None:
-        return checkpoint.decoder().eval(), {"decoder": checkpoint.config["decoder"], "weights": digest}
+        return checkpoint.decoder(), {"decoder": checkpoint.config["decoder"], "weights": digest}
     decoder: Decoder = built(configured.cfg, "decoder")
     checkpoint.fill("decoder", decoder, name)
     return decoder.eval(), {"decoder": plain(configured.cfg.decoder), "weights": digest}

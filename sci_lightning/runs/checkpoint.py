@@ -64,7 +64,10 @@ class Checkpoint:
         return encoder
 
     def decoder(self) -> Decoder:
-        """The trained decoder, built anew and filled; raises as :meth:`encoder` does."""
+        """The trained decoder, built anew and filled, ready to decode: in evaluation mode, without gradients.
+
+        To train it further: ``decoder.train().requires_grad_()``. Raises as :meth:`encoder` does.
+        """
         with torch.device("meta"):  # no memory is taken before the shapes are known to fit
             sketch = build_from_file(self.config["decoder"], self.path, "decoder", self.trusted)
         self.check_fit("decoder", sketch)
@@ -72,7 +75,15 @@ class Checkpoint:
         if not isinstance(decoder, Decoder):
             raise BadInput(f"{self.path}: its decoder is {with_article(type(decoder).__name__)}, not a Decoder")
         self.fill("decoder", decoder)
-        return decoder
+        return decoder.eval().requires_grad_(False)
+
+    def __repr__(self) -> str:
+        """Say in one line what was trained, without the weights."""
+        names = self.config.get("names", {})
+        return (
+            f"Checkpoint({self.path}: {names.get('decoder')} behind {names.get('encoder')}, "
+            f"T={self.config.get('frames')}, size {self.config.get('size')}, {len(self.state)} tensors)"
+        )
 
     def fill(self, part: str, module: nn.Module, name: str | None = None) -> None:
         """Load the state of ``part`` ("encoder", "encoder.mask", "decoder", ..) into ``module``, strictly."""

@@ -74,7 +74,7 @@ def colour_checkers(runs: Sequence[Run], side: int, left_out: Callable[[str], No
 def recovered(path: str | Path, side: int) -> torch.Tensor:
     """Return the mean ``(H, W)`` of the frames that a checkpoint's camera and decoder recover of the checker."""
     checkpoint = read_checkpoint(path)
-    encoder, decoder = checkpoint.encoder().eval(), checkpoint.decoder().eval()
+    encoder, decoder = checkpoint.encoder().eval(), checkpoint.decoder()
     if isinstance(encoder.sensor, Ideal):
         encoder = Encoder(encoder.mask, ClipQuantise(BITS)).eval()
     height, width = (min(side, full) for full in encoder.size)

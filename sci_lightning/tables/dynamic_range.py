@@ -42,7 +42,7 @@ def wedge(encoder: Encoder, steps: int = STEPS) -> torch.Tensor:
     mask = encoder.transmittance()
     levels = torch.linspace(0, 1, steps)
     video = levels[:, None, None, None].expand(-1, *mask.shape)
-    reported = SnapshotOperator(mask).mean_frame(encoder.rescale(encoder.record(video, mask)))
+    reported = SnapshotOperator(mask).mean_frame(encoder.normalised(encoder.record(video, mask)))
     return reported[:, mask.sum(0) > 0]
 
 

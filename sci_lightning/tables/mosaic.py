@@ -121,7 +121,7 @@ def _mosaic(title: str, rows: dict[str, dict[str, torch.Tensor]]) -> Figure:
 def _pictures(path: Path, side: int) -> dict[str, torch.Tensor]:
     """What a checkpoint's camera and decoder make of the scene, by the words above each picture."""
     checkpoint = read_checkpoint(path)
-    encoder, decoder = checkpoint.encoder().eval(), checkpoint.decoder().eval()
+    encoder, decoder = checkpoint.encoder().eval(), checkpoint.decoder()
     height, width = (min(side, full) for full in encoder.size)
     truth = Synthetic(encoder.mask.frames, (height, width), (height, width), scenes_count=1).scenes()[0].video[0][None]
     pipeline = Pipeline(encoder, decoder)

@@ -20,6 +20,7 @@ from sci_lightning.errors import BadInput, TrainingDiverged
 from sci_lightning.imaging.operator import SnapshotOperator
 from sci_lightning.imaging.pipeline import Pipeline
 from sci_lightning.imaging.tile_choice import TileChoice
+from sci_lightning.measurement import linear_with_mask
 from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.scene_scores import SceneScores
 from sci_lightning.runs.device import device_name
@@ -216,7 +217,7 @@ class System(L.LightningModule):
         mask, origin = self._window(*video.shape[-2:])
         pipeline = self.pipeline
         linear = pipeline.linearise(pipeline.record(video, mask, origin), origin=origin)
-        return linear, pipeline.decoder_mask(mask)
+        return linear_with_mask(linear, pipeline.decoder_mask(mask))
 
     def logged(self, loss: torch.Tensor) -> torch.Tensor:
         """Return the loss of a batch, after it was logged if this step is one of those that are."""

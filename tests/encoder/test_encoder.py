@@ -28,7 +28,7 @@ def test_contract(name: str, frames: int, configuration: Callable[..., DictConfi
         expected = expected.clamp(0, 1)
         assert torch.allclose(measurement * 255, (measurement * 255).round(), atol=1e-4)
     assert torch.allclose(measurement, expected, atol=0.5 / 255 + 1e-6)
-    assert torch.allclose(encoder.rescale(measurement) * encoder.aperture, measurement)
+    assert torch.allclose(encoder.normalised(measurement) * encoder.aperture, measurement)
     assert torch.equal(measurement, encoder(video))
     still = torch.full((1, frames, 20, 24), 0.5)
     if encoder.aperture == 1 and "sw" in name:  # structural: a motionless scene is recorded as it is

@@ -54,8 +54,8 @@ def test_train_evaluate_reconstruct(command: Command, tmp_path: Path) -> None:
     done = command("reconstruct", scenes[0], "measurement=snapshot.npy", "precision=32", "out=video")
     assert done.returncode == 0, done.stderr
     with torch.no_grad():
-        linear = encoder.rescale(encoder.linearise(torch.from_numpy(snapshot / np.float32(1023))))
-        expected = checkpoint.decoder()(linear, encoder.decoder_mask(encoder.transmittance()))
+        linear = encoder.normalised(torch.from_numpy(snapshot / np.float32(1023)))
+        expected = checkpoint.decoder()(linear, encoder.decoder_mask())
     video = np.load(tmp_path / "video" / "reconstruction.npy")
     np.testing.assert_allclose(video, expected.numpy(), atol=1e-5)
     done = command("reconstruct", scenes[0], f"encoder={path}", "measurement=snapshot.npy", "out=corrected")

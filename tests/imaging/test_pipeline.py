@@ -47,10 +47,11 @@ def test_the_decoder_believes_in_the_camera(encoder: Encoder, decoder: E2ECNN) -
     camera, video = Encoder(RandomBinary(4, (16, 16), seed=1), Ideal(), 0.5), torch.rand(2, 4, 16, 16)
     pipeline = Pipeline(encoder, decoder, camera)
     assert torch.equal(pipeline.decoder_mask(), camera.mask())
-    assert torch.equal(pipeline(video), decoder(encoder(video) / 0.5, camera.mask()))
+    assert torch.equal(pipeline(video), decoder(encoder(video).recorded() / 0.5, camera.mask()))
     each = torch.tensor([0.5, 0.25])
-    halved = pipeline.linearise(encoder(video), each)
-    assert torch.equal(halved[0], encoder(video)[0] / 0.5) and torch.equal(halved[1], encoder(video)[1] / 0.25)
+    recorded = encoder(video).recorded()
+    halved = pipeline.linearise(recorded, each).linear()
+    assert torch.equal(halved[0], recorded[0] / 0.5) and torch.equal(halved[1], recorded[1] / 0.25)
 
 
 def test_checkpoints_hold_every_parameter_once(encoder: Encoder, decoder: E2ECNN) -> None:

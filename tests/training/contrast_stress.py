@@ -38,7 +38,7 @@ def stress(run: Path, source: Folder) -> str:
         errors, off = [], []
         for scene in source.scenes():
             video = change(torch.as_tensor(scene.video[0]).float()[None])
-            error = decoder(encoder.rescale(encoder.record(video, mask)), mask) - video
+            error = decoder(encoder.normalised(encoder.record(video, mask)), mask) - video
             errors.append(error.square().mean().item())
             off.append((error.abs() > 0.6).float().mean().item())
         psnr = -10 * math.log10(sum(errors) / len(errors))
