@@ -16,11 +16,9 @@ def design_mask(composition: Composition) -> None:
         composition: of ``conf/design_mask.yaml``.
     """
     from sci_lightning.cli.next_command import invocation, print_next
-    from sci_lightning.imaging.mask_design import check_design
     from sci_lightning.imaging.mask_design import design_mask as design_and_write
 
     cfg, console = plain(composition.cfg), PlainConsole()
-    check_design(cfg)
     with Progress(console=console, transient=True) as progress:
         bar = progress.add_task("Designing", total=cfg["steps"])
 

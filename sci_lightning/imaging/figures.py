@@ -133,22 +133,24 @@ def plot(
     Raises:
         BadInput: neither frames nor estimate, or shapes that do not belong together.
     """
-    given = {"measurement": (measurement, 2), "video": (video, 3), "estimate": (estimate, 3)}
-    first: dict[str, torch.Tensor | None] = {}
-    for name, (value, dimensions) in given.items():
-        tensor = None if value is None else torch.as_tensor(value)
-        if tensor is not None and tensor.ndim not in (dimensions, dimensions + 1):
-            axes = "(H, W) or (N, H, W)" if dimensions == 2 else "(T, H, W) or (N, T, H, W)"
-            raise BadInput(f"{name}: shape {tuple(tensor.shape)}, expected {axes}")
-        first[name] = tensor[0] if tensor is not None and tensor.ndim > dimensions else tensor
-    shapes = {tuple(one.shape) for one in (first["video"], first["estimate"]) if one is not None}
-    snapshot = first["measurement"]
-    if snapshot is None or len(shapes) != 1 or next(iter(shapes))[1:] != tuple(snapshot.shape):
-        named = ", ".join(f"{name} {tuple(one.shape)}" for name, one in first.items() if one is not None)
-        raise BadInput(f"{named}: plot(measurement, video, estimate) needs frames (T, H, W) of the snapshot's (H, W)")
+    given = (("measurement", measurement, 2), ("video", video, 3), ("estimate", estimate, 3))
+    tensors = {name: torch.as_tensor(value) for name, value, _ in given if value is not None}
+    first = {
+        name: tensors[name][0] if tensors[name].ndim == axes + 1 else tensors[name]
+        for name, _, axes in given
+        if name in tensors
+    }
+    shapes = {name: tuple(tensor.shape) for name, tensor in first.items()}
+    snapshot = shapes.pop("measurement")
+    if len(set(shapes.values())) != 1 or len(snapshot) != 2 or next(iter(shapes.values()))[1:] != snapshot:
+        named = ", ".join(f"{name} {tuple(tensor.shape)}" for name, tensor in tensors.items())
+        raise BadInput(
+            f"{named}: expected a measurement (H, W) or (N, H, W), and of the same size the video (T, H, W) or "
+            "(N, T, H, W), the estimate, or both"
+        )
     if frames < 1:
         raise BadInput(f"frames={frames}: at least one frame must be drawn")
-    return reconstruction_figure(snapshot, first["video"], first["estimate"], title, frames)
+    return reconstruction_figure(first["measurement"], first.get("video"), first.get("estimate"), title, frames)
 
 
 class _NotebookFigure(Figure):

@@ -38,8 +38,14 @@ class DesignedMask:
     random_start_db: float
 
 
-def check_design(settings: Mapping[str, Any]) -> None:
-    """Check settings of ``conf/design_mask.yaml`` that depend on each other.
+def design_mask(
+    settings: Mapping[str, Any], on_step: Callable[[int, float], object] = lambda step, reached: None
+) -> DesignedMask:
+    """Design a mask and write it, see :class:`DesignedMask`.
+
+    Args:
+        settings: of ``conf/design_mask.yaml``, as plain data.
+        on_step: called with the number of every step of the search and the best score so far, in dB.
 
     Raises:
         BadInput: a setting out of its range, or a tile larger than the mask.
@@ -55,31 +61,15 @@ def check_design(settings: Mapping[str, Any]) -> None:
         )
     if tile[0] > size[0] or tile[1] > size[1]:
         raise BadInput(f"tile={list(tile)}: larger than the mask, size={size}")
-
-
-def design_mask(
-    settings: Mapping[str, Any], on_step: Callable[[int, float], object] = lambda step, reached: None
-) -> DesignedMask:
-    """Design a mask and write it, see :class:`DesignedMask`.
-
-    Args:
-        settings: of ``conf/design_mask.yaml``, as plain data.
-        on_step: called with the number of every step of the search and the best score so far, in dB.
-
-    Raises:
-        BadInput: see :func:`check_design`.
-    """
-    check_design(settings)
     out, kind, frames, (height, width) = Path(settings["out"]), settings["kind"], settings["frames"], settings["size"]
-    tile = (int(settings["tile"][0]), int(settings["tile"][1]))
+    tile = (int(tile[0]), int(tile[1]))
     prior = None if settings["prior"] is None else read_prior(settings["prior"])
     noise = SensorNoise(settings["bit_depth"], settings["read_noise"], settings["full_well"])
     score = MaskScore(frames, noise, prior, settings["aperture"])
     search: dict[str, Any] = {
         "score": score,
-        "steps": settings["steps"],
-        "seed": settings["seed"],
         "on_progress": on_step,
+        **{key: settings[key] for key in ("steps", "seed")},
     }
     if kind == "binary":
         design, bits = design_binary(frames, settings["density"], tile, **search), 1
