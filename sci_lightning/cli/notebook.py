@@ -117,6 +117,7 @@ def evaluate(configuration: Iterable[str] | Mapping[str, Any]) -> Evaluation:
     >>> import sci_lightning as sci
     >>> scenes = {"data": "synthetic", "data.scenes_count": 1, "frames": 4, "size": [32, 32]}
     >>> done = sci.evaluate({"decoder": "linear", "metric": ["psnr"], **scenes, "out": "evaluation"})
+    Testing ...
     >>> done.metrics.mean["psnr"] > 20  # dB, over the test scenes
     True
 
