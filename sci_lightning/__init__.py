@@ -29,12 +29,15 @@ if TYPE_CHECKING:  # what type checkers and editors see; at run time FACE says w
     from sci_lightning import decoder as decoders
     from sci_lightning import metrics
     from sci_lightning.captures import read_captures
-    from sci_lightning.cli.notebook import load_decoder, train
+    from sci_lightning.captures.pack import pack_captures
+    from sci_lightning.cli.notebook import design_mask, evaluate, load_decoder, tables, train
+    from sci_lightning.data.video import load_video
     from sci_lightning.diagnosis import Diagnosis, SearchSettings, diagnose
     from sci_lightning.encoder import Encoder, effects
     from sci_lightning.encoder import mask as masks
     from sci_lightning.encoder import sensor as sensors
     from sci_lightning.errors import BadInput
+    from sci_lightning.imaging.figures import plot
     from sci_lightning.imaging.operator import SnapshotOperator
     from sci_lightning.imaging.pipeline import Pipeline
     from sci_lightning.measurement import Measurement
@@ -60,14 +63,20 @@ FACE = {
     "SnapshotOperator": "imaging.operator:SnapshotOperator",
     "VirtualCamera": "virtual_camera:VirtualCamera",
     "decoders": "decoder",
+    "design_mask": "cli.notebook:design_mask",
     "diagnose": "diagnosis:diagnose",
     "effects": "encoder.effects",
+    "evaluate": "cli.notebook:evaluate",
     "load_checkpoint": "runs.checkpoint:read_checkpoint",
     "load_decoder": "cli.notebook:load_decoder",
+    "load_video": "data.video:load_video",
     "masks": "encoder.mask",
     "metrics": "metrics",
+    "pack_captures": "captures.pack:pack_captures",
+    "plot": "imaging.figures:plot",
     "read_captures": "captures:read_captures",
     "sensors": "encoder.sensor",
+    "tables": "cli.notebook:tables",
     "train": "cli.notebook:train",
 }
 """Where each public name is found: a module of this package, and after the colon a member of it."""
@@ -87,14 +96,20 @@ __all__ = [
     "VirtualCamera",
     "__version__",
     "decoders",
+    "design_mask",
     "diagnose",
     "effects",
+    "evaluate",
     "load_checkpoint",
     "load_decoder",
+    "load_video",
     "masks",
     "metrics",
+    "pack_captures",
+    "plot",
     "read_captures",
     "sensors",
+    "tables",
     "train",
 ]
 

@@ -19,7 +19,17 @@ from sci_lightning.errors import BadInput
 from tests.conftest import ROOT
 
 NAMES = [name for name in sci.__all__ if name != "__version__"]
-DOCUMENTED = ["HDRVDP2", "Pipeline", "SnapshotOperator", "VirtualCamera", "load_decoder"]
+DOCUMENTED = [
+    "HDRVDP2",
+    "Pipeline",
+    "SnapshotOperator",
+    "VirtualCamera",
+    "design_mask",
+    "evaluate",
+    "load_decoder",
+    "load_video",
+    "plot",
+]
 """Names whose docstring has an example."""
 
 
@@ -89,6 +99,44 @@ def test_training_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     assert again.finished_before and again.metrics.decoder == "e2e_cnn" and again.metrics.mean["psnr"] > 0
     with pytest.raises(BadInput, match="batch_size=0"):
         sci.train(["batch_size=0"])
+
+
+def test_what_a_command_does_one_call_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The modules of the commands have the same names as the functions, which stay functions."""
+    import sci_lightning.evaluate
+    import sci_lightning.tables.grid  # noqa: F401
+
+    monkeypatch.chdir(tmp_path)
+    scenes = {"data": "synthetic", "data.scenes_count": 1, "frames": 4, "size": [32, 32], "metric": ["psnr"]}
+    done = sci.evaluate({"decoder": "linear", **scenes, "out": "a folder, [named] 'oddly'"})
+    assert done.folder == Path("a folder, [named] 'oddly'") and done.pictures[0].is_file()
+    assert done.metrics.mean["psnr"] > max(20.0, done.metrics.baseline["psnr"])
+    words = ["decoder=linear", "data=synthetic", "data.scenes_count=1", "frames=4", "size=[32,32]", "metric=[psnr]"]
+    assert sci.evaluate([*words, "out=again"]).metrics.mean == done.metrics.mean
+
+    made = sci.tables({"runs": [str(done.folder), "again"], "out": "tables", "mosaic": 0})
+    assert len(made.runs) == 1 and "the same row" in made.left_out[0]  # a test that was repeated counts once
+    assert "linear" in made.grids["runs"].as_markdown() and (made.folder / "table1.md").is_file()
+    assert all(path.is_file() for path in made.figures.values())
+
+
+def test_a_call_refuses_what_its_command_refuses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run" / "checkpoints").mkdir(parents=True)
+    (tmp_path / "run" / "checkpoints" / "last.ckpt").touch()
+    for call, settings, line in (
+        (sci.evaluate, {"decoder": "linear", "out": "run"}, "holds a training"),
+        (sci.evaluate, {"out": "a"}, "ckpt_path="),
+        (sci.evaluate, "decoder=linear", "list of overrides"),
+        (sci.evaluate, {"decoder": "linear", "seed": -1}, "seed"),
+        (sci.tables, {"out": "a"}, "runs=DIR"),
+        (sci.tables, {"runs": "nowhere", "out": "a"}, "nowhere"),
+        (sci.design_mask, {"frames": 1, "out": "a"}, "frames"),
+        (sci.design_mask, {"tile": [64, 64], "size": [32, 32], "out": "a"}, "larger than the mask"),
+    ):
+        with pytest.raises(BadInput, match=line):
+            call(settings)
+    assert not (tmp_path / "run" / "metrics.json").exists()
 
 
 def test_unknown_names() -> None:

@@ -1,12 +1,15 @@
-"""What a notebook does with the configuration in ``conf/``: get a decoder, train."""
+"""What a notebook does with the configuration in ``conf/``: what the commands do, each in one call."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sci_lightning.cli.composition import Composition, built, compose, group_members, plain
+from sci_lightning.cli.console import PlainConsole
 from sci_lightning.cli.continued_run import recorded
 from sci_lightning.cli.encoder_file import PLACES, adapt_to_encoder_files, adopt_encoder_files
 from sci_lightning.cli.settings import check_command_settings
@@ -15,7 +18,10 @@ from sci_lightning.runs.resume import check_nothing_lost
 from sci_lightning.runs.run_folder import run_folder
 
 if TYPE_CHECKING:
+    from sci_lightning.cli.evaluation import Evaluation
+    from sci_lightning.cli.paper_tables import Tables
     from sci_lightning.decoder import Decoder
+    from sci_lightning.imaging.mask_design import DesignedMask
     from sci_lightning.training.run import Run
 
 
@@ -96,7 +102,7 @@ def train(configuration: Iterable[str] | Mapping[str, Any]) -> Run:
         classes = {part: str(config[part]["_target_"]).rpartition(".")[2] for part in ("encoder", "decoder")}
         names = config.pop("names", classes)
     else:
-        composition = _compose_training(configuration)
+        composition = _composed("train", configuration)
         config, overrides = plain(composition.cfg), tuple(recorded(composition.overrides))
         names = {part: composition.choice(part) for part in ("encoder", "decoder")}
     out = Path(config["out"])
@@ -105,12 +111,91 @@ def train(configuration: Iterable[str] | Mapping[str, Any]) -> Run:
         return run_training(config, names, overrides)
 
 
-def _compose_training(overrides: Iterable[str]) -> Composition:
-    """Compose and check the configuration of a training; ``encoder=`` may be the path of an encoder file."""
+def evaluate(configuration: Iterable[str] | Mapping[str, Any]) -> Evaluation:
+    """Test a trained decoder, or one that needs no training, as the command ``evaluate`` does.
+
+    >>> import sci_lightning as sci
+    >>> scenes = {"data": "synthetic", "data.scenes_count": 1, "frames": 4, "size": [32, 32]}
+    >>> done = sci.evaluate({"decoder": "linear", "metric": ["psnr"], **scenes, "out": "evaluation"})
+    Testing ...
+    >>> done.metrics.mean["psnr"] > 20  # dB, over the test scenes
+    True
+
+    Args:
+        configuration: overrides as on the command line, ``["ckpt_path=RUN/checkpoints/last.ckpt",
+            "data=six_scenes", "data.root=DIR"]``, or the same as a dictionary of plain values by setting.
+
+    Raises:
+        BadInput: settings or files that do not fit, or a folder ``out`` that holds a training.
+        HydraException: an override that cannot be read, or that chooses or sets what does not exist.
+    """
+    from sci_lightning.cli.evaluation import evaluate as evaluate_composition
+
+    with _in_own_folder("evaluate", configuration) as composition:
+        return evaluate_composition(composition, PlainConsole(quiet=True))
+
+
+def tables(configuration: Iterable[str] | Mapping[str, Any]) -> Tables:
+    """Make the paper's tables and figures out of runs, as the command ``tables`` does.
+
+    Args:
+        configuration: overrides as on the command line, ``["runs=outputs/sweep", "out=tables"]``, or the same as a
+            dictionary of plain values by setting, ``{"runs": ["outputs/a", "outputs/b"], "mosaic": 0}``.
+
+    Raises:
+        BadInput: settings that do not fit, or folders in which there is no run.
+        HydraException: an override that cannot be read, or that sets what does not exist.
+    """
+    from sci_lightning.cli.paper_tables import make_tables
+
+    with _in_own_folder("tables", configuration) as composition:
+        if composition.cfg.documentation:
+            raise BadInput("documentation=: a notebook makes tables of runs; the pages are written by the command")
+        return make_tables(composition)
+
+
+def design_mask(configuration: Iterable[str] | Mapping[str, Any] = ()) -> DesignedMask:
+    """Find the mask behind which a linear decoder is expected to err least, as the command ``design_mask`` does.
+
+    >>> import sci_lightning as sci
+    >>> design = sci.design_mask({"size": [32, 32], "bits": 2, "steps": 5, "out": "design"})
+    >>> tuple(design.mask.shape), design.score_db > design.random_start_db  # (T, H, W); dB
+    ((8, 32, 32), True)
+
+    Args:
+        configuration: overrides as on the command line, ``["bits=4", "size=[256,256]"]``, or the same as a dictionary
+            of plain values by setting.
+
+    Raises:
+        BadInput: settings out of their range, or that do not go together.
+        HydraException: an override that cannot be read, or that sets what does not exist.
+    """
+    from sci_lightning.imaging.mask_design import design_mask as design_and_write
+
+    with _in_own_folder("design_mask", configuration) as composition:
+        return design_and_write(plain(composition.cfg))
+
+
+@contextmanager
+def _in_own_folder(command: str, configuration: Iterable[str] | Mapping[str, Any]) -> Iterator[Composition]:
+    """Compose and check the configuration of a command that is no training, and take the folder that it writes."""
+    if isinstance(configuration, str):
+        raise BadInput(f"{configuration}: expected a list of overrides, such as ['{configuration}']")
+    if isinstance(configuration, Mapping):
+        configuration = [f"{key}={json.dumps(value, default=str)}" for key, value in configuration.items()]
+    composition = _composed(command, configuration)
+    out = Path(composition.cfg.out)
+    check_nothing_lost(out, training=False)
+    with run_folder(out):
+        yield composition
+
+
+def _composed(command: str, overrides: Iterable[str]) -> Composition:
+    """Compose and check the configuration of a command; ``encoder=`` may be the path of an encoder file."""
     arguments, files = adopt_encoder_files(list(overrides), group_members("encoder"))
-    composition = compose("train", arguments)
+    composition = compose(command, arguments)
     chosen = {place: composition.choice(place) for place in PLACES.values()}
     present = {place: files[name] for place, name in chosen.items() if name in files}
     adapt_to_encoder_files(composition.cfg, present, composition.overrides)
-    check_command_settings(composition.cfg, "train")
+    check_command_settings(composition.cfg, command)
     return composition

@@ -15,7 +15,7 @@ VIDEO_NAMES = ("frames", "orig")
 
 
 def read_video_array(
-    path: str | Path, key: str | Sequence[str] = "orig", size: Sequence[int] | None = None
+    path: str | Path, key: str | Sequence[str] | None = "orig", size: Sequence[int] | None = None
 ) -> np.ndarray:
     """Read the frames that a file of arrays holds under ``key`` on the 0 to 255 scale.
 
@@ -23,7 +23,7 @@ def read_video_array(
         path: one of :data:`~sci_lightning.files.array_file.ENDINGS`.
         key: the array's name, or several of which the first that the file has counts; (H, W, F) in MATLAB, else
             (F, H, W), see :func:`~sci_lightning.files.array_file.time_first`. Values of at most 1 overall count as
-            scaled already.
+            scaled already. None for ``orig``, or the only array of three dimensions.
         size: (H, W) that the frames should have, if known.
 
     Returns:
@@ -32,10 +32,10 @@ def read_video_array(
     Raises:
         BadInput: the file is missing, damaged or without ``key``, or does not hold frames.
     """
-    array = time_first(Path(path), read_array(path, key=key, prefer="", dimensions=3), size)
+    array = time_first(Path(path), read_array(path, key=key, prefer="orig", dimensions=3), size)
     low, high = float(array.min()), float(array.max())
     if not (low >= 0 and high <= 255):  # written so that NaN fails too
-        name = key if isinstance(key, str) else " or ".join(key)
-        raise BadInput(f"{path}: '{name}' holds values from {low:g} to {high:g}; expected 0 to 255")
+        name = f"'{key if isinstance(key, str) else ' or '.join(key)}' " if key else ""
+        raise BadInput(f"{path}: {name}holds values from {low:g} to {high:g}; expected 0 to 255")
     video = np.ascontiguousarray(array, dtype=np.float32)
     return video if high <= 1 else video / np.float32(255)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import torch
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from sci_lightning.errors import BadInput
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.plain_text import in_figure
 
@@ -24,8 +26,8 @@ def mask_figure(mask: torch.Tensor, bits: int | None = None, title: str = "") ->
         bits: bit depth of its levels; None for two levels.
         title: heading, such as the encoder and the step.
     """
-    slots = _shown_frames(mask)
-    values = mask.detach().float().cpu().numpy()
+    slots = _shown_frames(mask, MAX_FRAMES)
+    values = _values(mask)
     levels = 2**bits if bits else 2
     figure = Figure(figsize=(1.55 * len(slots), 5.6), layout="constrained")
     figure.suptitle(title)
@@ -47,37 +49,130 @@ def mask_figure(mask: torch.Tensor, bits: int | None = None, title: str = "") ->
     return figure
 
 
+def pair_figure(left: tuple[str, torch.Tensor], right: tuple[str, torch.Tensor], title: str = "") -> Figure:
+    """Draw two images as large as the card of a dashboard shows them, which is some 380 x 220 pixels.
+
+    Args:
+        left, right: what stands above each, and the image ``(H, W)``, white at 1.0 or the brightest pixel of both.
+        title: heading.
+    """
+    figure = Figure(figsize=(4.0, 2.35), layout="constrained")
+    figure.suptitle(in_figure(title), fontsize=9)
+    images = [_values(image) for _, image in (left, right)]
+    for axes, (above, _), image in zip(figure.subplots(1, 2), (left, right), images, strict=True):
+        show_picture(axes, image, above, high=max(1.0, *(one.max() for one in images)))
+    return figure
+
+
 def reconstruction_figure(
-    measurement: torch.Tensor, truth: torch.Tensor, estimate: torch.Tensor, title: str = ""
+    measurement: torch.Tensor,
+    truth: torch.Tensor | None,
+    estimate: torch.Tensor | None,
+    title: str = "",
+    most: int = MAX_FRAMES,
 ) -> Figure:
     """Draw one snapshot: the measurement, then in every column a frame, its reconstruction and the error.
 
     Args:
-        measurement: ``(H, W)``; truth, estimate: ``(T, H, W)``; all with white at 1.0.
+        measurement: ``(H, W)``; truth, estimate: ``(T, H, W)``; all with white at 1.0. Without ``truth`` or
+            ``estimate`` the rows that need it are left out.
         title: heading, such as the scene's name.
+        most: frames that are shown; the figure is as wide as they need.
     """
-    shown = _shown_frames(truth)
-    x, y, m = (v.detach().float().cpu().numpy() for v in (estimate, truth, measurement))
-    error = np.abs(x - y)
-    figure = Figure(figsize=(1.55 * (len(shown) + 1), 5.2), layout="constrained")
+    m = _values(measurement)
+    y, x = (None if video is None else _values(video) for video in (truth, estimate))
+    rows: dict[str, tuple[np.ndarray, list[str], str]] = {}
+    shown = _shown_frames(next(video for video in (truth, estimate) if video is not None), most)
+    numbers = [f"{frame + 1}" for frame in shown]
+    if y is not None:
+        rows["frame"] = y, numbers, "gray"
+    if x is not None:
+        rows["reconstruction"] = x, numbers if y is None else [f"{_psnr(x[i], y[i]):.1f} dB" for i in shown], "gray"
+    if x is not None and y is not None:
+        rows["error x 5"] = 5 * np.abs(x - y), [""] * len(shown), "magma"
+    figure = _NotebookFigure(figsize=(1.55 * (len(shown) + 1), 1.65 * len(rows) + 0.25), layout="constrained")
     figure.suptitle(in_figure(title))
-    grid = figure.subplots(3, len(shown) + 1, squeeze=False)
+    grid = figure.subplots(len(rows), len(shown) + 1, squeeze=False)
     show_picture(grid[0, 0], m, "measurement", high=max(1.0, m.max()))
     for axes in grid[1:, 0]:
         axes.set_axis_off()
-    for label, axes in zip(("frame", "reconstruction", "error x 5"), grid[:, 1], strict=True):
-        axes.text(-0.06, 0.5, label, transform=axes.transAxes, rotation=90, va="center", ha="right", fontsize=9)
-    for column, frame in enumerate(shown, start=1):
-        psnr = -10 * np.log10(max(float(np.mean((x[frame] - y[frame]) ** 2)), 1e-10))
-        show_picture(grid[0, column], y[frame], f"{frame + 1}")
-        show_picture(grid[1, column], x[frame], f"{psnr:.1f} dB")
-        show_picture(grid[2, column], 5 * error[frame], "", colours="magma")
+    for line, (label, (video, titles, colours)) in zip(grid[:, 1:], rows.items(), strict=True):
+        line[0].text(-0.06, 0.5, label, transform=line[0].transAxes, rotation=90, va="center", ha="right", fontsize=9)
+        for axes, frame, above in zip(line, shown, titles, strict=True):
+            show_picture(axes, video[frame], above, colours=colours)
     return figure
 
 
-def _shown_frames(video: torch.Tensor) -> list[int]:
-    """Return the numbers of at most ``MAX_FRAMES`` frames at equal distances."""
-    count = min(len(video), MAX_FRAMES)
+def plot(
+    measurement: torch.Tensor,
+    video: torch.Tensor | None = None,
+    estimate: torch.Tensor | None = None,
+    *,
+    title: str = "",
+    frames: int = MAX_FRAMES,
+) -> Figure:
+    """Draw a snapshot, its frames and their reconstruction with the PSNR of every frame, to be looked at in a notebook.
+
+    >>> import torch
+    >>> import sci_lightning as sci
+    >>> video = torch.rand(1, 8, 16, 16)
+    >>> figure = sci.plot(video.mean(1), video, video.sqrt(), title="noise")
+    >>> figure.savefig("noise.png")
+
+    Args:
+        measurement: ``(H, W)`` or a batch ``(N, H, W)``, of which the first snapshot is drawn; white is 1.0 or the
+            brightest pixel beyond it.
+        video: ``(T, H, W)`` or ``(N, T, H, W)``, the frames as they were, white at 1.0; None if nobody knows them.
+        estimate: the reconstruction, of the same shape; None for none.
+        title: heading, such as the scene's name.
+        frames: how many frames are drawn at most, at equal distances in time.
+
+    Returns:
+        a matplotlib figure: a notebook shows it, ``figure.savefig(FILE)`` writes it.
+
+    Raises:
+        BadInput: neither frames nor estimate, or shapes that do not belong together.
+    """
+    given = (("measurement", measurement, 2), ("video", video, 3), ("estimate", estimate, 3))
+    tensors = {name: torch.as_tensor(value) for name, value, _ in given if value is not None}
+    first = {
+        name: tensors[name][0] if tensors[name].ndim == axes + 1 else tensors[name]
+        for name, _, axes in given
+        if name in tensors
+    }
+    shapes = {name: tuple(tensor.shape) for name, tensor in first.items()}
+    snapshot = shapes.pop("measurement")
+    if len(set(shapes.values())) != 1 or len(snapshot) != 2 or next(iter(shapes.values()))[1:] != snapshot:
+        named = ", ".join(f"{name} {tuple(tensor.shape)}" for name, tensor in tensors.items())
+        raise BadInput(
+            f"{named}: expected a measurement (H, W) or (N, H, W), and of the same size the video (T, H, W) or "
+            "(N, T, H, W), the estimate, or both"
+        )
+    if frames < 1:
+        raise BadInput(f"frames={frames}: at least one frame must be drawn")
+    return reconstruction_figure(first["measurement"], first.get("video"), first.get("estimate"), title, frames)
+
+
+class _NotebookFigure(Figure):
+    """A figure that a notebook shows although matplotlib's pyplot, which would tell it how, was never imported."""
+
+    def _repr_png_(self) -> bytes:
+        with io.BytesIO() as file:
+            self.savefig(file, format="png", dpi=110)
+            return file.getvalue()
+
+
+def _values(tensor: torch.Tensor) -> np.ndarray:
+    return tensor.detach().float().cpu().numpy()
+
+
+def _psnr(estimate: np.ndarray, truth: np.ndarray) -> float:
+    return float(-10 * np.log10(max(float(np.mean((estimate - truth) ** 2)), 1e-10)))
+
+
+def _shown_frames(video: torch.Tensor, most: int) -> list[int]:
+    """Return the numbers of at most ``most`` frames at equal distances."""
+    count = min(len(video), most)
     return [int(index) for index in np.linspace(0, len(video) - 1, count).round()]
 
 

@@ -15,7 +15,7 @@ from PIL import Image
 
 from sci_lightning.errors import BadInput
 from sci_lightning.files.json_fields import LARGEST_FILE
-from sci_lightning.tables import run_files
+from sci_lightning.tables import mosaic, run_files
 from sci_lightning.tables.grid import Grid
 from sci_lightning.tables.mosaic import mosaics
 from sci_lightning.tables.run import find_runs, read_run
@@ -204,7 +204,7 @@ def test_scales_that_differ_in_nothing_a_file_name_shows(
         (folder / "checkpoints").mkdir()
         (folder / "checkpoints" / "last.ckpt").touch()
     picture = {str(number): torch.zeros(4, 4) for number in range(4)}
-    monkeypatch.setattr("sci_lightning.tables.mosaic._pictures", lambda path, side: picture)
+    monkeypatch.setattr(mosaic, "_pictures", lambda path, side: picture)
     names = [name for name, _ in mosaics(find_runs([tmp_path])[0], 24, print)]
     assert sorted(names) == ["mosaic_.._e2e_cnn", "mosaic_a_b_e2e_cnn", "mosaic_a_b_e2e_cnn_2"]
 

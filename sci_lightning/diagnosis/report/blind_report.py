@@ -17,10 +17,10 @@ from matplotlib.figure import Figure
 from sci_lightning import __version__
 from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
+from sci_lightning.diagnosis.blind.held_out.paired_comparison import PairedComparison
 from sci_lightning.diagnosis.blind.prior import BLOCK
 from sci_lightning.diagnosis.blind.undetermined import SHOWN_IF_STRONG
 from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS
-from sci_lightning.diagnosis.report.blind_page import BlindPage, predicted_errors
 from sci_lightning.diagnosis.report.corrected_camera import (
     prediction_figure,
     reconstruction_figure,
@@ -28,12 +28,14 @@ from sci_lightning.diagnosis.report.corrected_camera import (
 )
 from sci_lightning.diagnosis.report.digits import quantity, uncertainty
 from sci_lightning.diagnosis.report.report import VERIFIED_BY_NONE, write_corrected_encoder
-from sci_lightning.diagnosis.report.report_page import Provenance
+from sci_lightning.diagnosis.report.report_page import Provenance, environment, without_empty_columns
 from sci_lightning.diagnosis.report.sentences import class_paths, clause, considered
 from sci_lightning.diagnosis.report.svg import AFTER, FAINT, style
 from sci_lightning.diagnosis.report.terminal import COLOURS
 from sci_lightning.files.atomic_file import atomic_write
 
+COLUMNS = ("effect", "stage", "parameter", "value", "error (1 σ)", "unit", "snapshots that ask for it", "alternatives")
+"""Titles of the table of what was found; what stands in none of its rows is left out."""
 UNCERTAINTY = (
     "Uncertainties are one standard deviation, from the differences between blocks and between snapshots, because the "
     "statistics of the scenes are only roughly right. What is the same for all scenes, such as an error of the "
@@ -79,7 +81,7 @@ def write_blind_report(diagnosis: BlindDiagnosis, out: str | Path, provenance: P
     for name, figure in drawn.items():
         with atomic_write(out / name) as temporary:
             figure.savefig(temporary, dpi=150, facecolor="white", bbox_inches="tight")
-    page = _page(diagnosis, drawn).render(provenance)
+    page = _page(diagnosis, drawn, provenance)
     with atomic_write(out / "report.html") as temporary:
         temporary.write_text(page, encoding="utf-8")
 
@@ -95,26 +97,47 @@ CAPTIONS = {
 """What the pictures show, by the names of their files."""
 
 
-def _page(diagnosis: BlindDiagnosis, drawn: Mapping[str, Figure]) -> BlindPage:
+def _page(diagnosis: BlindDiagnosis, drawn: Mapping[str, Figure], provenance: Provenance) -> str:
+    """Return ``report.html``, which needs no other file."""
     observation, judged = diagnosis.observation, diagnosis.prediction
     height, width = observation.size
-    return BlindPage(
-        verdict=diagnosis.verdict,
-        names=diagnosis.names,
-        headline=blind_headline(diagnosis),
-        about=f"{_snapshots(len(observation))}, {height} x {width} pixels, {observation.frames} slots, "
+    page = {
+        "verdict": diagnosis.verdict,
+        "names": diagnosis.names,
+        "headline": blind_headline(diagnosis),
+        "about": f"{_snapshots(len(observation))}, {height} x {width} pixels, {observation.frames} slots, "
         f"{observation.bit_depth} bits",
-        notes=_further_notes(diagnosis),
-        rows=_rows(diagnosis),
-        uncertainty=UNCERTAINTY,
-        predicted=[] if judged is None else predicted_errors(judged.gap, judged.without_mask, judged.verification),
-        figures={CAPTIONS[name]: figure for name, figure in drawn.items()},
-        advice=diagnosis.next_captures,
-        undetermined=diagnosis.undetermined,
-        remark="A displacement of mask and scene together, scenes that are less sharp, and patterns in reversed order "
-        "(scenes that run backwards) cannot be told either. "
+        "notes": _further_notes(diagnosis),
+        "uncertainty": UNCERTAINTY,
+        "predicted": [] if judged is None else predicted_errors(judged.gap, judged.without_mask, judged.verification),
+        "figures": {CAPTIONS[name]: figure for name, figure in drawn.items()},
+        "advice": diagnosis.next_captures,
+        "undetermined": diagnosis.undetermined,
+        "remark": "A displacement of mask and scene together, scenes that are less sharp, and patterns in reversed "
+        "order (scenes that run backwards) cannot be told either. "
         f"Nobody has looked for deviations without a name; {considered(diagnosis.considered)}.",
-    )
+    }
+    table = without_empty_columns(COLUMNS, _rows(diagnosis))
+    template = environment().get_template("blind_page.html")
+    return template.render(page=page, table=table, provenance=provenance, version=__version__)
+
+
+def predicted_errors(
+    gap: PairedComparison, without_mask: PairedComparison, verification: PairedComparison | None
+) -> list[tuple[str, float]]:
+    """Return the prediction errors of three cameras on all snapshots, and of two on those that were set aside.
+
+    Args:
+        gap: the ideal camera against the corrected one.
+        without_mask: a camera whose mask is the same everywhere against the corrected one.
+        verification: ``gap`` on the snapshots that were set aside.
+    """
+    rows = [("the ideal camera", gap.before), ("the corrected camera", gap.after)]
+    rows.append(("a camera without any mask", without_mask.before))
+    if verification is not None:
+        rows.append(("snapshots set aside, the ideal camera", verification.before))
+        rows.append(("snapshots set aside, the corrected camera", verification.after))
+    return rows
 
 
 def describe_blind(diagnosis: BlindDiagnosis) -> dict[str, Any]:
@@ -234,7 +257,7 @@ def snapshots_figure(diagnosis: BlindDiagnosis) -> Figure | None:
     if not count:
         return None
     with style():
-        figure = Figure(figsize=(4.4 * count, 3.2), layout="constrained")
+        figure = Figure(figsize=(3.3 * max(count, 1.5), 3.0), layout="constrained")
         panels = list(figure.subplots(1, count, squeeze=False)[0])
         if diagnosis.effects:
             axes = panels.pop(0)

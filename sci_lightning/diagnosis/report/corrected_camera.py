@@ -85,7 +85,7 @@ def reconstruction_figure(
     slots = torch.linspace(0, len(videos[0]) - 1, SHOWN).round().long().tolist()
     top = max(float(video[slots].quantile(0.995)) for video in videos)
     with style():
-        figure = Figure(figsize=(2.1 * (SHOWN + 1), 4.6), layout="constrained")
+        figure = Figure(figsize=(1.65 * (SHOWN + 1), 3.7), layout="constrained")
         axes = figure.subplots(2, SHOWN + 1)
         for line, (name, video) in zip(axes, zip(("before", "after"), videos, strict=True), strict=True):
             line[0].imshow(part[0], cmap="gray", interpolation="nearest")

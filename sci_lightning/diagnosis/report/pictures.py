@@ -24,8 +24,10 @@ MAX_CANDIDATES = 8
 """Candidates of a round that are drawn."""
 MAX_TICKS = 5
 """Labels on a logarithmic axis."""
-PANEL_WIDTH = 3.3
+PANEL_WIDTH = 2.2
 """Width of one map of residuals, in inches."""
+PAGE_WIDTH = 6.6
+"""Width of a figure of several panels, in inches: a telephone of 400 pixels shows it whole, with legible labels."""
 MEAN, SIZE = "mean (standard errors)", "RMS (σ; noise: 1)"
 
 
@@ -43,7 +45,7 @@ def residuals_figure(before: Residuals, after: Residuals) -> Figure:
     height, width = before.raw.shape[1:]
     tall = PANEL_WIDTH * min(max(height / width, 0.5), 1.5)  # room left beside an image would be taken from its labels
     with style():
-        figure = Figure(figsize=(8.8, rows * (tall + 0.45) + 0.3), layout="constrained")
+        figure = Figure(figsize=(PAGE_WIDTH, rows * (tall + 0.45) + 0.3), layout="constrained")
         grid = figure.subplots(rows, 2, sharex=True, sharey=True)
         for column, when in enumerate(("before: the ideal camera", "after: with what was found")):
             mean: Any = draw_map(grid[0, column], means[column], *limits(means))
@@ -83,23 +85,27 @@ def example_figure(before: Residuals, after: Residuals) -> Figure:
         Picture("map", residuals.raw[number], axes=PLACE, extent=extent(before)) for residuals in (before, after)
     ]
     own = hidden_by(*pictures)
-    titles = [f"capture {int(seen.number[number])} ({seen.kinds[number]})", "residual before", "residual after", OWN]
+    name = f"capture {int(seen.number[number])} ({seen.kinds[number]})"
+    titles = {"recorded": name, "before": "residual before", "after": "residual after", "own": OWN}
+    panels: list[Any] = [["recorded", "own"], ["before", "after"]] if own else [["recorded", "before", "after"]]
     with style():
-        figure = Figure(figsize=(13.2 if own else 10.4, 3.1), layout="constrained")
-        grid = figure.subplots(1, 4 if own else 3, sharey=True)
-        recorded: Any = grid[0].imshow(
+        figure = Figure(figsize=(PAGE_WIDTH, 5.4 if own else 2.3), layout="constrained")
+        grid: dict[str, Any] = figure.subplot_mosaic(panels, sharex=True, sharey=True)
+        recorded: Any = grid["recorded"].imshow(
             seen.dn[number].numpy(), cmap="gray", vmin=0, interpolation="nearest", extent=extent(before)
         )
-        for axes, picture in zip(grid[1:3], pictures, strict=True):
-            residual: Any = draw_map(axes, picture, *limits(pictures))
-        _colour_bar(figure, recorded, [grid[0]], "DN")
-        _colour_bar(figure, residual, list(grid[1:3]), "residual (σ)")
+        for name, picture in zip(("before", "after"), pictures, strict=True):
+            residual: Any = draw_map(grid[name], picture, *limits(pictures))
+        _colour_bar(figure, recorded, [grid["recorded"]], "DN")
+        _colour_bar(figure, residual, [grid["before"], grid["after"]], "residual (σ)")
         if own:
-            _colour_bar(figure, draw_map(grid[3], pictures[1], *limits(pictures[1:])), [grid[3]], "residual (σ)")
-        for axes, title in zip(grid, titles, strict=False):
-            axes.set_title(title, loc="left")
-            axes.set(xlabel=PLACE[0], ylabel=PLACE[1])
-            axes.label_outer()
+            alone: Any = draw_map(grid["own"], pictures[1], *limits(pictures[1:]))
+            _colour_bar(figure, alone, [grid["own"]], "residual (σ)")
+        for name, axes in grid.items():
+            lowest, first = name in panels[-1], name in (panels[0][0], panels[-1][0])
+            axes.set_title(titles[name], loc="left")
+            axes.set(xlabel=PLACE[0] if lowest else "", ylabel=PLACE[1] if first else "")
+            axes.tick_params(labelbottom=lowest, labelleft=first)
             axes.spines[:].set_visible(False)
         return figure
 
@@ -129,10 +135,8 @@ def evidence_figure(rounds: tuple[Round, ...], names: tuple[str, ...]) -> Figure
         names: effects that are in the model in the end.
     """
     with style():
-        columns = min(2, max(1, len(rounds)))
-        rows = max(1, -(-len(rounds) // columns))
-        figure = Figure(figsize=(4.6 * columns + 0.4, 0.8 + 2.5 * rows), layout="constrained")
-        grid = figure.subplots(rows, columns, squeeze=False, sharex=True).ravel()
+        figure = Figure(figsize=(5.4, 0.8 + 2.1 * max(1, len(rounds))), layout="constrained")
+        grid = figure.subplots(max(1, len(rounds)), 1, squeeze=False, sharex=True)[:, 0]
         for number, (axes, considered) in enumerate(zip(grid, rounds, strict=False), start=1):
             fits = {name: considered.fitted.get(name, (0.0, 0.0))[0] for name in considered.screened}
             gains = {name: max(gain, fits[name]) for name, gain in considered.screened.items()}
@@ -151,11 +155,7 @@ def evidence_figure(rounds: tuple[Round, ...], names: tuple[str, ...]) -> Figure
             added = considered.added
             dropped = ", on trial" if considered.on_trial else ""
             dropped += " (dropped later)" if added and added not in names else ""
-            axes.set_title(
-                f"round {number}: {in_figure(added or 'nothing is worth its parameters')}{dropped}", loc="left"
-            )
-        for axes in grid[len(rounds) :]:
-            axes.set_axis_off()
+            axes.set_title(f"round {number}: {in_figure(added or 'nothing more is added')}{dropped}", loc="left")
         if len(rounds):
             figure.supxlabel("gain in log-likelihood (nats)", fontsize=9)
             figure.legend(*grid[0].get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize=8)
@@ -273,7 +273,8 @@ def test_figure(before: ResidualTest | None, after: ResidualTest) -> Figure:
     own = before is not None and hidden_by(before.picture, after.picture)
     with style():
         height = 2.5 if after.picture.kind == "map" else 2.1
-        figure = Figure(figsize=(2.8 * (len(tests) + own) + 0.8, height), layout="constrained")
+        panel = 2.0 if own else 2.8  # three panels are no wider than two
+        figure = Figure(figsize=(panel * (len(tests) + own) + 0.6, height), layout="constrained")
         draw_test(figure, [test.picture for test in tests], titles, colours, own)
         return figure
 

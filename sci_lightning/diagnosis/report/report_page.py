@@ -7,7 +7,7 @@ all markup and all fixed texts.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from sci_lightning.diagnosis.fit.gap import Misfit
 from sci_lightning.diagnosis.model.camera_model import datasheet_noise
 from sci_lightning.diagnosis.report import pictures
 from sci_lightning.diagnosis.report.digits import chi2, quantity, uncertainty
-from sci_lightning.diagnosis.report.sentences import clause, considered, headline
+from sci_lightning.diagnosis.report.sentences import clause, considered, fallen, headline, nats_gained
 from sci_lightning.diagnosis.report.svg import svg
 from sci_lightning.diagnosis.residual_tests import ResidualTest
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE
@@ -32,6 +32,15 @@ MAX_TEST_FIGURES = 8
 """Residual tests that are drawn."""
 WIDE = 7.0
 """Width in inches from which a figure is scrolled on a narrow page, because it would become illegible."""
+EFFECT_COLUMNS = (
+    "effect",
+    "stage",
+    "parameter",
+    "value",
+    "statistical error (1 σ)",
+    "unit",
+    "nats lost without it",
+)
 VERDICTS = {
     "consistent": "consistent: nothing is missing",
     "explained": "explained",
@@ -107,7 +116,8 @@ def report_page(
             captures=_captures(diagnosis),
             cards=_cards(diagnosis),
             clauses=[clause(effect) for effect in diagnosis.effects],
-            effect_rows=_effect_rows(diagnosis),
+            effect_table=without_empty_columns(EFFECT_COLUMNS, _effect_rows(diagnosis)),
+            afterwards=_named_afterwards(diagnosis),
             uncertainty=uncertainty_note,
             correlation=correlation,
             correlation_figure=trade_offs,
@@ -176,21 +186,42 @@ def _captures(diagnosis: Diagnosis) -> str:
 
 
 def _cards(diagnosis: Diagnosis) -> list[Card]:
+    """Return the figures at the head of the page: first the one that fell, as in the headline; else chi2."""
     before, after = diagnosis.before.gap, diagnosis.after.gap
     limit = f"; chance reaches {chi2(after.chi2_limit)} with {after.pixels:,} pixels"
-    questions = sum(test.significant for test in diagnosis.before.tests)
+    count, questions = len(diagnosis.effects), [test.significant for test in diagnosis.before.tests]
+    chi2_label = f"held-out reduced χ² (1 = noise{limit if after.chi2_limit > NEGLIGIBLE else ''})"
+    cards = {
+        "chi2": Card(_change(chi2(before.chi2), chi2(after.chi2)), chi2_label),
+        "rmse_dn": Card(f"{_change(f'{before.rmse_dn:.3g}', f'{after.rmse_dn:.3g}')} DN", "held-out RMS error"),
+    }
+    figure = fallen(before, after)
+    if figure == "nll":
+        likelier = Card(f"{nats_gained(before, after):,.0f} nats", "by which held-out pixels become likelier")
+        cards = {"nll": likelier, **cards}
+    first = [cards.pop(figure)] if figure else []
     return [
-        Card(f"{before.rmse_dn:.3g} \u2192 {after.rmse_dn:.3g} DN", "held-out RMS error"),
+        *first,
+        *cards.values(),
         Card(
-            f"{chi2(before.chi2)} \u2192 {chi2(after.chi2)}",
-            f"held-out reduced χ² (1 = noise{limit if after.chi2_limit > NEGLIGIBLE else ''})",
+            _change(str(sum(questions)), str(len(diagnosis.remaining))),
+            f"of {len(questions)} questions find more than noise",
         ),
-        Card(
-            f"{questions} \u2192 {len(diagnosis.remaining)}",
-            f"of {len(diagnosis.before.tests)} questions find more than noise",
-        ),
-        Card(str(len(diagnosis.effects)), "effects named"),
+        Card(str(count), f"effect{'s' * (count != 1)} named"),
     ]
+
+
+def _change(before: str, after: str) -> str:
+    """Return two figures with an arrow between them; one of them where nothing changes."""
+    return after if before == after else f"{before} \u2192 {after}"
+
+
+def without_empty_columns(
+    columns: Sequence[str], rows: Sequence[Sequence[str]]
+) -> tuple[list[str], list[tuple[str, ...]]]:
+    """Return the titles and the rows of a table without the columns in which no row says anything."""
+    kept = [place for place, _ in enumerate(columns) if any(row[place] for row in rows)]
+    return [columns[place] for place in kept], [tuple(row[place] for place in kept) for row in rows]
 
 
 def _effect_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
@@ -208,13 +239,25 @@ def _effect_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     return rows
 
 
+def _named_afterwards(diagnosis: Diagnosis) -> dict[str, str]:
+    """Return the named effects that no round of the search has added, and how they came to be named."""
+    added = {considered.added for considered in diagnosis.rounds}
+    return {
+        effect.name: "every model has it, so that it is no candidate; its values are judged after the last round"
+        if effect.effect.noise
+        else "it took the place of one that a round had added, because it fits better beside the others"
+        for effect in diagnosis.effects
+        if effect.name not in added
+    }
+
+
 def _gap_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return the misfit before and after of every kind of capture and of all."""
 
     def row(kind: str, before: Misfit, after: Misfit) -> tuple[str, ...]:
-        rmse = f"{_three_digits(before.rmse_dn)} \u2192 {_three_digits(after.rmse_dn)}"
-        nll = f"{_three_digits(before.nll)} \u2192 {_three_digits(after.nll)}"
-        return kind, rmse, f"{chi2(before.chi2)} \u2192 {chi2(after.chi2)}", nll
+        rmse = _change(_three_digits(before.rmse_dn), _three_digits(after.rmse_dn))
+        nll = _change(_three_digits(before.nll), _three_digits(after.nll))
+        return kind, rmse, _change(chi2(before.chi2), chi2(after.chi2)), nll
 
     before, after = diagnosis.before.gap, diagnosis.after.gap
     rows = [row(kind, misfit, after.by_kind[kind]) for kind, misfit in before.by_kind.items()]

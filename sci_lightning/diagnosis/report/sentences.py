@@ -70,25 +70,40 @@ def class_paths(effects: Mapping[str, type[Effect]]) -> dict[str, str]:
     return {name: f"{effect.__module__}.{effect.__qualname__}" for name, effect in effects.items()}
 
 
-def improvement(before: Gap, after: Gap) -> str:
-    """Say how much better held-out pixels are predicted, by the figure that shows it most plainly.
+def fallen(before: Gap, after: Gap) -> str:
+    """Return which figure of held-out pixels shows most plainly that they are predicted better.
 
-    This is the RMS error if it falls by more than ``MIN_FALL``; otherwise chi2 if that does, which noise alone changes;
-    otherwise the log-likelihood, which is all that a weak effect improves.
+    Returns:
+        ``rmse_dn`` if the RMS error falls by more than ``MIN_FALL``; otherwise ``chi2`` if that does, which noise alone
+        changes; otherwise ``nll``, which is all that a weak effect improves; empty if they become no likelier.
     """
+    if after.rmse_dn < (1 - MIN_FALL) * before.rmse_dn:
+        return "rmse_dn"
+    if after.chi2 < (1 - MIN_FALL) * before.chi2:
+        return "chi2"
+    return "nll" if nats_gained(before, after) >= 0.5 else ""
+
+
+def nats_gained(before: Gap, after: Gap) -> float:
+    """Return by how many nats all held-out pixels together become likelier."""
+    return (before.nll - after.nll) * after.pixels
+
+
+def improvement(before: Gap, after: Gap) -> str:
+    """Say how much better held-out pixels are predicted, by the figure that :func:`fallen` chooses."""
     reached = chi2(after.chi2)
     fall = f"chi2 {chi2(before.chi2)} to {reached}"
     if overestimated := before.chi2 < 2 - before.chi2_limit:
         fall = f"from chi2 {chi2(before.chi2)}, below 1 because the noise was overestimated, to {reached}"
     allowed = f", where {_chance(after)}" if _acceptable_by_chance(after) else ""
-    if after.rmse_dn < (1 - MIN_FALL) * before.rmse_dn:
+    figure = fallen(before, after)
+    if figure == "rmse_dn":
         return f"the held-out RMS error falls from {before.rmse_dn:.3g} to {after.rmse_dn:.3g} DN ({fall}{allowed})"
-    if after.chi2 < (1 - MIN_FALL) * before.chi2:
+    if figure == "chi2":
         return f"the held-out misfit falls {fall if overestimated else f'from {fall}'}{allowed}"
-    nats = (before.nll - after.nll) * after.pixels
-    if nats >= 0.5:
+    if figure == "nll":
         misfit = fall if overestimated else f"chi2 {reached}"
-        return f"held-out pixels become likelier by {nats:,.0f} nats ({misfit}{allowed})"
+        return f"held-out pixels become likelier by {nats_gained(before, after):,.0f} nats ({misfit}{allowed})"
     return f"the held-out misfit stays at chi2 {reached}{allowed}"
 
 

@@ -71,7 +71,7 @@ def svg(figure: Figure, label: str) -> str:
     return head.sub(
         lambda match: (
             f'<svg viewBox="{match[1]}" role="img" aria-label="{escape(printable(label))}" '
-            f'style="max-width:{width * 1.34:.0f}px;--full:{width * 1.34:.0f}px" xmlns:xlink="http://www.w3.org/1999/xlink">'
+            f'style="max-width:{width * 1.34:.0f}px" xmlns:xlink="http://www.w3.org/1999/xlink">'
         ),
         text,
         count=1,

@@ -57,7 +57,7 @@ def without_doubtful_names(
     rest, withdrawn = list(unnamed), False
     while doubts := doubtful(fitter, fit, stay, rest):
         name, (_, why) = max(doubts.items(), key=lambda item: item[1][0])
-        on_progress(f"{name} is not named: {why}")
+        on_progress(f"{name} is set aside: {why}")
         fit, withdrawn = fitter.fit(fit.hypothesis.without(name), iterations=20), True
         rest = [quantified(fitter, fit, one) for one in rest]
     if not withdrawn:

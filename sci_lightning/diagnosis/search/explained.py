@@ -74,7 +74,7 @@ def _without_contradicted_maps(explained: Explained, on_progress: OnProgress) ->
     maps = explained.corrected(empirical=False).maps if explained.explanation.unnamed else {}
     for name in [name for name in explained.explanation.names if name in maps]:
         if map_p_value(maps[name]) < settings.max_map_p_value:
-            on_progress(f"the map of {name} is not what its name says, so {name} is rejected")
+            on_progress(f"{name} is set aside: its map is not what its name says")
             explanation = explained.explanation
             fit = explained.fitter.fit(explanation.fit.hypothesis.without(name), iterations=20)
             names = tuple(other for other in explanation.names if other != name)

@@ -114,7 +114,7 @@ def explain_remaining_misfit(
     given_names = {deviation.name for deviation in given}
     as_free_form = {name: fitter.model.effects[name] for name in contradicted if name not in given_names}
     for name in as_free_form:
-        on_progress(f"the map of {name} is not random, so {name} is rejected")
+        on_progress(f"{name} is set aside: its map is not random")
         fit = fitter.fit(fit.hypothesis.without(name), iterations=20)
     deviations, gained = [*given], 0.0
     for _ in range(settings.max_unnamed - len(deviations)):

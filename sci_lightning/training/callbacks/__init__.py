@@ -6,7 +6,6 @@ from sci_lightning.training.callbacks.failed_training import FailedTraining
 from sci_lightning.training.callbacks.last_checkpoint import LastCheckpoint
 from sci_lightning.training.callbacks.pictures import Pictures
 from sci_lightning.training.callbacks.progress import Progress
-from sci_lightning.training.callbacks.scalar_layout import ScalarLayout
 from sci_lightning.training.callbacks.scene_pictures import ScenePictures
 from sci_lightning.training.callbacks.throughput import Throughput
 
@@ -17,7 +16,6 @@ __all__ = [
     "LastCheckpoint",
     "Pictures",
     "Progress",
-    "ScalarLayout",
     "ScenePictures",
     "Throughput",
 ]

@@ -6,21 +6,23 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import lightning as L
-import numpy as np
 import torch
 from lightning.pytorch.loggers import TensorBoardLogger
 from matplotlib.figure import Figure
-from PIL import Image
 
 from sci_lightning.files.atomic_file import atomic_write
-from sci_lightning.imaging.figures import mask_figure, reconstruction_figure
+from sci_lightning.imaging.figures import mask_figure, pair_figure, reconstruction_figure
 from sci_lightning.training.system import System
+
+CORNER = 24
+"""Side in pixels of the part of a slot whose single pixels can be made out on a dashboard."""
 
 
 class Pictures(L.Callback):
     """Draws the mask before the first step, and mask and reconstructions of some scenes after every validation.
 
-    TensorBoard gets a series of images; ``folder`` has PNG files of the latest state.
+    TensorBoard gets a series of two images side by side, large enough for its cards; ``folder`` has PNG files of the
+    latest state with all slots and frames.
 
     Args:
         folder: the folder of the PNG files, created when needed.
@@ -33,34 +35,35 @@ class Pictures(L.Callback):
 
     def on_train_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
         if trainer.is_global_zero and trainer.global_step == 0 and isinstance(pl_module, System):
-            self._show(trainer, [("mask", self._mask(trainer, pl_module))])
+            self._show(trainer, [self._mask(trainer, pl_module)])
 
     def on_validation_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
         if not trainer.is_global_zero or trainer.sanity_checking or not isinstance(pl_module, System):
             return
         self._show(trainer, self._figures(trainer, pl_module))
 
-    def _show(self, trainer: L.Trainer, figures: Iterable[tuple[str, Figure]]) -> None:
+    def _show(self, trainer: L.Trainer, drawn: Iterable[tuple[str, Figure, Figure]]) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
         boards = [logger.experiment for logger in trainer.loggers if isinstance(logger, TensorBoardLogger)]
-        for name, figure in figures:
+        for name, figure, card in drawn:
             with atomic_write(self.folder / f"{name.replace('/', '_')}.png") as temporary:  # never through a link
                 figure.savefig(temporary, dpi=110, format="png")
-                with Image.open(temporary) as picture:  # drawing it a second time takes as long as the first
-                    pixels = np.asarray(picture.convert("RGB"))
             for board in boards:
-                board.add_image(name, pixels, trainer.global_step, dataformats="HWC")
+                board.add_figure(name, card, trainer.global_step)
 
     @torch.no_grad()
-    def _mask(self, trainer: L.Trainer, system: System) -> Figure:
-        bits = getattr(system.encoder.mask, "bits", None)
+    def _mask(self, trainer: L.Trainer, system: System) -> tuple[str, Figure, Figure]:
+        mask, bits = system.encoder.mask(), getattr(system.encoder.mask, "bits", None)
         depth = "" if bits is None else f", {bits} bit{'s' * (bits > 1)}"
         name = system.run_config.get("names", {}).get("encoder", "mask")
-        return mask_figure(system.encoder.mask(), bits, f"{name}{depth}, step {trainer.global_step}")
+        title = f"{name}{depth}, step {trainer.global_step}"
+        corner = mask[:, :CORNER, :CORNER]
+        card = pair_figure(("slot 1, corner", corner[0]), (f"slot {len(mask)}, corner", corner[-1]), title)
+        return "mask", mask_figure(mask, bits, title), card
 
     @torch.no_grad()
-    def _figures(self, trainer: L.Trainer, system: System) -> Iterator[tuple[str, Figure]]:
-        yield "mask", self._mask(trainer, system)
+    def _figures(self, trainer: L.Trainer, system: System) -> Iterator[tuple[str, Figure, Figure]]:
+        yield self._mask(trainer, system)
         pipeline = system.pipeline
         snapshots = trainer.val_dataloaders.dataset  # type: ignore[union-attr]
         first = [snapshots.first(scene) for scene in range(min(self.scenes, len(snapshots.names)))]
@@ -68,4 +71,6 @@ class Pictures(L.Callback):
             video = video.to(system.device).unsqueeze(0)
             measurement = pipeline.record(video)
             estimate = pipeline.decode(pipeline.linearise(measurement), pipeline.decoder_mask())
-            yield f"scene/{name}", reconstruction_figure(measurement[0], video[0], estimate[0], name)
+            middle = video.shape[1] // 2
+            card = pair_figure((f"frame {middle + 1}", video[0, middle]), ("reconstruction", estimate[0, middle]), name)
+            yield f"scene/{name}", reconstruction_figure(measurement[0], video[0], estimate[0], name), card

@@ -27,8 +27,9 @@ from sci_lightning.diagnosis.report.pictures import (
     residuals_figure,
     unnamed_figure,
 )
+from sci_lightning.diagnosis.report.pictures import test_figure as draw_test_figure
 from sci_lightning.diagnosis.report.report import UNCERTAINTY, describe, write_report
-from sci_lightning.diagnosis.report.report_page import Provenance, report_page
+from sci_lightning.diagnosis.report.report_page import WIDE, Provenance, report_page
 from sci_lightning.diagnosis.report.svg import svg
 from sci_lightning.diagnosis.residual_tests.drawing import OWN, nearly_largest
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
@@ -169,6 +170,57 @@ def test_a_page_of_a_camera_in_which_nothing_is_hidden(tmp_path: Path) -> None:
     text = page(diagnose(read_captures(tmp_path / "a.h5"), few))
     assert "<h1>The captures agree with the ideal camera" in text
     assert "No effect is worth its parameters" in text
+
+
+@pytest.fixture(scope="module")
+def noisy() -> Diagnosis:
+    """A camera that reads out more noise than its datasheet says, which leaves the RMS error as it is."""
+    few = {name: vocabulary()[name] for name in ("gain", "shot_noise", "read_noise")}
+    return diagnose(VirtualCamera(Session(size=(32, 32)), {"read_noise": {"std": 4.0}}).capture(seed=3), few)
+
+
+def test_the_first_tile_is_what_fell(result: Diagnosis, noisy: Diagnosis) -> None:
+    shift, noise = (
+        re.findall(r'<div class="card"><b>(.*?)</b><span>(.*?)</span>', page(one)) for one in (result, noisy)
+    )
+    assert "→" in shift[0][0] and shift[0][0].endswith("DN")
+    assert noisy.names == ("read_noise",)
+    assert "→" in noise[0][0] and "χ²" in noise[0][1]
+    for value, _ in (*shift, *noise):
+        before, arrow, after = value.removesuffix(" DN").partition(" → ")
+        assert not arrow or before != after, value
+    likelier = replace(noisy.before, gap=replace(noisy.after.gap, nll=noisy.after.gap.nll + 0.01))
+    (first, label), *_ = re.findall(
+        r'<div class="card"><b>(.*?)</b><span>(.*?)<', page(replace(noisy, before=likelier))
+    )
+    assert first.endswith("nats") and "likelier" in label
+
+
+def test_no_column_is_empty(result: Diagnosis, noisy: Diagnosis) -> None:
+    """Noise, without which there is no model, has no nats that were lost without it; a gain has no unit."""
+    for one in (result, noisy):
+        for table in re.findall(r'<table class="stack">.*?</table>', page(one), flags=re.DOTALL):
+            titles, *rows = [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row) for row in table.split("<tr>")[1:]]
+            assert rows and all(len(row) == len(titles) for row in rows)
+            assert all(any(row[place] for row in rows) for place, _ in enumerate(titles)), titles
+    assert "nats lost without it" in page(result) and "nats lost without it" not in page(noisy)
+
+
+def test_what_is_named_is_nowhere_rejected(noisy: Diagnosis) -> None:
+    """Noise is judged after the rounds of the search, in none of which it is added."""
+    assert re.search("<b>read_noise</b> was named afterwards", page(noisy))
+    titles = [axes.get_title(loc="left") for axes in evidence_figure(noisy.rounds, noisy.names).axes]
+    assert titles and not any("worth" in title for title in titles)
+
+
+def test_residuals_are_whole_where_the_page_is_narrow(result: Diagnosis) -> None:
+    """No wider than what a telephone shows without scrolling, with panels on their own scale and without."""
+    before, after = result.before.residuals, result.after.residuals
+    loud = replace(before, raw=300 * after.raw)
+    drawn = [draw(one, after) for draw in (residuals_figure, example_figure) for one in (loud, after)]
+    tests = {test.name: test for test in result.before.tests}
+    drawn += [draw_test_figure(tests.get(test.name), test) for test in result.after.tests]
+    assert max(figure.get_size_inches()[0] for figure in drawn) <= WIDE
 
 
 def test_it_names_the_file_and_the_day(text: str) -> None:

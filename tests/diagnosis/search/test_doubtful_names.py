@@ -41,7 +41,7 @@ def test_levels_of_light_and_captures_agree_about_a_right_name(
     messages: list[str] = []
     remaining, unnamed = without_doubtful_names(subject, fit, NOISE, [], messages.append)
     assert (name in remaining.hypothesis.effects) == stays and unnamed == []
-    assert messages == ([] if stays else [f"{name} is not named: parts of the captures say different things about it"])
+    assert messages == ([] if stays else [f"{name} is set aside: parts of the captures say different things about it"])
 
 
 @pytest.mark.parametrize("std", [0.003, 0.02])

@@ -1,0 +1,118 @@
+"""The paper's tables out of runs, as ``conf/tables.yaml`` says: what the command and ``sci.tables`` share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+from omegaconf import OmegaConf
+
+from sci_lightning.cli.composition import Composition, compose, group_members, plain
+from sci_lightning.configuration.conf_folder import PACKAGE
+from sci_lightning.errors import BadInput
+
+if TYPE_CHECKING:
+    from sci_lightning.tables.grid import Grid
+    from sci_lightning.tables.run import Run
+
+
+@dataclass(frozen=True)
+class Tables:
+    """What was made of the runs.
+
+    Attributes:
+        folder: with every table as Markdown, LaTeX and PNG, the figures as PNG, and the dashboard in ``tensorboard/``.
+        runs: that were read.
+        grids: the tables by name; ``print(tables.grids["table1"].as_markdown())`` shows one.
+        figures: files of the figures, by name.
+        left_out: a line for every file that is of no use, and why.
+    """
+
+    folder: Path
+    runs: tuple[Run, ...]
+    grids: dict[str, Grid]
+    figures: dict[str, Path]
+    left_out: tuple[str, ...]
+
+
+def make_tables(composition: Composition, on_left_out: Callable[[str], None] = lambda line: None) -> Tables:
+    """Collect the ``metrics.json`` below ``runs``, and write each table as Markdown, LaTeX and PNG into ``out``.
+
+    Beside them the paper's figures as PNG: quality against cost, dynamic range, mosaics of runs that left a checkpoint.
+    With ``dashboard=true`` a TensorBoard log as well, in which every run is a trial.
+
+    Args:
+        composition: of ``conf/tables.yaml``.
+        on_left_out: called with a line for every file that is of no use; the others go on.
+
+    Raises:
+        BadInput: no folder is given, none of them holds a run, or another dashboard is in the way.
+    """
+    from sci_lightning.imaging.figures import write_figure
+    from sci_lightning.tables.claim_table import claim_table, verdict_table
+    from sci_lightning.tables.colour_checker import colour_checkers
+    from sci_lightning.tables.cost import costs
+    from sci_lightning.tables.cost_figure import cost_figure
+    from sci_lightning.tables.dashboard import check_dashboard, write_dashboard
+    from sci_lightning.tables.dynamic_range import dynamic_range_figure, dynamic_range_table, wedges
+    from sci_lightning.tables.encoder_table import encoder_table
+    from sci_lightning.tables.mosaic import mosaics, retrained_mosaics
+    from sci_lightning.tables.run import find_runs
+    from sci_lightning.tables.run_table import run_table
+    from sci_lightning.tables.score_table import score_table
+
+    cfg, out = composition.cfg, Path(composition.cfg.out)
+    folders = plain(cfg)["runs"]
+    if folders is None:
+        raise BadInput("give runs=DIR, a folder of train or of a sweep; documentation=. writes the tables of the pages")
+    left_out: list[str] = []
+
+    def leave_out(line: str) -> None:
+        left_out.append(line)
+        on_left_out(line)
+
+    runs, lines = find_runs([Path(str(folder)) for folder in (folders if isinstance(folders, list) else [folders])])
+    for line in lines:
+        leave_out(line)
+    if cfg.dashboard:
+        check_dashboard(out / "tensorboard")
+    paper = yaml.safe_load((PACKAGE / "tables" / "paper_figures.yaml").read_text())
+    ours = [name for name in group_members("decoder") if name in paper["decoders"]]
+    cost = costs(paper["decoders"], _members("decoder", ours, "frames=8"))
+    encoders = _members("encoder", group_members("encoder"), "frames=8", "size=[32,32]")
+    grids = [encoder_table(paper["encoders"], encoders)]
+    grids += [score_table(name, table, runs, cost) for name, table in paper["tables"].items()]
+    grids += [table(paper["claims"], paper["tables"], runs, cost) for table in (claim_table, verdict_table)]
+    recorded = wedges({name: encoders[name] for name in paper["encoders"]}, cfg.sensor)
+    grids.append(dynamic_range_table(recorded, cfg.sensor))
+    grids.append(run_table(runs))
+    for grid in grids:
+        grid.write(out)
+    figures = {
+        "cost": cost_figure(paper["tables"]["table4"], runs, paper["decoders"]),
+        "dynamic_range_map": dynamic_range_figure(recorded),
+    }
+    networks = [row["match"]["decoder"] for row in paper["tables"]["table3"]["rows"].values()]
+    drawn = (
+        mosaics(runs, cfg.mosaic, leave_out),
+        retrained_mosaics(runs, "rbw_sr", networks, cfg.mosaic, leave_out),
+        colour_checkers(runs, cfg.mosaic, leave_out),
+    )
+    written = {}
+    for name, figure in chain(figures.items(), *(drawn if cfg.mosaic else ())):
+        written[name] = out / f"{name}.png"
+        write_figure(figure, written[name])
+    if cfg.dashboard:
+        write_dashboard(sorted(runs, key=lambda run: str(run.path)), out / "tensorboard")
+    return Tables(out, tuple(runs), {grid.name: grid for grid in grids}, written, tuple(left_out))
+
+
+def _members(group: str, names: list[str], *overrides: str) -> dict[str, Any]:
+    """Return the plain configurations of members of a group, as ``train`` would have them, by their names."""
+    composed = {name: compose("train", [f"{group}={name}", *overrides]).cfg[group] for name in names}
+    # of encoders whose mask is a file, the file is missing
+    return {name: OmegaConf.to_container(member, resolve=True) for name, member in composed.items()}
