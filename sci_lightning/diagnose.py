@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 PART = "covered_snapshots.npy"
 """File of the part of the snapshots that the mask covers; no name that snapshots themselves are likely to have."""
-OF_SNAPSHOTS = ("key", "bit_depth", "mask", "mask_key", "mask_step", "mask_origin", "verification")
+OF_SNAPSHOTS = ("key", "bit_depth", "mask", "mask_key", "mask_step", "mask_origin", "mask_slots", "verification")
 """Settings that say how snapshots and masks of separate files are read."""
 FACTS = "snapshots.json"
 """File of what snapshots tell by themselves."""
@@ -249,6 +249,7 @@ def read_input(cfg: DictConfig) -> Given:
         key=cfg.mask_key,
         step=cfg.mask_step,
         origin=cfg.mask_origin,
+        slots=cfg.mask_slots,
         verification=cfg.verification,
         name=name,
     )
