@@ -40,6 +40,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; at run time FACE says w
     from sci_lightning.metrics import HDRVDP2
     from sci_lightning.runs.checkpoint import Checkpoint
     from sci_lightning.runs.checkpoint import read_checkpoint as load_checkpoint
+    from sci_lightning.runs.reconstruction import Reconstruction, reconstruct
     from sci_lightning.training.run import Run
     from sci_lightning.virtual_camera import Session, VirtualCamera
 
@@ -52,6 +53,7 @@ FACE = {
     "Encoder": "encoder:Encoder",
     "HDRVDP2": "metrics:HDRVDP2",
     "Pipeline": "imaging.pipeline:Pipeline",
+    "Reconstruction": "runs.reconstruction:Reconstruction",
     "Run": "training.run:Run",
     "Session": "virtual_camera:Session",
     "SearchSettings": "diagnosis:SearchSettings",
@@ -65,6 +67,7 @@ FACE = {
     "masks": "encoder.mask",
     "metrics": "metrics",
     "read_captures": "captures:read_captures",
+    "reconstruct": "runs.reconstruction:reconstruct",
     "sensors": "encoder.sensor",
     "train": "cli.notebook:train",
 }
@@ -77,6 +80,7 @@ __all__ = [
     "Diagnosis",
     "Encoder",
     "Pipeline",
+    "Reconstruction",
     "Run",
     "SearchSettings",
     "Session",
@@ -91,6 +95,7 @@ __all__ = [
     "masks",
     "metrics",
     "read_captures",
+    "reconstruct",
     "sensors",
     "train",
 ]

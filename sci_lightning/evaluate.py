@@ -31,7 +31,6 @@ def evaluate(composition: Composition) -> float:
     from sci_lightning.data.loader import scene_loader
     from sci_lightning.decoder import kernels
     from sci_lightning.decoder.complexity import count_parameters
-    from sci_lightning.decoder.iterative import Iterative
     from sci_lightning.errors import BadInput, OtherSize
     from sci_lightning.imaging.tile_choice import TileChoice
     from sci_lightning.runs.precision import describe_precision, device_of_accelerator, resolve_precision
@@ -72,7 +71,7 @@ def evaluate(composition: Composition) -> float:
 
     metrics = build_metrics(plain(cfg.metrics) if cfg.get("metrics") else {}, cfg.size)
     console, progress = PlainConsole(), Progress()
-    watch = None if isinstance(decoder, Iterative) else progress.show_tile
+    watch = None if decoder.global_steps else progress.show_tile
     choice = TileChoice(cfg.tile, say=console.print, watch=watch)
     system = System(encoder, decoder, camera=camera, metrics=metrics, tile=choice, seed=cfg.seed)
     tested_on = test_encoder if cfg.captures else with_effects(test_encoder, encoder.path.names)
