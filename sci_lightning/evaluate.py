@@ -85,13 +85,7 @@ def evaluate(composition: Composition) -> float:
     write_json(scores.to_json(), out / "metrics.json")
     print_results(scores, console)
     console.say(styled(out), ": metrics.json" + (", pictures/" if pictures.written else ""))
-    decodes = {"ckpt_path": cfg.ckpt_path} if cfg.ckpt_path else {}
-    decoder_word = [] if decodes else [f"decoder={names['decoder']}"]
-    print_next(
-        console,
-        invocation("tables", paths={"runs": out}),
-        invocation("reconstruct", *decoder_word, "measurement=SNAPSHOT.tiff", paths=decodes),
-    )
+    print_next(console, invocation("tables", paths={"runs": out}))
     return scores.mean["psnr"]
 
 

@@ -19,7 +19,7 @@ from sci_lightning.errors import BadInput
 from tests.conftest import ROOT
 
 NAMES = [name for name in sci.__all__ if name != "__version__"]
-DOCUMENTED = ["HDRVDP2", "Pipeline", "SnapshotOperator", "VirtualCamera", "load_decoder"]
+DOCUMENTED = ["HDRVDP2", "Pipeline", "SnapshotOperator", "VirtualCamera", "load_decoder", "reconstruct"]
 """Names whose docstring has an example."""
 
 

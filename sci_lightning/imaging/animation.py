@@ -21,8 +21,8 @@ LONGEST_PICTURE = 655_350
 """Milliseconds for which a GIF can show a picture; frames that are alike become one."""
 MOST_FRAMES_SHOWN = 512
 """Of a longer video, so many frames are shown in an animation."""
-GIF_PIXELS, MP4_PIXELS = 2**24, 2**26
-"""Pixels of all frames of an animation, which takes up to a byte for each as GIF, and a fifth of that as MP4."""
+GIF_PIXELS, MP4_PIXELS = 12 * 10**6, 50 * 10**6
+"""Pixels of all frames of an animation. A GIF of noise takes 1.5 bytes for each, one of a scene about half of that."""
 OVERVIEW_WIDTH = 1920
 """Pixels."""
 OVERVIEW_FRAMES, OVERVIEW_SNAPSHOTS = 8, 6
