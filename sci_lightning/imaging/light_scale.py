@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from sci_lightning.encoder import Encoder
+from sci_lightning.errors import BadInput
 
 BIT_DEPTHS = (8, 10, 12, 14, 16)
 """Usual bit depths of cameras."""
@@ -61,10 +62,15 @@ def resolve_aperture(
         mask: ``(T, H, W)``.
         brightest: largest value of the snapshot, in units of full scale.
         own_mask: whether the mask is the encoder's own; else its automatic aperture is that of ``mask``.
+
+    Raises:
+        BadInput: a stated aperture that is neither ``auto`` nor a positive number.
     """
     ordinary = 1 / max(1.0, float(mask.sum(0).mean()))
     if given is not None and given != "auto":
-        return float(given), "as given"
+        if isinstance(given, str) or not 0 < given < float("inf"):
+            raise BadInput(f"aperture={given}: give a positive number, or auto for an exposure that white fills")
+        return given, "as given"
     states = given is None and (getattr(encoder.sensor, "bit_depth", None) is not None or encoder.aperture != 1)
     if states and (own_mask or encoder.aperture != encoder.mask.automatic_aperture):
         return encoder.aperture, "the encoder's"

@@ -129,5 +129,9 @@ def test_what_a_notebook_gives_wrongly(tmp_path: Path) -> None:
         sci.reconstruct(LIGHT, decoder)
     with pytest.raises(BadInput, match=r"expected numbers \(H, W\) or \(N, H, W\)"):
         sci.reconstruct(np.zeros(3), decoder, mask="mask.npy")
+    np.save(tmp_path / "mask.npy", mask())
+    for wrong in ("half", -1.0, float("nan")):
+        with pytest.raises(BadInput, match=r"aperture=.*positive number, or auto"):
+            sci.reconstruct(LIGHT, decoder, mask=tmp_path / "mask.npy", aperture=wrong)
     with pytest.raises(BadInput, match=r"mask_step=.* belongs to a mask"):
         sci.reconstruct(LIGHT, decoder, mask_step=(1, 0))
