@@ -44,6 +44,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; at run time FACE says w
     from sci_lightning.metrics import HDRVDP2
     from sci_lightning.runs.checkpoint import Checkpoint
     from sci_lightning.runs.checkpoint import read_checkpoint as load_checkpoint
+    from sci_lightning.runs.reconstruction import Reconstruction, reconstruct
     from sci_lightning.training.run import Run
     from sci_lightning.virtual_camera import Session, VirtualCamera
 
@@ -57,6 +58,7 @@ FACE = {
     "HDRVDP2": "metrics:HDRVDP2",
     "Measurement": "measurement:Measurement",
     "Pipeline": "imaging.pipeline:Pipeline",
+    "Reconstruction": "runs.reconstruction:Reconstruction",
     "Run": "training.run:Run",
     "Session": "virtual_camera:Session",
     "SearchSettings": "diagnosis:SearchSettings",
@@ -75,6 +77,7 @@ FACE = {
     "pack_captures": "captures.pack:pack_captures",
     "plot": "imaging.figures:plot",
     "read_captures": "captures:read_captures",
+    "reconstruct": "runs.reconstruction:reconstruct",
     "sensors": "encoder.sensor",
     "tables": "cli.notebook:tables",
     "train": "cli.notebook:train",
@@ -89,6 +92,7 @@ __all__ = [
     "Encoder",
     "Measurement",
     "Pipeline",
+    "Reconstruction",
     "Run",
     "SearchSettings",
     "Session",
@@ -108,6 +112,7 @@ __all__ = [
     "pack_captures",
     "plot",
     "read_captures",
+    "reconstruct",
     "sensors",
     "tables",
     "train",

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 PART = "covered_snapshots.npy"
 """File of the part of the snapshots that the mask covers; no name that snapshots themselves are likely to have."""
-OF_MASK = ("mask_key", "mask_dark", "mask_white", "mask_step", "mask_origin", "verification")
+OF_MASK = ("mask_key", "mask_dark", "mask_white", "mask_step", "mask_origin", "mask_slots", "verification")
 OF_SNAPSHOTS = ("key", "bit_depth", "raw_format", "raw_size", "mask", *OF_MASK)
 """Settings that say how snapshots and masks of separate files are read."""
 FACTS = "snapshots.json"
@@ -254,6 +254,7 @@ def read_input(cfg: DictConfig) -> Given:
         levels=(cfg.mask_dark, cfg.mask_white),
         step=cfg.mask_step,
         origin=cfg.mask_origin,
+        slots=cfg.mask_slots,
         verification=cfg.verification,
         name=name,
     )

@@ -17,17 +17,11 @@ def evaluate(composition: Composition) -> float:
     from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.runs.results import print_results
 
-    cfg, console = composition.cfg, PlainConsole()
+    console = PlainConsole()
     done = evaluation.evaluate(composition, console)
     print_results(done.metrics, console)
     console.say(styled(done.folder), ": metrics.json" + (", pictures/" if done.pictures else ""))
-    decodes = {"ckpt_path": cfg.ckpt_path} if cfg.ckpt_path else {}
-    decoder_word = [] if decodes else [f"decoder={done.metrics.decoder}"]
-    print_next(
-        console,
-        invocation("tables", paths={"runs": done.folder}),
-        invocation("reconstruct", *decoder_word, "measurement=SNAPSHOT.tiff", paths=decodes),
-    )
+    print_next(console, invocation("tables", paths={"runs": done.folder}))
     return done.metrics.mean["psnr"]
 
 

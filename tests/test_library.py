@@ -29,6 +29,7 @@ DOCUMENTED = [
     "load_decoder",
     "load_video",
     "plot",
+    "reconstruct",
 ]
 """Names whose docstring has an example."""
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import shlex
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import yaml
 from hydra.core.config_store import ConfigStore
-from rich.progress import Progress
+from omegaconf import OmegaConf
+from rich.progress import Progress, TaskID
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, built, compose, group_members, plain
@@ -21,7 +23,7 @@ from sci_lightning.errors import BadInput
 if TYPE_CHECKING:
     from sci_lightning.runs.checkpoint import Checkpoint
 
-SETTINGS = ("frames", "compile", "warm_up", "repeats", "budget", "product", "training")
+SETTINGS = ("frames", "tile", "compile", "warm_up", "repeats", "budget", "product", "training")
 """What is handed to the measurement, and written down, as it is."""
 
 
@@ -62,7 +64,7 @@ def benchmark(composition: Composition) -> None:
         cfg.size = [cfg.size, cfg.size]
     cfg.crop = cfg.crop or list(cfg.size)
     scene, *snapshot = scene_snapshot(built(cfg, "data"), checkpoint, cfg.seed)
-    settings: dict[str, Any] = {key: cfg[key] for key in SETTINGS} | {"size": tuple(cfg.size), "precisions": precisions}
+    settings = plain(OmegaConf.masked_copy(cfg, list(SETTINGS))) | {"size": tuple(cfg.size), "precisions": precisions}
     command = shlex.join(["python", "-m", "sci_lightning.benchmark", *composition.overrides])
     reduced = f"networks of scale={cfg.reduced}" if cfg.reduced else "full networks"
     reduced = "the network of a checkpoint" if checkpoint is not None else reduced
@@ -94,7 +96,14 @@ def benchmark(composition: Composition) -> None:
             try:
                 config = _decoder(composition, name) if checkpoint is None else checkpoint.config["decoder"]
                 published = name if cfg.published else None
-                cost = decoder_cost(config, device=str(device), rules=rules, published=published, **settings)
+                cost = decoder_cost(
+                    config,
+                    on_progress=partial(_show, progress, task, name),
+                    device=str(device),
+                    rules=rules,
+                    published=published,
+                    **settings,
+                )
                 content["decoders"][name] = {**cost, **figures}
             except Exception as error:
                 if len(names) == 1:
@@ -115,6 +124,13 @@ def benchmark(composition: Composition) -> None:
     if failed := content["failed"]:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in failed.items())
         raise BadInput(f"{len(failed)} of {len(names)} decoders could not be measured: {reasons}")
+
+
+def _show(progress: Progress, task: TaskID, name: str, words: str) -> None:
+    """Show what a decoder's process says; how it is cut into tiles stays to be read."""
+    progress.update(task, description=f"{name}: {words}")
+    if words.startswith("tile=auto"):
+        progress.console.print(f"{name}: {words}")
 
 
 def _checkpoint(composition: Composition, names: list[str]) -> Checkpoint | None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 import statistics
-from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from multiprocessing import get_context
@@ -25,24 +25,52 @@ from sci_lightning.decoder.paper_count import count_as_paper
 from sci_lightning.errors import BadInput
 from sci_lightning.imaging.full_precision import full_precision
 from sci_lightning.imaging.operator import SnapshotOperator
+from sci_lightning.imaging.tile_choice import TileChoice
 from sci_lightning.metrics.psnr import psnr
 from sci_lightning.runs.precision import mixed_precision
 
+_said: Any = None
+"""In the process that measures: the queue of what it says of its progress."""
 
-def decoder_cost(config: Mapping[str, Any], **settings: Any) -> dict[str, Any]:
+
+def decoder_cost(
+    config: Mapping[str, Any], on_progress: Callable[[str], object] | None = None, **settings: Any
+) -> dict[str, Any]:
     """:func:`measure` in a fresh process, so that the peak memory is this decoder's alone.
+
+    Args:
+        config, settings: see there.
+        on_progress: called with a few words on what is being computed.
 
     Raises:
         BadInput: as :func:`measure`; or out of memory, which is why systems kill processes.
     """
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
+    context = get_context("spawn")
+    said = context.SimpleQueue()
+    with ProcessPoolExecutor(1, mp_context=context, initializer=_report_to, initargs=(said,)) as process:
         try:
-            return process.submit(measure, config, **settings).result()
+            result = process.submit(measure, config, **settings)
+            while not wait([result], timeout=0.2).done or not said.empty():
+                while not said.empty():
+                    words = said.get()
+                    if on_progress is not None:
+                        on_progress(words)
+            return result.result()
         except RuntimeError as error:
             killed = isinstance(error, (BrokenProcessPool, torch.OutOfMemoryError))
             if not killed and "can't allocate memory" not in str(error):
                 raise
             raise BadInput("did not fit into memory; give a smaller size=") from error
+
+
+def _report_to(queue: Any) -> None:
+    global _said
+    _said = queue
+
+
+def _report(words: str) -> None:
+    if _said is not None:
+        _said.put(words)
 
 
 def measure(
@@ -58,6 +86,7 @@ def measure(
     repeats: int,
     budget: float,
     product: int,
+    tile: str | Sequence[int] = "auto",
     threads: int | None = None,
     plain_kernels: bool = False,
     published: str | None = None,
@@ -77,6 +106,7 @@ def measure(
         warm_up, repeats: number of calls that are not timed, and that are.
         budget: seconds after which no further call is timed.
         product: n of the n x n matrix product whose speed is given for comparison; 0: none, nor a convolution.
+        tile: how a large field is cut, see :class:`~sci_lightning.imaging.tile_choice.TileChoice`.
         threads: of torch; None: as many as it takes by itself.
         plain_kernels: whether networks are computed with ``kernels=plain``.
         published: the decoder's name, to time the transcription of its published code as well, in the last precision;
@@ -112,14 +142,24 @@ def measure(
     decode = torch.compile(decoder) if compile else decoder
     videos: dict[str, torch.Tensor] = {}
 
+    choice = TileChoice(
+        tile, _report, None if decoder.global_steps else lambda part, of: _report(f"tile {part} of {of}")
+    )
+    decoder.watch = lambda state: _report(str(state))
+
+    def decoded() -> torch.Tensor:
+        tiling = choice.tiling(decoder, measurement, mask)
+        return decode(measurement, mask) if tiling is None else decoder.in_tiles(measurement, mask, tiling)
+
     def call_in(precision: str, name: str, function: Any) -> Call:
         def call() -> None:
+            _report(name)
             with torch.inference_mode(), mixed_precision(precision, place):
                 videos[name] = function()
 
         return call
 
-    calls = {precision: call_in(precision, precision, lambda: decode(measurement, mask)) for precision in precisions}
+    calls = {precision: call_in(precision, precision, decoded) for precision in precisions}
     memory: dict[str, int] = {}
     for precision in reversed(precisions):  # what the allocator keeps of a call would count in the next, smaller one
         _reset_peak(place)
@@ -140,7 +180,9 @@ def measure(
             ) from error
     # everything has been called once above
     seconds = seconds_in_turns(calls, place, max(0, warm_up - 1), repeats, budget)
+    _report("the machine's own speed")
     speeds = machine_speed(precisions, place, product, training > 0)
+    _report("counting operations")
     macs = count_macs(decoder, frames, *size)  # after the memory was read: counting loads a good part of torch
     result: dict[str, Any] = {
         "parameters": count_parameters(decoder),

@@ -49,7 +49,6 @@ def evaluate(composition: Composition, console: PlainConsole) -> Evaluation:
     from sci_lightning.cli.encoder_and_decoder import resolve_camera, resolve_checkpoint, resolve_encoder
     from sci_lightning.decoder import kernels
     from sci_lightning.decoder.complexity import count_parameters
-    from sci_lightning.decoder.iterative import Iterative
     from sci_lightning.imaging.tile_choice import TileChoice
     from sci_lightning.runs.precision import describe_precision, device_of_accelerator, resolve_precision
     from sci_lightning.runs.results import run_metrics, with_effects, write_json
@@ -76,7 +75,7 @@ def evaluate(composition: Composition, console: PlainConsole) -> Evaluation:
 
     metrics = build_metrics(plain(cfg.metrics) if cfg.get("metrics") else {}, cfg.size)
     progress = Progress()
-    watch = None if isinstance(decoder, Iterative) else progress.show_tile
+    watch = None if decoder.global_steps else progress.show_tile
     choice = TileChoice(cfg.tile, say=console.print, watch=watch)
     system = System(encoder, decoder, camera=camera, metrics=metrics, tile=choice, seed=cfg.seed)
     tested_on = camera_name or with_effects(test_encoder, encoder.path.names)

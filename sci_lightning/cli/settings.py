@@ -25,6 +25,7 @@ from sci_lightning.configuration.bounds import (
     Seed,
     Share,
     Size,
+    Step,
     Width,
 )
 from sci_lightning.configuration.conf_folder import CONF
@@ -128,8 +129,9 @@ SETTINGS: Mapping[str, Any] = {
     "product": Annotated[int, Interval(ge=0, le=65536)],
     # diagnose
     "mask_key": Name,
-    "mask_step": Offset,
+    "mask_step": Step,
     "mask_origin": Offset,
+    "mask_slots": Frames,
     "verification": Sequence[Count],
     "most": Count,
     "search": SearchSettings,

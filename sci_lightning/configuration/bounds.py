@@ -24,6 +24,9 @@ Pixels: TypeAlias = Annotated[int, Interval(ge=1, le=65536)]
 Size: TypeAlias = Annotated[Sequence[Pixels], Len(2, 2)]
 """(H, W) in pixels."""
 
+Step: TypeAlias = Annotated[Sequence[Annotated[float, Interval(ge=-65536, le=65536)]], Len(2, 2)]
+"""(rows, columns) in pixels by which something moves from one slot to the next, +down and +right."""
+
 Bits: TypeAlias = Annotated[int, Interval(ge=1, le=8)]
 """Bit depth of a mask."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import torch
 from torch import nn
@@ -90,6 +90,9 @@ class Decoder(nn.Module):
     published_unused: ClassVar[tuple[str, ...]] = ()
     """Regular expressions of published state-dict keys that are not used on purpose."""
 
+    watch: Callable[[Any], object] | None = None
+    """Called while a measurement is decoded, with something whose text says how far it is."""
+
     _tiling: Tiling | None = None
 
     def __init__(self, first_estimate: FirstEstimate = "published") -> None:
@@ -116,6 +119,7 @@ class Decoder(nn.Module):
         """Return the video that the network gets or begins with: ``published``, or the linear estimate."""
         if self.linear_estimator is None:
             return FirstVideo(published, False)
+        self.linear_estimator.watch = self.watch
         return FirstVideo(self.linear_estimator(measurement, mask), True)
 
     def forward(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
@@ -151,8 +155,20 @@ class Decoder(nn.Module):
         if any(margin):  # measurement and mask alike, so that they keep fitting each other
             measurement, mask = (F.pad(x, margin, mode="replicate") for x in (measurement, mask))
         estimates = self.decode_stages(measurement, mask)
+        if not torch.compiler.is_compiling():  # where sizes are symbols
+            self._check_estimates(estimates, (len(measurement), *mask.shape))
         # Under autocast a network may end in a lower precision; losses and metrics want that of the measurement.
         return [estimate[..., :height, :width].to(measurement.dtype).contiguous() for estimate in estimates]
+
+    def _check_estimates(self, estimates: list[torch.Tensor], expected: tuple[int, ...]) -> None:
+        """Refuse what a decoder of somebody else's returned, if that is no video of the right shape."""
+        for estimate in estimates:
+            given = tuple(estimate.shape) if isinstance(estimate, torch.Tensor) else type(estimate).__name__
+            if given != expected:
+                raise BadInput(
+                    f"{type(self).__name__} returned {given}, expected a video {expected} (N, T, H, W): as many frames "
+                    "as the mask has slots, and its height and width"
+                )
 
     @property
     def alignment(self) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from copy import copy
 from itertools import chain, count, repeat
@@ -53,9 +53,7 @@ class Iterative(Decoder):
             no longer finite.
     """
 
-    global_steps = True
-    watch: Callable[[Iteration], object] | None = None
-    """Called after every iteration with its :class:`Iteration`, to show the progress."""
+    global_steps = True  # watched after every iteration, with its Iteration
 
     def __init__(
         self,
@@ -130,6 +128,7 @@ class Iterative(Decoder):
         if self.start is None:
             video = self.operator(mask).mean_video(measurement)
             return video if torch.is_grad_enabled() else video.contiguous()
+        self.start.watch = self.watch
         if self._tiling is None:
             return self.start(measurement, mask)
         return self.start.in_tiles(measurement, mask, self._tiling)

@@ -40,6 +40,7 @@ class Linear(Decoder):
         self.estimator = LinearEstimator(noise, block, stride, mixture, prior)
 
     def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        self.estimator.watch = self.watch
         return self.estimator(measurement, mask)
 
     def kept_bytes(self, height: int, width: int) -> int:

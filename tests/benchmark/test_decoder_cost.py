@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 import torch
@@ -128,3 +128,29 @@ def test_want_of_memory(name: str) -> None:
 def test_what_the_decoder_finds_wrong() -> None:
     with pytest.raises(BadInput, match="built for 5 frames, the mask has 4"):
         measure({"_target_": "sci_lightning.decoder.E2ECNN", "frames": 5, "channels": 4}, **SETTINGS)
+
+
+class Watched(Decoder):
+    """Copies the measurement, and keeps the shapes that it is called with."""
+
+    shapes: ClassVar[list[tuple[int, ...]]] = []
+    receptive_field = 1
+
+    def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        if not measurement.is_meta:
+            self.shapes.append(tuple(measurement.shape))
+        return measurement[:, None].expand(-1, len(mask), -1, -1)
+
+
+def test_a_large_field_is_measured_in_tiles(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr("sci_lightning.benchmark.decoder_cost._report", said.append)
+    settings = {**SETTINGS, "product": 0, "size": (64, 96), "repeats": 1}
+    measure({"_target_": f"{__name__}.Watched"}, **settings, tile=(32, 48))
+    assert max(shape[1] * shape[2] for shape in Watched.shapes) <= 34 * 50 and "tile 4 of 4" in said
+
+
+def test_what_is_being_computed_is_said() -> None:
+    said: list[str] = []
+    decoder_cost({"_target_": f"{__name__}.Watched"}, on_progress=said.append, **{**SETTINGS, "product": 0})
+    assert "32-true" in said and "counting operations" in said

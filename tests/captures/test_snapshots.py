@@ -94,6 +94,37 @@ def test_a_pattern_that_moves(step: tuple[int, int], tmp_path: Path) -> None:
         captures_of_snapshots(snapshot(patterns), 12, tmp_path / "mask.mat", step=(0, 7))
 
 
+def test_a_pattern_as_large_as_the_snapshots_or_larger(tmp_path: Path) -> None:
+    """Cameras whose mask is on a stage: T has to be said where sizes do not, and steps may be parts of pixels."""
+    pattern = mask((50, 40))[0]
+    np.save(tmp_path / "pattern.npy", pattern)
+    dn = np.full((1, 43, 40), 9, np.uint16)
+    from_edge_to_edge = captures_of_snapshots(dn, 12, tmp_path / "pattern.npy", step=(1, 0))
+    assert from_edge_to_edge.frames == 8
+    assert all(np.array_equal(one, pattern[7 - t : 50 - t]) for t, one in enumerate(from_edge_to_edge.patterns))
+    told = captures_of_snapshots(dn, 12, tmp_path / "pattern.npy", step=(-0.5, 0), slots=3, origin=(2, 0))
+    middle = (pattern[2:45] + pattern[3:46]) / 2
+    assert np.allclose(told.patterns, [pattern[2:45], middle, pattern[3:46]])
+    same = np.full((1, 50, 40), 9, np.uint16)
+    with pytest.raises(BadInput, match="mask_slots=T"):
+        captures_of_snapshots(same, 12, tmp_path / "pattern.npy", step=(1, 0))
+    dark_beyond = captures_of_snapshots(same, 12, tmp_path / "pattern.npy", step=(1, 0), slots=4).patterns
+    assert np.array_equal(dark_beyond[3, 3:], pattern[:-3]) and not dark_beyond[3, :3].any()
+    with pytest.raises(BadInput, match="leaves the field"):
+        captures_of_snapshots(same, 12, tmp_path / "pattern.npy", step=(30, 0), slots=4)
+    with pytest.raises(BadInput, match="all slots would be equal"):
+        captures_of_snapshots(same, 12, tmp_path / "pattern.npy", step=(0, 0), slots=4)
+
+
+def test_the_first_slots_of_a_mask(tmp_path: Path) -> None:
+    patterns = mask((40, 40), 6)
+    np.save(tmp_path / "mask.npy", patterns)
+    dn = np.full((1, 40, 40), 9, np.uint16)
+    assert np.array_equal(captures_of_snapshots(dn, 12, tmp_path / "mask.npy", slots=4).patterns, patterns[:4])
+    with pytest.raises(BadInput, match=r"mask_slots=7: .* has 6 patterns"):
+        captures_of_snapshots(dn, 12, tmp_path / "mask.npy", slots=7)
+
+
 @pytest.mark.parametrize("origin", [(9, 14), (-6, 11)])
 def test_a_mask_of_another_size(origin: tuple[int, int], tmp_path: Path) -> None:
     whole = mask((100, 110))

@@ -140,3 +140,24 @@ def test_what_is_left_out_of_the_count_has_no_products(
     counted = count_macs(decoder, 2, 16, 16)
     monkeypatch.setattr(type(decoder), "counted", lambda self: self)
     assert counted == count_macs(decoder, 2, 16, 16)
+
+
+class Wrong(Decoder):
+    """Returns what ``result`` makes of the mask."""
+
+    def __init__(self, result: Callable[[torch.Tensor], object]) -> None:
+        super().__init__()
+        self.result = result
+
+    def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        return self.result(mask)  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize(
+    "result",
+    [lambda mask: mask[None, :4], lambda mask: mask, lambda mask: mask[None, :, :9], lambda mask: None],
+)
+def test_a_decoder_of_somebody_else_that_returns_no_video(result: Callable[[torch.Tensor], object]) -> None:
+    mask = torch.rand(8, 12, 10)
+    with pytest.raises(BadInput, match=r"Wrong returned .*, expected a video \(1, 8, 12, 10\) \(N, T, H, W\)"):
+        Wrong(result)(torch.rand(1, 12, 10), mask)

@@ -115,3 +115,15 @@ def test_distinct_blocks() -> None:
 def test_settings_that_are_refused(settings: dict[str, object], message: str) -> None:
     with pytest.raises(BadInput, match=message):
         Linear(**settings)  # type: ignore[arg-type]
+
+
+def test_it_says_how_far_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where its matrices do not fit into memory and are computed strip by strip."""
+    for memory in (2**31, 0):
+        monkeypatch.setattr(estimator, "MEMORY", memory)
+        monkeypatch.setattr(estimator, "STRIP", 2**14)
+        decoder, said = Linear(), []
+        decoder.watch = said.append
+        decoder(torch.rand(1, 40, 40), torch.rand(4, 40, 40))
+        assert sum("strip, part" in words for words in said) > 1
+        assert any(("matrices, part" if memory else "component") in words for words in said)

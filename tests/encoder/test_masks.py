@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import h5py
@@ -13,7 +14,16 @@ import torch
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
-from sci_lightning.encoder.mask import LearnedStructural, Mask, Measured, RandomBinary, RandomStructural
+from sci_lightning.encoder.mask import (
+    LearnedStructural,
+    Mask,
+    Measured,
+    RandomBinary,
+    RandomOverlap,
+    RandomStructural,
+    Shifting,
+    moved_pattern,
+)
 from sci_lightning.errors import BadInput, NoSuchCombination
 from tests.conftest import members
 
@@ -168,3 +178,47 @@ def test_a_binary_mask_has_one_bit(name: str, build: Callable[..., Mask]) -> Non
 def test_a_scale_sets_what_the_mask_knows(choice: str, name: str, build: Callable[..., Mask]) -> None:
     tile = (4, 4) if choice == "experiment=short_cpu" else (8, 8)
     assert build(name, choice, "crop=[4,4]").tile == (tile if name != "measured" else (H, W))
+
+
+def test_a_pattern_that_moves_by_whole_pixels() -> None:
+    for step in ((1, 0), (0, -2), (2, 1)):
+        mask = Shifting(5, (20, 24), step)()
+        assert set(mask.unique().tolist()) == {0.0, 1.0}
+        for before, after in pairwise(mask):  # what enters is more of the pattern, not darkness
+            moved = before.roll(step, (0, 1))
+            assert torch.equal(after[2:, 2:-2], moved[2:, 2:-2])
+        assert 0.35 < float(mask[-1, 0].mean()) < 0.65 or step[0] == 0
+    tiled = Shifting(6, (12, 10), (1, 1), tile=(4, 3))()
+    assert torch.equal(tiled[1, 4:8, 3:6], tiled[0, 3:7, 2:5])
+
+
+def test_a_pattern_that_moves_by_part_pixels() -> None:
+    """Half a pixel down: the mean of a pixel and the one above it, as the exact overlap of squares has it."""
+    pattern = torch.rand(12, 10, generator=torch.Generator().manual_seed(0))
+    whole = moved_pattern(pattern, 3, (10, 10), (1, 0), origin=(2, 0))
+    half = moved_pattern(pattern, 3, (10, 10), (0.5, 0), origin=(2, 0))
+    assert torch.allclose(half[1], (whole[0] + whole[1]) / 2) and torch.allclose(half[2], whole[1])
+    gray = Shifting(4, (16, 16), (0.25, 0))()
+    assert len(gray.unique()) > 2 and abs(float(gray.mean()) - 0.5) < 0.1
+
+
+def test_a_measured_pattern_that_moves(tmp_path: Path) -> None:
+    pattern = np.random.default_rng(0).random((20, 24)).astype(np.float32)
+    np.save(tmp_path / "pattern.npy", pattern)
+    mask = Shifting(5, (16, 24), (-1, 0), file=tmp_path / "pattern.npy")()
+    assert all(np.array_equal(mask[slot], pattern[slot : slot + 16]) for slot in range(5))
+    np.save(tmp_path / "several.npy", np.stack([pattern, pattern]))
+    with pytest.raises(BadInput, match="2 patterns, expected one"):
+        Shifting(5, (16, 24), file=tmp_path / "several.npy")
+    with pytest.raises(BadInput, match="all slots would be equal"):
+        Shifting(5, (16, 24), (0, 0))
+
+
+@pytest.mark.parametrize(("overlap", "slots"), [(1 / 8, 1), (0.25, 2), (0.5, 4), (1.0, 8), (0.01, 1)])
+def test_every_pixel_is_open_equally_often(overlap: float, slots: int) -> None:
+    mask = RandomOverlap(8, (30, 30), overlap)
+    assert torch.equal(mask().sum(0), torch.full((30, 30), float(slots)))
+    assert mask.automatic_aperture == 1 / slots
+    assert mask().mean((1, 2)).std() < 0.05  # all slots alike
+    with pytest.raises(BadInput, match="overlap=0"):
+        RandomOverlap(8, (4, 4), 0.0)

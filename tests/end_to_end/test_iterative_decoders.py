@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 import torch
 
 from sci_lightning.decoder.denoiser import FFDNet
+from tests.cli.test_next_command import next_lines
 
 Run = Callable[..., str]
 SHORT = ["decoder.iterations=[3]", "frames=4", "size=[32,32]"]
@@ -20,6 +22,9 @@ SCENE = ["data=synthetic", "data.scenes_count=1", "trainer.accelerator=cpu", "me
 @pytest.mark.parametrize("decoder", ["gap_tv", "admm_tv"])
 def test_evaluate(ran: Run, tmp_path: Path, decoder: str) -> None:
     told = ran("evaluate", f"decoder={decoder}", *SHORT, *SCENE)
+    for line in next_lines(told):  # runs as it stands
+        module, *words = shlex.split(line)[2:]
+        ran(module.removeprefix("sci_lightning."), *words)
     assert f"{decoder}, tested on rbw_osr" in told and "trained on" not in told
     result = json.loads((tmp_path / "run" / "metrics.json").read_text())
     assert (result["encoder"], result["decoder"], result["test_encoder"]) == ("rbw_osr", decoder, "rbw_osr")

@@ -78,7 +78,7 @@ def test_masks_that_cannot_be(refused: Callable[..., str], camera: np.ndarray, t
     given = [*QUICK, "measurement=snapshot.npy"]
     line = refused("reconstruct", *given, "mask=mask.npy", "frames=8")
     assert "frames=8, but mask=mask.npy has 4 slots" in line
-    assert "mask=dark.npy is dark" in refused("reconstruct", *given, "mask=dark.npy")
+    assert "dark.npy: the mask never opens" in refused("reconstruct", *given, "mask=dark.npy")
     np.save(tmp_path / "order.npy", np.load(tmp_path / "mask.npy").transpose(1, 2, 0))
     assert "is it stored as H x W x T?" in refused("reconstruct", *given, "mask=order.npy")
     np.save(tmp_path / "single.npy", np.load(tmp_path / "mask.npy")[:1])
@@ -111,8 +111,9 @@ def test_a_mask_that_does_not_belong(warnings: Callable[..., list[str]], camera:
 @pytest.mark.parametrize(
     ("values", "kind", "overrides", "told"),
     [
-        (4095, np.uint16, [], "full_scale=4095"),
-        (255 * 4, np.uint16, [], "full_scale=1023"),
+        (4095, np.uint16, [], ""),
+        (4095, np.uint16, ["full_scale=65535"], "full_scale=4095"),
+        (255 * 4, np.uint16, ["full_scale=65535"], "full_scale=1023"),
         (4095, np.uint16, ["full_scale=4095"], ""),
         (65535, np.uint16, [], ""),
         (255, np.uint8, [], ""),

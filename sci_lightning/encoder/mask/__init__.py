@@ -7,7 +7,9 @@ from sci_lightning.encoder.mask.mask import Mask
 from sci_lightning.encoder.mask.measured import Measured, read_mask
 from sci_lightning.encoder.mask.published import published_mask
 from sci_lightning.encoder.mask.random_binary import RandomBinary
+from sci_lightning.encoder.mask.random_overlap import RandomOverlap
 from sci_lightning.encoder.mask.random_structural import RandomStructural
+from sci_lightning.encoder.mask.shifting import Shifting, moved_pattern
 
 __all__ = [
     "LearnedBinary",
@@ -16,9 +18,12 @@ __all__ = [
     "MaskDesign",
     "Measured",
     "RandomBinary",
+    "RandomOverlap",
     "RandomStructural",
+    "Shifting",
     "design_binary",
     "design_structural",
+    "moved_pattern",
     "published_mask",
     "read_mask",
 ]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import torch
 from torch.nn import functional as F
@@ -24,6 +25,9 @@ IN_WORK = 5
 
 FEW_KINDS = 64
 """Up to so many distinct blocks, all blocks of a kind are multiplied at once; else every block by itself."""
+
+
+Part = TypeVar("Part")
 
 
 class Prepared(NamedTuple):
@@ -67,6 +71,9 @@ class LinearEstimator:
     Raises:
         BadInput: a setting out of range, or statistics that cannot be read.
     """
+
+    watch: Callable[[str], object] | None = None
+    """Called before every part of what takes long, with words that say which part it is."""
 
     def __init__(
         self,
@@ -115,7 +122,7 @@ class LinearEstimator:
         video = measurement.new_zeros(len(measurement), *mask.shape)
         weight = measurement.new_zeros(mask.shape[1:])
         rows_at_once = max(1, STRIP // (4 * video.shape[0] * video.shape[1] * len(window) * grid.columns))
-        for first in range(0, grid.rows, rows_at_once):
+        for first in self._reported("strip", range(0, grid.rows, rows_at_once)):
             last = min(first + rows_at_once, grid.rows)
             lines = slice(first * grid.stride, (last - 1) * grid.stride + grid.block)
             patches = self._patches(grid, first, last, measurement, prepared, component, covariance)
@@ -177,7 +184,9 @@ class LinearEstimator:
             count = self._at_once(len(covariance))
             parts = [
                 BlockMoments.of(part, covariance, self.noise**2).whitened(some, self.prior.level)[1]
-                for part, some in zip(masks.split(count), blocks.split(count, dim=1), strict=True)
+                for part, some in self._reported(
+                    "likelihoods", list(zip(masks.split(count), blocks.split(count, dim=1), strict=True))
+                )
             ]
             likelihood = torch.cat(parts, dim=1)
         elif moments is prepared.moments:
@@ -215,12 +224,20 @@ class LinearEstimator:
         whitened = blocks.new_zeros(blocks.shape[1], blocks.shape[2], len(blocks))
         for number in range(len(covariance)):
             one = covariance[number : number + 1]
-            for members in (component == number).any(1).nonzero()[:, 0].split(self._at_once(1)):
+            concerned = (component == number).any(1).nonzero()[:, 0].split(self._at_once(1))
+            for members in self._reported(f"component {number + 1} of {len(covariance)}", concerned):
                 values = BlockMoments.of(mask[members], one, self.noise**2).whitened(
                     blocks[:, members], self.prior.level
                 )
                 whitened[members] += torch.where((component[members] == number)[:, None], values[0][0], 0)
         return whitened
+
+    def _reported(self, what: str, parts: Sequence[Part]) -> Iterator[Part]:
+        """Yield parts one after another, and say which one is next."""
+        for number, part in enumerate(parts, 1):
+            if self.watch is not None:
+                self.watch(f"{what}, part {number} of {len(parts)}")
+            yield part
 
     def _at_once(self, components: int) -> int:
         """Return the number of blocks whose matrices are computed at a time."""
@@ -289,7 +306,10 @@ class LinearEstimator:
             return Prepared(mask, None, None, kind)
         else:
             count = self._at_once(len(covariance))
-            moments = BlockMoments.in_parts(blocks[examples], covariance, self.noise**2, count)
+            parts = [slice(first, first + count) for first in range(0, len(examples), count)]
+            moments = BlockMoments.in_parts(
+                blocks[examples], covariance, self.noise**2, self._reported("matrices", parts)
+            )
         apart = moments
         if len(examples) > FEW_KINDS and len(covariance) > 1:
             rows, columns = self._apart(mask[:1], grid).shape[1:3]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import torch
@@ -182,13 +183,19 @@ class BlockMoments:
         return cls(mask.sum(1), inverse, log_determinant)
 
     @classmethod
-    def in_parts(cls, mask: torch.Tensor, covariance: torch.Tensor, noise_variance: float, count: int) -> BlockMoments:
-        """As :meth:`of`, of ``count`` blocks at a time, which takes little memory beside the result; no gradients."""
+    def in_parts(
+        cls, mask: torch.Tensor, covariance: torch.Tensor, noise_variance: float, parts: Iterable[slice]
+    ) -> BlockMoments:
+        """As :meth:`of`, of a part of the blocks at a time, which takes little memory beside the result; no gradients.
+
+        Args:
+            mask, covariance, noise_variance: as there.
+            parts: which together are all blocks.
+        """
         blocks, components, pixels = len(mask), len(covariance), mask.shape[2]
         inverse = mask.new_empty(components, blocks, pixels, pixels)
         log_determinant = mask.new_empty(components, blocks)
-        for first in range(0, blocks, count):
-            part = slice(first, first + count)
+        for part in parts:
             one = cls.of(mask[part], covariance, noise_variance)
             inverse[:, part], log_determinant[:, part] = one.inverse, one.log_determinant
         return cls(mask.sum(1), inverse, log_determinant)

@@ -8,13 +8,13 @@ from typing import Any
 import lightning as L
 from lightning.pytorch.callbacks import RichProgressBar
 
-from sci_lightning.decoder.iterative import Iteration, Iterative
+from sci_lightning.decoder import Decoder
 
 
 class Progress(RichProgressBar):
     """Lightning's Rich progress bar with loss and PSNR, without the logger's version number.
 
-    In a test it shows the tile of a large snapshot, and the iteration and the residual of an iterative decoder. A file,
+    In a test it shows the tile of a large snapshot, and how far its decoder is. A file,
     such as the log of a job, cannot show a bar: a training writes a line every ``line_seconds`` and after every
     validation instead.
 
@@ -45,12 +45,12 @@ class Progress(RichProgressBar):
 
     def on_test_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
         super().on_test_start(trainer, pl_module)
-        if isinstance(decoder := pl_module.decoder, Iterative) and self.is_enabled:
+        if isinstance(decoder := pl_module.decoder, Decoder) and self.is_enabled:
             decoder.watch = self._show
 
     def on_test_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
         super().on_test_end(trainer, pl_module)
-        if isinstance(decoder := pl_module.decoder, Iterative):
+        if isinstance(decoder := pl_module.decoder, Decoder):
             decoder.watch = None
 
     def _write_line(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
@@ -65,7 +65,7 @@ class Progress(RichProgressBar):
         """Show which tile of a snapshot has been decoded."""
         self._show(f"tile {tile} of {of}")
 
-    def _show(self, iteration: Iteration | str) -> None:
+    def _show(self, state: object) -> None:
         if self.progress is not None and self.test_progress_bar_id is not None:
-            self.progress.update(self.test_progress_bar_id, description=f"{self.test_description}: {iteration}")
+            self.progress.update(self.test_progress_bar_id, description=f"{self.test_description}: {state}")
             self.refresh()

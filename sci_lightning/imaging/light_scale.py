@@ -1,0 +1,99 @@
+"""The light scale of a snapshot: which number is full scale, and which light a white frame gives.
+
+A decoder takes y / (full scale * aperture), near the sum over time of mask times frame with white as 1. Where nothing
+states the two, they follow from the numbers. A camera's snapshot never exceeds full scale; an ordinary exposure is one
+in which a white scene just fills the sensor, so that the aperture is 1 over the mean of the mask's sum over time. A sum
+of frames made by software exceeds full scale and has aperture 1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from sci_lightning.encoder import Encoder
+from sci_lightning.errors import BadInput
+
+BIT_DEPTHS = (8, 10, 12, 14, 16)
+"""Usual bit depths of cameras."""
+LEAST_AT_TOP = 4096
+"""Numbers that do not exceed this are taken as they stand, even if all are multiples of a power of two."""
+LARGEST_SUM = 100.0
+"""A sum of frames in units of white is at most T; whole numbers in a floating-point file above this are DN."""
+BRIGHT = 0.99
+"""Quantile of a video's values that counts as its bright end: single pixels, as at the dark edge of a mask, do not."""
+DARK_FRAMES, BRIGHT_FRAMES = 0.25, 1.3
+"""Bright ends of a video, white being 1, below and above which its light scale is doubtful."""
+MOST_SAMPLED = 2**20
+
+
+def full_scale_of(values: np.ndarray, bit_depth: int | None = None) -> tuple[float, str]:
+    """Return which number means full scale, and why; whole numbers are judged, others are fractions of full scale.
+
+    Args:
+        values: as a file has them.
+        bit_depth: of the sensor, which counts if no value exceeds it.
+    """
+    largest = float(values.max(initial=0))
+    if values.dtype.kind == "f":
+        if largest <= LARGEST_SUM or not np.array_equal(values, np.rint(values)):
+            return 1.0, "a floating-point file"
+        values = values.astype(np.int64)
+    if bit_depth is not None and largest < 2**bit_depth:
+        return 2**bit_depth - 1, f"the sensor's {bit_depth} bits"
+    every_bit = int(np.bitwise_or.reduce(values, axis=None))
+    unused = (every_bit & -every_bit).bit_length() - 1  # low bits that are 0 in every value
+    if LEAST_AT_TOP <= largest < 2**16 and values.min() >= 0:
+        bits = next(bits for bits in BIT_DEPTHS if bits >= 16 - unused)
+        if bits < 16:
+            return (2**bits - 1) << (16 - bits), f"{bits} bits at the top of 16: multiples of {2 ** (16 - bits)}"
+    bits = next((bits for bits in BIT_DEPTHS if largest < 2**bits), int(largest).bit_length())
+    return 2**bits - 1, f"the largest value is {largest:g}: {bits} bits"
+
+
+def resolve_aperture(
+    given: float | str | None, encoder: Encoder, mask: torch.Tensor, brightest: float, own_mask: bool
+) -> tuple[float, str]:
+    """Return the aperture of a snapshot and where it comes from.
+
+    Args:
+        given: what the user states: a number, ``auto`` for an ordinary exposure, or None.
+        encoder: that took the snapshot.
+        mask: ``(T, H, W)``.
+        brightest: largest value of the snapshot, in units of full scale.
+        own_mask: whether the mask is the encoder's own; else its automatic aperture is that of ``mask``.
+
+    Raises:
+        BadInput: a stated aperture that is neither ``auto`` nor a positive number.
+    """
+    ordinary = 1 / max(1.0, float(mask.sum(0).mean()))
+    if given is not None and given != "auto":
+        if isinstance(given, str) or not 0 < given < float("inf"):
+            raise BadInput(f"aperture={given}: give a positive number, or auto for an exposure that white fills")
+        return given, "as given"
+    states = given is None and (getattr(encoder.sensor, "bit_depth", None) is not None or encoder.aperture != 1)
+    if states and (own_mask or encoder.aperture != encoder.mask.automatic_aperture):
+        return encoder.aperture, "the encoder's"
+    if states or given == "auto":
+        return ordinary, "white fills the sensor"
+    if brightest > 1:
+        return 1.0, "values exceed full scale, as in a sum of frames"
+    return ordinary, "no value exceeds full scale: an exposure that white fills; aperture=1 for a sum of frames"
+
+
+def bright_end(video: np.ndarray) -> float:
+    """Return the bright end of a video ``(N, T, H, W)``, from some of its pixels."""
+    step = max(1, int((video.size / MOST_SAMPLED) ** 0.5))
+    return float(np.quantile(video[..., ::step, ::step], BRIGHT))
+
+
+def doubtful_brightness(bright: float, full_scale: float, aperture: float) -> str:
+    """Return one line that says that frames are far too dark or too bright for their light scale, else nothing."""
+    if DARK_FRAMES <= bright <= BRIGHT_FRAMES:
+        return ""
+    state = "dark" if bright < DARK_FRAMES else "brighter than white"
+    better = f"; aperture={aperture * bright / 0.9:.3g} would bring them to white" if bright > 1e-3 else ""
+    return (
+        f"the frames come out {state}: their bright end is {bright:.2g} of white at full_scale={full_scale:g} and "
+        f"aperture={aperture:.3g}; if the scene was not, check both{better}"
+    )

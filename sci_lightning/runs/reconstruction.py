@@ -1,0 +1,274 @@
+"""Reconstruct snapshots that a camera took: read, check, linearise, decode, and write what can be looked at."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from sci_lightning.captures.mask_fit import mask_of_snapshots
+from sci_lightning.decoder import Decoder
+from sci_lightning.decoder.complexity import count_parameters
+from sci_lightning.encoder import Encoder
+from sci_lightning.encoder.mask import Measured
+from sci_lightning.encoder.sensor import Ideal
+from sci_lightning.errors import BadInput
+from sci_lightning.files.atomic_file import atomic_write
+from sci_lightning.files.mask_file import doubtful_axes
+from sci_lightning.files.memory_bound import check_memory
+from sci_lightning.files.npy_file import write_npy
+from sci_lightning.files.packed_file import RawLayout
+from sci_lightning.imaging.animation import write_frames, write_gif, write_mp4, write_overview
+from sci_lightning.imaging.light_scale import bright_end, doubtful_brightness, resolve_aperture
+from sci_lightning.imaging.mask_check import mask_warning
+from sci_lightning.imaging.pipeline import Pipeline
+from sci_lightning.imaging.snapshot import read_snapshot
+from sci_lightning.imaging.tile_choice import TileChoice
+from sci_lightning.measurement import linear_with_mask
+from sci_lightning.runs.device import resolve_device
+from sci_lightning.runs.precision import describe_precision, mixed_precision, resolve_precision
+
+GIVE_MASK = "give the mask that the snapshot was taken with: mask=FILE"
+FILES = ("video.gif", "video.mp4", "overview.png")
+"""What is written beside the frames."""
+SEEN = (0.6, 1.2)
+"""Bright ends of a video that can be looked at as it is; others are scaled in pictures."""
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """What a decoder made of snapshots.
+
+    Attributes:
+        video: float32 ``(N, T, H, W)``, white is 1; read from ``reconstruction.npy`` as needed where that was written.
+        measurement: ``(N, H, W)``, fractions of full scale.
+        mask: ``(T, H, W)``, as the decoder got it.
+        full_scale: the number in the file that is 1.0 in ``measurement``.
+        aperture: light scale: ``measurement`` is near the aperture times the sum over time of mask times frame.
+        warnings: what speaks against mask, numbers or result, a line each; empty if nothing does.
+        white: the value of ``video`` that pictures show as white.
+    """
+
+    video: np.ndarray
+    measurement: torch.Tensor
+    mask: torch.Tensor
+    full_scale: float
+    aperture: float
+    warnings: tuple[str, ...] = ()
+    white: float = 1.0
+
+    def save(self, folder: str | Path, fps: float = 8.0) -> list[str]:
+        """Write ``frames/`` (PNG), ``video.gif``, ``video.mp4`` and ``overview.png``; return what to know about them.
+
+        The animations and the overview are of bounded size. Without PyAV there is no ``video.mp4``.
+
+        Args:
+            folder: is made if it is not there.
+            fps: frames per second of the animations.
+        """
+        folder = Path(folder)
+        write_frames(self.video, folder / "frames", self.white)
+        smaller = write_gif(self.video, folder / "video.gif", fps, self.white)
+        has_mp4 = write_mp4(self.video, folder / "video.mp4", fps, self.white)
+        write_overview(self.measurement, self.video, folder / "overview.png", self.white)
+        notes = [f"video.gif shows {smaller}: frames/ has all"] if smaller else []
+        if not has_mp4:
+            (folder / "video.mp4").unlink(missing_ok=True)  # of an earlier video
+            notes.append("no video.mp4: PyAV is not installed (pip install 'sci-lightning[video]')")
+        if self.white != 1:
+            notes.append(f"pictures are scaled to be seen: their white is {self.white:.3g}; reconstruction.npy is not")
+        return notes
+
+
+def reconstruct(
+    measurement: str | Path | np.ndarray | torch.Tensor,
+    decoder: Decoder,
+    encoder: Encoder | None = None,
+    *,
+    mask: str | Path | None = None,
+    key: str | None = None,
+    mask_key: str | None = None,
+    mask_step: Sequence[float] | None = None,
+    mask_origin: Sequence[int] | None = None,
+    mask_slots: int | None = None,
+    mask_dark: float | None = None,
+    mask_white: float | None = None,
+    raw: RawLayout | None = None,
+    full_scale: float | None = None,
+    aperture: float | str | None = None,
+    tile: str | Sequence[int] = "auto",
+    device: str = "auto",
+    precision: str | int = "auto",
+    out: str | Path | None = None,
+    fps: float = 8.0,
+    frames: int | None = None,
+    say: Callable[[str], object] = print,
+    warn: Callable[[str], object] | None = None,
+    watch: Callable[[float, str], object] | None = None,
+) -> Reconstruction:
+    """Decode snapshots that a camera took, as the command ``reconstruct`` does.
+
+    The decoder gets the encoder's effective mask, and the snapshots with those of its effects undone that can be.
+
+    >>> import numpy as np, torch
+    >>> import sci_lightning as sci
+    >>> mask = sci.masks.RandomBinary(frames=4, size=(32, 32))
+    >>> np.save("snapshot.npy", (200 * mask().mean(0)).round().byte().numpy())  # what a camera of 8 bits wrote
+    >>> np.save("mask.npy", mask().numpy())
+    >>> decoder = sci.load_decoder("gap_tv", ["decoder.iterations=[4]"])
+    >>> result = sci.reconstruct("snapshot.npy", decoder, mask="mask.npy", say=lambda line: None)
+    >>> result.video.shape, result.full_scale, round(result.aperture, 1)
+    ((1, 4, 32, 32), 255.0, 0.5)
+
+    Args:
+        measurement: a file (TIFF, PNG, NPY, MAT, HDF5), or the numbers themselves, ``(H, W)`` or ``(N, H, W)``.
+        decoder: as of :func:`sci_lightning.load_decoder` or of a checkpoint.
+        encoder: that took the snapshots, as of a checkpoint; None for an ideal one with the mask of ``mask``.
+        mask: file of the mask, which takes the place of the encoder's.
+        key, mask_key: names of the arrays in MAT or HDF5 files.
+        mask_step, mask_origin, mask_slots: see :func:`~sci_lightning.captures.mask_fit.mask_of_snapshots`.
+        mask_dark, mask_white: numbers in the mask's file that are transmittance 0 and 1, see
+            :func:`~sci_lightning.files.mask_file.transmittance`.
+        raw: how a file of raw numbers without a header is packed.
+        full_scale: the number that is 1.0; None: of the encoder's sensor, or chosen from the numbers.
+        aperture: light scale; ``auto`` for an exposure that a white scene fills; None: that of the encoder's sensor, or
+            chosen from the numbers, see :mod:`sci_lightning.imaging.light_scale`.
+        tile: see :class:`~sci_lightning.imaging.tile_choice.TileChoice`.
+        device, precision: as the settings of the commands, ``auto`` or such as ``cuda:1`` and ``bf16``.
+        out: folder for ``reconstruction.npy``, frames, animations and an overview; None writes nothing.
+        fps: frames per second of the animations, up to 50.
+        frames: T that the mask must have; None for any.
+        say: gets lines about what was chosen.
+        warn: gets the warnings; None for ``say``, as lines that begin with ``warning:``.
+        watch: gets how much is done, from 0 to 1, and a few words, again and again.
+
+    Raises:
+        BadInput: no mask, files that cannot be read, sizes that do not fit, or more memory is needed than there is.
+    """
+    place = resolve_device(device)
+    networks = count_parameters(decoder) > 0
+    computed_in = resolve_precision(precision, place, networks)
+    bit_depth = None if encoder is None else getattr(encoder.sensor, "bit_depth", None)
+    snapshot = read_snapshot(measurement, key=key, full_scale=full_scale, bit_depth=bit_depth, raw=raw)
+    patterns, rows, columns = None, slice(None), slice(None)
+    of_mask = {"mask_key": mask_key, "mask_step": mask_step, "mask_origin": mask_origin, "mask_slots": mask_slots}
+    of_mask |= {"mask_dark": mask_dark, "mask_white": mask_white}
+    if mask is None and (unused := [name for name, value in of_mask.items() if value is not None]):
+        raise BadInput(f"{unused[0]}={of_mask[unused[0]]}: belongs to a mask; give mask=FILE as well")
+    if mask is not None:
+        read, rows, columns = mask_of_snapshots(
+            mask,
+            snapshot.measurement.numpy(),
+            key=mask_key,
+            step=mask_step,
+            origin=mask_origin,
+            slots=mask_slots,
+            levels=(mask_dark, mask_white),
+        )
+        patterns = torch.from_numpy(np.ascontiguousarray(read))
+    if encoder is None:
+        encoder = _ideal_encoder(patterns)
+    pipeline = Pipeline(encoder, decoder.eval())
+    own = patterns is None
+    with torch.no_grad():
+        patterns = pipeline.decoder_mask() if patterns is None else patterns
+    if bit_depth is None and aperture is None:
+        snapshot = snapshot.as_sum(float(patterns.sum(0).max()))
+    values = snapshot.measurement[:, rows, columns]
+    _check_fit(patterns, values, decoder, frames, f"mask={mask}" if mask else "the encoder's mask", snapshot.name)
+    light, why = resolve_aperture(aperture, encoder, patterns, float(values.max()), own)
+    exposure = bit_depth is not None or float(values.max()) <= 1
+    doubt = snapshot.doubt(1.0 if exposure else max(1.0, light * float(patterns.sum(0).max())))
+
+    pipeline.to(place)
+    patterns = patterns.to(place)
+    done, warnings = 0, []
+
+    def show(state: object) -> None:
+        if watch is not None:
+            watch(done / len(values), str(state))
+
+    def doubted(line: str) -> None:
+        warnings.append(f"{snapshot.name}: {line}")
+        (warn or (lambda text: say(f"warning: {text}")))(warnings[-1])
+
+    def decoded() -> Iterator[np.ndarray]:
+        nonlocal done
+        for one in linear:
+            yield pipeline.decode(one[None].to(place), patterns, choice)[0].float().cpu().numpy()
+            done += 1
+            show("decoded")
+
+    choice = TileChoice(tile, say, None if decoder.global_steps else lambda part, of: show(f"tile {part} of {of}"))
+    earlier, decoder.watch = decoder.watch, show
+    try:
+        with torch.no_grad(), mixed_precision(computed_in, place):  # refused before anything else takes its time
+            choice.tiling(decoder, values[:1].to(place), patterns)
+        with torch.no_grad():
+            linear, patterns = linear_with_mask(pipeline.linearise(values.to(place), light), patterns)
+            linear = linear.cpu()
+        say(f"full_scale={snapshot.full_scale:g} ({snapshot.chosen or 'as given'}), aperture={light:.4g} ({why})")
+        if networks:
+            say(describe_precision(computed_in, place))
+        for line in (doubt, mask_warning(linear * light, patterns.cpu())):
+            if line:
+                doubted(line)
+        with torch.no_grad(), mixed_precision(computed_in, place):
+            video = _kept(decoded(), (len(values), *patterns.shape), None if out is None else Path(out))
+    finally:
+        decoder.watch = earlier
+    bright = bright_end(video)
+    if not warnings and (line := doubtful_brightness(bright, snapshot.full_scale, light)):
+        doubted(line)
+    white = bright if bright > 0 and not SEEN[0] <= bright <= SEEN[1] else 1.0
+    result = Reconstruction(video, values, patterns.cpu(), snapshot.full_scale, light, tuple(warnings), white)
+    for note in [] if out is None else result.save(out, fps):
+        say(note)
+    return result
+
+
+def _check_fit(
+    mask: torch.Tensor, values: torch.Tensor, decoder: Decoder, frames: int | None, named: str, name: str
+) -> None:
+    """Refuse a mask that is dark, or does not fit the snapshots, the decoder or what is said of it."""
+    if not mask.any():
+        raise BadInput(f"{named} is dark: every value is 0; {GIVE_MASK}")
+    if frames is not None and frames != len(mask):
+        raise BadInput(
+            f"frames={frames}, but {named} has {len(mask)} slots: leave frames= out, or give the snapshot's own mask"
+        )
+    if mask.shape[1:] != values.shape[1:]:
+        raise BadInput(
+            f"{name}: the snapshot is {tuple(values.shape[1:])}, the mask {tuple(mask.shape[1:])} "
+            f"(H, W); {doubtful_axes(mask.shape, values.shape[1:]) or GIVE_MASK}"
+        )
+    if decoder.frames not in (None, len(mask)):
+        raise BadInput(
+            f"{named} has {len(mask)} slots, and this {type(decoder).__name__} was built and trained for "
+            f"{decoder.frames} frames: give a mask of {decoder.frames}, or a decoder for any number of frames, such as "
+            "decoder=gap_tv or linear"
+        )
+
+
+def _ideal_encoder(mask: torch.Tensor | None) -> Encoder:
+    """Return an encoder with a mask, without effects or a sensor."""
+    if mask is None:
+        raise BadInput(f"nothing says which mask the snapshot was taken with; {GIVE_MASK}, or an encoder")
+    frames, height, width = mask.shape
+    shown = Measured(None, frames, (height, width))
+    shown.pattern.copy_(mask)
+    return Encoder(shown, Ideal(), aperture=1.0)
+
+
+def _kept(parts: Iterator[np.ndarray], shape: tuple[int, ...], out: Path | None) -> np.ndarray:
+    """Return the videos of all snapshots ``(N, T, H, W)``: in memory, or written part by part and read as needed."""
+    if out is None:
+        check_memory("the video", 8 * math.prod(shape))
+        return np.stack(list(parts))
+    with atomic_write(out / "reconstruction.npy") as temporary:
+        write_npy(temporary, shape, parts)
+    return np.asarray(np.load(out / "reconstruction.npy", mmap_mode="r"))
