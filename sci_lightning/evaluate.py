@@ -87,11 +87,11 @@ def evaluate(composition: Composition) -> float:
     print_results(scores, console)
     console.say(styled(out), ": metrics.json" + (", pictures/" if pictures.written else ""))
     decodes = {"ckpt_path": cfg.ckpt_path} if cfg.ckpt_path else {}
-    decoder_word = [] if decodes else [f"decoder={names['decoder']}"]
+    own = composition.trusted() if decodes else [*composition.own_folders(), f"decoder={names['decoder']}"]
     print_next(
         console,
         invocation("tables", paths={"runs": out}),
-        invocation("reconstruct", *decoder_word, "measurement=SNAPSHOT.tiff", paths=decodes),
+        invocation("reconstruct", *own, "measurement=SNAPSHOT.tiff", paths=decodes),
     )
     return scores.mean["psnr"]
 

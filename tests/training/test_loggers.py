@@ -11,7 +11,7 @@ from omegaconf import DictConfig
 
 from sci_lightning.cli.composition import plain
 from sci_lightning.errors import BadInput
-from sci_lightning.training.loggers import EXTRAS, build_loggers, run_name
+from sci_lightning.training.loggers import RUN_ID, build_loggers, run_name
 
 Configuration = Callable[..., DictConfig]
 
@@ -22,8 +22,8 @@ def test_one_several_or_none(configuration: Configuration, tmp_path: Path) -> No
         return [type(logger).__name__ for logger in build_loggers(plain(cfg).get("logger"), "run")]
 
     assert kinds() == kinds("logger=tensorboard") == ["TensorBoardLogger"]
-    assert kinds("logger=csv") == ["CSVLogger"]
-    assert kinds("logger=[tensorboard,csv]") == ["TensorBoardLogger", "CSVLogger"]
+    assert kinds("logger=csv") == ["AppendingCSVLogger"]
+    assert kinds("logger=[tensorboard,csv]") == ["TensorBoardLogger", "AppendingCSVLogger"]
     assert kinds("logger=none") == kinds("logger=[]") == []
 
 
@@ -39,7 +39,7 @@ def test_the_run_is_named_by_encoder_bits_and_decoder(configuration: Configurati
     assert board.log_dir == str(tmp_path / "tensorboard" / "mine")
 
 
-@pytest.mark.parametrize("name", EXTRAS)
+@pytest.mark.parametrize("name", RUN_ID)
 def test_a_logger_that_is_not_installed(name: str, configuration: Configuration) -> None:
     if find_spec(name):
         pytest.skip(f"{name} is installed")
