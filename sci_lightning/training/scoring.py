@@ -17,35 +17,7 @@ from sci_lightning.imaging.tile_choice import TileChoice
 from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.scene_scores import SceneScores
 from sci_lightning.runs.device import device_name
-
-Batch = tuple[torch.Tensor, ...]
-"""Scene numbers (N,) and videos (N, T, H, W); of real captures measurements (N, H, W) and apertures (N,) follow."""
-
-UNNAMED = "all"
-"""The one scene of a loader whose data set has no names of scenes."""
-
-
-def as_batch(batch: Any, named: bool) -> Batch:
-    """Return a batch as :data:`Batch`: of a plain loader's videos, bare or alone in a list, all are of one scene.
-
-    Args:
-        batch: of a loader.
-        named: whether its data set names scenes, so that the batch begins with their numbers.
-
-    Raises:
-        BadInput: neither videos nor scene numbers and videos.
-    """
-    parts = (batch,) if isinstance(batch, torch.Tensor) else tuple(batch) if isinstance(batch, (list, tuple)) else ()
-    if not named and len(parts) == 1:
-        parts = (torch.zeros(len(parts[0]), dtype=torch.int64), *parts)
-    elif not named:
-        parts = ()
-    if len(parts) < 2 or not isinstance(parts[1], torch.Tensor) or parts[1].ndim != 4:
-        raise BadInput(
-            "a batch of validation or test is one tensor of videos (N, T, H, W); or (scene numbers (N,), videos) of a "
-            "data set with names of scenes in its attribute names"
-        )
-    return parts
+from sci_lightning.training.batches import UNNAMED, as_batch
 
 
 class Scoring:
@@ -81,9 +53,13 @@ class Scoring:
         self.baseline = SceneScores(self.names, baseline).to(device)
         self.seconds: list[float] = []
 
-    def add(self, batch: Batch, pipeline: Pipeline, tile: TileChoice | str) -> tuple[torch.Tensor, torch.Tensor]:
-        """Record, decode and score a batch; return the measurement as recorded (N, H, W) and the estimate."""
-        scenes, video, *taken = batch
+    def add(self, batch: Any, pipeline: Pipeline, tile: TileChoice | str) -> dict[str, torch.Tensor]:
+        """Record, decode and score a batch.
+
+        Returns:
+            ``scene`` (N,), ``video`` and ``estimate`` (N, T, H, W), and the ``measurement`` (N, H, W) as recorded.
+        """
+        scenes, video, *taken = as_batch(batch, self.named)
         recorded, aperture = taken if taken else (pipeline.record(video), None)
         linear, mask = pipeline.linearise(recorded, aperture), pipeline.decoder_mask()
         start = self._now()
@@ -93,7 +69,7 @@ class Scoring:
         for scene, decoded, mean, truth in zip(scenes.tolist(), estimate, means, video, strict=True):
             self.scores.update(int(scene), decoded, truth)
             self.baseline.update(int(scene), mean, truth)
-        return recorded, estimate
+        return {"scene": scenes, "video": video, "measurement": recorded, "estimate": estimate}
 
     def logged(self, name: str) -> tuple[dict[str, float], dict[str, Any]]:
         """Return the scores as a logger takes them, and as :class:`~sci_lightning.runs.results.RunMetrics` does.

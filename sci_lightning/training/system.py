@@ -21,10 +21,11 @@ from sci_lightning.imaging.pipeline import Pipeline
 from sci_lightning.imaging.tile_choice import TileChoice
 from sci_lightning.metrics import PSNR, SSIM
 from sci_lightning.metrics.frame_metric import FrameMetric, as_frame_metric
+from sci_lightning.training.batches import as_clips
 from sci_lightning.training.cuda_graph import GraphedStages
 from sci_lightning.training.learning_rates import LearningRates, part_done
 from sci_lightning.training.loss import LOSSES
-from sci_lightning.training.scoring import Batch, Scoring, as_batch
+from sci_lightning.training.scoring import Scoring
 from sci_lightning.training.training_position import TrainingPosition
 
 MEAN_MEASUREMENT = "val_mean_measurement"
@@ -39,7 +40,7 @@ class System(L.LightningModule):
     run repeats them.
 
     A training batch is a tensor of clips ``(N, T, h, w)``; for batches of validation and test see
-    :func:`~sci_lightning.training.scoring.as_batch`. ``trainer.test`` returns mean scores as ``test/psnr`` and those of
+    :func:`~sci_lightning.training.batches.as_batch`. ``trainer.test`` returns mean scores as ``test/psnr`` and those of
     every scene as ``test_psnr/SCENE``. ``hparams`` hold the settings, from ``val_every_n_frames`` to ``seed``.
 
     Args:
@@ -177,19 +178,8 @@ class System(L.LightningModule):
         self.validated = False
         self._seed_step(self.trainer.fit_loop.total_batch_idx)
 
-    def on_before_batch_transfer(self, batch: Any, dataloader_idx: int) -> Any:
-        """Bring the batches of plain loaders into the form of ours, see :func:`as_batch`."""
-        if self.trainer.predicting:
-            return batch
-        if not self.trainer.training:
-            return as_batch(batch, self.scoring is not None and self.scoring.named)
-        batch = batch[0] if isinstance(batch, (list, tuple)) and len(batch) == 1 else batch
-        if not isinstance(batch, torch.Tensor) or batch.ndim != 4:
-            raise BadInput("a training batch is one tensor of clips (N, T, h, w); the loader gives something else")
-        return batch
-
-    def training_step(self, video: torch.Tensor, batch_idx: int) -> torch.Tensor:
-        return self.logged(self.batch_loss(video))
+    def training_step(self, batch: Any, batch_idx: int) -> torch.Tensor:
+        return self.logged(self.batch_loss(as_clips(batch)))
 
     def batch_loss(self, video: torch.Tensor) -> torch.Tensor:
         """Record a batch of clips ``(N, T, h, w)`` behind a random window of the mask, decode it, return the loss."""
@@ -297,15 +287,14 @@ class System(L.LightningModule):
     def on_test_epoch_start(self) -> None:
         self.scoring = Scoring(self.trainer.test_dataloaders, self.metrics, self.metrics, None, self.device)
 
-    def validation_step(self, batch: Batch, batch_idx: int) -> None:
+    def validation_step(self, batch: Any, batch_idx: int) -> None:
         self.test_step(batch, batch_idx)
 
-    def test_step(self, batch: Batch, batch_idx: int) -> dict[str, torch.Tensor]:
-        """Add a batch to the scores; return its ``measurement`` (N, H, W) as recorded and ``estimate`` (N, T, H, W)."""
+    def test_step(self, batch: Any, batch_idx: int) -> dict[str, torch.Tensor]:
+        """Add a batch to the scores; return what :meth:`Scoring.add` returns."""
         self._seed_step(batch_idx, testing=True)  # sensor noise in a test does not depend on the training before it
         assert self.scoring is not None  # Lightning calls on_test_epoch_start first
-        recorded, estimate = self.scoring.add(batch, self.pipeline, self.tile)
-        return {"measurement": recorded, "estimate": estimate}
+        return self.scoring.add(batch, self.pipeline, self.tile)
 
     def on_test_epoch_end(self) -> None:
         self.tested = self._log_scores(self.test_name)

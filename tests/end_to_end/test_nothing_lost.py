@@ -47,9 +47,8 @@ def test_logs_are_kept_and_appended_to(ran: Ran, refused: Ran, tmp_path: Path) -
     own = ["logger=[tensorboard,csv]", "callbacks.failed_training.stop=false", "metric=[psnr]", "data.scenes_count=1"]
     ran("train", *TINY, *own, "trainer.max_epochs=1", "out=RUN")
     before = content(run)
-    for wrong, line in (("trainer.max_steps=2", "steps were made"), ("seed=4", "seed=3"), ("data.root=none", "data")):
-        assert line or refused("train", last, wrong)
-        refused("train", last, wrong, "logger=csv")
+    for wrong, line in (("trainer.max_steps=2", "steps were made"), ("seed=4", "now it is 4"), ("bits=2", "bits")):
+        assert line in refused("train", last, wrong, "logger=csv")
         assert content(run) == before, wrong
     refused("train", *TINY, *own, "out=RUN")
     assert content(run) == before
@@ -61,7 +60,7 @@ def test_logs_are_kept_and_appended_to(ran: Ran, refused: Ran, tmp_path: Path) -
     assert after["csv/metrics.csv"].count(b"\n") > before["csv/metrics.csv"].count(b"\n")
     boards = [name for name in before if "tfevents" in name]
     assert boards and all(after[name] == before[name] for name in boards)
-    board = EventAccumulator(str(run / "tensorboard" / "lsw_sr_2bit_e2e_cnn"))
+    board = EventAccumulator(str((run / boards[0]).parent))
     board.Reload()
     assert [event.step for event in board.Scalars("train/loss")] == list(range(8))
     config = torch.load(run / "checkpoints" / "last.ckpt", weights_only=True)["config"]
@@ -75,25 +74,12 @@ def test_every_printed_command_of_a_decoder_outside_the_package_works(tmp_path: 
     tiny = [word for word in TINY if not word.startswith("decoder")]
 
     def start(*words: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            words,
-            cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
-            capture_output=True,
-            text=True,
-            timeout=300,
-        )
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        return subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300)
 
     sender = "+callbacks.sender={_target_: tests.training.test_stop_signal.Sender, number: 15, moment: batch, step: 2}"
-    more = [
-        "hydra.searchpath=[file://own]",
-        "decoder=mine",
-        "metric=[psnr]",
-        "data.scenes_count=1",
-        "logger=csv",
-        sender,
-    ]
-    stopped = start(sys.executable, "-m", "sci_lightning.train", *tiny, *more, "out=RUN")
+    more = ["hydra.searchpath=[file://own]", "decoder=mine", "metric=[psnr]", "data.scenes_count=1", "logger=csv"]
+    stopped = start(sys.executable, "-m", "sci_lightning.train", *tiny, *more, sender, "out=RUN")
     assert stopped.returncode == 130, stopped.stderr
     words = shlex.split(stopped.stderr.rpartition("go on with:\n  ")[2])
     assert sender in words  # which stops this one at once, as it would have stopped the other one
