@@ -26,8 +26,8 @@ class LearningRates:
         lr: of Adam at the start.
         final_lr: of Adam at the end; all others fall by the same factor.
         mask_lr: of the mask at the start; None for ``lr``.
-        muon_lr: of Muon at the start, which then trains the decoder's large weights in Adam's place; None for Adam
-            alone.
+        muon_lr: at the start of :class:`~sci_lightning.training.muon.Muon`, which then trains the decoder's large
+            weights in Adam's place; None for Adam alone.
         muon_decay: by which part of its learning rate Muon shrinks those weights in every step.
         warmup: part of the run, 0 to below 1.
     """

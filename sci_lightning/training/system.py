@@ -52,13 +52,8 @@ class System(L.LightningModule):
         loss: ``mse``, ``rmse`` or ``frame_rmse``.
         stage_weights: weights of the losses of the decoder's last stages, in their order; the loss is the weighted sum.
             ``(1,)`` takes the final estimate alone. Unfolding networks have many stages, most decoders one.
-        lr: learning rate of Adam at the start. It falls to ``final_lr`` along a cosine over the whole run, which ends
-            after its steps, after the trainer's ``max_time`` or its :class:`ProcessorTime`, whichever comes first.
-        mask_lr: learning rate of the mask at the start (same cosine); None for ``lr``.
-        muon_lr: learning rate at the start (same cosine) of :class:`~sci_lightning.training.muon.Muon`, which then
-            trains the decoder's large weights in Adam's place; None for Adam alone.
-        muon_decay: by which part of its learning rate Muon shrinks those weights in every step.
-        warmup: part of the run, 0 to below 1, in which all learning rates rise from 0.
+        lr, final_lr, mask_lr, muon_lr, muon_decay, warmup: see
+            :class:`~sci_lightning.training.learning_rates.LearningRates`.
         compile: compile the decoder with ``torch.compile``.
         cuda_graph: replay the decoder's part of a step, see :class:`~sci_lightning.training.cuda_graph.GraphedStages`.
         tile: in a test, how large fields are decoded, see :meth:`Pipeline.decode`.

@@ -36,6 +36,7 @@ class Sender(L.Callback):
 
     def _at(self, trainer: L.Trainer, moment: str) -> None:
         if moment == self.moment and trainer.global_step >= self.step:
+            self.moment = ""  # once
             for _ in range(self.times):
                 os.kill(self.receiver, self.number)
                 time.sleep(1.1 * SAME_REQUEST_SECONDS if self.times > 1 else 0)
