@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import signal
 from pathlib import Path
 
 FAILING_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
@@ -16,8 +17,11 @@ WRITE_FAILED = re.compile(
 """What torch and NumPy say of a file that they could not write, without the reason."""
 
 
+STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that ask a program to stop. Terminals, ``timeout`` and schedulers send them to all of its processes."""
+
 INTERRUPTED = 130
-"""Exit status of a command that was asked to stop, by Ctrl-C or by SIGTERM, as shells have it."""
+"""Exit status of a command that was asked to stop by one of them, as shells have it for Ctrl-C."""
 
 
 class BadInput(ValueError):

@@ -41,7 +41,8 @@ def export_mask(composition: Composition) -> None:
         most = timing[f"fastest_{what}_Hz"]
         console.say(f"{cfg.frame_rate:g} snapshots/s by {way}: ", fits, f", at most {most:.1f}")
     console.say(styled(out), ": planes/, frames/, planes.json (exposure of each plane; timing)")
-    print_next(console, invocation("reconstruct", "measurement=SNAPSHOT.tiff", paths={"ckpt_path": cfg.ckpt_path}))
+    words = (*composition.trusted(), "measurement=SNAPSHOT.tiff")
+    print_next(console, invocation("reconstruct", *words, paths={"ckpt_path": cfg.ckpt_path}))
 
 
 if __name__ == "__main__":

@@ -11,9 +11,10 @@ from omegaconf import OmegaConf
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
 from sci_lightning.cli.console import PlainConsole, styled
-from sci_lightning.cli.continued_run import recorded, repeated
+from sci_lightning.cli.continued_run import repeated
+from sci_lightning.cli.stored_overrides import recorded
 from sci_lightning.errors import INTERRUPTED, BadInput
-from sci_lightning.runs.run_folder import is_first_process, remove_if_refused
+from sci_lightning.runs.run_folder import is_first_process, undo_if_refused
 from sci_lightning.training.lost_process import lost_process
 from sci_lightning.training.stop_signal import Stopped, StopSignal
 
@@ -55,7 +56,8 @@ def train(composition: Composition) -> float | None:
                 _print_run(done, composition)
             return done.metrics.mean["psnr"]
         if is_first_process():
-            _say_stopped(Path(config["out"]) / "checkpoints" / "last.ckpt", composition)
+            folder = (config["callbacks"].get("last") or {}).get("folder", Path(config["out"]) / "checkpoints")
+            _say_stopped(Path(folder) / "last.ckpt", composition)
         sys.exit(INTERRUPTED if is_first_process() else 0)
 
 
@@ -71,7 +73,7 @@ def _print_plan(composition: Composition) -> None:
         raise BadInput("data.root is missing: give it, or data.clips_per_epoch=.., which is all that a dry run needs")
     for line in training_plan({str(key): value for key, value in config.items()}).lines():
         PlainConsole().print(line, soft_wrap=True)
-    remove_if_refused(cfg.out, "train")
+    undo_if_refused(cfg.out, "train")
 
 
 def _say(line: str) -> None:
@@ -93,7 +95,7 @@ def _say_stopped(last: Path, composition: Composition) -> None:
     if not last.is_file():
         print("stopped before the first step was finished; nothing is lost", file=sys.stderr)
         return
-    words = repeated(last, composition.overrides, plain(composition.cfg)["encoder"])
+    words = repeated(last, composition, plain(composition.cfg)["encoder"])
     line = invocation("train", *words, paths={"ckpt_path": last})
     print(f"stopped; go on with:\n  {line}", file=sys.stderr)
 
@@ -114,9 +116,9 @@ def _print_run(done: Run, composition: Composition) -> None:
     root = cfg.benchmark.root or cfg.data.get("root")
     data = "six_scenes" if cfg.benchmark.root else composition.choice("data")
     paths = {"ckpt_path": done.checkpoint}
-    trusted = [f"trusted=[{','.join(cfg.trusted)}]"] if cfg.trusted else []  # quoted it would be a text
+    trusted, words = composition.trusted(), [*composition.own_folders(), f"data={data}"]
     lines = [
-        invocation("evaluate", f"data={data}", *trusted, paths=paths | ({"data.root": root} if root else {})),
+        invocation("evaluate", *words, *trusted, paths=paths | ({"data.root": root} if root else {})),
         invocation("export_mask", *trusted, paths=paths),
     ]
     if (out / "tensorboard").is_dir():

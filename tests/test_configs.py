@@ -15,7 +15,7 @@ from sci_lightning.cli.composition import plain
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.encoder import Encoder
 from sci_lightning.metrics.frame_metric import FrameMetric
-from sci_lightning.training.loggers import EXTRAS
+from sci_lightning.training.loggers import RUN_ID
 from sci_lightning.training.loss import LOSSES
 from tests.conftest import members
 
@@ -59,7 +59,7 @@ def test_member_composes_and_instantiates(
     if group.startswith("scale/mask/"):
         scale = group.rpartition("/")[2]
         choice = ["experiment=short_cpu" if scale == "crop" else f"scale={scale}", f"encoder/mask={name}"]
-    if group == "logger" and name in EXTRAS:
+    if group == "logger" and name in RUN_ID:
         pytest.importorskip(name, reason=f"pip install sci-lightning[{name}]")
     # Lightning does not know precision=auto, which the commands resolve
     cfg = configuration("train", *choice, "precision=32-true", "size=[64,64]", f"out={tmp_path}")

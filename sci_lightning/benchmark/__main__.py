@@ -118,9 +118,10 @@ def benchmark(composition: Composition) -> None:
     console.say(styled(out), ": benchmark.json, benchmark.md")
     name = names[0] if len(names) == 1 else "e2e_cnn"
     if name in ("linear", "gap_tv", "admm_tv", "desci"):  # nothing to learn
-        print_next(console, invocation("evaluate", f"decoder={name}", "data=synthetic", "size=[64,64]"))
+        words = ["evaluate", f"decoder={name}", "data=synthetic", "size=[64,64]"]
     else:
-        print_next(console, invocation("train", "experiment=quickstart", f"decoder={name}"))
+        words = ["train", "experiment=quickstart", f"decoder={name}"]
+    print_next(console, invocation(*words, *composition.own_folders()))
     if failed := content["failed"]:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in failed.items())
         raise BadInput(f"{len(failed)} of {len(names)} decoders could not be measured: {reasons}")

@@ -29,7 +29,7 @@ from sci_lightning.cli.words import check_choices, check_words
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.errors import INTERRUPTED, InputWarning
 from sci_lightning.files.plain_text import one_printable_line
-from sci_lightning.runs.run_folder import is_first_process, remove_if_refused, run_folder
+from sci_lightning.runs.run_folder import is_first_process, run_folder, undo_if_refused
 
 Task = Callable[[Composition], Any]
 
@@ -130,7 +130,7 @@ def _job(name: str, task: Task, files: Mapping[str, EncoderFile], debug: bool) -
                     traceback.print_exc()
                 raise  # SweepRows makes a row of it, and the others go on
             if in_folder and exit_status(error) == 2:
-                remove_if_refused(cfg.out, settings.job.name)
+                undo_if_refused(cfg.out, settings.job.name)
             raise CommandFailed from error
 
     return job

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,16 +29,30 @@ class Composition:
         choices: the member that was chosen of each configuration group, ``{"encoder": "lsw_sr", ...}``.
         overrides: of the command line.
         folders: in which configuration files are looked for, ``hydra.searchpath`` included.
+        search_path: what the user added to it, ``["file:///home/me/conf"]``.
     """
 
     cfg: DictConfig
     choices: Mapping[str, str]
     overrides: tuple[str, ...] = ()
     folders: tuple[Path, ...] = (CONF,)
+    search_path: tuple[str, ...] = ()
 
     def choice(self, group: str) -> str:
         """Return which member of a configuration group was chosen, such as ``lsw_sr``; ``none`` for no member."""
         return str(self.choices.get(group, "none"))
+
+    def own_folders(self) -> list[str]:
+        """Return the override that names the user's folders of configurations again; none without such folders."""
+        return [f"hydra.searchpath=[{','.join(map(repr, self.search_path))}]"] if self.search_path else []
+
+    def trusted(self) -> list[str]:
+        """Return the override with which a checkpoint of the run may name the user's own classes; none without such."""
+        nodes = (self.cfg.get(part) for part in ("encoder", "decoder"))
+        parts = [OmegaConf.to_container(node) for node in nodes if OmegaConf.is_config(node)]
+        own = {target.partition(".")[0] for target in _targets(parts)} - {"sci_lightning"}
+        names = sorted(own.union(self.cfg.get("trusted") or ()))
+        return [f"trusted=[{','.join(names)}]"] if names else []  # quoted it would be a text
 
     def targets(self, group: str) -> list[str]:
         """Return the ``_target_`` of every member of a configuration group, those in ``hydra.searchpath`` included."""
@@ -72,10 +86,21 @@ def from_hydra(cfg: DictConfig, settings: HydraConf) -> Composition:
     """Return the composition of a configuration, given Hydra's own settings, which are removed from it."""
     choices = {str(group): str(choice) for group, choice in settings.runtime.choices.items()}
     sources = [Path(source.path) for source in settings.runtime.config_sources if source.schema == "file"]
+    added = [source for source in settings.runtime.config_sources if source.provider not in ("hydra", "main", "schema")]
+    search_path = tuple(f"{source.schema}://{source.path}" for source in added)
     overrides = tuple(str(override) for override in settings.overrides.task)
     with open_dict(cfg):
         cfg.pop("hydra", None)
-    return Composition(cfg, choices, overrides, tuple(sources))
+    return Composition(cfg, choices, overrides, tuple(sources), search_path)
+
+
+def _targets(content: Any) -> Iterator[str]:
+    """Yield every ``_target_`` in plain data."""
+    if isinstance(content, Mapping):
+        yield from (str(value) for key, value in content.items() if key == "_target_")
+    if isinstance(content, (Mapping, list)):
+        for value in content.values() if isinstance(content, Mapping) else content:
+            yield from _targets(value)
 
 
 def group_members(group: str) -> list[str]:

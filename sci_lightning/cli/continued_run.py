@@ -1,8 +1,7 @@
 """``train ckpt_path=RUN/checkpoints/last.ckpt`` alone: the command line of the run that is gone on with.
 
-A training keeps its overrides in its checkpoints. A checkpoint may be a stranger's, so its overrides are read, not
-obeyed: each has to choose a member of ``conf/`` by its name, or to set a plain value of a setting that says what is
-computed. None can name a class, a folder to write to or a reference that would be resolved.
+What a checkpoint may ask for by itself is in :mod:`sci_lightning.cli.stored_overrides`. Everything else of a command
+line (a folder of own configurations, classes, servers, files elsewhere) has to be said again, see :func:`repeated`.
 """
 
 from __future__ import annotations
@@ -10,59 +9,26 @@ from __future__ import annotations
 import os
 import re
 import shlex
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hydra.core.config_store import ConfigStore
-from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override, OverrideType, QuotedString
-from hydra.errors import HydraException
+from hydra.core.override_parser.types import Override
 from omegaconf import OmegaConf
 
+from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.console import PlainConsole, styled
 from sci_lightning.cli.encoder_file import EncoderFile, checked_encoder
+from sci_lightning.cli.next_command import nearest
 from sci_lightning.cli.next_command import override as quoted
+from sci_lightning.cli.stored_overrides import GROUPS, VALUES, bare, checked, is_kept, overrides_of
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_text import excerpt, one_printable_line
 from sci_lightning.runs.resume import another_training
 from sci_lightning.runs.run_folder import is_first_process
-
-GROUPS = {"encoder", "effect", "decoder", "data", "metric", "system", "trainer", "scale", "experiment"}
-"""Groups of ``conf/`` whose members say what is computed; the others say where it is written and shown."""
-
-SECTIONS = {"encoder", "effects", "decoder", "data", "benchmark", "metrics", "system"}
-"""Sections of the configuration whose plain values are taken up."""
-
-VALUES = ("frames", "size", "crop", "batch_size", "core_minutes", "seed")
-"""Settings of the run itself."""
-
-TRAINER = {
-    "accelerator",
-    "accumulate_grad_batches",
-    "check_val_every_n_epoch",
-    "deterministic",
-    "devices",
-    "gradient_clip_algorithm",
-    "gradient_clip_val",
-    "limit_test_batches",
-    "limit_train_batches",
-    "limit_val_batches",
-    "log_every_n_steps",
-    "max_epochs",
-    "max_steps",
-    "max_time",
-    "num_nodes",
-    "num_sanity_val_steps",
-    "precision",
-    "strategy",
-    "val_check_interval",
-}
-"""Settings of the trainer that are taken up: none of its paths and objects."""
-
-WRITTEN = {"data.store"}
-"""Folders that data sources write to."""
 
 PATHS = {"root", "val_root", "file"}
 """What settings that name files or folders to read are called."""
@@ -70,11 +36,51 @@ PATHS = {"root", "val_root", "file"}
 FINETUNE = "finetune"
 """The experiment that takes a decoder and starts a new training with it."""
 
-LONGEST_OVERRIDES = 20_000
-"""Characters of all overrides together."""
+NOT_AGAIN = {"ckpt_path", "resume", "dry_run", "debug", "out"}
+"""Settings of one command line that are not those of the run; its folder is where its checkpoint lies."""
 
-KEY = re.compile(r"[a-z][a-z0-9_]*(\.[a-zA-Z0-9][a-zA-Z0-9_]*)*", re.ASCII)
-CHOICE = re.compile(r"[A-Za-z0-9][\w.+-]*", re.ASCII)
+CONFIG_FOLDERS = re.compile(r"\+*hydra\.searchpath=|--config-(dir|path)|-c[dp]\b")
+"""Words of a command line that say where configurations of somebody's own lie."""
+
+
+@dataclass(frozen=True)
+class StoredRun:
+    """The run that a checkpoint belongs to.
+
+    Attributes:
+        path: of the checkpoint.
+        config: its configuration, which is compared and never built.
+        overrides: those of its command line that the checkpoint keeps; none of an earlier version's.
+    """
+
+    path: Path
+    config: Mapping[str, Any]
+    overrides: Sequence[Override]
+
+    def choices(self) -> dict[str, str]:
+        """Return what the run chose of each group, and its plain values, by key."""
+        return {**{o.key_or_group: str(bare(o.value())) for o in self.overrides}, **self.config["names"]}
+
+    def check_members(self, overrides: Iterable[Override], words: Iterable[str]) -> None:
+        """Raise BadInput for members of groups that do not come with the package, if nothing says where they lie."""
+        if any(CONFIG_FOLDERS.match(word) for word in words):
+            return
+        for override in overrides:
+            group, value = override.key_or_group, override.value()
+            if group.partition("/")[0] not in {*GROUPS} - {"encoder"} or "." in group:
+                continue
+            for name in map(bare, value if isinstance(value, list) else [value]):
+                if name is not None and not (CONF / group / f"{name}.yaml").is_file():
+                    raise BadInput(
+                        f"{self.path}: its training used {group}={name}, which does not come with the package: say "
+                        "again where that lies, hydra.searchpath=[FOLDER]"
+                    )
+
+    def values(self, without: Iterable[str]) -> Iterator[str]:
+        """Yield settings of the run itself that its overrides do not name: another version's may begin differently."""
+        for key in VALUES:
+            if key not in without and isinstance(self.config.get(key), (int, float, list)):
+                yield f"{key}={str(self.config[key]).replace(' ', '')}"
 
 
 def continued(arguments: list[str], encoders: Iterable[str]) -> tuple[list[str], dict[str, EncoderFile]]:
@@ -91,8 +97,9 @@ def continued(arguments: list[str], encoders: Iterable[str]) -> tuple[list[str],
         the decoder, the data and the scale of the earlier one.
 
     Raises:
-        BadInput: a checkpoint that cannot be read, overrides in it that a checkpoint may not hold, or files to read
-            that lie neither in the current folder nor in the run's and that the arguments do not repeat.
+        BadInput: a checkpoint that cannot be read, overrides in it that a checkpoint may not hold, or something that
+            the arguments have to say again: files to read that lie neither in the current folder nor in the run's,
+            folders of somebody's own configurations.
     """
     given = {
         key.lstrip("+~"): value.strip("'\"") for key, _, value in (argument.partition("=") for argument in arguments)
@@ -105,58 +112,51 @@ def continued(arguments: list[str], encoders: Iterable[str]) -> tuple[list[str],
     checkpoint = read_checkpoint(path)
     if not checkpoint.resumable:
         return arguments, {}
-    config = checkpoint.config
-    kept = overrides_of(path, config)
+    run = StoredRun(path, checkpoint.config, overrides_of(path, checkpoint.config))
     if FINETUNE in _names(given.get("experiment", "")):
-        return _finetuned(path, config, kept, arguments, given), {}
-    if given.get("finetune", "").lower() == "true" and not config.get("finetune"):
+        return _finetuned(run, arguments, given), {}
+    if given.get("finetune", "").lower() == "true" and not run.config.get("finetune"):
         raise BadInput(
             f"{path}: give experiment={FINETUNE} in the place of finetune=true: it begins a training of its own, in a "
             "folder of its own"
         )
-    was = {**{o.key_or_group: str(_bare(o.value())) for o in kept}, **config["names"]}
+    before = run.choices()
     for group in ("encoder", "decoder", "data", "system"):  # others would not even fit the settings of this one
         now = given.get(group, "")
-        if kept and group in was and now not in ("", was[group]) and not now.endswith(".yaml"):
-            raise BadInput(another_training(path, group, was[group], now))
+        if run.overrides and group in before and now not in ("", before[group]) and not now.endswith(".yaml"):
+            raise BadInput(another_training(path, group, before[group], now))
     files: dict[str, EncoderFile] = {}
-    before: list[str] = []
     named_paths: list[tuple[str, str]] = []
+    kept = [override for override in run.overrides if override.key_or_group not in given]
+    run.check_members(kept, arguments)
     for override in kept:
-        key = override.key_or_group
-        if key in given or (key == "encoder" and "encoder" in given):
-            continue
-        if key == "encoder" and str(_bare(override.value())) not in encoders:  # of a file, as it was then
-            name = str(_bare(override.value()))
-            files[name] = EncoderFile(path, checked_encoder(path, config["encoder"]))
+        key, name = override.key_or_group, str(bare(override.value()))
+        if key == "encoder" and name not in encoders:  # of a file, as it was then
+            files[name] = EncoderFile(path, checked_encoder(path, run.config["encoder"]))
             ConfigStore.instance().store(group="encoder", name=name, node=OmegaConf.create(files[name].content))
             named_paths += _paths("encoder", files[name].content)
         named_paths += _paths(key, override.value())
-        before.append(str(override.input_line))
     _check_paths(path, [(key, value) for key, value in named_paths if key not in given])
-    named = {override.key_or_group for override in kept} | given.keys()
-    before += [
-        f"{key}={str(config[key]).replace(' ', '')}"
-        for key in VALUES
-        if kept and key not in named and isinstance(config.get(key), (int, float, list))
-    ]
-    if kept and "warmup" not in config["system"] and "system.warmup" not in named:
-        before.append("system.warmup=0")  # of an earlier version: its learning rates began at their full height
+    words = [str(override.input_line) for override in kept]
+    named = {override.key_or_group for override in run.overrides} | given.keys()
+    if run.overrides:
+        words += run.values(without=named)
+        if "warmup" not in run.config["system"] and "system.warmup" not in named:
+            words.append("system.warmup=0")  # of an earlier version: its learning rates began at their full height
     folder = Path(os.path.abspath(path)).parent  # not resolved: what is named is written, wherever links lead
     if "out" not in given and path.name == "last.ckpt" and folder.name == "checkpoints":
         _check_folder(folder.parent)
-        before.append(f"out='{folder.parent}'")
-    return [*before, *arguments], files
+        words.append(f"out='{folder.parent}'")
+    return [*words, *arguments], files
 
 
-def _finetuned(
-    path: Path, config: Mapping[str, Any], kept: list[Override], arguments: list[str], given: Mapping[str, str]
-) -> list[str]:
+def _finetuned(run: StoredRun, arguments: list[str], given: Mapping[str, str]) -> list[str]:
     """Return the arguments of a new training of the decoder that a checkpoint holds, behind another encoder.
 
     Decoder, data and scale are as they were in that training, the encoder is the one that is given, and the recipe sets
-    what it sets: the plan and the learning rates of the training before are left out.
+    what it sets: the plan and the learning rates of the training before are left out, and what was shown and logged.
     """
+    path, config = run.path, run.config
     now = given.get("decoder", "")
     if now not in ("", was := str(config["names"]["decoder"])):
         raise BadInput(f"{path}: a decoder={was} cannot be fine-tuned as decoder={now}: leave decoder= out")
@@ -169,28 +169,24 @@ def _finetuned(
     if out and given.get("resume", "").lower() != "true" and _last_of(out).is_file() and _last_of(out).samefile(path):
         raise BadInput(f"{out}: holds the training that is to be fine-tuned, which would be lost; give another out=")
     recipe = {*_keys(OmegaConf.to_container(OmegaConf.load(CONF / "experiment" / f"{FINETUNE}.yaml")))}
-    before: list[str] = []
-    named_paths: list[tuple[str, str]] = []
     experiments = _names(given["experiment"])
-    for override in kept:
-        key = override.key_or_group
-        if key == "experiment":
-            value = override.value()
-            earlier = [str(_bare(name)) for name in (value if isinstance(value, list) else [value])]
-            experiments = [name for name in earlier if name not in experiments] + experiments
-        elif key not in given and key not in recipe and re.split(r"[./]", key)[0] not in ("encoder", "effect"):
-            named_paths += _paths(key, override.value())
-            before.append(str(override.input_line))
-    _check_paths(path, named_paths)
-    named = {override.key_or_group for override in kept} | given.keys()
     field = ("frames", "size") if given["encoder"].endswith(".yaml") else ()  # which the encoder file says
-    for key in VALUES:
-        whole = key == "crop" and config.get("crop") == config.get("size")
-        if key not in {*named, *field, *recipe} and isinstance(config.get(key), (int, list)) and not whole:
-            before.append(f"{key}={str(config[key]).replace(' ', '')}")
-    before = [word for word in before if word.partition("=")[0] not in field]
+    leave_out = {*given, *recipe, *field}
+    kept = []
+    for override in run.overrides:
+        key, value = override.key_or_group, override.value()
+        if key == "experiment":
+            earlier = [str(bare(name)) for name in (value if isinstance(value, list) else [value])]
+            experiments = [name for name in earlier if name not in experiments] + experiments
+        elif key not in leave_out and re.split(r"[./]", key)[0] not in ("encoder", "effect", "logger", "callbacks"):
+            kept.append(override)
+    run.check_members(kept, arguments)
+    _check_paths(path, [place for override in kept for place in _paths(override.key_or_group, override.value())])
+    leave_out |= {override.key_or_group for override in run.overrides}
+    leave_out |= {"crop"} if config.get("crop") == config.get("size") else set()
+    words = [*(str(override.input_line) for override in kept), *run.values(without=leave_out)]
     rest = [word for word in arguments if word.partition("=")[0].lstrip("+~") != "experiment"]
-    return [f"experiment=[{','.join(experiments)}]", *before, *rest]
+    return [f"experiment=[{','.join(experiments)}]", *words, *rest]
 
 
 def _names(value: str) -> list[str]:
@@ -231,11 +227,11 @@ def _paths(key: str, value: Any) -> Iterator[tuple[str, str]]:
     """Settings that name files to read, and what they name: by what they are called, and whatever looks like a path."""
     if isinstance(value, Mapping):
         for name, entry in value.items():
-            yield from _paths(f"{key}.{_bare(name)}", entry)
+            yield from _paths(f"{key}.{bare(name)}", entry)
     elif isinstance(value, list):
         for entry in value:
             yield from _paths(key, entry)
-    elif isinstance(text := _bare(value), str) and (
+    elif isinstance(text := bare(value), str) and (
         key.rpartition(".")[2] in PATHS or "/" in text or "\\" in text or text.startswith((".", "~"))
     ):
         yield key, text
@@ -267,44 +263,24 @@ def _elsewhere(path: Path, named: Iterable[tuple[str, str]]) -> list[str]:
     ]
 
 
-def repeated(path: Path, overrides: Iterable[str], encoder: Mapping[str, Any]) -> list[str]:
-    """Return what has to stand beside ``ckpt_path=`` to go on with one's own run: files that lie elsewhere.
+def repeated(path: Path, composition: Composition, encoder: Mapping[str, Any]) -> list[str]:
+    """Return what has to stand beside ``ckpt_path=`` to go on with one's own run: what its checkpoint may not ask for.
 
     Args:
         path: of the checkpoint.
-        overrides: of the run.
-        encoder: its configuration.
+        composition: of the run.
+        encoder: the configuration of its encoder.
     """
-    named = list(_paths("encoder", encoder))
-    for line in recorded(overrides):
-        override = _checked(path, line)
-        named += _paths(override.key_or_group, override.value())
-    return _elsewhere(path, named)
-
-
-def recorded(overrides: Iterable[str]) -> list[str]:
-    """Those of a run's overrides that a checkpoint keeps."""
-    kept = []
-    for line in overrides:
-        try:
-            kept.append(str(_checked("", line).input_line))
-        except BadInput:  # where to write, what to show, references: not what is computed, or to be given again
-            continue
-    return kept
-
-
-def overrides_of(path: Path, config: Mapping[str, Any]) -> list[Override]:
-    """The overrides in a checkpoint's configuration, checked; none in one that was written before they were kept.
-
-    Raises:
-        BadInput: one that a checkpoint may not hold.
-    """
-    lines = config.get("overrides", [])
-    if not isinstance(lines, list) or len(lines) > 1000 or not all(isinstance(line, str) for line in lines):
-        raise BadInput(f"{path}: damaged: its overrides are not a list of texts")
-    if sum(map(len, lines)) > LONGEST_OVERRIDES:  # Hydra takes minutes for a million
-        raise BadInput(f"{path}: its overrides have more than {LONGEST_OVERRIDES:,} characters")
-    return [_checked(path, line) for line in lines]
+    named, words = list(_paths("encoder", encoder)), []
+    for line in composition.overrides:
+        if is_kept(line):
+            override = checked(path, line)
+            named += _paths(override.key_or_group, override.value())
+        elif line.lstrip("+~").partition("=")[0] not in NOT_AGAIN:
+            words.append(line)
+    folder = Path(composition.cfg.out).absolute()
+    elsewhere = [] if path.absolute() == _last_of(folder) else [quoted("out", nearest(folder))]
+    return [*composition.own_folders(), *_elsewhere(path, named), *words, *elsewhere]
 
 
 def _checkpoint(given: Mapping[str, str]) -> Path | None:
@@ -320,49 +296,3 @@ def _checkpoint(given: Mapping[str, str]) -> Path | None:
 def _last_of(out: str | Path) -> Path:
     """Return where a run keeps its last checkpoint."""
     return Path(out) / "checkpoints" / "last.ckpt"
-
-
-def _checked(path: str | Path, line: str) -> Override:
-    refused = BadInput(
-        f"{path}: its override '{excerpt(line)}' is not one that a checkpoint may hold; give the overrides of the run "
-        "yourself, and start anew from its weights (convert)"
-    )
-    try:
-        override = OverridesParser.create().parse_override(line)
-        value = override.value()
-    except (HydraException, RecursionError, ValueError) as error:
-        raise refused from error
-    key = override.key_or_group
-    plain = override.type in (OverrideType.CHANGE, OverrideType.ADD, OverrideType.FORCE_ADD)
-    if not plain or override.is_sweep_override() or override.package is not None or "\n" in line or "${" in line:
-        raise refused
-    root, _, rest = key.partition(".")
-    if key.partition("/")[0] in GROUPS and not rest:
-        names = value if isinstance(value, list) else [value]
-        right = all(CHOICE.fullmatch(part) for part in key.split("/")) and all(
-            name is None or CHOICE.fullmatch(str(_bare(name))) for name in names
-        )
-    elif not KEY.fullmatch(key) or key in WRITTEN or not _is_plain(value):
-        right = False
-    elif key == "trainer.devices" and isinstance(value, int):
-        right = value <= (os.cpu_count() or 1)  # every one is a process
-    elif root == "trainer":
-        right = rest.partition(".")[0] in TRAINER
-    else:
-        right = key in VALUES or (root in SECTIONS and bool(rest))
-    if not right:
-        raise refused
-    return override
-
-
-def _is_plain(value: Any) -> bool:
-    """Whether an override's value is made of numbers, texts, lists and mappings that name no class."""
-    if isinstance(value, dict):
-        return all(KEY.fullmatch(str(_bare(key))) for key in value) and all(map(_is_plain, value.values()))
-    if isinstance(value, list):
-        return all(map(_is_plain, value))
-    return value is None or isinstance(_bare(value), (bool, int, float, str))
-
-
-def _bare(value: Any) -> Any:
-    return value.text if isinstance(value, QuotedString) else value

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from sci_lightning.cli.composition import Composition, built, compose, group_members, plain
 from sci_lightning.cli.console import PlainConsole
-from sci_lightning.cli.continued_run import recorded
 from sci_lightning.cli.encoder_file import PLACES, adapt_to_encoder_files, adopt_encoder_files
 from sci_lightning.cli.settings import check_command_settings
+from sci_lightning.cli.stored_overrides import recorded
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.resume import check_nothing_lost
 from sci_lightning.runs.run_folder import run_folder

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import torch
 from torch.utils.data import DataLoader, Dataset, Sampler
 
 from sci_lightning.data.source import Clips, Scene
-from sci_lightning.errors import BadInput
+from sci_lightning.errors import STOPS, BadInput
 
 
 def share_of_batch(batch_size: int, processes: int) -> int:
@@ -83,7 +85,9 @@ class EpochSampler(Sampler[list[int]]):
 class ClipLoader(DataLoader[torch.Tensor]):
     """Training batches, float32 ``(batch_size, T, h, w)``; ``epoch_sampler.start_at`` continues an interrupted epoch.
 
-    Worker processes compute on one thread each (PyTorch sees to that) and live on between epochs.
+    Worker processes compute on one thread each (PyTorch sees to that) and live on between epochs. They do not hear the
+    signals that ask a program to stop: the training decides when it ends, and needs them for the step that it finishes.
+    They end with the process that started them, however that ends.
 
     Args:
         clips: the endless stream.
@@ -115,6 +119,14 @@ class ClipLoader(DataLoader[torch.Tensor]):
             pin_memory=pin_memory,
         )
         self.epoch_sampler = sampler
+
+    def __iter__(self) -> Any:
+        # a process inherits what is blocked where it is started, so that no moment is left in which a signal ends it
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
+        try:
+            return super().__iter__()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class SceneSnapshots(Dataset[tuple[int, torch.Tensor]]):

@@ -8,6 +8,7 @@ import torch
 from torchmetrics import Metric
 
 from sci_lightning.errors import BadInput
+from sci_lightning.files.plain_text import with_article
 from sci_lightning.imaging.full_precision import full_precision
 
 
@@ -52,3 +53,47 @@ class FrameMetric(Metric):
     def plot(self, val: Any = None, ax: Any = None) -> Any:
         """Return figure and axes with the mean so far, or with ``val``, one or more values that calls returned."""
         return self._plot(val, ax)
+
+
+class ImageMetric(FrameMetric):
+    """A metric of two images as a metric of videos: computed on every frame, and the mean over the frames.
+
+    Args:
+        key: its name, for messages.
+        metric: it compares two images ``(1, 1, H, W)``, as those of ``torchmetrics.image`` do.
+
+    Raises:
+        BadInput: on the first frame, a metric that does not take them or returns anything but one number.
+    """
+
+    def __init__(self, key: str, metric: Metric) -> None:
+        super().__init__()
+        self.key, self.metric = key, metric
+
+    def score(self, estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+        pairs = zip(estimate.flatten(0, -3), truth.flatten(0, -3), strict=True)
+        return torch.stack([self._compare(*(frame[None, None] for frame in pair)) for pair in pairs])
+
+    def _compare(self, estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+        try:
+            self.metric.reset()
+            self.metric.update(estimate, truth)
+            return self.metric.compute().reshape(())
+        except Exception as error:  # whatever a metric makes of images that it does not take
+            raise BadInput(
+                f"metrics.{self.key}: {type(self.metric).__name__} does not compare two frames {tuple(truth.shape)} in "
+                f"one number ({' '.join(str(error).split())})"
+            ) from error
+
+
+def as_frame_metric(key: str, metric: object) -> FrameMetric:
+    """Return a metric of videos: itself, or any other torchmetrics metric frame by frame.
+
+    Raises:
+        BadInput: it is no metric.
+    """
+    if isinstance(metric, FrameMetric):
+        return metric
+    if not isinstance(metric, Metric):
+        raise BadInput(f"metrics.{key}: {with_article(type(metric).__name__)} is no torchmetrics Metric")
+    return ImageMetric(key, metric)

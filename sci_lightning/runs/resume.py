@@ -132,6 +132,13 @@ def check_same_run(path: str | Path, earlier: Mapping[str, Any], config: Mapping
                     key, before, now = part, one, other
             raise BadInput(another_training(path, key, before, now, "overrides" in earlier))
         changes.append(f"{key}={now} (was {before})")
+    for part in ("callbacks", "logger"):  # own classes and servers, which a checkpoint may not ask for
+        given = config.get(part) or {}
+        changes += [
+            f"without {part}.{name}"
+            for name, value in (earlier.get(part) or {}).items()
+            if value and not given.get(name)
+        ]
     workers = [content.get("workers") for content in (earlier, config)]
     return changes + ([f"workers={workers[1]} (was {workers[0]})"] if workers[0] != workers[1] else [])
 

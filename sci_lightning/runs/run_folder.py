@@ -25,6 +25,9 @@ RANKS = ("RANK", "LOCAL_RANK", "SLURM_PROCID")
 _locks: dict[Path, IO[str]] = {}
 """Lock files of this process, by folder."""
 
+_found: dict[Path, dict[Path, bytes]] = {}
+"""What Hydra's files of an earlier command held, by the folder that this process has locked."""
+
 _made: dict[Path, list[Path]] = {}
 """What this process has made, by the folder that it needed: that folder itself, then those above it."""
 
@@ -64,22 +67,30 @@ def unlock(folder: Path) -> None:
         file.close()
 
 
-def remove_if_refused(out: str | Path, job: str) -> None:
-    """Remove the folder of a command that was refused, if this process made it and only Hydra has written into it.
+def undo_if_refused(out: str | Path, job: str) -> None:
+    """Undo what Hydra has written for a command that was refused.
+
+    In the folder of an earlier command its files get back what they held. A folder that this process made is removed if
+    nothing else lies in it.
 
     Args:
         out: the folder; those above it that this process made go with it when they are empty.
         job: the command's name, which is that of its log file.
     """
     folder = Path(out).resolve()
-    if not is_first_process() or folder not in _made:
+    if not is_first_process():
+        return
+    found = _found.pop(folder, {})
+    for path in (*_of_hydra(folder), folder / f"{job}.log"):
+        if path in found:
+            path.write_bytes(found[path])
+        elif not path.is_symlink() and folder not in _made:
+            path.unlink(missing_ok=True)
+    if folder not in _made:
         return
     unlock(folder)
     written = [path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir()]
-    of_hydra = {folder / ".hydra" / f"{name}.yaml" for name in ("config", "hydra", "overrides")} | {
-        folder / f"{job}.log"
-    }
-    if not of_hydra.issuperset(written):
+    if not {*_of_hydra(folder), folder / f"{job}.log"}.issuperset(written):
         return
     for path in written:
         path.unlink(missing_ok=True)
@@ -116,6 +127,13 @@ def lock(folder: Path) -> None:
         file.write(f"process {os.getpid()} on {socket.gethostname()}, since {datetime.now():%Y-%m-%d %H:%M:%S},\n")
         file.flush()
         _locks[folder] = file
+        present = [path for path in (*_of_hydra(folder), *folder.glob("*.log")) if path.is_file()]
+        _found[folder] = {path: path.read_bytes() for path in present if not path.is_symlink()}
+
+
+def _of_hydra(folder: Path) -> list[Path]:
+    """Return the files in which Hydra notes a command."""
+    return [folder / ".hydra" / f"{name}.yaml" for name in ("config", "hydra", "overrides")]
 
 
 def is_locked(folder: Path) -> bool:

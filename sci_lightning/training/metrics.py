@@ -7,8 +7,7 @@ from typing import Any
 
 from sci_lightning.configuration.build import build
 from sci_lightning.errors import BadInput
-from sci_lightning.files.plain_text import with_article
-from sci_lightning.metrics.frame_metric import FrameMetric
+from sci_lightning.metrics.frame_metric import FrameMetric, as_frame_metric
 
 
 def build_metrics(settings: Mapping[str, Any], size: Sequence[int]) -> dict[str, FrameMetric]:
@@ -22,10 +21,10 @@ def build_metrics(settings: Mapping[str, Any], size: Sequence[int]) -> dict[str,
         BadInput: PSNR, by which the best checkpoint is chosen, is missing, an entry is no metric, or ``size`` is too
             small for it.
     """
-    metrics = {name: build(metric, f"metrics.{name}") for name, metric in settings.items() if metric}
+    metrics = {
+        name: as_frame_metric(name, build(metric, f"metrics.{name}")) for name, metric in settings.items() if metric
+    }
     for name, metric in metrics.items():
-        if not isinstance(metric, FrameMetric):
-            raise BadInput(f"metrics.{name}: its _target_ is {with_article(type(metric).__name__)}, not a FrameMetric")
         if min(size) < metric.smallest:
             raise BadInput(
                 f"size={list(size)}: metrics.{name} needs frames of at least {metric.smallest} x {metric.smallest} "

@@ -14,7 +14,6 @@ from lightning.fabric.plugins.environments.slurm import SLURMEnvironment
 from lightning.pytorch.loggers import TensorBoardLogger
 
 from sci_lightning.configuration.build import build
-from sci_lightning.data.loader import ClipLoader, scene_loader, share_of_batch
 from sci_lightning.decoder import kernels
 from sci_lightning.decoder.complexity import count_parameters
 from sci_lightning.encoder.trial import check_recording
@@ -26,12 +25,13 @@ from sci_lightning.runs.resume import check_same_run, find_resumable_checkpoint,
 from sci_lightning.training.callbacks import LastCheckpoint
 from sci_lightning.training.cuda_graph import check_graphed
 from sci_lightning.training.initialisation import start_at_unit_variance
-from sci_lightning.training.loggers import build_loggers, run_name
+from sci_lightning.training.loggers import build_loggers, run_name, with_run_ids
 from sci_lightning.training.metrics import build_metrics
 from sci_lightning.training.processor_time import ProcessorTime
 from sci_lightning.training.stop_signal import StopSignal
 from sci_lightning.training.system import System
 from sci_lightning.training.training_checkpoint import TrainingCheckpointIO, remove_slurm_checkpoints
+from sci_lightning.training.video_data import VideoData
 
 
 @dataclass(frozen=True)
@@ -108,24 +108,25 @@ def run_training(
         _load(system, checkpoint, run_config, on_resume)
     resumed = start_from if goes_on else None
 
-    source = build(config["data"], "data")
-    held_out = source.scenes()
-    tested_on = build(config["benchmark"], "benchmark").scenes() if config["benchmark"]["root"] else held_out
+    benchmark = build(config["benchmark"], "benchmark") if config["benchmark"]["root"] else None
+    data = VideoData(build(config["data"], "data"), config["batch_size"], config["workers"], test=benchmark)
     checkpoint_io = TrainingCheckpointIO(system)
-    trainer = _build_trainer(run_config, checkpoint_io, stop)
-    share: dict[str, Any] = {"rank": trainer.global_rank, "world_size": trainer.world_size}
-    batch_size = share_of_batch(config["batch_size"], trainer.world_size)
-    pinned = {"workers": config["workers"], "pin_memory": trainer.strategy.root_device.type == "cuda"}
-    clips = checkpoint_io.clips = ClipLoader(source.clips(), batch_size, **pinned, **share)
+    earlier = checkpoint.config.get("logger") if checkpoint is not None and goes_on else None
+    trainer = data.trainer = system.trainer = _build_trainer(run_config, checkpoint_io, stop, earlier)
+    checkpoint_io.clips = data.train_dataloader()
     if checkpoint is None and config["initialisation"] == "unit_variance":
-        start_at_unit_variance(system, source.clips())
-    trainer.fit(system, clips, scene_loader(held_out, **share), ckpt_path=resumed)
+        start_at_unit_variance(system, data.source.clips())
+    if resumed:
+        checkpoint_io.prepare(resumed)
+    # what can be refused has been: from here on the loggers write
+    system.run_config = {**system.run_config, "logger": with_run_ids(config.get("logger"), trainer.loggers)}
+    trainer.fit(system, datamodule=data, ckpt_path=resumed)
     trainer.save_checkpoint(out / "checkpoints" / "last.ckpt")
     if trainer.is_global_zero:
         remove_slurm_checkpoints(out)
     if stop is not None:
         stop.act_at_once()
-    return _test(system, trainer, scene_loader(tested_on, **share), run_config)
+    return _test(system, trainer, data, run_config)
 
 
 def _build_system(config: Mapping[str, Any]) -> System:
@@ -193,10 +194,13 @@ def _fix_mask(system: System, checkpoint: Checkpoint | None, config: Mapping[str
 
 
 def _build_trainer(
-    config: Mapping[str, Any], checkpoint_io: TrainingCheckpointIO, stop: StopSignal | None
+    config: Mapping[str, Any],
+    checkpoint_io: TrainingCheckpointIO,
+    stop: StopSignal | None,
+    earlier: Mapping[str, Any] | None,
 ) -> L.Trainer:
     """Build Lightning's trainer with the loggers and the callbacks of the configuration."""
-    loggers = build_loggers(config.get("logger"), run_name(config))
+    loggers = build_loggers(config.get("logger"), run_name(config), earlier)
     settings = config["callbacks"].items()
     callbacks = [build(callback, f"callbacks.{name}") for name, callback in settings if callback]
     if config["core_minutes"] is not None:
@@ -214,23 +218,25 @@ def _build_trainer(
     return trainer
 
 
-def _test(system: System, trainer: L.Trainer, scenes: Any, config: Mapping[str, Any]) -> Run:
+def _test(system: System, trainer: L.Trainer, data: VideoData, config: Mapping[str, Any]) -> Run:
     """Test behind every encoder of ``test_encoders``, then behind the trained one; write a ``metrics.json`` of each."""
     out, names, tests = Path(config["out"]), config["names"], {}
     steps = trainer.global_step
     recorded = {key: value for key, value in config.items() if key not in ("names", "overrides")}
     for name, settings in config["test_encoders"].items():
         metrics = build_metrics(config.get("metrics", {}), config["size"])
-        tested = system.with_encoder(build(settings, f"test_encoders.{name}"), metrics)
-        trainer.test(tested, scenes, verbose=False)
+        tested = system.with_encoder(build(settings, f"test_encoders.{name}"), metrics, name)
+        trainer.test(tested, datamodule=data, verbose=False)
         if trainer.is_global_zero:
             tests[name] = run_metrics(tested, {**names, "test_encoder": name}, recorded, steps)
             write_json(tests[name].to_json(), out / f"test_{name}" / "metrics.json")
-    trainer.test(system, scenes, verbose=False)
+    trainer.test(system, datamodule=data, verbose=False)
     scores = run_metrics(system, {**names, "test_encoder": names["encoder"]}, recorded, steps)
     if trainer.is_global_zero:  # metrics.json last: it says that the run is finished
         write_json(scores.to_json(), out / "metrics.json")
         for logger in trainer.loggers:
             if isinstance(logger, TensorBoardLogger):
-                logger.log_hyperparams(hparams(scores), {f"test/{key}": value for key, value in scores.mean.items()})
+                logger.log_hyperparams(
+                    hparams(scores), {f"test/{key}": value for key, value in scores.mean.items()}, steps
+                )
     return Run(out, scores, out / "checkpoints" / "last.ckpt", tests)

@@ -1,15 +1,18 @@
-"""Ctrl-C and SIGTERM during a training: the first one finishes the step, the second one ends at once."""
+"""Ctrl-C, SIGTERM and SIGHUP during a training: the first one finishes the step, the next one ends at once."""
 
 from __future__ import annotations
 
 import os
+import select
 import signal
+import stat
 import sys
 import threading
+import time
 from types import FrameType, TracebackType
 from typing import Any
 
-from sci_lightning.errors import INTERRUPTED
+from sci_lightning.errors import INTERRUPTED, STOPS
 
 
 class Stopped(BaseException):
@@ -19,13 +22,24 @@ class Stopped(BaseException):
     """
 
 
+SAME_REQUEST_SECONDS = 0.5
+"""Signals within this time are one request: ``timeout`` signals its child and then the child's whole group, a closing
+terminal does so beside its shell. Whoever presses Ctrl-C twice in less presses it once more."""
+
+READER_SECONDS = 0.2
+"""How long the end of a pipe's reader is waited for: Ctrl-C ends the ``tee`` that shows a training as well."""
+
+
 class StopSignal:
     """Records a request to stop; use ``with StopSignal() as stop:`` around a command's work.
 
     Outside of the steps of a training a signal raises ``KeyboardInterrupt`` at once. Between :meth:`wait_for_step` and
-    :meth:`act_at_once` the first signal only sets ``requested``, so that the step can be finished, and the second one
-    ends the process immediately. A signal that already has a handler (of a cluster's launcher, which requeues the job)
-    is left alone.
+    :meth:`act_at_once` the first signal only sets ``requested``, so that the step can be finished, and a later one ends
+    the process immediately. A signal that already has a handler (of a cluster's launcher, which requeues the job) or
+    that is ignored (SIGHUP under ``nohup``) is left alone.
+
+    Where the terminal has closed or the reader of a pipe has ended, what is printed after the signal is dropped: it
+    would raise an error before the last checkpoint is written.
 
     Attributes:
         requested: whether a signal arrived.
@@ -34,14 +48,15 @@ class StopSignal:
     def __init__(self) -> None:
         self.requested = False
         self._waiting = False
+        self._requested_at = 0.0
         self._before: dict[int, Any] = {}
         self._mine: set[int] = set()
 
     def __enter__(self) -> StopSignal:
         if threading.current_thread() is threading.main_thread():  # elsewhere Python allows no handlers
-            defaults = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
-            self._before = {number: signal.getsignal(number) for number in defaults}
-            self._mine = {number for number, handler in defaults.items() if self._before[number] == handler}
+            self._before = {number: signal.getsignal(number) for number in STOPS}
+            defaults = (signal.default_int_handler, signal.SIG_DFL)
+            self._mine = {number for number, handler in self._before.items() if handler in defaults}
             self._install()
         return self
 
@@ -71,9 +86,30 @@ class StopSignal:
             signal.signal(number, self._on_signal)
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        now = time.monotonic()
         if self.requested:
+            if now - self._requested_at < SAME_REQUEST_SECONDS:
+                return
             os._exit(INTERRUPTED)
-        self.requested = True
+        self.requested, self._requested_at = True, now
+        drop_closed_outputs(hang_up=number == signal.SIGHUP)
         if not self._waiting:
             raise KeyboardInterrupt
         print("\nfinishing the step, then writing last.ckpt; once more ends at once", file=sys.stderr, flush=True)
+
+
+def drop_closed_outputs(hang_up: bool = False) -> None:
+    """Let standard output and error lead nowhere if nobody can read them any more.
+
+    Args:
+        hang_up: whether the terminal is closing; output to it is dropped even if it is still there for a moment.
+    """
+    for number in (1, 2):
+        try:
+            is_file = stat.S_ISREG(os.fstat(number).st_mode)
+        except OSError:  # closed from the start
+            continue
+        poll = select.poll()
+        poll.register(number, 0)  # asks for nothing but the end of the other side
+        if not is_file and (poll.poll(1000 * READER_SECONDS) or (hang_up and os.isatty(number))):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), number)

@@ -2,36 +2,32 @@
 
 from __future__ import annotations
 
+import inspect
 import math
-import statistics
-import time
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import lightning as L
 import numpy as np
 import torch
 
+from sci_lightning.configuration.arguments import check_arguments
 from sci_lightning.configuration.bounds import NonNegative, Positive, Seed, Share
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput, TrainingDiverged
-from sci_lightning.imaging.operator import SnapshotOperator
 from sci_lightning.imaging.pipeline import Pipeline
 from sci_lightning.imaging.tile_choice import TileChoice
 from sci_lightning.measurement import linear_with_mask
-from sci_lightning.metrics.frame_metric import FrameMetric
-from sci_lightning.metrics.scene_scores import SceneScores
-from sci_lightning.runs.device import device_name
+from sci_lightning.metrics import PSNR, SSIM
+from sci_lightning.metrics.frame_metric import FrameMetric, as_frame_metric
+from sci_lightning.training.batches import as_clips
 from sci_lightning.training.cuda_graph import GraphedStages
+from sci_lightning.training.learning_rates import LearningRates, part_done
 from sci_lightning.training.loss import LOSSES
-from sci_lightning.training.muon import Muon, is_large
-from sci_lightning.training.processor_time import time_limits
+from sci_lightning.training.scoring import Scoring
 from sci_lightning.training.training_position import TrainingPosition
-
-Batch = tuple[torch.Tensor, ...]
-
 
 MEAN_MEASUREMENT = "val_mean_measurement"
 """Under this name validation logs what the mean measurement in every frame would reach, as a decoder must beat it."""
@@ -44,21 +40,21 @@ class System(L.LightningModule):
     step seeds torch with (seed, step, process), so that noise and windows do not depend on what ran before: a resumed
     run repeats them.
 
+    A training batch is a tensor of clips ``(N, T, h, w)``; for batches of validation and test see
+    :func:`~sci_lightning.training.batches.as_batch`. ``trainer.test`` returns mean scores as ``test/psnr`` and those of
+    every scene as ``test_psnr/SCENE``. ``hparams`` hold the settings, from ``val_every_n_frames`` to ``seed``.
+
     Args:
         encoder, decoder: plain modules; the system adds nothing to what they compute, see :class:`Pipeline`.
         camera: in a test, the encoder that the decoder believes in; None for ``encoder`` itself.
-        metrics: metrics of validation and test, by name.
+        metrics: metrics of validation and test, by name: ours, or any torchmetrics metric of two images, of which the
+            mean over frames is taken. None for PSNR and, where frames are large enough, SSIM.
         val_every_n_frames: by metric: in validation the metric looks at one in so many frames; in a test at all.
         loss: ``mse``, ``rmse`` or ``frame_rmse``.
         stage_weights: weights of the losses of the decoder's last stages, in their order; the loss is the weighted sum.
             ``(1,)`` takes the final estimate alone. Unfolding networks have many stages, most decoders one.
-        lr: learning rate of Adam at the start. It falls to ``final_lr`` along a cosine over the whole run, which ends
-            after its steps, after the trainer's ``max_time`` or its :class:`ProcessorTime`, whichever comes first.
-        mask_lr: learning rate of the mask at the start (same cosine); None for ``lr``.
-        muon_lr: learning rate at the start (same cosine) of :class:`~sci_lightning.training.muon.Muon`, which then
-            trains the decoder's large weights in Adam's place; None for Adam alone.
-        muon_decay: by which part of its learning rate Muon shrinks those weights in every step.
-        warmup: part of the run, 0 to below 1, in which all learning rates rise from 0.
+        lr, final_lr, mask_lr, muon_lr, muon_decay, warmup: see
+            :class:`~sci_lightning.training.learning_rates.LearningRates`.
         compile: compile the decoder with ``torch.compile``.
         cuda_graph: replay the decoder's part of a step, see :class:`~sci_lightning.training.cuda_graph.GraphedStages`.
         tile: in a test, how large fields are decoded, see :meth:`Pipeline.decode`.
@@ -66,7 +62,8 @@ class System(L.LightningModule):
         run_config: the run's plain, resolved configuration; kept in every checkpoint so that the run can be rebuilt.
 
     Raises:
-        BadInput: unknown loss, bad weights, a metric that sees no frames; in training, more weights than stages.
+        BadInput: unknown loss, bad weights, a metric that is none or sees no frames; in training, more weights than
+            stages, or batches that are no clips.
         TrainingDiverged: in training, a loss or gradient that is no longer finite.
     """
 
@@ -76,7 +73,7 @@ class System(L.LightningModule):
         decoder: Decoder,
         *,
         camera: Encoder | None = None,
-        metrics: Mapping[str, FrameMetric] | None = None,
+        metrics: Mapping[str, Any] | None = None,
         val_every_n_frames: Mapping[str, int] | None = None,
         loss: str = "mse",
         stage_weights: Sequence[Positive] = (1.0,),
@@ -93,6 +90,7 @@ class System(L.LightningModule):
         run_config: dict[str, Any] | None = None,
     ) -> None:
         super().__init__()
+        self.save_hyperparameters(ignore=["encoder", "decoder", "camera", "metrics", "tile", "run_config"])
         if loss not in LOSSES:
             raise BadInput(f"system.loss={loss}: no such loss; choose one of {', '.join(LOSSES)}")
         if none := [key for key, n in (val_every_n_frames or {}).items() if n < 1]:
@@ -111,15 +109,17 @@ class System(L.LightningModule):
         self.stages = torch.compile(decoder.stages) if compile else decoder.stages
         if cuda_graph:
             self.stages = GraphedStages(decoder)
-        self.lr, self.final_lr, self.mask_lr = lr, final_lr, lr if mask_lr is None else mask_lr
-        self.muon_lr, self.muon_decay, self.warmup = muon_lr, muon_decay, warmup
+        self.rates = LearningRates(lr, final_lr, mask_lr, muon_lr, muon_decay, warmup)
         self.tile = tile
         self.seed = seed
         self.run_config = run_config or {}
-        self.metrics = dict(metrics or {})
+        if metrics is None:
+            metrics = {"psnr": PSNR()} | ({"ssim": SSIM()} if min(encoder.size) >= SSIM.smallest else {})
+        self.metrics = {key: as_frame_metric(key, metric) for key, metric in metrics.items()}
         self.val_every_n_frames = dict(val_every_n_frames or {})
-        self.scores = self.baseline = SceneScores([], self.metrics)
-        self.seconds: list[float] = []
+        self.scoring: Scoring | None = None
+        self.test_name = "test"
+        """Under this name the scores of a test are logged."""
         self.tested: dict[str, Any] = {}
         """Results of the last test: metrics by scene, mean, conventions, the baseline's mean, seconds and device."""
         self.validated = True
@@ -135,14 +135,16 @@ class System(L.LightningModule):
         """
         return Pipeline(self.encoder, self.decoder, self._camera)
 
-    def with_encoder(self, encoder: Encoder, metrics: Mapping[str, FrameMetric]) -> System:
-        """Return a system that tests the same decoder behind another encoder.
+    def with_encoder(self, encoder: Encoder, metrics: Mapping[str, FrameMetric], name: str) -> System:
+        """Return a system that tests the same decoder behind another encoder; scores are logged as ``test_NAME``.
 
         If both masks are of the same kind, the other encoder's mask gets the values of this one's.
         """
         if type(encoder.mask) is type(self.encoder.mask):
             encoder.mask.load_state_dict(self.encoder.mask.state_dict())
-        return System(encoder, self.decoder, metrics=metrics, seed=self.seed)
+        system = System(encoder, self.decoder, metrics=metrics, seed=self.seed)
+        system.test_name = f"test_{name}"
+        return system
 
     def forward(
         self, video: torch.Tensor, mask: torch.Tensor | None = None, origin: tuple[int, int] = (0, 0)
@@ -153,60 +155,27 @@ class System(L.LightningModule):
     # Training
 
     def configure_optimizers(self) -> Any:
-        mask = [p for p in self.encoder.parameters() if p.requires_grad]
-        weights = list(self.decoder.parameters())
-        large = [weight for weight in weights if self.muon_lr is not None and is_large(weight)]
-        small = [weight for weight in weights if self.muon_lr is None or not is_large(weight)]
-        groups: list[dict[str, Any]] = [{"params": small, "lr": self.lr, "name": "decoder"}]
-        if mask:
-            groups.append({"params": mask, "lr": self.mask_lr, "name": "mask"})
-        if large:
-            groups.append({"params": large, "lr": self.muon_lr, "name": "large weights", "muon": True})
         # the fused one is twice as fast and differs in the last bits; scaled gradients of float16 it would not clip
-        kind = partial(Muon, decay=self.muon_decay) if large else torch.optim.Adam
         fused = self._trainer is not None and self.trainer.precision == "bf16-mixed"
-        optimizer = kind(groups, fused=fused)
-        floor = self.final_lr / self.lr
+        optimizer = self.rates.optimizer(self.encoder.parameters(), self.decoder.parameters(), fused)
 
         def schedule(step: int) -> float:
-            if step == 0:  # asking for the number of steps now would set up the loader before its place is restored
-                return 0.01 if self.warmup else 1.0
-            done = self.part_done(step)
-            if done < self.warmup:
-                return max(0.01, done / self.warmup)
-            done = (done - self.warmup) / (1 - self.warmup)
-            return floor + (1 - floor) * (1 + math.cos(math.pi * done)) / 2
+            # asking for the number of steps before the first would set up the loader before its place is restored
+            return self.rates.factor(self.part_done(step) if step else 0.0)
 
         scheduler = torch.optim.lr_scheduler.LambdaLR(optimizer, schedule)
         return {"optimizer": optimizer, "lr_scheduler": {"scheduler": scheduler, "interval": "step"}}
 
-    def rates(self) -> str:
-        """Return the decoder's learning rates as words for a message: ``system.lr (it is 0.002)``."""
-        rates = {"system.lr": self.lr, "system.muon_lr": self.muon_lr}
-        return " and ".join(f"{name} (it is {rate:g})" for name, rate in rates.items() if rate is not None)
-
     def part_done(self, step: int | None = None) -> float:
         """Return the part of the run, 0 to 1, that is over after a step (None: now); 0 in a run without end."""
-        steps = self.global_step if step is None else step
-        return min(1.0, max(self._time_spent(), steps / self.trainer.estimated_stepping_batches))
-
-    def _time_spent(self) -> float:
-        """Return the part of ``max_time`` or of the processor time that has passed, 0 to 1; 0 in a run without one."""
-        budget, timer = time_limits(self.trainer)
-        if budget is None and timer is None:
-            return 0.0
-        spent = 0.0 if budget is None else budget.part_spent
-        if timer is not None:
-            elapsed = timer.time_elapsed()
-            spent = max(spent, elapsed / max(elapsed + (timer.time_remaining() or 0.0), 1e-6))
-        return float(self.trainer.strategy.broadcast(spent))  # clocks differ, learning rates may not
+        return part_done(self.trainer, self.global_step if step is None else step)
 
     def on_train_batch_start(self, batch: torch.Tensor, batch_idx: int) -> None:
         self.validated = False
         self._seed_step(self.trainer.fit_loop.total_batch_idx)
 
-    def training_step(self, video: torch.Tensor, batch_idx: int) -> torch.Tensor:
-        return self.logged(self.batch_loss(video))
+    def training_step(self, batch: Any, batch_idx: int) -> torch.Tensor:
+        return self.logged(self.batch_loss(as_clips(batch)))
 
     def batch_loss(self, video: torch.Tensor) -> torch.Tensor:
         """Record a batch of clips ``(N, T, h, w)`` behind a random window of the mask, decode it, return the loss."""
@@ -299,103 +268,93 @@ class System(L.LightningModule):
         what = f"the gradient's norm became {float(norm)}" if math.isfinite(loss) else f"the loss became {loss}"
         return TrainingDiverged(
             f"{what} at epoch {self.current_epoch}, batch {self.trainer.fit_loop.batch_idx} (step {self.global_step}): "
-            f"stopped; give a smaller {self.rates()} or check the data; "
+            f"stopped; give a smaller {self.rates} or check the data; "
             "the checkpoints hold the last good (finite) state"
         )
 
-    # Validation and test. A batch is (scene numbers, videos); of real captures it is followed by (measurements,
-    # apertures).
+    # Validation and test
 
     def on_validation_epoch_start(self) -> None:
-        self.scores = self._scores(self.trainer.val_dataloaders, self.val_every_n_frames)
-        psnr = {key: metric for key, metric in self.metrics.items() if key == "psnr"}
-        self.baseline = SceneScores(self.scores.names, psnr).to(self.device)
+        baseline = {key: metric for key, metric in self.metrics.items() if key == "psnr"}
+        self.scoring = Scoring(
+            self.trainer.val_dataloaders, self.metrics, baseline, self.val_every_n_frames, self.device
+        )
 
     def on_test_epoch_start(self) -> None:
-        self.scores, self.baseline = (self._scores(self.trainer.test_dataloaders) for _ in range(2))
-        self.seconds = []
+        self.scoring = Scoring(self.trainer.test_dataloaders, self.metrics, self.metrics, None, self.device)
 
-    def validation_step(self, batch: Batch, batch_idx: int) -> None:
-        _, linear, mask, _ = self._score(batch, batch_idx)
-        self._score_baseline(batch, linear, mask)
+    def validation_step(self, batch: Any, batch_idx: int) -> None:
+        self.test_step(batch, batch_idx)
 
-    def test_step(self, batch: Batch, batch_idx: int) -> dict[str, torch.Tensor]:
-        """Add a batch to the scores; return its ``measurement`` (N, H, W) as recorded and ``estimate`` (N, T, H, W)."""
-        recorded, linear, mask, estimate = self._score(batch, batch_idx)
-        self._score_baseline(batch, linear, mask)
-        return {"measurement": recorded, "estimate": estimate}
+    def test_step(self, batch: Any, batch_idx: int) -> dict[str, torch.Tensor]:
+        """Add a batch to the scores; return what :meth:`Scoring.add` returns."""
+        self._seed_step(batch_idx, testing=True)  # sensor noise in a test does not depend on the training before it
+        assert self.scoring is not None  # Lightning calls on_test_epoch_start first
+        return self.scoring.add(batch, self.pipeline, self.tile)
 
     def on_test_epoch_end(self) -> None:
-        scenes, mean = self.scores.compute()
-        self.tested = {
-            "scenes": scenes,
-            "mean": mean,
-            "conventions": {key: metric.convention for key, metric in self.metrics.items() if metric.convention},
-            "baseline": self.baseline.compute()[1],
-            "seconds_per_measurement": statistics.median(self.seconds),
-            "device": device_name(self.device),
-        }
+        self.tested = self._log_scores(self.test_name)
 
     def on_validation_epoch_end(self) -> None:
         self.validated = True
-        scenes, mean = self.scores.compute()
-        for key, value in mean.items():
-            self.log(f"val/{key}", value, prog_bar=key == "psnr", sync_dist=True)
-        per_scene = {f"val_{key}/{name}": value for name, scene in scenes.items() for key, value in scene.items()}
-        self.log_dict(per_scene, sync_dist=True)
-        for key, value in self.baseline.compute()[1].items():
+        for key, value in self._log_scores("val")["baseline"].items():
             self.log(f"{MEAN_MEASUREMENT}/{key}", value, sync_dist=True)
 
-    def _scores(self, loader: Any, every_n_frames: Mapping[str, int] | None = None) -> SceneScores:
-        return SceneScores(loader.dataset.names, self.metrics, every_n_frames).to(self.device)
-
-    def _score(self, batch: Batch, batch_idx: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Add a batch to the scores.
-
-        Returns:
-            The measurement as recorded; the linearised measurement, the mask and the estimate of the decoder.
-        """
-        self._seed_step(batch_idx, testing=True)  # sensor noise in a test does not depend on the training before it
-        pipeline = self.pipeline
-        scenes, video, *taken = batch
-        recorded, aperture = taken if taken else (pipeline.record(video), None)
-        linear, mask = pipeline.linearise(recorded, aperture), pipeline.decoder_mask()
-        start = self._now()
-        estimate = pipeline.decode(linear, mask, self.tile)
-        self.seconds.append((self._now() - start) / len(video))
-        for scene, x, truth in zip(scenes, estimate, video, strict=True):
-            self.scores.update(int(scene), x, truth)
-        return recorded, linear, mask, estimate
-
-    def _score_baseline(self, batch: Batch, linear: torch.Tensor, mask: torch.Tensor) -> None:
-        """Add the estimate in which every frame is the mean measurement to the baseline's scores."""
-        for scene, mean, truth in zip(batch[0], SnapshotOperator(mask).mean_video(linear), batch[1], strict=True):
-            self.baseline.update(int(scene), mean, truth)
-
-    def _now(self) -> float:
-        if self.device.type == "cuda":
-            torch.cuda.synchronize(self.device)
-        return time.perf_counter()
+    def _log_scores(self, name: str) -> dict[str, Any]:
+        assert self.scoring is not None
+        values, results = self.scoring.logged(name)
+        for key, value in values.items():
+            self.log(key, value, prog_bar=key == "val/psnr", sync_dist=True)
+        return results
 
     # Checkpoints
 
     @classmethod
-    def load_from_checkpoint(cls, checkpoint_path: Any, *args: Any, **kwargs: Any) -> System:
-        """Build a system around the encoder and decoder of a checkpoint of this project; nothing in it is executed.
+    def load_from_checkpoint(  # type: ignore[override]  # Lightning's other arguments are refused
+        cls, checkpoint_path: Any, map_location: Any = None, *, trusted: Iterable[str] = (), **settings: Any
+    ) -> System:
+        """Build a system from a checkpoint of this project; nothing in it is executed.
 
         Args:
-            checkpoint_path: RUN/checkpoints/last.ckpt.
-            args, kwargs: Lightning's further arguments, which are ignored: the checkpoint holds the configuration.
+            checkpoint_path: RUN/checkpoints/last.ckpt; or, with ``encoder`` and ``decoder`` among the settings, one
+                that somebody's own trainer has written.
+            map_location: the device to move the system to; None for the CPU.
+            trusted: packages beside this one whose classes the checkpoint may name.
+            settings: arguments of the class that replace those of the training, such as ``lr`` and ``metrics``.
 
         Raises:
-            BadInput: the file is missing, damaged or not a checkpoint of this project.
+            BadInput: the file is missing, damaged or not a checkpoint of this project, or a setting that is none.
         """
-        from sci_lightning.runs.checkpoint import read_checkpoint  # which needs Lightning's file access, as this does
+        from sci_lightning.runs.checkpoint import load_file, read_checkpoint  # which need Lightning's, too
 
-        checkpoint = read_checkpoint(checkpoint_path)
-        return cls(checkpoint.encoder(), checkpoint.decoder(), run_config=checkpoint.config)
+        settings.pop("weights_only", None)  # of Lightning: never anything else here
+        own = {"encoder", "decoder"} <= settings.keys()
+        if own:
+            content = load_file(Path(checkpoint_path))
+            config, trained = {}, content.get("hyper_parameters", {})
+        else:
+            checkpoint = read_checkpoint(checkpoint_path, trusted)
+            config, trained = checkpoint.config, checkpoint.config.get("system", {})
+            settings = {"encoder": checkpoint.encoder(), "decoder": checkpoint.decoder(), **settings}
+        known = inspect.signature(cls).parameters.keys() | inspect.signature(System).parameters.keys()
+        arguments = {**{key: value for key, value in trained.items() if key in known}, **settings}
+        check_arguments(cls, arguments, "system")
+        system = cls(**arguments, run_config=config)
+        if own:
+            try:
+                system.load_state_dict(content["state_dict"])
+            except (RuntimeError, KeyError) as error:
+                raise BadInput(f"{checkpoint_path}: does not fit this encoder and decoder ({error})") from error
+        return system.to(map_location)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         checkpoint["config"] = self.run_config
         checkpoint["position"] = TrainingPosition.of(self.trainer, self.validated).state()
-        del checkpoint["loops"]  # follows from the position
+
+    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Refuse to go on where the loops' states are missing: Lightning would begin again at the first step."""
+        if self.trainer.training and "loops" not in checkpoint:
+            raise BadInput(
+                "this checkpoint is gone on with by Trainer(plugins=[TrainingCheckpointIO(system)]) of "
+                "sci_lightning.training.training_checkpoint, or by the command train"
+            )

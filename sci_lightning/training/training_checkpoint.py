@@ -45,36 +45,51 @@ class TrainingCheckpointIO(TorchCheckpointIO):
 
     Args:
         system: the system that is trained.
-        clips: its training data, which is set to the batch to continue with. May be set later as an attribute, but
-            before a checkpoint is read.
+        clips: its training data, which is set to the batch to continue with; None for those of the trainer's
+            :class:`~sci_lightning.training.video_data.VideoData`.
     """
 
     def __init__(self, system: System, clips: ClipLoader | None = None) -> None:
         super().__init__()
         self.system = system
         self.clips = clips
+        self._prepared: tuple[str, dict[str, Any]] | None = None
 
     def save_checkpoint(self, checkpoint: dict[str, Any], path: Any, storage_options: Any = None) -> None:
+        checkpoint.pop("loops", None)  # follows from the position
         write_checkpoint(path, checkpoint)
         if Path(path).name.startswith(SLURM):  # Lightning's, before Slurm queues a job again: the last one as well
             write_checkpoint(Path(path).parent / "checkpoints" / "last.ckpt", checkpoint)
 
+    def prepare(self, path: str | Path) -> None:
+        """Read a checkpoint before the trainer does, so that one that is refused is refused before anything is written.
+
+        Raises:
+            BadInput: as :meth:`load_checkpoint`.
+        """
+        self._prepared = str(path), self.load_checkpoint(path)
+
     def load_checkpoint(self, path: Any, map_location: Any = None, weights_only: bool | None = None) -> dict[str, Any]:
-        """Read a checkpoint.
+        """Read a checkpoint, or return the one that was prepared.
 
         Raises:
             BadInput: something in it is not as a training of this system writes it.
-            ValueError: ``clips`` was not set.
+            ValueError: there is no training data.
         """
+        prepared, self._prepared = self._prepared, None
+        if prepared is not None and prepared[0] == str(path):
+            return prepared[1]
         content = load_file(Path(path))
-        if self.clips is None:
-            raise ValueError("set clips, the training data, before a checkpoint is read")
         trainer = self.system.trainer
-        batches, limit = len(self.clips.epoch_sampler), trainer.limit_train_batches
+        data = getattr(trainer, "datamodule", None)
+        clips = data.train_dataloader() if self.clips is None and data is not None else self.clips
+        if not isinstance(clips, ClipLoader):
+            raise ValueError("give clips, or the trainer a VideoData, before a checkpoint is read")
+        batches, limit = len(clips.epoch_sampler), trainer.limit_train_batches
         batches = min(batches, limit) if isinstance(limit, int) else int(batches * limit)
         position = TrainingPosition.read(path, content, batches)
         position.check_plan(path, trainer)
-        self.clips.epoch_sampler.start_at(*position.place(trainer.accumulate_grad_batches))
+        clips.epoch_sampler.start_at(*position.place(trainer.accumulate_grad_batches))
         optimizer, scheduler = self._training_state(path, content, position.steps)
         _restore_callbacks(path, content.get("callbacks"), trainer)
         state = {

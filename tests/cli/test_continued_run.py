@@ -11,7 +11,9 @@ import pytest
 import torch
 from omegaconf import OmegaConf
 
-from sci_lightning.cli.continued_run import continued, overrides_of, recorded, repeated
+from sci_lightning.cli.composition import Composition
+from sci_lightning.cli.continued_run import continued, repeated
+from sci_lightning.cli.stored_overrides import overrides_of, recorded
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.checkpoint_digest import checkpoint_digest
 from tests.cli.test_encoder_file import encoder_file
@@ -35,6 +37,17 @@ KEPT = [
     "+trainer.limit_val_batches=2",
     "trainer.max_time={minutes: 4}",
     "trainer.max_time.minutes=4",
+    "logger=csv",
+    "logger=[tensorboard,csv]",
+    "logger=none",
+    "logger.tensorboard=null",
+    "logger.tensorboard.version=mine",
+    "logger.csv.flush_logs_every_n_steps=1",
+    "callbacks.pictures=null",
+    "callbacks.failed_training.stop=false",
+    "callbacks.best.monitor=psnr",
+    "initialisation=unit_variance",
+    "kernels=plain",
 ]
 NOT_KEPT = [
     "out=RUN",
@@ -45,8 +58,19 @@ NOT_KEPT = [
     "callbacks.last.folder=/etc",
     "+callbacks.x._target_=os.system",
     "callbacks=mine",
-    "logger=none",
+    "logger=wandb",
+    "logger=[csv,mlflow]",
     "logger.tensorboard.save_dir=/etc",
+    "logger.tensorboard.save_dir=etc",
+    "logger.tensorboard.version=../../etc",
+    "logger.tensorboard.version=$HOME",
+    "logger.csv.name=a/b",
+    "logger.mlflow.tracking_uri=somewhere",
+    "logger.csv={save_dir: etc}",
+    "callbacks.last.folder=etc",
+    "callbacks.last.folder=5",
+    "callbacks.pictures={folder: etc}",
+    "+callbacks.more={_target_: os.system}",
     "hydra.run.dir=/etc",
     "hydra/launcher=joblib",
     "hydra.searchpath=[/tmp]",
@@ -218,10 +242,29 @@ def test_what_is_read_from_the_own_folders_is_shown(
     assert "reads benchmark.root=SCENES" in " ".join(capsys.readouterr().out.split())
 
 
-def test_the_line_to_go_on_with_names_files_that_lie_elsewhere(tmp_path: Path) -> None:
+def test_the_line_to_go_on_with_says_what_a_checkpoint_may_not_ask_for(tmp_path: Path) -> None:
     last = tmp_path / "RUN" / "checkpoints" / "last.ckpt"
     outside = str(tmp_path.parent / "masks" / "mask.mat")
     encoder = {"mask": {"_target_": "x.Measured", "file": outside}}
-    overrides = [f"encoder.mask.file={outside}", f"benchmark.root={tmp_path / 'RUN' / 'scenes'}", "out=/elsewhere"]
-    assert repeated(last, overrides, encoder) == [f"encoder.mask.file={outside}"]
-    assert repeated(last, ["seed=3"], {"mask": {"file": None}}) == []
+    again = ["workers=3", "trusted=[mine]", "+callbacks.mine={_target_: mine.Callback}", "logger=wandb"]
+    once = ["debug=true", f"out={tmp_path / 'RUN'}", "resume=true", "ckpt_path=a.ckpt"]
+    kept = ["logger.tensorboard=null", "callbacks.failed_training.stop=false", "seed=3"]
+    files = [f"encoder.mask.file={outside}", f"benchmark.root={tmp_path / 'RUN' / 'scenes'}"]
+    cfg = OmegaConf.create({"out": str(tmp_path / "RUN")})
+
+    def composition(*overrides: str, search_path: tuple[str, ...] = ()) -> Composition:
+        return Composition(cfg, {}, overrides, search_path=search_path)
+
+    assert repeated(last, composition(*files, *kept, *once, *again), encoder) == [files[0], *again]
+    assert repeated(last, composition("seed=3"), {"mask": {"file": None}}) == []
+    own = composition("decoder=mine", search_path=("file://own",))
+    assert repeated(last, own, {}) == ["hydra.searchpath=['file://own']"]
+    assert repeated(tmp_path / "elsewhere" / "last.ckpt", composition(), {}) == [f"out={tmp_path / 'RUN'}"]
+
+
+def test_a_member_of_ones_own_is_looked_for_where_one_says(refused: Ran, unfinished: Path, tmp_path: Path) -> None:
+    rewritten(unfinished, lambda config: config["overrides"].append("metric=[psnr,mine]"))
+    line = refused("train", f"ckpt_path={unfinished}")
+    assert "metric=mine" in line and "hydra.searchpath=[FOLDER]" in line
+    own = "hydra.searchpath=[file://own]"
+    assert "metric=[psnr,mine]" in continued([f"ckpt_path={unfinished}", own], ["lsw_sr"])[0]

@@ -120,7 +120,7 @@ def test_metrics(refused: Refused) -> None:
     assert "psnr is missing" in refused("train", *TINY, "metric=[qscore]")
     assert "psnr is missing" in refused("train", *TINY, "metric=[]")
     line = refused("train", *TINY, "+metrics.mine._target_=torch.nn.Identity")
-    assert "metrics.mine" in line and "not a FrameMetric" in line
+    assert "metrics.mine" in line and "no torchmetrics Metric" in line
     line = refused("train", *TINY, "size=[16,40]")
     assert "size=[16, 40]" in line and "17 x 17" in line and "metrics.qscore=null" in line
     assert "at least 1" in refused("train", *TINY, "system.val_every_n_frames.qscore=0")

@@ -106,3 +106,10 @@ def test_a_training_goes_on_in_its_own_folder_with_its_last_checkpoint(tmp_path:
         check_nothing_lost(tmp_path, training=True, ckpt_path=str(checkpoints / "best.ckpt"))
     (tmp_path / "hpc_ckpt_1.ckpt").touch()
     check_nothing_lost(tmp_path, training=True)
+
+
+def test_what_is_no_longer_shown_is_said(configuration: Configuration) -> None:
+    now = {**plain(configuration("train", "out=a")), "names": {}}
+    earlier = {**now, "callbacks": {**now["callbacks"], "mine": {"_target_": "mine.Callback"}}}
+    assert check_same_run("a.ckpt", earlier, now) == ["without callbacks.mine"]
+    assert check_same_run("a.ckpt", now, {**now, "logger": {"csv": {}}}) == ["without logger.tensorboard"]

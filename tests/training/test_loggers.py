@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import pytest
+from lightning.pytorch.loggers import CSVLogger
 from omegaconf import DictConfig
 
 from sci_lightning.cli.composition import plain
 from sci_lightning.errors import BadInput
-from sci_lightning.training.loggers import EXTRAS, build_loggers, run_name
+from sci_lightning.training.csv_logger import AppendingCSVLogger
+from sci_lightning.training.loggers import RUN_ID, build_loggers, run_name, with_run_ids
 
 Configuration = Callable[..., DictConfig]
 
@@ -22,8 +26,8 @@ def test_one_several_or_none(configuration: Configuration, tmp_path: Path) -> No
         return [type(logger).__name__ for logger in build_loggers(plain(cfg).get("logger"), "run")]
 
     assert kinds() == kinds("logger=tensorboard") == ["TensorBoardLogger"]
-    assert kinds("logger=csv") == ["CSVLogger"]
-    assert kinds("logger=[tensorboard,csv]") == ["TensorBoardLogger", "CSVLogger"]
+    assert kinds("logger=csv") == ["AppendingCSVLogger"]
+    assert kinds("logger=[tensorboard,csv]") == ["TensorBoardLogger", "AppendingCSVLogger"]
     assert kinds("logger=none") == kinds("logger=[]") == []
 
 
@@ -39,9 +43,53 @@ def test_the_run_is_named_by_encoder_bits_and_decoder(configuration: Configurati
     assert board.log_dir == str(tmp_path / "tensorboard" / "mine")
 
 
-@pytest.mark.parametrize("name", EXTRAS)
+@pytest.mark.parametrize("name", RUN_ID)
 def test_a_logger_that_is_not_installed(name: str, configuration: Configuration) -> None:
     if find_spec(name):
         pytest.skip(f"{name} is installed")
     with pytest.raises(BadInput, match=rf"logger={name}: .* pip install 'sci-lightning\[{name}\]'"):
         build_loggers(plain(configuration("train", f"logger={name}", "out=run"))["logger"], "run")
+
+
+class Server(CSVLogger):
+    """Stands in for a logger that keeps its runs on a server, and is not installed here."""
+
+    def __init__(self, id: str | None = None, resume: str | None = None) -> None:
+        super().__init__("unused")
+        self.id, self.resume = id, resume
+
+    @property
+    def experiment(self) -> Any:
+        return object()
+
+    @property
+    def version(self) -> str:
+        return self.id or "new-run"
+
+
+def test_a_run_on_a_server_is_gone_on_with() -> None:
+    settings = {"wandb": {"_target_": f"{__name__}.Server", "id": None}, "csv": None}
+    (first,) = build_loggers(settings, "run")
+    logged = with_run_ids(settings, [first])
+    assert logged["wandb"]["id"] == "new-run"
+    for stored, expected in ((logged, ("new-run", "allow")), ({"wandb": {"id": "../x"}}, (None, None))):
+        (later,) = build_loggers(settings, "run", stored)
+        assert isinstance(later, Server) and (later.id, later.resume) == expected
+
+
+def test_the_csv_logger_appends(tmp_path: Path) -> None:
+    for first in (0, 2):
+        logger = AppendingCSVLogger(tmp_path, name="", version="csv")
+        logger.log_metrics({"a": float(first)}, first)
+        logger.save()
+        logger.log_metrics({"b": 1.0}, first + 1)  # a new column
+        logger.save()
+    path = tmp_path / "csv" / "metrics.csv"
+    with path.open(newline="") as file:
+        assert [row["step"] for row in csv.DictReader(file)] == ["0", "1", "2", "3"]
+    path.write_bytes(path.read_bytes()[:-1])  # a process that was killed while it wrote
+    logger = AppendingCSVLogger(tmp_path, name="", version="csv")
+    logger.log_metrics({"a": 3.0}, 3)
+    logger.save()
+    with path.open(newline="") as file:
+        assert [(row["step"], row["a"]) for row in csv.DictReader(file)][-2:] == [("2", "2.0"), ("3", "3.0")]

@@ -2,35 +2,44 @@
 
 from __future__ import annotations
 
+import csv
+import fcntl
 import os
+import pty
 import shlex
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+import termios
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import lightning as L
 import pytest
 import torch
 
-from sci_lightning.training.stop_signal import StopSignal
+from sci_lightning.errors import STOPS
+from sci_lightning.training.stop_signal import SAME_REQUEST_SECONDS, StopSignal
 from tests.conftest import ROOT
 from tests.end_to_end.test_train import TINY
 
-BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+BOTH = pytest.mark.parametrize("number", STOPS)
 
 
 class Sender(L.Callback):
     """Sends this process a signal once a moment has come: as somebody at the keyboard, only never too late."""
 
-    def __init__(self, number: int, moment: str, step: int = 3, times: int = 1) -> None:
+    def __init__(self, number: int, moment: str, step: int = 3, times: int = 1, group: bool = False) -> None:
         self.number, self.moment, self.step, self.times = number, moment, step, times
+        self.receiver = 0 if group else os.getpid()
 
     def _at(self, trainer: L.Trainer, moment: str) -> None:
         if moment == self.moment and trainer.global_step >= self.step:
+            self.moment = ""  # once
             for _ in range(self.times):
-                os.kill(os.getpid(), self.number)
+                os.kill(self.receiver, self.number)
+                time.sleep(1.1 * SAME_REQUEST_SECONDS if self.times > 1 else 0)
 
     def on_fit_start(self, trainer: L.Trainer, *others: object) -> None:
         self._at(trainer, "start")
@@ -45,13 +54,16 @@ class Sender(L.Callback):
         self._at(trainer, "test")
 
 
-def stopped(folder: Path, moment: str, number: int = signal.SIGINT, **more: object) -> subprocess.CompletedProcess[str]:
+def stopped(
+    folder: Path, moment: str, number: int = signal.SIGINT, words: Sequence[str] = (), **more: object
+) -> subprocess.CompletedProcess[str]:
     options = {"number": int(number), "moment": moment, **more}
     sender = "+callbacks.sender={_target_: tests.training.test_stop_signal.Sender, %s}"
     sender %= ", ".join(f"{key}: {value}" for key, value in options.items())
     return subprocess.run(
-        [sys.executable, "-m", "sci_lightning.train", *TINY, "metrics.qscore=null", sender, "out=run"],
+        [sys.executable, "-m", "sci_lightning.train", *TINY, "metrics.qscore=null", sender, "out=run", *words],
         cwd=folder,
+        start_new_session=True,  # a process group of its own
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
@@ -69,6 +81,63 @@ def test_the_step_is_finished_and_kept(tmp_path: Path) -> None:
     assert starts.returncode == 0, f"{program} is not the Python that was interrupted: {starts.stderr}"
     assert "Traceback" not in done.stderr
     assert torch.load(last, weights_only=True)["global_step"] == 4
+
+
+@BOTH
+def test_a_signal_to_the_whole_group_leaves_the_workers_alive(number: int, tmp_path: Path) -> None:
+    """What ``timeout``, a scheduler, Ctrl-C and a closing terminal do; twice in a moment is one request."""
+    done = stopped(tmp_path, "batch", number, ["workers=2", "logger=csv"], group=True)
+    assert done.returncode == 130, done.stderr
+    assert "go on with" in done.stderr and "Traceback" not in done.stderr and "error" not in done.stderr
+    last = tmp_path / "run" / "checkpoints" / "last.ckpt"
+    assert torch.load(last, weights_only=True)["global_step"] == 4
+    rows = csv.DictReader((tmp_path / "run" / "csv" / "metrics.csv").open())
+    assert [row["step"] for row in rows] == ["0", "1", "2", "3"]  # the step that was finished as well
+
+
+def test_signals_in_one_moment_are_one_request(capsys: pytest.CaptureFixture[str]) -> None:
+    with StopSignal() as stop:
+        stop.wait_for_step()
+        for _ in range(3):  # a later one would end this process
+            os.kill(os.getpid(), signal.SIGTERM)
+        assert stop.requested
+
+
+def test_a_closing_terminal(tmp_path: Path) -> None:
+    """The kernel sends SIGHUP, and every line that is printed afterwards would be an error."""
+    master, slave = pty.openpty()
+    words = [*TINY, "metrics.qscore=null", "workers=1", "trainer.max_epochs=4000", "callbacks.pictures=null", "out=run"]
+
+    def in_the_terminal() -> None:
+        os.setsid()
+        fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+
+    training = subprocess.Popen(
+        [sys.executable, "-m", "sci_lightning.train", *words],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+        preexec_fn=in_the_terminal,
+    )
+    os.close(slave)
+    shown = b""
+    while b"Epoch" not in shown:
+        shown += os.read(master, 4096)
+    os.close(master)
+    assert training.wait(timeout=120) == 130
+    assert torch.load(tmp_path / "run" / "checkpoints" / "last.ckpt", weights_only=True)["global_step"] > 0
+
+
+def test_output_that_nobody_reads_is_dropped() -> None:
+    script = (
+        "import os; from sci_lightning.training.stop_signal import drop_closed_outputs\n"
+        "ours, theirs = os.pipe(); os.dup2(theirs, 1); os.close(ours)\n"
+        "drop_closed_outputs(); print('lost', flush=True); os.write(2, b'kept')"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "kept")
 
 
 @pytest.mark.slow

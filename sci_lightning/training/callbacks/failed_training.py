@@ -85,8 +85,9 @@ class FailedTraining(L.Callback):
         elif self.stop and done < 1 and not psnr > self._warned_at + RISE:
             raise TrainingFailed(
                 f"{line}, and does not rise: stopped at step {trainer.global_step}, after {done:.0%} of the training; "
-                f"start anew with a smaller {pl_module.rates()}, a longer system.warmup (it is "
-                f"{pl_module.warmup:g}) or another seed; callbacks.failed_training.stop=false goes on all the same"
+                f"start anew with a smaller {pl_module.rates}, a longer system.warmup (it is "
+                f"{pl_module.rates.warmup:g}) or another seed; "
+                "callbacks.failed_training.stop=false goes on all the same"
             )
 
     def state_dict(self) -> dict[str, Any]:

@@ -39,9 +39,10 @@ class LastCheckpoint(Checkpoint):
         self.stop = stop
         self._written_at = 0.0
         self._written_step = 0
+        self._stopping = False
 
     def on_train_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
-        self._written_at, self._written_step = time.monotonic(), trainer.global_step
+        self._written_at, self._written_step, self._stopping = time.monotonic(), trainer.global_step, False
         if self.stop is not None:
             self.stop.wait_for_step()
 
@@ -49,16 +50,28 @@ class LastCheckpoint(Checkpoint):
         self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int
     ) -> None:
         stop = self.stop is not None and self.stop.requested
-        if not self._agreed(trainer, stop or self._is_due(trainer)):
-            return
-        self._write(trainer)
-        self._stop(trainer, stop)
+        if self._agreed(trainer, stop or self._is_due(trainer)):
+            self._write(trainer)
+            self._stopping = self._agreed(trainer, stop)  # once the loggers have this step, which they get after this
+
+    def on_train_batch_start(self, *args: Any) -> None:
+        self._end_if_stopping()
+
+    def on_validation_start(self, *args: Any) -> None:
+        self._end_if_stopping()
+
+    def on_train_epoch_end(self, *args: Any) -> None:
+        self._end_if_stopping()
 
     def on_validation_batch_end(self, trainer: L.Trainer, pl_module: L.LightningModule, *args: Any) -> None:
         stop = self.stop is not None and self.stop.requested
         if trainer.state.fn == "fit" and trainer.world_size == 1 and stop:
             self._write(trainer)
-            self._stop(trainer, stop)
+            raise Stopped
+
+    def _end_if_stopping(self) -> None:
+        if self._stopping:
+            raise Stopped
 
     def _is_due(self, trainer: L.Trainer) -> bool:
         if trainer.global_step == self._written_step:  # gradients of several batches may make one step
@@ -68,12 +81,10 @@ class LastCheckpoint(Checkpoint):
         return self.every_minutes is not None and time.monotonic() - self._written_at >= 60 * self.every_minutes
 
     def _write(self, trainer: L.Trainer) -> None:
+        for logger in trainer.loggers:
+            logger.save()  # a run that is killed later goes on from here, and its log as well
         trainer.save_checkpoint(self.path)
         self._written_at, self._written_step = time.monotonic(), trainer.global_step
-
-    def _stop(self, trainer: L.Trainer, stop: bool) -> None:
-        if self._agreed(trainer, stop):
-            raise Stopped
 
     def _agreed(self, trainer: L.Trainer, wish: bool) -> bool:
         """Return whether any process wishes it: clocks differ, and a signal may reach one process only."""

@@ -10,6 +10,7 @@ import torch
 from lightning.pytorch.loggers import TensorBoardLogger
 from matplotlib.figure import Figure
 
+from sci_lightning.data.loader import SceneSnapshots
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.imaging.figures import mask_figure, pair_figure, reconstruction_figure
 from sci_lightning.training.system import System
@@ -65,7 +66,9 @@ class Pictures(L.Callback):
     def _figures(self, trainer: L.Trainer, system: System) -> Iterator[tuple[str, Figure, Figure]]:
         yield self._mask(trainer, system)
         pipeline = system.pipeline
-        snapshots = trainer.val_dataloaders.dataset  # type: ignore[union-attr]
+        snapshots = getattr(trainer.val_dataloaders, "dataset", None)
+        if not isinstance(snapshots, SceneSnapshots):  # of a loader of somebody's own, whose order may change
+            return
         first = [snapshots.first(scene) for scene in range(min(self.scenes, len(snapshots.names)))]
         for name, video in zip(snapshots.names, first, strict=False):
             video = video.to(system.device).unsqueeze(0)

@@ -39,13 +39,13 @@ class ScenePictures(L.Callback):
         batch_idx: int,
         dataloader_idx: int = 0,
     ) -> None:
-        if not trainer.is_global_zero or not isinstance(pl_module, System):
+        if not trainer.is_global_zero or not isinstance(pl_module, System) or pl_module.scoring is None:
             return
-        for index, scene in enumerate(map(int, batch[0])):
+        for index, scene in enumerate(map(int, outputs["scene"])):
             if scene not in self.written and len(self.written) < self.most:
-                name = pl_module.scores.names[scene]
+                name = pl_module.scoring.names[scene]
                 title = f"{name}, {self.camera}" if self.camera else name
-                pictures = (outputs["measurement"][index], batch[1][index], outputs["estimate"][index])
+                pictures = (outputs["measurement"][index], outputs["video"][index], outputs["estimate"][index])
                 self.written[scene] = self._path(name)
                 write_figure(reconstruction_figure(*pictures, title), self.written[scene])
 

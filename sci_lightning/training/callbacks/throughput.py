@@ -6,7 +6,8 @@ import time
 from typing import Any
 
 import lightning as L
-import torch
+
+from sci_lightning.training.batches import as_clips
 
 
 class Throughput(L.Callback):
@@ -38,11 +39,11 @@ class Throughput(L.Callback):
         self._waited += self._started - self._ended
 
     def on_train_batch_end(
-        self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: torch.Tensor, batch_idx: int
+        self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int
     ) -> None:
         self._ended = time.perf_counter()
         self._busy += self._ended - self._started
-        self._clips += len(batch) * trainer.world_size
+        self._clips += len(as_clips(batch)) * trainer.world_size
         if self.every_n_steps and (trainer.fit_loop.total_batch_idx + 1) % self.every_n_steps == 0:
             total = self._busy + self._waited
             pl_module.log("train/clips_per_second", self._clips / total)

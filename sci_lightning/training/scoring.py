@@ -1,0 +1,95 @@
+"""Validation and test: snapshots are recorded, decoded and scored scene by scene."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import torch
+
+from sci_lightning.errors import BadInput
+from sci_lightning.imaging.operator import SnapshotOperator
+from sci_lightning.imaging.pipeline import Pipeline
+from sci_lightning.imaging.tile_choice import TileChoice
+from sci_lightning.metrics.frame_metric import FrameMetric
+from sci_lightning.metrics.scene_scores import SceneScores
+from sci_lightning.runs.device import device_name
+from sci_lightning.training.batches import UNNAMED, as_batch
+
+
+class Scoring:
+    """The scores of one pass through a loader, and those of the mean measurement in every frame beside them.
+
+    Args:
+        loader: one loader; its data set may have ``names`` of scenes.
+        metrics: by name.
+        baseline: metrics of the mean measurement.
+        every_n_frames: by metric: it looks at one in so many frames.
+        device: on which scores are added up.
+
+    Raises:
+        BadInput: several loaders.
+    """
+
+    def __init__(
+        self,
+        loader: Any,
+        metrics: Mapping[str, FrameMetric],
+        baseline: Mapping[str, FrameMetric],
+        every_n_frames: Mapping[str, int] | None,
+        device: torch.device,
+    ) -> None:
+        if isinstance(loader, (Sequence, Mapping)):
+            raise BadInput(f"validation and test take one loader, not {len(loader)}")
+        names = getattr(getattr(loader, "dataset", None), "names", None)
+        self.named = names is not None
+        self.names = [UNNAMED] if names is None else list(names)
+        self.device = device
+        self.metrics = metrics
+        self.scores = SceneScores(self.names, metrics, every_n_frames).to(device)
+        self.baseline = SceneScores(self.names, baseline).to(device)
+        self.seconds: list[float] = []
+
+    def add(self, batch: Any, pipeline: Pipeline, tile: TileChoice | str) -> dict[str, torch.Tensor]:
+        """Record, decode and score a batch.
+
+        Returns:
+            ``scene`` (N,), ``video`` and ``estimate`` (N, T, H, W), and the ``measurement`` (N, H, W) as recorded.
+        """
+        scenes, video, *taken = as_batch(batch, self.named)
+        recorded, aperture = taken if taken else (pipeline.record(video), None)
+        linear, mask = pipeline.linearise(recorded, aperture), pipeline.decoder_mask()
+        start = self._now()
+        estimate = pipeline.decode(linear, mask, tile)
+        self.seconds.append((self._now() - start) / len(video))
+        means = SnapshotOperator(mask).mean_video(linear)
+        for scene, decoded, mean, truth in zip(scenes.tolist(), estimate, means, video, strict=True):
+            self.scores.update(int(scene), decoded, truth)
+            self.baseline.update(int(scene), mean, truth)
+        return {"scene": scenes, "video": video, "measurement": recorded, "estimate": estimate}
+
+    def logged(self, name: str) -> tuple[dict[str, float], dict[str, Any]]:
+        """Return the scores as a logger takes them, and as :class:`~sci_lightning.runs.results.RunMetrics` does.
+
+        Args:
+            name: ``val`` or ``test``: a mean is logged as ``val/psnr``, that of a scene as ``val_psnr/SCENE``.
+        """
+        scenes, mean = self.scores.compute()
+        values = {f"{name}/{key}": value for key, value in mean.items()}
+        values |= {f"{name}_{key}/{scene}": value for scene, row in scenes.items() for key, value in row.items()}
+        return values, {
+            "scenes": scenes,
+            "mean": mean,
+            "conventions": {key: metric.convention for key, metric in self.metrics.items() if metric.convention},
+            "baseline": self.baseline.compute()[1],
+            "seconds_per_measurement": statistics.median(self.seconds or [math.nan]),
+            "device": device_name(self.device),
+        }
+
+    def _now(self) -> float:
+        if self.device.type == "cuda":
+            torch.cuda.synchronize(self.device)
+        return time.perf_counter()
