@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Callable
 from types import FrameType, TracebackType
 from typing import Any
 
@@ -29,10 +30,12 @@ class StopSignal:
 
     Attributes:
         requested: whether a signal arrived.
+        lost: returns, in words, what the second signal would lose.
     """
 
     def __init__(self) -> None:
         self.requested = False
+        self.lost: Callable[[], str] = lambda: "the unfinished step"
         self._waiting = False
         self._before: dict[int, Any] = {}
         self._mine: set[int] = set()
@@ -76,4 +79,5 @@ class StopSignal:
         self.requested = True
         if not self._waiting:
             raise KeyboardInterrupt
-        print("\nfinishing the step, then writing last.ckpt; once more ends at once", file=sys.stderr, flush=True)
+        line = f"\nfinishing the step, then writing last.ckpt; once more ends at once and loses {self.lost()}"
+        print(line, file=sys.stderr, flush=True)
