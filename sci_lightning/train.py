@@ -78,7 +78,9 @@ def _print_plan(composition: Composition) -> None:
     if plan.seconds > DAY:
         from sci_lightning.cli.next_command import invocation
 
-        again = [] if cfg.dry_run else [f"{invocation('train', *composition.overrides, 'dry_run=true')}   (only says this)"]
+        again = (
+            [] if cfg.dry_run else [f"{invocation('train', *composition.overrides, 'dry_run=true')}   (only says this)"]
+        )
         short = invocation("train", "experiment=quickstart", f"decoder={composition.choice('decoder')}")
         console.say("here it makes more sense to begin with")
         for line in (f"{short}   (the same kind of network, reduced, in minutes)", *again):

@@ -48,9 +48,7 @@ def check_arguments(target: Callable[..., Any], arguments: Mapping[str, Any], ke
             raise BadInput(f"{key}.{argument}: {name} needs it, give {key}.{argument}=..")
 
 
-def refuse_unknown(
-    arguments: Iterable[str], known: Iterable[str], open_ended: bool, key: str, name: str
-) -> None:
+def refuse_unknown(arguments: Iterable[str], known: Iterable[str], open_ended: bool, key: str, name: str) -> None:
     """Raise BadInput for an argument that the class ``name`` does not take, unless it is ``open_ended``."""
     for argument in arguments:
         if argument not in known and not open_ended:

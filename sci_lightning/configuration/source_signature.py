@@ -97,7 +97,9 @@ def _definition(path: str) -> tuple[str, ast.stmt] | None:
             for alias in node.names:
                 if name == (alias.asname or alias.name):
                     return (node.module, node) if node.module in LIGHT else _definition(f"{node.module}.{alias.name}")
-        names = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+        names = (
+            node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+        )
         if any(isinstance(target, ast.Name) and target.id == name for target in names):
             return module, node
     return None

@@ -27,10 +27,10 @@ from sci_lightning.training.cuda_graph import GraphedStages
 from sci_lightning.training.loss import LOSSES
 from sci_lightning.training.muon import Muon, is_large
 from sci_lightning.training.processor_time import time_limits
+from sci_lightning.training.quiet_libraries import silence_libraries
 from sci_lightning.training.training_position import TrainingPosition
 
 Batch = tuple[torch.Tensor, ...]
-
 
 MEAN_MEASUREMENT = "val_mean_measurement"
 """Under this name validation logs what the mean measurement in every frame would reach, as a decoder must beat it."""
@@ -92,6 +92,7 @@ class System(L.LightningModule):
         run_config: dict[str, Any] | None = None,
     ) -> None:
         super().__init__()
+        silence_libraries()
         if loss not in LOSSES:
             raise BadInput(f"system.loss={loss}: no such loss; choose one of {', '.join(LOSSES)}")
         if none := [key for key, n in (val_every_n_frames or {}).items() if n < 1]:
@@ -302,8 +303,7 @@ class System(L.LightningModule):
             "the checkpoints hold the last good (finite) state"
         )
 
-    # Validation and test. A batch is (scene numbers, videos); of real captures it is followed by (measurements,
-    # apertures).
+    # Validation and test. A batch is (scene numbers, videos), of real captures also (measurements, apertures).
 
     def on_validation_epoch_start(self) -> None:
         self.scores = self._scores(self.trainer.val_dataloaders, self.val_every_n_frames)

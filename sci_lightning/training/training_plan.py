@@ -27,7 +27,7 @@ from sci_lightning.runs.device import device_name
 from sci_lightning.runs.precision import device_of_accelerator, mixed_precision, resolve_precision
 
 SIDE = 16
-"""Height and width, in pixels, of the first clip that a step is measured with; each further one has twice the pixels."""
+"""Height and width, in pixels, of the first clip that is measured; each further one has twice the pixels."""
 
 MEASURED_SECONDS = 2.0
 """Seconds after which no larger clip is measured."""
@@ -42,7 +42,7 @@ PER_PARAMETER = 16
 """Bytes for every learned value: itself, its gradient and two moments of Adam, in float32."""
 
 ADAM_PASSES = 5
-"""Readings and writings of all weights that a step of Adam is worth: it goes through weights, gradients and two moments."""
+"""Readings and writings of all weights that a step of Adam is worth, with its gradients and two moments."""
 
 DAY = 86400.0
 """Seconds."""
@@ -120,7 +120,6 @@ class TrainingPlan:
             "(from small clips, measured now)",
             duration_line(self.steps * self.step_seconds, self.core_minutes, self.most_seconds),
         ]
-
 
     @property
     def seconds(self) -> float:
@@ -223,7 +222,9 @@ def measured_step(config: Mapping[str, Any], device: torch.device, precision: st
         for height, width in _windows(*config["crop"]):
             times = math.prod(config["crop"]) / (height * width)
             runs: list[tuple[float, int]] = []
-            while not runs or (len(runs) < 2 and _now(device) - begun < MEASURED_SECONDS):  # the faster is less disturbed
+            while not runs or (
+                len(runs) < 2 and _now(device) - begun < MEASURED_SECONDS
+            ):  # the faster is less disturbed
                 with computed_as_larger(times * config["batch_size"]):
                     video = torch.rand(1, config["frames"], height, width, device=device)
                     runs.append(_timed(step, video, precision))
@@ -275,9 +276,7 @@ def _windows(height: int, width: int) -> list[tuple[int, int]]:
     return windows
 
 
-def _timed(
-    step: Callable[[torch.Tensor], torch.Tensor], video: torch.Tensor, precision: str
-) -> tuple[float, int]:
+def _timed(step: Callable[[torch.Tensor], torch.Tensor], video: torch.Tensor, precision: str) -> tuple[float, int]:
     """Return the seconds of the forward and the backward pass of a clip, and the bytes that the former keeps."""
     start = _now(video.device)
     with LiveBytes() as live, mixed_precision(precision, video.device):
@@ -310,8 +309,8 @@ def _too_large(config: Mapping[str, Any], cost: StepCost, free: float) -> str:
     if config["decoder"].get("checkpoint") is False:
         right += "; decoder.checkpoint=true takes less memory and a third more time"
     return (
-        f"batch_size={clips} 'crop=[{height},{width}]': a step needs about {cost.memory(clips) / 1e9:.2g} GB of memory, "
-        f"{free / 1e9:.2g} GB are free here; {right}"
+        f"batch_size={clips} 'crop=[{height},{width}]': a step needs about {cost.memory(clips) / 1e9:.2g} GB of "
+        f"memory, {free / 1e9:.2g} GB are free here; {right}"
     )
 
 

@@ -12,12 +12,12 @@ from torch import nn
 from torch.utils.checkpoint import checkpoint as recompute
 
 _largest_kept = 2**21
-"""Values of a tensor up to which a training keeps everything: at 64 x 64 pixels and T = 8 also that of the widest network."""
+"""Values of a tensor up to which a training keeps everything: more than any network has at 64 x 64 pixels and T = 8."""
 
 
 @contextmanager
 def computed_as_larger(times: float) -> Iterator[None]:
-    """Let tensors be treated as if they had ``times`` as many values, so that a part of a clip shows what the whole costs."""
+    """Let tensors count as ``times`` as large, so that a part of a clip shows what the whole costs."""
     global _largest_kept
     before, _largest_kept = _largest_kept, _largest_kept / max(times, 1e-9)
     try:

@@ -85,7 +85,8 @@ class LastCheckpoint(Checkpoint):
         """Return, in words, what ends with the process if it ends now."""
         steps, minutes = self._step - self._written_step, (time.monotonic() - self._written_at) / 60
         last = "last.ckpt" if self.path.is_file() else "the beginning: there is no last.ckpt yet"
-        return f"{steps} finished step{'s' * (steps != 1)} and the one that is being computed, {minutes:.1f} minutes since {last}"
+        done = f"{steps} finished step{'s' * (steps != 1)}"
+        return f"{done} and the one that is being computed, {minutes:.1f} minutes since {last}"
 
     def _write(self, trainer: L.Trainer) -> None:
         trainer.save_checkpoint(self.path)

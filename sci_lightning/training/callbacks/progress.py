@@ -37,7 +37,7 @@ class Progress(RichProgressBar):
         """Watch the layers of the decoder, whose gradients come last; Lightning's own bars begin after this."""
         super().on_fit_start(trainer, pl_module)
         self._batch_begun = time.monotonic()
-        if trainer.strategy.root_device.type != "cpu" or getattr(pl_module, "compiled", False):
+        if trainer.strategy.root_device.type != "cpu" or pl_module.decoder._compiled_call_impl is not None:
             return
         layers = [module for module in pl_module.decoder.modules() if next(module.parameters(False), None) is not None]
         learned = [parameter for parameter in pl_module.decoder.parameters() if parameter.requires_grad]
@@ -58,7 +58,9 @@ class Progress(RichProgressBar):
             hook.remove()
         self._hooks = []
 
-    def on_train_batch_start(self, trainer: L.Trainer, pl_module: L.LightningModule, batch: Any, batch_idx: int) -> None:
+    def on_train_batch_start(
+        self, trainer: L.Trainer, pl_module: L.LightningModule, batch: Any, batch_idx: int
+    ) -> None:
         super().on_train_batch_start(trainer, pl_module, batch, batch_idx)
         self._done, self._batch_begun = 0, time.monotonic()
 
@@ -72,7 +74,7 @@ class Progress(RichProgressBar):
         """Move the bar by the part of a batch that is computed."""
         if self.progress is None:
             return
-        training = not trainer.validating and trainer.state.stage == "train"
+        training = trainer.training
         of = self._of if training else max(1, self._of - 2 * sum(1 for _ in pl_module.decoder.parameters()))
         part = min(0.99, self._done / of)
         bar = self.train_progress_bar_id if training else self.val_progress_bar_id
@@ -82,7 +84,8 @@ class Progress(RichProgressBar):
         elif bar is not None:
             loop = trainer.fit_loop.epoch_loop
             batch = loop.batch_idx if training else loop.val_loop.batch_progress.current.completed
-            self.progress.update(bar, completed=batch + part)
+            name = next(task.description for task in self.progress.tasks if task.id == bar).partition(" · ")[0]
+            self.progress.update(bar, completed=batch + part, description=f"{name} · {part:.0%} of the next")
             self.refresh()
 
     def get_metrics(self, trainer: L.Trainer, pl_module: L.LightningModule) -> dict[str, Any]:
