@@ -59,7 +59,7 @@ class ResTSA(nn.Module):
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         results: list[torch.Tensor] = []
         for branch, part in zip(self.branches, x.chunk(len(self.branches), dim=1), strict=True):
-            results.append(branch(part + results[-1] if results else part))
+            results.append(branch(part + results[-1]) if results else saving_memory(branch, part, branch))
         return x + self.last(torch.cat(results, dim=1))
 
 

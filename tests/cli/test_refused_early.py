@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from sci_lightning.cli.composition import compose
-from sci_lightning.cli.settings import check_command_settings
-from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.configuration.source_signature import check_parts
 from sci_lightning.errors import BadInput
 from tests.conftest import ROOT
@@ -50,8 +48,6 @@ print(json.dumps(out))
 
 
 def test_without_torch(tmp_path: Path) -> None:
-    import json
-
     words = [sys.executable, "-W", "ignore", "-c", SCRIPT, json.dumps(list(REFUSED))]
     done = subprocess.run(
         words, capture_output=True, text=True, check=True, cwd=tmp_path, env={"PYTHONPATH": str(ROOT)}
@@ -66,19 +62,14 @@ def test_the_library_says_what_the_command_says() -> None:
 
     with pytest.raises(BadInput, match="no such decoder; did you mean e2e_cnn"):
         train(["decoder=e2ecnn"])
-    with pytest.raises(BadInput, match="encoder.mask.bits=9: expected a whole number from 1 to 8"):
+    with pytest.raises(BadInput, match=r"encoder\.mask.bits=9: expected a whole number from 1 to 8"):
         train(["encoder.mask.bits=9"])
-
-
-@pytest.mark.parametrize("command", sorted(path.stem for path in CONF.glob("*.yaml")))
-def test_defaults_pass(command: str) -> None:
-    check_command_settings(compose(command).cfg, command)
 
 
 def test_what_the_source_does_not_say_is_left_to_the_building() -> None:
     check_parts({"_target_": "my_module.Mine", "anything": -1, "inner": {"_target_": "also.Mine"}}, "decoder")
     check_parts({"_target_": "sci_lightning.data.SixScenes", "root": None, "size": "???"}, "benchmark")
-    with pytest.raises(BadInput, match="decoder.inner.dim=0"):
+    with pytest.raises(BadInput, match=r"decoder\.inner\.dim=0"):
         check_parts(
             {"_target_": "my_module.Mine", "inner": {"_target_": "sci_lightning.decoder.Res2former", "dim": 0}},
             "decoder",
