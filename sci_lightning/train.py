@@ -33,11 +33,14 @@ def train(composition: Composition) -> float | None:
     """
     if composition.cfg.dry_run:
         _print_plan(composition)
+        undo_if_refused(composition.cfg.out, "train")  # the folder that Hydra has made
         return None
     config = plain(composition.cfg)
     names = {group: composition.choice(group) for group in ("encoder", "decoder")}
     with StopSignal() as stop:
         try:
+            if is_first_process() and not (config["resume"] and (Path(config["out"]) / "metrics.json").is_file()):
+                _print_plan(composition)
             from sci_lightning.training.run import run_training
 
             done = run_training(
@@ -62,18 +65,29 @@ def train(composition: Composition) -> float | None:
 
 
 def _print_plan(composition: Composition) -> None:
-    """Print steps, examples and expected hours of a training; its folder, which Hydra has made, goes again."""
-    from sci_lightning.training.training_plan import training_plan
+    """Print steps, memory and expected hours of a training, and above a day what would make sense in its place."""
+    from sci_lightning.training.training_plan import DAY, training_plan
 
-    cfg = composition.cfg
+    cfg, console = composition.cfg, PlainConsole()
     config = OmegaConf.to_container(cfg, resolve=True)  # data.root may be missing
     if not isinstance(config, dict):
         raise TypeError("expected a mapping")
     if OmegaConf.is_missing(cfg.data, "root") and not cfg.data.clips_per_epoch:
         raise BadInput("data.root is missing: give it, or data.clips_per_epoch=.., which is all that a dry run needs")
-    for line in training_plan({str(key): value for key, value in config.items()}).lines():
-        PlainConsole().print(line, soft_wrap=True)
-    undo_if_refused(cfg.out, "train")
+    plan = training_plan({str(key): value for key, value in config.items()})
+    for line in plan.lines():
+        console.print(line, soft_wrap=True)
+    if plan.seconds > DAY:
+        from sci_lightning.cli.next_command import invocation
+
+        again = (
+            [] if cfg.dry_run else [f"{invocation('train', *composition.overrides, 'dry_run=true')}   (only says this)"]
+        )
+        short = invocation("train", "experiment=quickstart", f"decoder={composition.choice('decoder')}")
+        console.say("here it makes more sense to begin with")
+        for line in (f"{short}   (the same kind of network, reduced, in minutes)", *again):
+            console.say(f"  {line}")
+    console.file.flush()
 
 
 def _say(line: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import signal
 import sys
@@ -30,6 +29,7 @@ from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.errors import INTERRUPTED, InputWarning
 from sci_lightning.files.plain_text import one_printable_line
 from sci_lightning.runs.run_folder import is_first_process, run_folder, undo_if_refused
+from sci_lightning.training.quiet_libraries import silence_libraries
 
 Task = Callable[[Composition], Any]
 
@@ -113,7 +113,7 @@ def _job(name: str, task: Task, files: Mapping[str, EncoderFile], debug: bool) -
         if in_folder:
             with open_dict(cfg):
                 cfg.out = settings.runtime.output_dir
-        _silence_libraries()
+        silence_libraries()
         composition = from_hydra(cfg, settings)
         try:
             refuse_uncomposed_row(settings)
@@ -175,22 +175,3 @@ def _show_warning(message: Warning | str, category: type[Warning], *place: Any, 
         warn(str(message))
     else:
         _show_others(message, category, *place, **more)
-
-
-def _silence_libraries() -> None:
-    """Drop what the libraries say that tells a user of a command nothing."""
-    lightning = (
-        f"lightning.pytorch.{name}"
-        for name in ("utilities.rank_zero", "trainer.connectors.checkpoint_connector", "accelerators.cuda")
-    )
-    for name in (*lightning, "torch._subclasses.fake_tensor", "matplotlib"):
-        logging.getLogger(name).setLevel(logging.WARNING)
-    for message in (
-        r".*does not have many workers.*",
-        r".*LeafSpec.*",
-        r".*module\(s\) in eval mode.*",
-        r".*smaller than the logging interval.*",
-        r".*Checkpoint directory .* exists and is not empty.*",
-        r".*your dataloader is not resumable.*",  # TrainingPosition resumes it
-    ):
-        warnings.filterwarnings("ignore", message=message)

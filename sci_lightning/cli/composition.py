@@ -13,8 +13,11 @@ from typing import Any
 import hydra
 from hydra.conf import HydraConf
 from hydra.core.global_hydra import GlobalHydra
+from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf, open_dict
+from omegaconf.errors import OmegaConfBaseException
 
+from sci_lightning.cli.failure_line import one_line
 from sci_lightning.configuration.build import build
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.errors import BadInput
@@ -68,13 +71,16 @@ def compose(command: str, overrides: Iterable[str] = ()) -> Composition:
         overrides: as on the command line, ``["encoder=lsw_sr", "size=[64,64]"]``.
 
     Raises:
-        HydraException: an override that cannot be read, or that chooses or sets what does not exist.
+        BadInput: an override that cannot be read, or that chooses or sets what does not exist; with the line that a
+            command prints.
     """
     running = GlobalHydra.instance().hydra  # of the command that is running, which Hydra allows one of
     GlobalHydra.instance().clear()
     try:
         with hydra.initialize_config_dir(str(CONF), job_name=command, version_base="1.3"):
             cfg = hydra.compose(command, list(overrides), return_hydra_config=True)
+    except (HydraException, OmegaConfBaseException) as error:
+        raise BadInput(one_line(error)) from error
     finally:
         GlobalHydra.instance().clear()
         if running is not None:

@@ -24,6 +24,8 @@ from sci_lightning.cli.encoder_file import EncoderFile, checked_encoder
 from sci_lightning.cli.next_command import nearest
 from sci_lightning.cli.next_command import override as quoted
 from sci_lightning.cli.stored_overrides import GROUPS, VALUES, bare, checked, is_kept, overrides_of
+from sci_lightning.configuration.arguments import check_value
+from sci_lightning.configuration.bounds import ExistingPath
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_text import excerpt, one_printable_line
@@ -107,6 +109,7 @@ def continued(arguments: list[str], encoders: Iterable[str]) -> tuple[list[str],
     path = _checkpoint(given)
     if path is None or {"-m", "--multirun"} & set(arguments):
         return arguments, {}
+    check_value("ckpt_path", str(path), ExistingPath)
     from sci_lightning.runs.checkpoint import read_checkpoint  # torch is loaded when it is needed
 
     checkpoint = read_checkpoint(path)

@@ -16,6 +16,7 @@ from sci_lightning.cli.stored_overrides import recorded
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.resume import check_nothing_lost
 from sci_lightning.runs.run_folder import run_folder
+from sci_lightning.training.quiet_libraries import silence_libraries
 
 if TYPE_CHECKING:
     from sci_lightning.cli.evaluation import Evaluation
@@ -89,13 +90,11 @@ def train(configuration: Iterable[str] | Mapping[str, Any]) -> Run:
             configuration as plain data, such as that of an earlier run (``metrics.config``).
 
     Raises:
-        BadInput: settings that do not fit, or a folder ``out`` that holds another training.
-        HydraException: an override that cannot be read, or that chooses or sets what does not exist.
+        BadInput: an override that cannot be read or that sets what does not exist, settings that do not fit, or a
+            folder ``out`` that holds another training.
 
     Source: the method is that of "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Sec. 3.
     """
-    from sci_lightning.training.run import run_training
-
     overrides: tuple[str, ...] = ()
     if isinstance(configuration, Mapping):
         config = dict(configuration)
@@ -107,6 +106,9 @@ def train(configuration: Iterable[str] | Mapping[str, Any]) -> Run:
         names = {part: composition.choice(part) for part in ("encoder", "decoder")}
     out = Path(config["out"])
     check_nothing_lost(out, training=True, resume=config["resume"], ckpt_path=config["ckpt_path"])
+    silence_libraries()
+    from sci_lightning.training.run import run_training  # only after the settings were checked: it takes seconds
+
     with run_folder(out):
         return run_training(config, names, overrides)
 

@@ -7,16 +7,20 @@ top of ``conf/<command>.yaml`` is checked here. One key means the same in every 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import is_dataclass
 from typing import Annotated, Any, Literal
 
 from annotated_types import DocInfo, Interval, Len, MinLen
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 from pydantic import StringConstraints
 
 from sci_lightning.configuration.arguments import check_arguments, check_value
 from sci_lightning.configuration.bounds import (
     Depth,
+    ExistingPath,
+    Exists,
     Frames,
     NonNegative,
     Pixels,
@@ -29,6 +33,7 @@ from sci_lightning.configuration.bounds import (
     Width,
 )
 from sci_lightning.configuration.conf_folder import CONF
+from sci_lightning.configuration.source_signature import check_parts
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.errors import BadInput
 from sci_lightning.files.memory_bound import memory_bound
@@ -40,6 +45,7 @@ FolderName = Annotated[
     DocInfo("a name of letters, digits, '_', '-' and '.' (not the first)"),
 ]
 Place = Annotated[str, MinLen(1), DocInfo("the path of a file or a folder")]
+NamedOrPath = Annotated[str, MinLen(1), Exists(or_name=True), DocInfo("a name or the path of a file")]
 Workers = Annotated[int, Interval(ge=0, le=1024)]
 Count = Annotated[int, Interval(ge=0, le=10**9)]
 Offset = Annotated[Sequence[Annotated[int, Interval(ge=-65536, le=65536)]], Len(2, 2)]
@@ -52,9 +58,9 @@ SETTINGS: Mapping[str, Any] = {
     "frames": Frames,
     "size": Size | Annotated[int, Interval(ge=1, le=65536)],
     "crop": Size,
-    "ckpt_path": Place,
+    "ckpt_path": ExistingPath,
     "trusted": Sequence[Name],
-    "captures": Place,
+    "captures": ExistingPath,
     "device": Name,
     "workers": Workers,
     "initialisation": Literal["layers", "unit_variance"],
@@ -73,9 +79,9 @@ SETTINGS: Mapping[str, Any] = {
     # evaluate
     "pictures": Count,
     # reconstruct
-    "measurement": Place,
+    "measurement": ExistingPath,
     "key": Name,
-    "mask": Place,
+    "mask": NamedOrPath,
     "mask_dark": NonNegative,
     "mask_white": Positive,
     "raw_format": Name,
@@ -89,19 +95,19 @@ SETTINGS: Mapping[str, Any] = {
     "steps": Repeats,
     "read_noise": NonNegative,
     "full_well": Positive,
-    "prior": Place,
+    "prior": NamedOrPath,
     # tables.mask_ranking
-    "root": Place,
-    "val_root": Place,
+    "root": ExistingPath,
+    "val_root": ExistingPath,
     "side": Pixels,
     "channels": Width,
     "blocks": Depth,
     "first_estimate": Literal["published", "linear"],
     "seconds": Positive,
     # convert
-    "checkpoint": Place,
+    "checkpoint": ExistingPath,
     # tables
-    "runs": Place | Sequence[Place],
+    "runs": ExistingPath | Sequence[ExistingPath],
     "documentation": Place,
     "dashboard": bool,
     "mosaic": Count,
@@ -139,12 +145,12 @@ SETTINGS: Mapping[str, Any] = {
     "leave_out": Sequence[Name],
     "candidates": Annotated[Mapping[str, Name], DocInfo("effects of your own, +candidates.mine=my_module.Mine")],
     # captures, virtual_camera.reveal (the number of captures of a kind: see virtual_camera)
-    "folder": Place,
+    "folder": ExistingPath,
     "perspective": bool,
     "pitch": Annotated[Sequence[Positive], Len(2, 2), DocInfo("two positive numbers [ACROSS,DOWN]")],
     "again": bool,
-    "truth": Place,
-    "report": Place,
+    "truth": ExistingPath,
+    "report": ExistingPath,
     "long_dark": Count,
     "long_exposure": Positive,
     "target": Count,
@@ -240,6 +246,10 @@ def check_command_settings(cfg: DictConfig, command: str) -> None:
             raise BadInput(f"{key}={side}: expected [height,width]; of a square '{key}=[{side},{side}]'")
     nullable = [str(key) for key, value in defaults.items_ex(resolve=False) if value is None]
     check_settings(settings, nullable)
+    for key in cfg:
+        if str(key) not in SETTINGS and OmegaConf.is_config(node := cfg.get(key)):
+            with suppress(OmegaConfBaseException):  # a reference to what is still missing; refused where it is built
+                check_parts(OmegaConf.to_container(node, resolve=True), str(key))
 
 
 def _plain_value(value: Any) -> Any:

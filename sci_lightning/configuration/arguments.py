@@ -7,13 +7,16 @@ ones are allowed (:mod:`sci_lightning.configuration.bounds`). pydantic does the 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
-from typing import Any, get_type_hints
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from pydantic import ConfigDict, PydanticUserError, TypeAdapter, ValidationError
 
 from sci_lightning.configuration.annotation import in_words
+from sci_lightning.configuration.bounds import Exists
 from sci_lightning.configuration.library_bounds import LIBRARY_BOUNDS
 from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_text import excerpt, with_article
@@ -36,17 +39,22 @@ def check_arguments(target: Callable[..., Any], arguments: Mapping[str, Any], ke
         return
     known, open_ended = parameters
     name = getattr(target, "__name__", str(target))
-    for argument in arguments:
-        if argument not in known and not open_ended:
-            raise BadInput(
-                f"{key}.{excerpt(argument)}: {name} has no such setting; it has {', '.join(known) or 'none'}"
-            )
+    refuse_unknown(arguments, known, open_ended, key, name)
     bounds = LIBRARY_BOUNDS.get(f"{getattr(target, '__module__', None)}.{name}", {})
     for argument, (annotation, required) in known.items():
         if argument in arguments:
             check_value(f"{key}.{argument}", arguments[argument], bounds.get(argument, annotation))
         elif required:
             raise BadInput(f"{key}.{argument}: {name} needs it, give {key}.{argument}=..")
+
+
+def refuse_unknown(arguments: Iterable[str], known: Iterable[str], open_ended: bool, key: str, name: str) -> None:
+    """Raise BadInput for an argument that the class ``name`` does not take, unless it is ``open_ended``."""
+    for argument in arguments:
+        if argument not in known and not open_ended:
+            raise BadInput(
+                f"{key}.{excerpt(argument)}: {name} has no such setting; it has {', '.join(known) or 'none'}"
+            )
 
 
 def check_value(key: str, value: Any, annotation: Any) -> None:
@@ -63,6 +71,9 @@ def check_value(key: str, value: Any, annotation: Any) -> None:
         adapter = _adapter(annotation)
     except (PydanticUserError, NameError, TypeError):  # an annotation that says nothing checkable
         return
+    for path in value if isinstance(value, (list, tuple)) else [value]:
+        if isinstance(path, str) and is_absent(path, annotation):
+            raise BadInput(f"{path}: no such file or folder; give {key}= one that exists")
     for form in (value, _as_tuples(value)):
         try:
             adapter.validate_python(form, strict=True)
@@ -70,6 +81,15 @@ def check_value(key: str, value: Any, annotation: Any) -> None:
         except ValidationError:
             continue
     raise BadInput(f"{key}={_shown(value)}: expected {in_words(annotation)}")
+
+
+def is_absent(path: str, annotation: Any) -> bool:
+    """Return whether an annotation asks for a path that exists, and this one does not; patterns are not looked at."""
+    kind = next((part for part in getattr(annotation, "__metadata__", ()) if isinstance(part, Exists)), None)
+    if kind is None:
+        return any(is_absent(path, part) for part in get_args(annotation) if get_origin(annotation) is not Literal)
+    is_name = kind.or_name and not Path(path).suffix and "/" not in path
+    return not is_name and not re.search(r"[*?\[]", path) and not Path(path).expanduser().exists()
 
 
 def _adapter(annotation: Any) -> TypeAdapter[Any]:

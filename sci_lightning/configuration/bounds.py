@@ -9,9 +9,11 @@ passes ordinary numbers. The upper bounds lie far beyond what anybody computes w
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, TypeAlias
 
-from annotated_types import Interval, Len
+from annotated_types import DocInfo, Interval, Len
 
 MOST_FRAMES = 4096
 
@@ -66,3 +68,18 @@ NonNegative: TypeAlias = Annotated[float, Interval(ge=0, lt=float("inf"))]
 
 Share: TypeAlias = Annotated[float, Interval(ge=0, le=1)]
 """A part of a whole."""
+
+
+@dataclass(frozen=True)
+class Exists:
+    """Marks a path that must be there before anything is loaded; a pattern with ``*`` is looked at where it is used.
+
+    Attributes:
+        or_name: whether a word without a suffix and a slash may be a name that stands for something else.
+    """
+
+    or_name: bool = False
+
+
+ExistingPath: TypeAlias = Annotated[str | Path, Exists(), DocInfo("the path of a file or a folder that exists")]
+"""A file or folder to read."""

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from sci_lightning.configuration.bounds import Frames, Repeats, Seed, Size
+from sci_lightning.configuration.bounds import ExistingPath, Frames, Repeats, Seed, Size
 from sci_lightning.data.augmentation import Augmentation
 from sci_lightning.data.stored_clips import StoredSource
 from sci_lightning.errors import BadInput
@@ -39,7 +39,7 @@ class Davis(StoredSource):
 
     def __init__(
         self,
-        root: str | Path,
+        root: ExistingPath,
         frames: Frames,
         size: Size,
         crop: Size,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sci_lightning.configuration.bounds import Frames, Repeats, Seed, Share, Size
+from sci_lightning.configuration.bounds import ExistingPath, Frames, Repeats, Seed, Share, Size
 from sci_lightning.data.augmentation import Augmentation
 from sci_lightning.data.reader import find_clips
 from sci_lightning.data.source import Clips
@@ -38,13 +38,13 @@ class Folder(StoredSource):
 
     def __init__(
         self,
-        root: str | Path,
+        root: ExistingPath,
         frames: Frames,
         size: Size,
         crop: Size,
         seed: Seed = 0,
         *,
-        val_root: str | Path | None = None,
+        val_root: ExistingPath | None = None,
         validation: Share = 0.1,
         clips_per_epoch: Repeats | None = None,
         store: str | Path | None = None,

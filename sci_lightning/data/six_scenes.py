@@ -10,7 +10,7 @@ from pathlib import Path
 
 import torch
 
-from sci_lightning.configuration.bounds import Frames, Size
+from sci_lightning.configuration.bounds import ExistingPath, Frames, Size
 from sci_lightning.data.source import Clips, Scene
 from sci_lightning.data.video_array import read_video_array
 from sci_lightning.errors import BadInput, OtherSize
@@ -47,7 +47,7 @@ class SixScenes:
 
     def __init__(
         self,
-        root: str | Path,
+        root: ExistingPath,
         frames: Frames,
         size: Size,
         *,

@@ -13,7 +13,7 @@ from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import as_one_channel
 from sci_lightning.decoder.layers.convolution import Conv3d, pixel_shuffle
 from sci_lightning.decoder.layers.last_convolution import LastConv3d
-from sci_lightning.decoder.layers.sequential import Chain
+from sci_lightning.decoder.layers.sequential import Chain, saving_memory
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.errors import BadInput
 
@@ -40,8 +40,12 @@ class TSABranch(nn.Module):
         )
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        x = x + self.attention(self.conv(x))
+        x = x + saving_memory(self._attended, x, self)
         return x + self.feed_forward(x)
+
+    def _attended(self, x: torch.Tensor) -> torch.Tensor:
+        attended: torch.Tensor = self.attention(self.conv(x))
+        return attended
 
 
 class ResTSA(nn.Module):
@@ -55,7 +59,7 @@ class ResTSA(nn.Module):
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         results: list[torch.Tensor] = []
         for branch, part in zip(self.branches, x.chunk(len(self.branches), dim=1), strict=True):
-            results.append(branch(part + results[-1] if results else part))
+            results.append(branch(part + results[-1]) if results else saving_memory(branch, part, branch))
         return x + self.last(torch.cat(results, dim=1))
 
 

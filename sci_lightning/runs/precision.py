@@ -75,11 +75,17 @@ def mixed_precision(precision: str, device: torch.device) -> AbstractContextMana
 
 
 def device_of_accelerator(accelerator: str) -> torch.device:
-    """Return the kind of device that Lightning's ``trainer.accelerator`` chooses here: that of a GPU, or the CPU."""
+    """Return the kind of device that Lightning's ``trainer.accelerator`` chooses here: that of a GPU, or the CPU.
+
+    Raises:
+        BadInput: it asks for a device that this machine does not have.
+    """
     if accelerator in ("auto", "gpu", "cuda") and torch.cuda.is_available():
         return torch.device("cuda")
     if accelerator in ("auto", "gpu", "mps") and torch.backends.mps.is_available():
         return torch.device("mps")
+    if accelerator in ("gpu", "cuda", "mps"):
+        raise BadInput(f"trainer.accelerator={accelerator}: there is none on this machine; choose auto or cpu")
     return torch.device("cpu")
 
 

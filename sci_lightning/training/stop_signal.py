@@ -9,6 +9,7 @@ import stat
 import sys
 import threading
 import time
+from collections.abc import Callable
 from types import FrameType, TracebackType
 from typing import Any
 
@@ -43,10 +44,12 @@ class StopSignal:
 
     Attributes:
         requested: whether a signal arrived.
+        lost: returns, in words, what the second signal would lose.
     """
 
     def __init__(self) -> None:
         self.requested = False
+        self.lost: Callable[[], str] = lambda: "the unfinished step"
         self._waiting = False
         self._requested_at = 0.0
         self._before: dict[int, Any] = {}
@@ -95,7 +98,8 @@ class StopSignal:
         drop_closed_outputs(hang_up=number == signal.SIGHUP)
         if not self._waiting:
             raise KeyboardInterrupt
-        print("\nfinishing the step, then writing last.ckpt; once more ends at once", file=sys.stderr, flush=True)
+        line = f"\nfinishing the step, then writing last.ckpt; once more ends at once and loses {self.lost()}"
+        print(line, file=sys.stderr, flush=True)
 
 
 def drop_closed_outputs(hang_up: bool = False) -> None:

@@ -26,6 +26,7 @@ from sci_lightning.training.batches import as_clips
 from sci_lightning.training.cuda_graph import GraphedStages
 from sci_lightning.training.learning_rates import LearningRates, part_done
 from sci_lightning.training.loss import LOSSES
+from sci_lightning.training.quiet_libraries import silence_libraries
 from sci_lightning.training.scoring import Scoring
 from sci_lightning.training.training_position import TrainingPosition
 
@@ -91,6 +92,7 @@ class System(L.LightningModule):
     ) -> None:
         super().__init__()
         self.save_hyperparameters(ignore=["encoder", "decoder", "camera", "metrics", "tile", "run_config"])
+        silence_libraries()
         if loss not in LOSSES:
             raise BadInput(f"system.loss={loss}: no such loss; choose one of {', '.join(LOSSES)}")
         if none := [key for key, n in (val_every_n_frames or {}).items() if n < 1]:

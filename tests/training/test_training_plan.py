@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,10 +11,9 @@ import pytest
 
 from sci_lightning.data.loader import share_of_batch
 from sci_lightning.errors import BadInput
-from sci_lightning.training.callbacks import ExpectedTime
-from sci_lightning.training.processor_time import ProcessorTime
+from sci_lightning.training import training_plan as plans
 from sci_lightning.training.training_plan import TrainingPlan, duration, duration_line
-from tests.training.test_training_position import scenes, system_and_trainer
+from tests.conftest import ROOT
 
 SMALL = ["decoder=e2e_cnn", "decoder.channels=4", "decoder.blocks=1", "trainer.accelerator=cpu"]
 
@@ -20,7 +21,7 @@ SMALL = ["decoder=e2e_cnn", "decoder.channels=4", "decoder.blocks=1", "trainer.a
 def test_the_paper_scale_is_the_published_one(ran: Callable[..., str], tmp_path: Path) -> None:
     """100 epochs of 24,500 clips in batches of 16, float32, without DAVIS at hand; nothing is left behind."""
     printed = ran("train", "scale=paper", "encoder=lsw_sr", *SMALL, "dry_run=true")
-    steps, step, hours = printed.splitlines()
+    steps, step, hours = printed.splitlines()[:3]
     assert steps == "153,100 steps of 16 clips: 100 epochs of 24,500 clips, 2,449,600 examples"
     assert "32-true" in step and hours.startswith("training takes about ") and "on this machine" in hours
     assert not list(tmp_path.iterdir())
@@ -70,10 +71,8 @@ def test_durations(seconds: float, text: str) -> None:
     assert duration(seconds) == text
 
 
-def test_what_would_be_shorter() -> None:
-    assert duration_line(170 * 86400) == (
-        "training takes about 170 days on this machine; scale=cpu takes 45 minutes of one core"
-    )
+def test_the_duration_in_a_sentence() -> None:
+    assert duration_line(170 * 86400) == "training takes about 170 days on this machine"
     assert duration_line(7200) == "training takes about 2.0 hours on this machine"
     assert duration_line(10**6, 45) == "training ends after 45 minutes of processor time"
     assert "5 minutes on this machine" in duration_line(300, 45)
@@ -82,18 +81,41 @@ def test_what_would_be_shorter() -> None:
     assert TrainingPlan(100, 1, 100, 1, 0.1, "cpu").lines()[0].startswith("100 steps of 1 clip: 1 epoch of 100 clips")
 
 
-@pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("budget", [None, 0.5])
-def test_a_training_says_how_long_it_takes(
-    budget: float | None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+def test_above_a_day_it_says_what_makes_sense(ran: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:
+    cost = plans.StepCost(100.0, 1.0, 1.0, 4e9, 2e8)
+    monkeypatch.setattr(plans, "measured_step", lambda *_: cost)
+    monkeypatch.setattr(plans, "free_memory", lambda _: 16e9)
+    printed = ran("train", "decoder=res2former", "dry_run=true")
+    assert "101 s" in printed and "GB" in printed and " days" in printed
+    assert "experiment=quickstart decoder=res2former" in printed
+    assert "quickstart" not in ran("train", "decoder=res2former", "trainer.max_steps=10", "dry_run=true")
+
+
+def test_what_does_not_fit_into_memory_is_refused_with_what_does(
+    refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """From the second step on; validation is no step."""
-    clock = iter(range(0, 100_000, 3600))
-    monkeypatch.setattr("sci_lightning.training.callbacks.expected_time.time.perf_counter", lambda: float(next(clock)))
-    callbacks = [ExpectedTime(after_seconds=7000), *([] if budget is None else [ProcessorTime(budget)])]
-    system, trainer, clips = system_and_trainer(tmp_path, callbacks, max_epochs=20)
-    trainer.fit(system, clips, scenes())
-    lines = [line for line in capsys.readouterr().out.splitlines() if " a step: " in line]
-    assert len(lines) == 1 and lines[0].startswith("3.6e+03 s a step: ")
-    shorter = "training takes about 4.0 days on this machine; scale=cpu takes 45 minutes of one core"
-    assert lines[0].endswith(shorter) if budget is None else "30 seconds of processor time" in lines[0]
+    monkeypatch.setattr(plans, "measured_step", lambda *_: plans.StepCost(1.0, 0.0, 0.0, 4e9, 2e8))
+    monkeypatch.setattr(plans, "free_memory", lambda _: 10e9)
+    line = refused("train", "decoder=res2former", "batch_size=16")
+    assert "batch_size=2 trainer.accumulate_grad_batches=8" in line and "64 GB" in line
+    monkeypatch.setattr(plans, "free_memory", lambda _: 2e9)
+    line = refused("train", "decoder=res2former")
+    assert "'crop=[160,160]'" in line and "decoder.checkpoint=true" in line
+
+
+def test_a_straight_line_over_the_pixels() -> None:
+    assert plans._line([(256, 3.0), (512, 4.0), (1024, 6.0)], 65536) == pytest.approx((258.0, 2.0))
+    assert plans._line([(256, 3.0)], 512) == (6.0, 0.0)
+    assert plans._windows(24, 100)[0] == (16, 16) and plans._windows(24, 100)[-1] == (24, 100)
+
+
+def test_a_plan_is_measured_without_lightning() -> None:
+    """Which takes as long to load as the plan to be measured."""
+    code = (
+        "import sys; from sci_lightning.cli.composition import compose, plain; "
+        "from sci_lightning.training.training_plan import training_plan; "
+        f"plan = training_plan(plain(compose('train', {[*SMALL, 'size=[32,32]']!r}).cfg)); "
+        "print(plan.step_seconds > 0, plan.memory > 1e7, 'lightning' in sys.modules, 'torch._dynamo' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.split() == ["True", "True", "False", "False"]

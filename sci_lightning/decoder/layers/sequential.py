@@ -3,11 +3,64 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any
 
 import torch
 from torch import nn
 from torch.utils.checkpoint import checkpoint as recompute
+
+_largest_kept = 2**21
+"""Values of a tensor up to which a training keeps everything: more than any network has at 64 x 64 pixels and T = 8."""
+
+
+@contextmanager
+def computed_as_larger(times: float) -> Iterator[None]:
+    """Let tensors count as ``times`` as large, so that a part of a clip shows what the whole costs."""
+    global _largest_kept
+    before, _largest_kept = _largest_kept, _largest_kept / max(times, 1e-9)
+    try:
+        yield
+    finally:
+        _largest_kept = before
+
+
+def saving_memory(function: Callable[[torch.Tensor], torch.Tensor], x: torch.Tensor, part: nn.Module) -> torch.Tensor:
+    """Return ``function(x)``, whose activations are computed again in the backward pass where they are large.
+
+    That is done on processors, of which few have the memory for them; gradients are the same.
+
+    Args:
+        function: of little computation and many activations, such as attention.
+        x: ``(N, C, T, H, W)``.
+        part: the module whose parameters ``function`` may use.
+    """
+    large = torch.is_grad_enabled() and x.device.type == "cpu" and x.numel() > _largest_kept
+    if not large or torch.compiler.is_compiling():
+        return function(x)
+    result: torch.Tensor = _Recomputed.apply(function, x, *part.parameters())
+    return result
+
+
+class _Recomputed(torch.autograd.Function):
+    """What torch's ``checkpoint`` does, which loads torch's compiler, for seconds, before the first step."""
+
+    @staticmethod
+    def forward(ctx: Any, function: Any, x: torch.Tensor, *parameters: torch.Tensor) -> torch.Tensor:
+        ctx.function = function
+        ctx.autocast = {"dtype": torch.get_autocast_dtype("cpu"), "enabled": torch.is_autocast_enabled("cpu")}
+        ctx.save_for_backward(x, *parameters)
+        result: torch.Tensor = function(x)
+        return result
+
+    @staticmethod
+    def backward(ctx: Any, gradient: torch.Tensor) -> Any:
+        x, *parameters = ctx.saved_tensors
+        x = x.detach().requires_grad_()
+        with torch.enable_grad(), torch.autocast("cpu", **ctx.autocast):
+            result = ctx.function(x)
+        return None, *torch.autograd.grad(result, (x, *parameters), gradient, allow_unused=True)
 
 
 class Chain(nn.Sequential):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 
-from sci_lightning.configuration.bounds import Frames, NonNegative, Positive, Size
+from sci_lightning.configuration.bounds import ExistingPath, Frames, NonNegative, Positive, Size
 from sci_lightning.encoder.mask.mask import Mask
 from sci_lightning.errors import BadInput
 from sci_lightning.files.mask_file import read_mask_file
@@ -34,7 +34,7 @@ class Measured(Mask):
 
     def __init__(
         self,
-        file: str | Path | None,
+        file: ExistingPath | None,
         frames: Frames | None = None,
         size: Size | None = None,
         key: str | None = None,

@@ -1,7 +1,6 @@
 """Lightning callbacks of a training: checkpoints, progress, pictures and throughput."""
 
 from sci_lightning.training.callbacks.best_checkpoint import BestCheckpoint
-from sci_lightning.training.callbacks.expected_time import ExpectedTime
 from sci_lightning.training.callbacks.failed_training import FailedTraining
 from sci_lightning.training.callbacks.last_checkpoint import LastCheckpoint
 from sci_lightning.training.callbacks.pictures import Pictures
@@ -11,7 +10,6 @@ from sci_lightning.training.callbacks.throughput import Throughput
 
 __all__ = [
     "BestCheckpoint",
-    "ExpectedTime",
     "FailedTraining",
     "LastCheckpoint",
     "Pictures",

@@ -12,13 +12,16 @@ from lightning.pytorch.callbacks import Checkpoint
 from sci_lightning.configuration.bounds import NonNegative, Repeats
 from sci_lightning.training.stop_signal import Stopped, StopSignal
 
+LONG_STEP = 15.0
+"""Seconds of a batch from which on a checkpoint does not wait for another one that would end too late."""
+
 
 class LastCheckpoint(Checkpoint):
     """Writes ``last.ckpt`` every few minutes or steps of a training, and when the training is asked to stop.
 
     Args:
         folder: the folder in which it is written.
-        every_minutes: minutes of training between two; None for never.
+        every_minutes: minutes of training between two, at most, unless a single step takes longer; None for never.
         every_n_steps: optimizer steps between two; None for never.
         stop: the request to stop; None if there cannot be one.
 
@@ -40,15 +43,20 @@ class LastCheckpoint(Checkpoint):
         self._written_at = 0.0
         self._written_step = 0
         self._stopping = False
+        self._step, self._begun = 0, 0.0
+        self._longest = 0.0  # seconds that a batch has taken
 
     def on_train_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
         self._written_at, self._written_step, self._stopping = time.monotonic(), trainer.global_step, False
+        self._step, self._longest = trainer.global_step, 0.0
         if self.stop is not None:
+            self.stop.lost = self._lost
             self.stop.wait_for_step()
 
     def on_train_batch_end(
         self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int
     ) -> None:
+        self._step, self._longest = trainer.global_step, max(self._longest, time.monotonic() - self._begun)
         stop = self.stop is not None and self.stop.requested
         if self._agreed(trainer, stop or self._is_due(trainer)):
             self._write(trainer)
@@ -56,6 +64,7 @@ class LastCheckpoint(Checkpoint):
 
     def on_train_batch_start(self, *args: Any) -> None:
         self._end_if_stopping()
+        self._begun = time.monotonic()
 
     def on_validation_start(self, *args: Any) -> None:
         self._end_if_stopping()
@@ -78,7 +87,17 @@ class LastCheckpoint(Checkpoint):
             return False
         if self.every_n_steps is not None and trainer.global_step % self.every_n_steps == 0:
             return True
-        return self.every_minutes is not None and time.monotonic() - self._written_at >= 60 * self.every_minutes
+        if self.every_minutes is None:
+            return False
+        next_end = time.monotonic() + (self._longest if self._longest > LONG_STEP else 0.0)
+        return next_end - self._written_at >= 60 * self.every_minutes
+
+    def _lost(self) -> str:
+        """Return, in words, what ends with the process if it ends now."""
+        steps, minutes = self._step - self._written_step, (time.monotonic() - self._written_at) / 60
+        last = "last.ckpt" if self.path.is_file() else "the beginning: there is no last.ckpt yet"
+        done = f"{steps} finished step{'s' * (steps != 1)}"
+        return f"{done} and the one that is being computed, {minutes:.1f} minutes since {last}"
 
     def _write(self, trainer: L.Trainer) -> None:
         for logger in trainer.loggers:

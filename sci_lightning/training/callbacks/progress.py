@@ -10,22 +10,83 @@ from lightning.pytorch.callbacks import RichProgressBar
 
 from sci_lightning.decoder import Decoder
 
+PATIENCE = 2.0
+"""Seconds within a batch after which the bar moves with its layers."""
+
 
 class Progress(RichProgressBar):
     """Lightning's Rich progress bar with loss and PSNR, without the logger's version number.
 
     In a test it shows the tile of a large snapshot, and how far its decoder is. A file,
     such as the log of a job, cannot show a bar: a training writes a line every ``line_seconds`` and after every
-    validation instead.
+    validation instead. Within a step that takes longer than a few seconds the bar moves with the decoder's layers.
 
     Args:
         line_seconds: seconds between two lines in a file.
     """
 
-    def __init__(self, line_seconds: float = 60.0) -> None:
+    def __init__(self, line_seconds: float = 15.0) -> None:
         super().__init__()
         self.line_seconds = line_seconds
         self._last_line = time.monotonic()
+        self._hooks: list[Any] = []
+        self._done = self._of = 0
+        self._shown = self._batch_begun = 0.0
+
+    def on_fit_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        """Watch the layers of the decoder, whose gradients come last; Lightning's own bars begin after this."""
+        super().on_fit_start(trainer, pl_module)
+        self._batch_begun = time.monotonic()
+        if trainer.strategy.root_device.type != "cpu" or pl_module.decoder._compiled_call_impl is not None:
+            return
+        layers = [module for module in pl_module.decoder.modules() if next(module.parameters(False), None) is not None]
+        learned = [parameter for parameter in pl_module.decoder.parameters() if parameter.requires_grad]
+        self._of = len(layers) + 2 * len(learned)  # the backward pass takes twice as long
+
+        def passed(weight: int) -> None:
+            self._done += weight
+            now = time.monotonic()
+            if now - self._batch_begun > PATIENCE and now - self._shown > PATIENCE:
+                self._shown = now
+                self._show_part(trainer, pl_module)
+
+        self._hooks = [layer.register_forward_hook(lambda *_: passed(1)) for layer in layers]
+        self._hooks += [p.register_post_accumulate_grad_hook(lambda _: passed(2)) for p in learned]
+
+    def on_fit_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        for hook in self._hooks:
+            hook.remove()
+        self._hooks = []
+
+    def on_train_batch_start(
+        self, trainer: L.Trainer, pl_module: L.LightningModule, batch: Any, batch_idx: int
+    ) -> None:
+        super().on_train_batch_start(trainer, pl_module, batch, batch_idx)
+        self._done, self._batch_begun = 0, time.monotonic()
+
+    def on_validation_batch_start(
+        self, trainer: L.Trainer, pl_module: L.LightningModule, batch: Any, batch_idx: int, dataloader_idx: int = 0
+    ) -> None:
+        super().on_validation_batch_start(trainer, pl_module, batch, batch_idx, dataloader_idx)
+        self._done, self._batch_begun = 0, time.monotonic()
+
+    def _show_part(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        """Move the bar by the part of a batch that is computed."""
+        if self.progress is None:
+            return
+        training = trainer.training
+        of = self._of if training else max(1, self._of - 2 * sum(1 for _ in pl_module.decoder.parameters()))
+        part = min(0.99, self._done / of)
+        bar = self.train_progress_bar_id if training else self.val_progress_bar_id
+        if not self.progress.console.is_terminal:
+            if time.monotonic() - self._last_line >= self.line_seconds:
+                self._write_line(trainer, pl_module, f", {part:.0%} of the next {'step' if training else 'scene'}")
+        elif bar is not None:
+            loop = trainer.fit_loop.epoch_loop
+            batch = loop.batch_idx if training else loop.val_loop.batch_progress.current.completed
+            name = next(task.description for task in self.progress.tasks if task.id == bar).partition(" · ")[0]
+            self.progress.update(bar, completed=batch + part, description=f"{name} · {part:.0%} of the next")
+            self.refresh()
 
     def get_metrics(self, trainer: L.Trainer, pl_module: L.LightningModule) -> dict[str, Any]:
         metrics = super().get_metrics(trainer, pl_module)
@@ -53,13 +114,13 @@ class Progress(RichProgressBar):
         if isinstance(decoder := pl_module.decoder, Decoder):
             decoder.watch = None
 
-    def _write_line(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+    def _write_line(self, trainer: L.Trainer, pl_module: L.LightningModule, more: str = "") -> None:
         """Write epoch, step and metrics in one line, unless a terminal shows the bar."""
         if self.progress is None or self.progress.console.is_terminal:
             return
         self._last_line = time.monotonic()
         values = ", ".join(f"{name} {value:.4g}" for name, value in self.get_metrics(trainer, pl_module).items())
-        self.progress.console.print(f"epoch {trainer.current_epoch}, step {trainer.global_step}: {values}")
+        self.progress.console.print(f"epoch {trainer.current_epoch}, step {trainer.global_step}{more}: {values}")
 
     def show_tile(self, tile: int, of: int) -> None:
         """Show which tile of a snapshot has been decoded."""
