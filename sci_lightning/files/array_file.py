@@ -139,11 +139,11 @@ def _choose(
     if key is None and len(fitting) == 1:
         return fitting[0]
     wanted = "' or '".join(names)
-    present = [f"{name} {array.shape}" for name, array in arrays.items()]
-    more = f" and {len(present) - MOST_NAMED} more" if len(present) > MOST_NAMED else ""
-    choose = f"; choose one with {setting}=NAME" if present and setting else ""
+    listed = [f"{name} {array.shape}" for name, array in arrays.items()]
+    more = f" and {len(listed) - MOST_NAMED} more" if len(listed) > MOST_NAMED else ""
+    choose = f"; choose one with {setting}=NAME" if listed and setting else ""
     raise BadInput(
-        f"{path}: no array named '{wanted}'; the file holds {', '.join(present[:MOST_NAMED]) or 'nothing'}{more}{choose}"
+        f"{path}: no array named '{wanted}'; the file holds {', '.join(listed[:MOST_NAMED]) or 'nothing'}{more}{choose}"
     )
 
 
