@@ -27,7 +27,8 @@ level."""
 class Camera(Protocol):
     """What can undo the effects of its sensor and optics: an encoder."""
 
-    size: tuple[int, int]
+    @property
+    def size(self) -> tuple[int, int]: ...
 
     def linearise(self, measurement: torch.Tensor) -> torch.Tensor: ...
 
@@ -138,7 +139,7 @@ class Measurement(torch.Tensor):
         scale = _scale_after(func.__name__.strip("_"), operands, known)
         return _measurement(result, first.aperture, scale, first.camera, first.is_linear)
 
-    def __repr__(self, *, tensor_contents: Any = None) -> str:
+    def __repr__(self, **_: Any) -> str:  # type: ignore[override]  # torch's argument is for its own use
         scale = "unknown scale" if self.full_scale is None else f"full scale {self.full_scale:g}"
         return f"Measurement({self.as_subclass(torch.Tensor)!r}, aperture {self.aperture:g}, {scale})"
 

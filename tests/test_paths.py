@@ -15,7 +15,7 @@ from sci_lightning.tables.grid import Grid
 
 NOTEBOOK = (
     *("benchmark", "captures", "decoder", "diagnosis", "encoder", "imaging", "metrics", "proving_ground", "tables"),
-    *("virtual_camera", "data/matlab.py", "data/reader.py", "files/array_file.py", "files/modulator_files.py"),
+    *("virtual_camera", "data/video_array.py", "data/reader.py", "files/array_file.py", "files/modulator_files.py"),
     *("files/picture_file.py", "runs/results.py"),
 )
 """Folders and files whose functions a notebook calls with files; the others serve the commands."""

@@ -32,7 +32,7 @@ def read_video_array(
     Raises:
         BadInput: the file is missing, damaged or without ``key``, or does not hold frames.
     """
-    array = time_first(Path(path), read_array(path, key=key, prefer="orig", dimensions=3), size)
+    array = time_first(path, read_array(path, key=key, prefer="orig", dimensions=3), size)
     low, high = float(array.min()), float(array.max())
     if not (low >= 0 and high <= 255):  # written so that NaN fails too
         name = f"'{key if isinstance(key, str) else ' or '.join(key)}' " if key else ""

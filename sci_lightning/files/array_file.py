@@ -70,7 +70,7 @@ def read_array(
 
 
 def time_first(
-    path: Path, array: np.ndarray, field: Sequence[int] | None = None, frames: int | None = None
+    path: str | Path, array: np.ndarray, field: Sequence[int] | None = None, frames: int | None = None
 ) -> np.ndarray:
     """Return an array of :func:`read_array` with time first although its file has another order than its format.
 
@@ -84,7 +84,8 @@ def time_first(
         field: (H, W) that it should have, if known.
         frames: T, if known.
     """
-    matlab = path.suffix.lower() == ".mat"
+    ending = Path(path).suffix.lower()
+    matlab = ending == ".mat"
     other = np.moveaxis(array, 0, -1) if matlab else np.moveaxis(array, -1, 0)
 
     def fit(shape: tuple[int, ...]) -> int:
@@ -96,7 +97,7 @@ def time_first(
         return array
     order = ("last", "first") if matlab else ("first", "last")
     warnings.warn(
-        f"{path}: {path.suffix} files have time {order[0]}, this one seems to have it {order[1]}: read as "
+        f"{path}: {ending} files have time {order[0]}, this one seems to have it {order[1]}: read as "
         f"{readable_shape(other.shape)} (T x H x W)",
         InputWarning,
         stacklevel=2,
@@ -129,7 +130,7 @@ def _choose(
 ) -> StoredArray:
     if path.suffix.lower() == ".npy":
         return arrays[""]
-    names = (key or prefer,) if isinstance(key or prefer, str) else tuple(key or ())
+    names = [prefer] if key is None else [key] if isinstance(key, str) else list(key)
     for name in names:
         if name in arrays:
             return arrays[name]
@@ -138,11 +139,11 @@ def _choose(
     if key is None and len(fitting) == 1:
         return fitting[0]
     wanted = "' or '".join(names)
-    held = [f"{name} {array.shape}" for name, array in arrays.items()]
-    more = f" and {len(held) - MOST_NAMED} more" if len(held) > MOST_NAMED else ""
-    choose = f"; choose one with {setting}=NAME" if held and setting else ""
+    listed = [f"{name} {array.shape}" for name, array in arrays.items()]
+    more = f" and {len(listed) - MOST_NAMED} more" if len(listed) > MOST_NAMED else ""
+    choose = f"; choose one with {setting}=NAME" if listed and setting else ""
     raise BadInput(
-        f"{path}: no array named '{wanted}'; the file holds {', '.join(held[:MOST_NAMED]) or 'nothing'}{more}{choose}"
+        f"{path}: no array named '{wanted}'; the file holds {', '.join(listed[:MOST_NAMED]) or 'nothing'}{more}{choose}"
     )
 
 
@@ -156,7 +157,7 @@ def _arrays(path: Path) -> dict[str, StoredArray]:
     return matlab4_arrays(path) if is_matlab4(path) else matlab5_arrays(path)
 
 
-def array_names(path: Path) -> set[str]:
+def array_names(path: str | Path) -> set[str]:
     """Return the names of the arrays in a .mat, .npz or HDF5 file.
 
     Raises:
@@ -164,6 +165,7 @@ def array_names(path: Path) -> set[str]:
     """
     from sci_lightning.files.hdf5_file import hdf5_datasets, open_hdf5
 
+    path = Path(path)
     if path.suffix.lower() in (".mat", ".npz") and not _is_hdf5(path):
         return set(_arrays(path))
     with open_hdf5(path) as file:

@@ -83,11 +83,13 @@ def transmittance(
     low, high = float(np.float32(values.min())), float(np.float32(values.max()))
     if np.isnan(low):
         raise BadInput(f"{where}: the mask holds NaN; every value must be a transmittance in [0, 1]")
-    found = f"{low:g} to {high:g}"
+    values_in = f"{low:g} to {high:g}"
     if white is not None or dark is not None:
         dark = 0.0 if dark is None else float(dark)
         if white is None:
-            raise BadInput(f"{settings}dark={dark:g}: give {settings}white= too, what an open pixel has; found {found}")
+            raise BadInput(
+                f"{settings}dark={dark:g}: give {settings}white= too, what an open pixel has; found {values_in}"
+            )
         if not white > dark:
             raise BadInput(f"{settings}white={white:g}: must be larger than {settings}dark={dark:g}")
         scaled = (values.astype(np.float32) - np.float32(dark)) / np.float32(white - dark)
@@ -95,7 +97,7 @@ def transmittance(
         if beyond > MOST_BEYOND:
             raise BadInput(
                 f"{where}: {beyond:.0%} of the mask's values lie beyond {settings}dark={dark:g} and "
-                f"{settings}white={white:g}; they reach from {found}"
+                f"{settings}white={white:g}; they reach from {values_in}"
             )
         return scaled.clip(0, 1)
     if low >= 0 and high <= 1:
@@ -113,7 +115,7 @@ def transmittance(
         closed, opened = (closed if closed < 0.5 * opened else 0.0), (high if low == 0 and whole else opened)
         how = f"{settings}dark={closed:g} {settings}white={opened:g}" if settings else f"{closed:g} and {opened:g}"
         advice = f"which numbers mean closed and open? If its darkest and brightest pixels do: {how}"
-    raise BadInput(f"{where}: mask values must lie in [0, 1] (transmittance), found {found}; {advice}")
+    raise BadInput(f"{where}: mask values must lie in [0, 1] (transmittance), found {values_in}; {advice}")
 
 
 def _pictures(path: Path) -> np.ndarray:

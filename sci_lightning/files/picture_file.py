@@ -109,7 +109,7 @@ def matching_files(name: str | Path) -> list[str]:
     return sorted(files, key=natural)
 
 
-def pictures_of(folder: Path) -> list[str]:
+def pictures_of(folder: str | Path) -> list[str]:
     """Return the pictures that lie directly in a folder, in natural order.
 
     Where it holds the same names in several formats, those of the first of :data:`PICTURES` are taken, with a warning.
@@ -118,7 +118,7 @@ def pictures_of(folder: Path) -> list[str]:
         BadInput: no picture, or pictures of several formats with different names.
     """
     formats: dict[str, list[str]] = defaultdict(list)
-    for file in folder.iterdir():
+    for file in Path(folder).iterdir():
         if file.suffix.lower() in PICTURES and not file.name.startswith(".") and file.is_file():
             formats[file.suffix.lower()].append(str(file))
     if not formats:

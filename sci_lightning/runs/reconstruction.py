@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -155,7 +156,12 @@ def reconstruct(
     bit_depth = None if encoder is None else getattr(encoder.sensor, "bit_depth", None)
     snapshot = read_snapshot(measurement, key=key, full_scale=full_scale, bit_depth=bit_depth, raw=raw)
     patterns, rows, columns = None, slice(None), slice(None)
-    of_mask = {"mask_key": mask_key, "mask_step": mask_step, "mask_origin": mask_origin, "mask_slots": mask_slots}
+    of_mask: dict[str, Any] = {
+        "mask_key": mask_key,
+        "mask_step": mask_step,
+        "mask_origin": mask_origin,
+        "mask_slots": mask_slots,
+    }
     of_mask |= {"mask_dark": mask_dark, "mask_white": mask_white}
     if mask is None and (unused := [name for name, value in of_mask.items() if value is not None]):
         raise BadInput(f"{unused[0]}={of_mask[unused[0]]}: belongs to a mask; give mask=FILE as well")
