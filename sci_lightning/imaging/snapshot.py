@@ -51,7 +51,7 @@ class Snapshot:
         Args:
             brightest: largest sum over time of the mask.
         """
-        largest = float(self.measurement.max()) * self.full_scale
+        largest = round(float(self.measurement.max()) * self.full_scale)
         dim = float(self.measurement.mean()) < DIM_CAMERA and self.full_scale in CONVERTERS
         if not (self.chosen and self.integer and dim and 255 < largest <= 255 * brightest):
             return self
