@@ -52,7 +52,7 @@ class Snapshot:
         Args:
             brightest: largest sum over time of the mask.
         """
-        largest = float(self.measurement.max()) * self.full_scale
+        largest = round(float(self.measurement.max()) * self.full_scale)
         dim = float(self.measurement.mean()) < DIM_CAMERA and self.full_scale in CONVERTERS
         if not (self.chosen and self.integer and dim and 255 < largest <= 255 * brightest):
             return self
@@ -71,7 +71,7 @@ class Snapshot:
         level = f"the largest value is {largest:g}, the mean level {mean:.3g} of full_scale={self.full_scale:g}"
         if top == 0 and mean == 0:
             return "the snapshot is black: every value is 0; is the array the right one, the lens open?"
-        fitting = [end for end in CONVERTERS if end >= largest]
+        fitting = [end for end in CONVERTERS if end + 1 > largest]
         if top > 1.05 * brightest:
             fits = next((end for end in CONVERTERS if largest <= 1.05 * brightest * end), None)
             likely = f"full_scale={fits}" if fits else "another full_scale="
