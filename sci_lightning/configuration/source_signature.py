@@ -51,7 +51,8 @@ def check_parts(content: Any, key: str) -> None:
         elif name not in ("_target_", "_partial_"):
             class_name, known, open_ended = signature
             refuse_unknown([name], known, open_ended, key, class_name)
-            if value is not None and value != "???":
+            of_a_square = name in ("size", "crop") and isinstance(value, int)  # which commands turn into two sides
+            if value is not None and value != "???" and not of_a_square:
                 check_value(place, value, known.get(name, Any))
 
 
