@@ -246,10 +246,10 @@ def check_command_settings(cfg: DictConfig, command: str) -> None:
             raise BadInput(f"{key}={side}: expected [height,width]; of a square '{key}=[{side},{side}]'")
     nullable = [str(key) for key, value in defaults.items_ex(resolve=False) if value is None]
     check_settings(settings, nullable)
-    for key in cfg:
-        if str(key) not in SETTINGS and OmegaConf.is_config(node := cfg.get(key)):
+    for group in map(str, cfg):
+        if group not in SETTINGS and OmegaConf.is_config(node := cfg.get(group)):
             with suppress(OmegaConfBaseException):  # a reference to what is still missing; refused where it is built
-                check_parts(OmegaConf.to_container(node, resolve=True), str(key))
+                check_parts(OmegaConf.to_container(node, resolve=True), group)
 
 
 def _plain_value(value: Any) -> Any:

@@ -51,7 +51,8 @@ def check_parts(content: Any, key: str) -> None:
         elif name not in ("_target_", "_partial_"):
             class_name, known, open_ended = signature
             refuse_unknown([name], known, open_ended, key, class_name)
-            if value is not None and value != "???":
+            of_a_square = name in ("size", "crop") and isinstance(value, int)  # which commands turn into two sides
+            if value is not None and value != "???" and not of_a_square:
                 check_value(place, value, known.get(name, Any))
 
 
@@ -64,10 +65,9 @@ def _is_built(value: Any) -> bool:
 @cache
 def _signature(target: str) -> tuple[str, dict[str, Any], bool] | None:
     """Return the class's name, its arguments' annotations, and whether others are taken; None if it is not known."""
-    place = _definition(target)
-    if place is None or not isinstance(place[1], ast.ClassDef):
+    module, node = _definition(target) or ("", None)
+    if not isinstance(node, ast.ClassDef):
         return None
-    module, node = place
     bounds, known = LIBRARY_BOUNDS.get(f"{module}.{node.name}", {}), dict[str, Any]()
     name = node.name
     while True:
@@ -80,9 +80,10 @@ def _signature(target: str) -> tuple[str, dict[str, Any], bool] | None:
             return name, known, False
         base = node.bases[0] if node.bases else None
         above = _definition(f"{module}.{base.id}") if isinstance(base, ast.Name) else None
-        if above is None or not isinstance(above[1], ast.ClassDef):
+        module, parent = above or ("", None)
+        if not isinstance(parent, ast.ClassDef):
             return name, known, True
-        module, node = above
+        node = parent
 
 
 @cache
