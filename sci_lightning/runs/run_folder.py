@@ -80,10 +80,10 @@ def undo_if_refused(out: str | Path, job: str) -> None:
     folder = Path(out).resolve()
     if not is_first_process():
         return
-    found = _found.pop(folder, {})
+    earlier = _found.pop(folder, {})
     for path in (*_of_hydra(folder), folder / f"{job}.log"):
-        if path in found:
-            path.write_bytes(found[path])
+        if path in earlier:
+            path.write_bytes(earlier[path])
         elif not path.is_symlink() and folder not in _made:
             path.unlink(missing_ok=True)
     if folder not in _made:

@@ -22,12 +22,11 @@ from sci_lightning.imaging.tile_choice import TileChoice
 from sci_lightning.measurement import linear_with_mask
 from sci_lightning.metrics import PSNR, SSIM
 from sci_lightning.metrics.frame_metric import FrameMetric, as_frame_metric
-from sci_lightning.training.batches import as_clips
 from sci_lightning.training.cuda_graph import GraphedStages
 from sci_lightning.training.learning_rates import LearningRates, part_done
 from sci_lightning.training.loss import LOSSES
 from sci_lightning.training.quiet_libraries import silence_libraries
-from sci_lightning.training.scoring import Scoring
+from sci_lightning.training.scoring import Scoring, as_clips
 from sci_lightning.training.training_position import TrainingPosition
 
 MEAN_MEASUREMENT = "val_mean_measurement"
@@ -42,7 +41,7 @@ class System(L.LightningModule):
     run repeats them.
 
     A training batch is a tensor of clips ``(N, T, h, w)``; for batches of validation and test see
-    :func:`~sci_lightning.training.batches.as_batch`. ``trainer.test`` returns mean scores as ``test/psnr`` and those of
+    :func:`~sci_lightning.training.scoring.as_batch`. ``trainer.test`` returns mean scores as ``test/psnr`` and those of
     every scene as ``test_psnr/SCENE``. ``hparams`` hold the settings, from ``val_every_n_frames`` to ``seed``.
 
     Args:

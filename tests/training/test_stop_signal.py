@@ -76,7 +76,9 @@ def test_the_step_is_finished_and_kept(tmp_path: Path) -> None:
     last = tmp_path / "run" / "checkpoints" / "last.ckpt"
     assert done.returncode == 130, done.stderr
     program, *words = shlex.split(done.stderr.rpartition("go on with:\n  ")[2])
-    assert words == ["-m", "sci_lightning.train", "ckpt_path=run/checkpoints/last.ckpt"]
+    assert words[:3] == ["-m", "sci_lightning.train", "ckpt_path=run/checkpoints/last.ckpt"]
+    asked_again = {word.partition("=")[0] for word in words[3:]}
+    assert asked_again == {"workers", "+callbacks.sender"}  # no checkpoint may ask for them
     starts = subprocess.run([program, "-c", "import torch"], cwd=tmp_path, capture_output=True, text=True)
     assert starts.returncode == 0, f"{program} is not the Python that was interrupted: {starts.stderr}"
     assert "Traceback" not in done.stderr

@@ -11,7 +11,7 @@ import torch
 from torch import nn
 from torch.utils.checkpoint import checkpoint as recompute
 
-_largest_kept = 2**21
+_largest_kept: float = 2**21
 """Values of a tensor up to which a training keeps everything: more than any network has at 64 x 64 pixels and T = 8."""
 
 

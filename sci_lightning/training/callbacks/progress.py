@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from typing import Any
+from typing import Any, cast
 
 import lightning as L
 from lightning.pytorch.callbacks import RichProgressBar
+from torch import nn
 
 from sci_lightning.decoder import Decoder
 
@@ -37,10 +38,11 @@ class Progress(RichProgressBar):
         """Watch the layers of the decoder, whose gradients come last; Lightning's own bars begin after this."""
         super().on_fit_start(trainer, pl_module)
         self._batch_begun = time.monotonic()
-        if trainer.strategy.root_device.type != "cpu" or pl_module.decoder._compiled_call_impl is not None:
+        decoder = cast(nn.Module, pl_module.decoder)
+        if trainer.strategy.root_device.type != "cpu" or decoder._compiled_call_impl is not None:
             return
-        layers = [module for module in pl_module.decoder.modules() if next(module.parameters(False), None) is not None]
-        learned = [parameter for parameter in pl_module.decoder.parameters() if parameter.requires_grad]
+        layers = [module for module in decoder.modules() if next(module.parameters(False), None) is not None]
+        learned = [parameter for parameter in decoder.parameters() if parameter.requires_grad]
         self._of = len(layers) + 2 * len(learned)  # the backward pass takes twice as long
 
         def passed(weight: int) -> None:
@@ -75,7 +77,8 @@ class Progress(RichProgressBar):
         if self.progress is None:
             return
         training = trainer.training
-        of = self._of if training else max(1, self._of - 2 * sum(1 for _ in pl_module.decoder.parameters()))
+        weights = len(list(cast(nn.Module, pl_module.decoder).parameters()))
+        of = self._of if training else max(1, self._of - 2 * weights)
         part = min(0.99, self._done / of)
         bar = self.train_progress_bar_id if training else self.val_progress_bar_id
         if not self.progress.console.is_terminal:

@@ -7,7 +7,7 @@ from typing import Any
 
 import lightning as L
 
-from sci_lightning.training.batches import as_clips
+from sci_lightning.training.scoring import as_clips
 
 
 class Throughput(L.Callback):
