@@ -129,6 +129,11 @@ class Diagnosis:
         return tuple(effect.name for effect in self.effects)
 
     @property
+    def considered(self) -> dict[str, type[Effect]]:
+        """Effects that might have been named, by name: the vocabulary without noise, which every camera has."""
+        return {name: effect for name, effect in self.model.vocabulary.items() if not effect.noise}
+
+    @property
     def next_captures(self) -> tuple[str, ...]:
         """Captures that would tell the named effects from their alternatives, a sentence for each."""
         return tuple(dict.fromkeys(effect.tell_apart for effect in self.effects if effect.tell_apart))

@@ -48,7 +48,7 @@ def determined_effects(model: CameraModel) -> dict[str, type[Effect]]:
     undetermined = undetermined_effects(model)
     return {
         name: effect
-        for name, effect in model.considered.items()
-        if not (effect.map_kind or issubclass(effect, SceneEffect) or name in undetermined)
+        for name, effect in model.vocabulary.items()
+        if not (effect.noise or effect.map_kind or issubclass(effect, SceneEffect) or name in undetermined)
         and not (issubclass(effect, SensorEffect) and effect.is_discrete())
     }

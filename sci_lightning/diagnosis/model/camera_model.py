@@ -107,11 +107,6 @@ class CameraModel:
         self._modulated: Recent[Signal] = Recent(memory)
         self._formed: Recent[Signal] = Recent(memory)
 
-    @property
-    def considered(self) -> dict[str, type[Effect]]:
-        """Effects that a search may add, by name: the vocabulary without noise, which every hypothesis has."""
-        return {name: effect for name, effect in self.vocabulary.items() if not effect.noise}
-
     def with_candidates(self, candidates: Mapping[str, type[Effect]]) -> CameraModel:
         """Return a new model with further effects that may be named."""
         return CameraModel(self.observation, {**self.vocabulary, **candidates}, self.free_forms)

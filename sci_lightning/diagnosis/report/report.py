@@ -91,7 +91,7 @@ def describe(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "where": {when: [test.describe() for test in model.tests] for when, model in assessments.items()},
         "noise": {**noise, "stated_by_the_file": list(diagnosis.stated_noise)},
-        "considered": class_paths(diagnosis.model.considered),
+        "considered": class_paths(diagnosis.considered),
         "next_captures": list(diagnosis.next_captures),
         "mode": "calibrated",
         "laboratory": [effect.describe() for effect in diagnosis.laboratory],

@@ -332,7 +332,7 @@ def _footer(diagnosis: Diagnosis, provenance: Provenance) -> dict[str, str]:
             listed = ", ".join(f"{key} {value:.4g}" for key, value in values.items())
             noise.append(f"{name.replace('_', ' ')}: {listed} ({'stated by the file' if stated else 'estimated'})")
     rows = {"held out": held_out, **_left_out(diagnosis), "noise": "; ".join(noise)}
-    rows |= {"effects": considered(diagnosis.model.considered), "command": provenance.command}
+    rows |= {"effects": considered(diagnosis.considered), "command": provenance.command}
     rows["run time"] = "" if provenance.runtime_s is None else f"{provenance.runtime_s:.1f} s"
     rows["version"] = f"sci_lightning {__version__}, seed {diagnosis.seed}"
     return {title: content for title, content in rows.items() if content}

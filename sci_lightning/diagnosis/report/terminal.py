@@ -78,6 +78,6 @@ def print_report(diagnosis: Diagnosis, console: PlainConsole) -> None:
             f"what lies beyond the patterns is unknown: {100 * split['counted_fraction']:.0f} % of the pixels do not "
             "depend on it and count"
         )
-    console.say(considered(diagnosis.model.considered))
+    console.say(considered(diagnosis.considered))
     for advice in diagnosis.next_captures:
         console.say(styled("record next"), f": {advice}")
