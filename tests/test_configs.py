@@ -42,7 +42,7 @@ def test_all_groups_are_known() -> None:
         "metric",
         "scale",
         *(f"scale/decoder/{scale}" for scale in ("cpu", "quickstart", "slim", "smoke")),
-        *(f"scale/mask/{scale}" for scale in ("cpu", "crop", "quickstart")),
+        *(f"scale/mask/{scale}" for scale in ("cpu", "crop", "gpu30", "quickstart")),
         "system",
         "trainer",
     }

@@ -69,8 +69,8 @@ def describe_precision(precision: str, device: torch.device) -> str:
 
 
 def mixed_precision(precision: str, device: torch.device) -> AbstractContextManager[Any]:
-    """Return a context in which networks are computed in a precision, given by Lightning's name."""
-    dtype = DTYPES[precision]
+    """Return a context in which networks are computed in a precision, given by Lightning's name; others are float32."""
+    dtype = DTYPES.get(precision)
     return nullcontext() if dtype is None else torch.autocast(device.type, dtype)
 
 

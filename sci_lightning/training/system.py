@@ -90,6 +90,7 @@ class System(L.LightningModule):
         run_config: dict[str, Any] | None = None,
     ) -> None:
         super().__init__()
+        stage_weights, val_every_n_frames = tuple(stage_weights), dict(val_every_n_frames or {})  # plain, to be saved
         self.save_hyperparameters(ignore=["encoder", "decoder", "camera", "metrics", "tile", "run_config"])
         silence_libraries()
         if loss not in LOSSES:

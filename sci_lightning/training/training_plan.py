@@ -190,8 +190,14 @@ def training_plan(config: Mapping[str, Any]) -> TrainingPlan:
     most = None
     if trainer.get("max_time"):
         from lightning.pytorch.callbacks import Timer
+        from lightning.pytorch.utilities.exceptions import MisconfigurationException
 
-        most = Timer(trainer["max_time"]).time_remaining()
+        try:
+            most = Timer(trainer["max_time"]).time_remaining()
+        except (MisconfigurationException, TypeError) as error:
+            raise BadInput(
+                f"trainer.max_time={trainer['max_time']}: expected DD:HH:MM:SS, as in 00:00:30:00"
+            ) from error
     return TrainingPlan(
         clips,
         epochs,
@@ -216,6 +222,10 @@ def measured_step(config: Mapping[str, Any], device: torch.device, precision: st
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config["seed"])
         encoder, decoder = _parts(config)
+        if any(part > whole for part, whole in zip(config["crop"], encoder.size, strict=True)):
+            raise BadInput(
+                f"'crop=[{config['crop'][0]},{config['crop'][1]}]': larger than the mask, {list(encoder.size)} pixels"
+            )
         step = _step(config, encoder.to(device), decoder.to(device))
         learned = [p for module in (encoder, decoder) for p in module.parameters() if p.requires_grad]
         begun, points = _now(device), []

@@ -37,7 +37,11 @@ def test_in_a_process_of_its_own(command, tmp_path):
     (sheet,) = (tmp_path / "outputs" / "captures").glob("*/contact_sheet.png")
     assert str(sheet.relative_to(tmp_path)) in done.stdout and sheet.stat().st_size > 10_000
     done = command("captures", "info", "none.h5")
-    assert (done.returncode, done.stderr, done.stdout) == (2, "error: none.h5: no such file\n", "")
+    assert (done.returncode, done.stderr, done.stdout) == (
+        2,
+        "error: none.h5: no such file or folder; give captures= one that exists\n",
+        "",
+    )
 
 
 def test_info(here, tmp_path):
@@ -102,12 +106,12 @@ def test_register(here, tmp_path):
         (["show"], "show: no such command; choose plan, pack, register or info"),
         (["info"], "give captures=.."),
         (["info", "a.h5", "b.h5"], "b.h5: expected key=value"),
-        (["info", "captures=a.h5", "out="], "out=: expected the path of a file or a folder"),
+        (["info", "captures=captures.h5", "out="], "out=: expected the path of a file or a folder"),
         (["info", "captures.h5", "--fast"], "--fast: no such option"),
         (["info", "captures.truth.json"], "captures.truth.json: not an HDF5 file, expected a captures file"),
         (["pack"], "give folder=.."),
-        (["pack", "LAB", "out=lab.h5"], "LAB: no such folder"),
-        (["pack", "folder=LAB", "out=lab.mat"], "LAB: no such folder"),
+        (["pack", "LAB", "out=lab.h5"], "LAB: no such file or folder"),
+        (["pack", "folder=LAB", "out=lab.mat"], "LAB: no such file or folder"),
     ],
 )
 def test_bad_input_is_one_line(here, capsys, words, message):

@@ -62,7 +62,7 @@ def test_unknown_key(refused: Refused) -> None:
         ("lr=0.1", "did you mean system.lr?"),
         ("data.root=clips", "data has frames, size, "),
         ("decoder.dim.wide=3", "--help lists all"),
-        ("encoder.effects.prnu.std=0.1", "effect=[prnu] puts that effect into the encoder"),
+        ("encoder.effects.prnu.std=0.1", "effect=prnu puts that effect into the encoder"),
         ("trainer.limit_test_batches=1", "is added with +trainer.limit_test_batches=.."),
     ],
 )
@@ -83,7 +83,7 @@ def test_a_setting_of_a_choice_that_has_no_default(refused: Refused) -> None:
 
 
 def test_a_size_that_is_one_number(refused: Refused, command: Callable[..., subprocess.CompletedProcess[str]]) -> None:
-    wanted = "size=64: expected [height,width]; of a square size=[64,64]"
+    wanted = "size=64: expected [height,width]; of a square 'size=[64,64]'"
     for name, *more in (("train",), ("train", "crop=[64,64]"), ("evaluate", "decoder=gap_tv")):
         assert wanted in refused(name, "size=64", *more)
     camera = command("virtual_camera", "size=64")  # a package: not to be called in this process
@@ -214,6 +214,7 @@ class Exploit:
 
 
 def test_checkpoints_that_would_execute(refused: Refused, checkpoint: Path, tmp_path: Path) -> None:
+    np.save(tmp_path / "x.npy", np.zeros((32, 32), np.uint8))
     torch.save({"state_dict": Exploit(tmp_path / "executed")}, tmp_path / "a.ckpt")
     (tmp_path / "b.ckpt").write_bytes(pickle.dumps(Exploit(tmp_path / "executed")))
     for name in ("a.ckpt", "b.ckpt"):
@@ -242,7 +243,7 @@ class Mine(E2ECNN):
 
 
 def test_checkpoints_that_are_none(refused: Refused, checkpoint: Path, tmp_path: Path) -> None:
-    assert "no such checkpoint" in refused("evaluate", "ckpt_path=absent.ckpt", "data=synthetic")
+    assert "no such file" in refused("evaluate", "ckpt_path=absent.ckpt", "data=synthetic")
     (tmp_path / "cut.ckpt").write_bytes(checkpoint.read_bytes()[:5000])
     assert "damaged or truncated" in refused("evaluate", "ckpt_path=cut.ckpt", "data=synthetic")
     torch.save({"state_dict": {}}, tmp_path / "foreign.ckpt")
@@ -258,7 +259,7 @@ def test_snapshots(refused: Refused, checkpoint: Path, tmp_path: Path) -> None:
     savemat(tmp_path / "two.mat", {"a": np.zeros((32, 32)), "b": np.zeros((32, 32))})
     (tmp_path / "cut.png").write_bytes(b"\x89PNG\r\n\x1a\n0000")
     (tmp_path / "notes.txt").write_text("no picture")
-    np.save(tmp_path / "dn.npy", np.full((32, 32), 200.0))
+    np.save(tmp_path / "dn.npy", np.full((32, 32), 200.5))
     assert "NaN" in line("nan.npy")
     assert "full_scale=" in line("dn.npy")
     assert "'meas'" in line("two.mat")

@@ -190,7 +190,7 @@ def test_rows_with_folders_of_their_own(ran: Callable[..., str], capsys: pytest.
     with pytest.raises(SystemExit) as caught:
         ran("export_mask", "-m", "ckpt_path=no.ckpt", "out=one,two")
     printed = capsys.readouterr()
-    assert caught.value.code == 2 and printed.err.count("no such checkpoint") == 2
+    assert caught.value.code == 2 and printed.err.count("no such file") == 2
     assert "2 rows: 2 failed" in printed.out
 
 
