@@ -62,7 +62,7 @@ def test_unknown_key(refused: Refused) -> None:
         ("lr=0.1", "did you mean system.lr?"),
         ("data.root=clips", "data has frames, size, "),
         ("decoder.dim.wide=3", "--help lists all"),
-        ("encoder.effects.prnu.std=0.1", "effect=[prnu] puts that effect into the encoder"),
+        ("encoder.effects.prnu.std=0.1", "effect=prnu puts that effect into the encoder"),
         ("trainer.limit_test_batches=1", "is added with +trainer.limit_test_batches=.."),
     ],
 )
@@ -83,7 +83,7 @@ def test_a_setting_of_a_choice_that_has_no_default(refused: Refused) -> None:
 
 
 def test_a_size_that_is_one_number(refused: Refused, command: Callable[..., subprocess.CompletedProcess[str]]) -> None:
-    wanted = "size=64: expected [height,width]; of a square size=[64,64]"
+    wanted = "size=64: expected [height,width]; of a square 'size=[64,64]'"
     for name, *more in (("train",), ("train", "crop=[64,64]"), ("evaluate", "decoder=gap_tv")):
         assert wanted in refused(name, "size=64", *more)
     camera = command("virtual_camera", "size=64")  # a package: not to be called in this process
