@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -173,7 +174,7 @@ def test_evaluate_on_the_benchmark(run: Path, command: Command, tmp_path: Path, 
     assert done.stderr.endswith(f"{right}\n")
     few = ["data=six_scenes", "data.scenes=[drop]", "metrics.qscore=null", "pictures=0"]
     few += [f"ckpt_path={run}/checkpoints/last.ckpt", f"data.root={shared_data}/benchmark"]
-    done = command("evaluate", *few, *right.split()[1:])
+    done = command("evaluate", *few, *shlex.split(right)[1:])
     assert done.returncode == 0, done.stderr
     done = command("evaluate", *few, "encoder=rbw_sr")  # its random mask takes any size
     assert done.returncode == 2 and done.stderr.endswith("; add 'size=[256,256]'\n")
