@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -170,11 +171,11 @@ def test_evaluate_on_the_benchmark(run: Path, command: Command, tmp_path: Path, 
     done = command("evaluate", f"ckpt_path={run}/checkpoints/last.ckpt", f"data.root={shared_data}/benchmark")
     assert done.returncode == 2
     assert "(256, 256)" in done.stderr and "(32, 32)" in done.stderr
-    right = "add size=[256,256] encoder=lsw_sr encoder.mask.tile=[32,32] encoder.mask.bits=4"
+    right = "add 'size=[256,256]' encoder=lsw_sr 'encoder.mask.tile=[32,32]' encoder.mask.bits=4"
     assert done.stderr.endswith(f"{right}\n")
     few = ["data=six_scenes", "data.scenes=[drop]", "metrics.qscore=null", "pictures=0"]
     few += [f"ckpt_path={run}/checkpoints/last.ckpt", f"data.root={shared_data}/benchmark"]
-    done = command("evaluate", *few, *right.split()[1:])
+    done = command("evaluate", *few, *shlex.split(right)[1:])
     assert done.returncode == 0, done.stderr
     done = command("evaluate", *few, "encoder=rbw_sr")  # its random mask takes any size
     assert done.returncode == 2 and done.stderr.endswith("; add 'size=[256,256]'\n")
