@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
 import signal
-from collections.abc import Iterator, Sequence
+import weakref
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import torch
@@ -122,11 +124,20 @@ class ClipLoader(DataLoader[torch.Tensor]):
 
     def __iter__(self) -> Any:
         # a process inherits what is blocked where it is started, so that no moment is left in which a signal ends it
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS)
+        before, running = signal.pthread_sigmask(signal.SIG_BLOCK, STOPS), self._iterator
         try:
-            return super().__iter__()
+            iterator = super().__iter__()
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if self.num_workers and iterator is not running:  # Python would wait for them at its exit, and they for it
+            atexit.register(_end_workers, weakref.ref(iterator))
+        return iterator
+
+
+def _end_workers(reference: Callable[[], Any]) -> None:
+    """Ask the workers of an iterator to end, if it is still there."""
+    if (iterator := reference()) is not None:
+        iterator._shutdown_workers()
 
 
 class SceneSnapshots(Dataset[tuple[int, torch.Tensor]]):
