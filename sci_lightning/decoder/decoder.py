@@ -302,13 +302,13 @@ def check_levels(measurement: torch.Tensor, mask: torch.Tensor) -> None:
         )
     if measurement.numel() == 0 or mask.numel() == 0 or mask.ndim != 3:
         return
-    least, most = (float(value) for value in torch.aminmax(mask))
+    least, most = (float(value) for value in torch.aminmax(mask.detach()))
     if not (least >= -MASK_ROUNDING and most <= 1 + MASK_ROUNDING):
         raise BadInput(
             f"the mask holds {least:.4g} to {most:.4g}, but a transmittance is 0 to 1: divide it by the value "
             "that lets all light pass"
         )
-    white, brightest = float(mask.sum(0).max()), float(measurement.max())
+    white, brightest = float(mask.detach().sum(0).max()), float(measurement.detach().max())
     if brightest > BRIGHTEST_SUM * max(white, 1.0):
         raise BadInput(
             f"the measurement reaches {brightest:.4g}, white frames give at most {white:.4g}, the sum of the mask: "
