@@ -1,4 +1,4 @@
-"""Grey pictures out of TIFF, PNG, BMP, JPEG, raw, NPY, NPZ, MAT and HDF5 files, with the numbers as stored."""
+"""Grey pictures out of TIFF, PNG, BMP, PGM, JPEG, raw, NPY, NPZ, MAT and HDF5 files, with the numbers as stored."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sci_lightning.files.memory_bound import check_memory
 from sci_lightning.files.packed_file import RawLayout, read_raw
 from sci_lightning.files.tiff_file import read_tiff
 
-PICTURES = (".png", ".tif", ".tiff", ".bmp", ".jpg", ".jpeg")
+PICTURES = (".png", ".tif", ".tiff", ".bmp", ".pgm", ".jpg", ".jpeg")
 """In the order in which one kind is chosen where a folder holds the same pictures in several."""
 COPIES = 3
 """Copies of a stack that are in memory at once while it is checked and joined with others."""
@@ -59,6 +59,8 @@ def read_pictures(
             picture = read_raw(path, raw)
         elif ending in (".tif", ".tiff"):
             picture = read_tiff(path)
+        elif ending == ".pgm":
+            picture = _pgm(path.read_bytes())
         else:
             picture = _by_pillow(path)
     except BadInput as error:
@@ -138,6 +140,17 @@ def pictures_of(folder: str | Path) -> list[str]:
 def natural(path: str) -> list[tuple[int, str]]:
     """Return a key by which frame2 comes before frame10."""
     return [(int(digits or -1), text) for digits, text in re.findall(r"(\d+)|(\D+)", path)]
+
+
+def _pgm(data: bytes) -> np.ndarray:
+    """Read a binary PGM, whose numbers Pillow would scale to 8 or 16 bits."""
+    rest = rb"\s+(?:#[^\n]*\n\s*)*"
+    header = re.match(b"P5" + rest + rb"(\d+)" + rest + rb"(\d+)" + rest + rb"(\d+)\s", data[:1000])
+    if header is None:
+        raise BadInput("not a binary PGM (P5) of grey levels")
+    width, height, largest = map(int, header.groups())
+    picture = np.frombuffer(data, ">u2" if largest > 255 else "u1", width * height, header.end())
+    return picture.reshape(height, width).astype(np.uint16 if largest > 255 else np.uint8)
 
 
 def _by_pillow(path: Path) -> np.ndarray:

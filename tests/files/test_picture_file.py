@@ -122,6 +122,9 @@ def test_grey_that_is_stored_in_other_ways(tmp_path: Path) -> None:
     for mode in ("RGB", "RGBA", "LA", "P"):
         Image.fromarray(page).convert(mode).save(tmp_path / f"{mode}.png")
     Image.fromarray(page).save(tmp_path / "a.bmp")
+    (tmp_path / "bits12.pgm").write_bytes(
+        b"P5\n# of a camera\n%d %d\n4095\n" % page.shape[::-1] + page.astype(">u2").tobytes()
+    )
     for path in sorted(tmp_path.iterdir()):
         np.testing.assert_array_equal(read_pictures(path, prefer="meas"), page, err_msg=path.name)
 
