@@ -38,9 +38,9 @@ if TYPE_CHECKING:  # what type checkers and editors see; at run time FACE says w
     from sci_lightning.encoder import sensor as sensors
     from sci_lightning.errors import BadInput
     from sci_lightning.imaging.figures import plot
+    from sci_lightning.imaging.measurement import Measurement
     from sci_lightning.imaging.operator import SnapshotOperator
     from sci_lightning.imaging.pipeline import Pipeline
-    from sci_lightning.measurement import Measurement
     from sci_lightning.metrics import HDRVDP2
     from sci_lightning.runs.checkpoint import Checkpoint
     from sci_lightning.runs.checkpoint import read_checkpoint as load_checkpoint
@@ -56,7 +56,7 @@ FACE = {
     "Diagnosis": "diagnosis:Diagnosis",
     "Encoder": "encoder:Encoder",
     "HDRVDP2": "metrics:HDRVDP2",
-    "Measurement": "measurement:Measurement",
+    "Measurement": "imaging.measurement:Measurement",
     "Pipeline": "imaging.pipeline:Pipeline",
     "Reconstruction": "runs.reconstruction:Reconstruction",
     "Run": "training.run:Run",

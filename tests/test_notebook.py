@@ -11,7 +11,7 @@ import torch
 
 import sci_lightning as sci
 from sci_lightning.data import Synthetic
-from sci_lightning.measurement import Measurement
+from sci_lightning.imaging.measurement import Measurement
 from sci_lightning.metrics import psnr
 
 T, SIZE = 8, (64, 64)

@@ -126,7 +126,7 @@ def sizes_of_steps(size: Sequence[int], field: Sequence[int]) -> str:
     if (rows > 0) == (columns > 0):
         return (
             f"the snapshots are {field[0]} x {field[1]}, and no pattern of that size moves along an axis from edge to "
-            "edge; give one pattern for every slot, T x H x W, or of one that moves mask_step=[ROWS,COLUMNS] "
+            "edge; give one pattern for every slot, T x H x W, or of one that moves 'mask_step=[ROWS,COLUMNS]' "
             "mask_slots=T"
         )
     space, axis = (rows, 0) if rows else (columns, 1)

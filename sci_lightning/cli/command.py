@@ -28,8 +28,8 @@ from sci_lightning.cli.words import check_choices, check_words
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.errors import INTERRUPTED, InputWarning
 from sci_lightning.files.plain_text import one_printable_line
+from sci_lightning.runs.quiet_libraries import silence_libraries
 from sci_lightning.runs.run_folder import is_first_process, run_folder, undo_if_refused
-from sci_lightning.training.quiet_libraries import silence_libraries
 
 Task = Callable[[Composition], Any]
 

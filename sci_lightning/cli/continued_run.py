@@ -75,7 +75,7 @@ class StoredRun:
                 if name is not None and not (CONF / group / f"{name}.yaml").is_file():
                     raise BadInput(
                         f"{self.path}: its training used {group}={name}, which does not come with the package: say "
-                        "again where that lies, hydra.searchpath=[FOLDER]"
+                        "again where that lies, 'hydra.searchpath=[FOLDER]'"
                     )
 
     def values(self, without: Iterable[str]) -> Iterator[str]:

@@ -14,9 +14,9 @@ from sci_lightning.cli.encoder_file import PLACES, adapt_to_encoder_files, adopt
 from sci_lightning.cli.settings import check_command_settings
 from sci_lightning.cli.stored_overrides import recorded
 from sci_lightning.errors import BadInput
+from sci_lightning.runs.quiet_libraries import silence_libraries
 from sci_lightning.runs.resume import check_nothing_lost
 from sci_lightning.runs.run_folder import run_folder
-from sci_lightning.training.quiet_libraries import silence_libraries
 
 if TYPE_CHECKING:
     from sci_lightning.cli.evaluation import Evaluation
@@ -119,7 +119,7 @@ def evaluate(configuration: Iterable[str] | Mapping[str, Any]) -> Evaluation:
     >>> import sci_lightning as sci
     >>> scenes = {"data": "synthetic", "data.scenes_count": 1, "frames": 4, "size": [32, 32]}
     >>> done = sci.evaluate({"decoder": "linear", "metric": ["psnr"], **scenes, "out": "evaluation"})
-    Testing ...
+    Testing: ...
     >>> done.metrics.mean["psnr"] > 20  # dB, over the test scenes
     True
 

@@ -81,5 +81,7 @@ class Exists:
     or_name: bool = False
 
 
-ExistingPath: TypeAlias = Annotated[str | Path, Exists(), DocInfo("the path of a file or a folder that exists")]
+ExistingPath: TypeAlias = Annotated[
+    Annotated[str, Len(1)] | Path, Exists(), DocInfo("the path of a file or a folder that exists")
+]
 """A file or folder to read."""

@@ -13,9 +13,9 @@ from torch.nn import functional as F
 from sci_lightning.decoder.kernels.switch import are_plain
 from sci_lightning.errors import BadInput
 from sci_lightning.imaging.full_precision import full_precision
+from sci_lightning.imaging.measurement import linear_with_mask
 from sci_lightning.imaging.operator import SnapshotOperator
 from sci_lightning.imaging.tiling import SEAM_TOLERANCE, SeamsDiffer, Tiling
-from sci_lightning.measurement import linear_with_mask
 
 if TYPE_CHECKING:
     from sci_lightning.imaging.patches.estimator import LinearEstimator
@@ -55,7 +55,7 @@ class FirstVideo(NamedTuple):
 class Decoder(nn.Module):
     """A decoder: ``decoder(measurement, mask) -> video``.
 
-    The measurement ``(N, H, W)`` is what an encoder returned, a :class:`~sci_lightning.measurement.Measurement`, of
+    The measurement ``(N, H, W)`` is what an encoder returned, a :class:`.imaging.measurement.Measurement`, of
     which the decoder undoes the aperture; or, as a plain tensor, the sum over t of M_t x_t. The mask M is ``(T, H, W)``
     in [0, 1], and the video x is ``(N, T, H, W)``. A subclass implements :meth:`decode`, or :meth:`decode_stages` if it
     makes several estimates one after another. The shapes are checked before either is called.
@@ -156,18 +156,18 @@ class Decoder(nn.Module):
             measurement, mask = (F.pad(x, margin, mode="replicate") for x in (measurement, mask))
         estimates = self.decode_stages(measurement, mask)
         if not torch.compiler.is_compiling():  # where sizes are symbols
-            self._check_estimates(estimates, (len(measurement), *mask.shape))
+            self._check_estimates(estimates, (len(measurement), len(mask)), (height, width))
         # Under autocast a network may end in a lower precision; losses and metrics want that of the measurement.
         return [estimate[..., :height, :width].to(measurement.dtype).contiguous() for estimate in estimates]
 
-    def _check_estimates(self, estimates: list[torch.Tensor], expected: tuple[int, ...]) -> None:
-        """Refuse what a decoder of somebody else's returned, if that is no video of the right shape."""
+    def _check_estimates(self, estimates: list[torch.Tensor], frames: tuple[int, int], size: tuple[int, int]) -> None:
+        """Refuse what somebody else's decoder returned, if that is no video of N, T (``frames``) and H, W or more."""
         for estimate in estimates:
-            given = tuple(estimate.shape) if isinstance(estimate, torch.Tensor) else type(estimate).__name__
-            if given != expected:
+            given = tuple(estimate.shape) if isinstance(estimate, torch.Tensor) else ()
+            if len(given) != 4 or given[:2] != frames or given[2] < size[0] or given[3] < size[1]:
                 raise BadInput(
-                    f"{type(self).__name__} returned {given}, expected a video {expected} (N, T, H, W): as many frames "
-                    "as the mask has slots, and its height and width"
+                    f"{type(self).__name__} returned {given or type(estimate).__name__}, expected a video "
+                    f"{(*frames, *size)} (N, T, H, W): as many frames as the mask has slots, and its height and width"
                 )
 
     @property

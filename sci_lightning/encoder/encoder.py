@@ -19,8 +19,8 @@ from sci_lightning.encoder.physics import deepinv_physics
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput
 from sci_lightning.imaging.full_precision import full_precision
+from sci_lightning.imaging.measurement import Measurement, as_float_tensor, marked
 from sci_lightning.imaging.operator import SnapshotOperator
-from sci_lightning.measurement import Measurement, as_float_tensor, marked
 
 LEAST_VARIANCE = 1e-11
 """Noise of less variance is not drawn: it is a fifth of a 16-bit step, and the size of rounding errors."""
@@ -134,7 +134,7 @@ class Encoder(nn.Module):
 
         Returns:
             ``(T, qH, qW)``, with q x q cells per pixel (``path.cells``) where a displaced mask is seen through a
-            blurring lens, else q = 1. It remembers the aperture, see :mod:`sci_lightning.measurement`.
+            blurring lens, else q = 1. It remembers the aperture, see :mod:`sci_lightning.imaging.measurement`.
         """
         return marked(self.path.transmittance(self.mask()), self.aperture, self._is_to_be_linearised)
 

@@ -65,7 +65,7 @@ def read_raw(path: Path, layout: RawLayout) -> np.ndarray:
     if not size or size % one:
         raise BadInput(
             f"{size} bytes are no whole number of images of {height} x {width} pixels in {name}, {one} bytes each: "
-            "check raw_size=[H,W] and raw_format=, and whether the file begins with a header"
+            "check 'raw_size=[H,W]' and raw_format=, and whether the file begins with a header"
         )
     check_memory("its raw images", COPIES * pixels * (size // one))
     images = np.fromfile(path, np.uint8).reshape(-1, one)

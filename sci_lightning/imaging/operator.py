@@ -10,7 +10,7 @@ from __future__ import annotations
 import torch
 from torch.nn import functional as F
 
-from sci_lightning.measurement import Measurement
+from sci_lightning.imaging.measurement import Measurement
 
 
 class SnapshotOperator:

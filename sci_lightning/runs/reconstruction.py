@@ -26,10 +26,10 @@ from sci_lightning.files.packed_file import RawLayout
 from sci_lightning.imaging.animation import write_frames, write_gif, write_mp4, write_overview
 from sci_lightning.imaging.light_scale import bright_end, doubtful_brightness, resolve_aperture
 from sci_lightning.imaging.mask_check import mask_warning
+from sci_lightning.imaging.measurement import linear_with_mask
 from sci_lightning.imaging.pipeline import Pipeline
 from sci_lightning.imaging.snapshot import read_snapshot
 from sci_lightning.imaging.tile_choice import TileChoice
-from sci_lightning.measurement import linear_with_mask
 from sci_lightning.runs.device import resolve_device
 from sci_lightning.runs.precision import describe_precision, mixed_precision, resolve_precision
 

@@ -17,15 +17,15 @@ from sci_lightning.configuration.bounds import NonNegative, Positive, Seed, Shar
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput, TrainingDiverged
+from sci_lightning.imaging.measurement import linear_with_mask
 from sci_lightning.imaging.pipeline import Pipeline
 from sci_lightning.imaging.tile_choice import TileChoice
-from sci_lightning.measurement import linear_with_mask
 from sci_lightning.metrics import PSNR, SSIM
 from sci_lightning.metrics.frame_metric import FrameMetric, as_frame_metric
+from sci_lightning.runs.quiet_libraries import silence_libraries
 from sci_lightning.training.cuda_graph import GraphedStages
 from sci_lightning.training.learning_rates import LearningRates, part_done
 from sci_lightning.training.loss import LOSSES
-from sci_lightning.training.quiet_libraries import silence_libraries
 from sci_lightning.training.scoring import Scoring, as_clips
 from sci_lightning.training.training_position import TrainingPosition
 
@@ -357,6 +357,6 @@ class System(L.LightningModule):
         """Refuse to go on where the loops' states are missing: Lightning would begin again at the first step."""
         if self.trainer.training and "loops" not in checkpoint:
             raise BadInput(
-                "this checkpoint is gone on with by Trainer(plugins=[TrainingCheckpointIO(system)]) of "
+                "this checkpoint is gone on with by Trainer(plugins=TrainingCheckpointIO(system)) of "
                 "sci_lightning.training.training_checkpoint, or by the command train"
             )

@@ -44,6 +44,9 @@ PER_PARAMETER = 16
 ADAM_PASSES = 5
 """Readings and writings of all weights that a step of Adam is worth, with its gradients and two moments."""
 
+LIGHTNINGS_EPOCHS = 1000
+"""Epochs of a training for which nobody says how many."""
+
 DAY = 86400.0
 """Seconds."""
 
@@ -108,9 +111,12 @@ class TrainingPlan:
     def lines(self) -> list[str]:
         """Return the plan in sentences."""
         steps, limit = self.steps, ""
-        if self.core_minutes is not None and (within := int(60 * self.core_minutes / self.step_seconds)) < steps:
+        if (
+            self.core_minutes is not None
+            and (within := int(60 * self.core_minutes / max(self.step_seconds, 1e-9))) < steps
+        ):
             steps, limit = within, f" in {self.core_minutes:g} minutes of processor time, about"
-        if self.most_seconds is not None and (within := int(self.most_seconds / self.step_seconds)) < steps:
+        if self.most_seconds is not None and (within := int(self.most_seconds / max(self.step_seconds, 1e-9))) < steps:
             steps, limit = within, f" in {duration(self.most_seconds)}, about"
         epochs = steps / self.steps * self.epochs
         return [
@@ -178,8 +184,11 @@ def training_plan(config: Mapping[str, Any]) -> TrainingPlan:
         batches = int(batches * limit) if isinstance(limit, float) else min(batches, limit)
         if not batches:
             raise BadInput(f"trainer.limit_train_batches={limit}: leaves no batch of {clips // batch_size}")
-    epochs, parts = trainer["max_epochs"], trainer["accumulate_grad_batches"]
-    steps = math.ceil(batches / parts) * epochs
+    parts = trainer["accumulate_grad_batches"]
+    per_epoch, epochs = math.ceil(batches / parts), trainer["max_epochs"]
+    if epochs is None or epochs < 0:  # as Lightning has it: no end, or as many as the steps fill
+        epochs = math.ceil(trainer["max_steps"] / per_epoch) if trainer["max_steps"] > 0 else LIGHTNINGS_EPOCHS
+    steps = per_epoch * epochs
     if trainer["max_steps"] > 0:
         steps = min(steps, trainer["max_steps"])
     device = device_of_accelerator(trainer["accelerator"])
@@ -228,6 +237,8 @@ def measured_step(config: Mapping[str, Any], device: torch.device, precision: st
             )
         step = _step(config, encoder.to(device), decoder.to(device))
         learned = [p for module in (encoder, decoder) for p in module.parameters() if p.requires_grad]
+        if not any(p.requires_grad for p in decoder.parameters()):  # refused by its name where the training begins
+            return StepCost(0.0, 0.0, 0.0, 0.0, 0.0)
         begun, points = _now(device), []
         for height, width in _windows(*config["crop"]):
             times = math.prod(config["crop"]) / (height * width)

@@ -54,8 +54,9 @@ def test_one_line_and_nothing_written(refused: Refused, tmp_path: Path) -> None:
         ("candidates=5", r"\+candidates.mine=my_module.Mine"),
     ],
 )
-def test_candidates(refused: Refused, word: str, right: str) -> None:
-    line = refused("diagnose", "captures=a.h5", word)
+def test_candidates(refused: Refused, tmp_path: Path, word: str, right: str) -> None:
+    (tmp_path / "a.h5").touch()
+    line = refused("diagnose", f"captures={tmp_path}/a.h5", word)
     assert re.search(right, line) and "hydra.cc" not in line
 
 
@@ -66,6 +67,7 @@ def test_articles() -> None:
 
 def test_file_in_the_place_of_a_folder(tmp_path: Path, refused: Refused) -> None:
     (tmp_path / "taken").write_text("kept")
-    line = refused("diagnose", "captures=none.h5", f"out={tmp_path / 'taken'}")
+    (tmp_path / "a.h5").touch()
+    line = refused("diagnose", f"captures={tmp_path}/a.h5", f"out={tmp_path / 'taken'}")
     assert "taken: a file stands where a folder is needed; name another folder" in line
     assert (tmp_path / "taken").read_text() == "kept"

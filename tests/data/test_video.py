@@ -91,7 +91,7 @@ def test_what_cannot_be_read_is_said(tmp_path: Path) -> None:
         (path, {"frames": 0}, "frames=0"),
         (path, {"snapshots": 2}, "how many frames"),
         (path, {"size": (48, 48)}, "24 x 32"),
-        (path, {"key": "frames"}, "key=frames"),
+        (path, {"key": "others"}, "others"),
         (tmp_path / "two.mat", {}, "a .*b "),
     ):
         with pytest.raises(BadInput, match=line):

@@ -39,12 +39,15 @@ from tests.schemas.validation import check
     ],
 )
 def test_a_wrong_value_is_refused_by_its_key(key: str, value: Any) -> None:
-    with pytest.raises(BadInput, match=f"^{key}"):
+    with pytest.raises(BadInput, match=key):
         check_settings({key: value}, ())
 
 
 def test_the_command_ends_with_one_line(tmp_path: Path, refused: Callable[..., str]) -> None:
-    assert "most=-1: expected a whole number" in refused("diagnose", "captures=a.h5", "most=-1", f"out={tmp_path}/out")
+    (tmp_path / "a.h5").touch()
+    assert "most=-1: expected a whole number" in refused(
+        "diagnose", f"captures={tmp_path}/a.h5", "most=-1", f"out={tmp_path}/out"
+    )
     VirtualCamera(Session(size=(16, 16))).write(tmp_path / "a.h5", seed=3)
     with h5py.File(tmp_path / "a.h5", "a") as file:
         file.attrs["name"] = "[/red]\x1b[31m"

@@ -134,6 +134,6 @@ def test_bad_input(refused: Run) -> None:
     assert "reduced=tiny: no such scale of networks; choose one of cpu, quickstart" in refused(
         "benchmark", "reduced=tiny"
     )
-    assert "no such checkpoint" in refused("benchmark", "ckpt_path=none.ckpt")
+    assert "no such file" in refused("benchmark", "ckpt_path=none.ckpt")
     assert "choose auto, cpu" in refused("benchmark", "device=tpu")
     assert "a whole number from 1" in refused("benchmark", "repeats=0")

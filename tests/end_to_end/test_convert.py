@@ -101,7 +101,7 @@ def test_bad_input(published: dict[str, torch.Tensor], refused: Refused, tmp_pat
         assert checkpoint in result and not (tmp_path / "out.ckpt").exists()
         return result
 
-    assert "no such checkpoint" in line("absent.pth")
+    assert "no such file" in line("absent.pth")
     assert "name it: decoder=NAME" in line("bare.pth", "seed=1")
     assert "'conv1.weight' has no place in Res2former" in line("bare.pth", "decoder=res2former", "decoder.dim=16")
     assert "set frames= and decoder.*" in line("bare.pth", "decoder=e2e_cnn", "decoder.channels=8")

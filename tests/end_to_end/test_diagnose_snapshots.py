@@ -51,7 +51,7 @@ def test_without_a_mask(snapshot: np.ndarray, tmp_path: Path, ran: Ran) -> None:
         (["measurement=meas.mat", "mask=open.mat"], "is the same everywhere"),
         (["measurement=meas.mat", "mask=nan.mat"], "holds NaN"),
         (["measurement=folder"], "folder: is a folder, expected a file"),
-        (["measurement=meas.mat", "mask=folder"], "folder: is a folder, expected a file"),
+        (["measurement=meas.mat", "mask=folder"], "folder: holds no picture"),
         (
             ["measurement=meas.mat", "mask=mask.mat", "verification=[0]"],
             "sets all 1 captures of unknown scenes aside",
@@ -76,6 +76,7 @@ def test_bad_input(words: list[str], answer: str, snapshot: np.ndarray, tmp_path
     savemat(tmp_path / "open.mat", {"mask": np.ones((64, 64, 4))})
     savemat(tmp_path / "nan.mat", {"mask": np.full((64, 64, 4), np.nan)})
     (tmp_path / "folder").mkdir()
+    (tmp_path / "a.h5").touch()
     savemat(tmp_path / "several.mat", {"y": mask, "dark": mask[..., :2], "positions": mask[:20, :30, 0]})
     np.save(tmp_path / "holes.npy", np.where(np.arange(2 * 32 * 32).reshape(2, 32, 32) == 1024 + 67, np.nan, 5.0))
     np.save(tmp_path / "small.npy", np.ones((9, 40), np.uint8))

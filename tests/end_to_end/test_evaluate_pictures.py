@@ -72,6 +72,6 @@ def test_pictures_of_a_training_replace_links(tmp_path: Path) -> None:
     (tmp_path / "pictures").mkdir()
     (tmp_path / "pictures" / "mask.png").symlink_to(tmp_path / "thesis.tex")
     trainer: Any = SimpleNamespace(loggers=[], global_step=0)
-    Pictures(str(tmp_path / "pictures"))._show(trainer, [("mask", Figure())])
+    Pictures(str(tmp_path / "pictures"))._show(trainer, [("mask", Figure(), Figure())])
     assert (tmp_path / "thesis.tex").read_text() == "precious"
     assert (tmp_path / "pictures" / "mask.png").read_bytes().startswith(b"\x89PNG")

@@ -73,7 +73,7 @@ def test_refused(refused: Run) -> None:
     assert "ckpt_path=" in line and "decoder=gap_tv" in line
     line = refused("evaluate", "decoder=e2e_cnn", *SCENE)
     assert "decoder=e2e_cnn has 817,608 parameters to learn: train it first" in line
-    assert "no such checkpoint" in refused("evaluate", "decoder=gap_tv", "ckpt_path=no.ckpt", *SCENE)
+    assert "no such file" in refused("evaluate", "decoder=gap_tv", "ckpt_path=no.ckpt", *SCENE)
     line = refused("evaluate", "decoder=gap_tv", "decoder.strengths=[0]", *SCENE)
     assert "decoder.strengths=[0]: expected a list of numbers above 0" in line
     line = refused("evaluate", "decoder=gap_tv", "decoder.motion=5", *SCENE)

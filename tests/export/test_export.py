@@ -110,7 +110,7 @@ def test_bad_input(
         "export", "ckpt_path=a.ckpt", "size=[8,64]", out
     )
     assert "give ckpt_path=RUN/checkpoints/last.ckpt, or decoder=NAME" in refused("export", out)
-    assert "no such checkpoint" in refused("export", "ckpt_path=none.ckpt", out)
+    assert "no such file" in refused("export", "ckpt_path=none.ckpt", out)
     assert "mask=trained: without ckpt_path=" in refused("export", "decoder=e2e_cnn", "mask=trained", out)
     assert "was built for 4 frames" in refused("export", "ckpt_path=a.ckpt", "frames=5", out)
     with monkeypatch.context() as patch:

@@ -182,9 +182,10 @@ def test_a_header_that_declares_more_than_the_file_holds(tmp_path: Path) -> None
 
 def test_commands_refuse_what_the_reader_refuses(tmp_path: Path, refused: Callable[..., str]) -> None:
     saved(tmp_path / "a.ckpt", config={**CONFIG, "crop": CALL})
+    (tmp_path / "x.npy").touch()
     for command, more in (
         ("evaluate", "data=synthetic"),
-        ("reconstruct", "measurement=x.npy"),
+        ("reconstruct", f"measurement={tmp_path}/x.npy"),
         ("export_mask", "repeat=1"),
     ):
         assert "crop=" in refused(command, "ckpt_path=a.ckpt", more)

@@ -140,9 +140,10 @@ def test_full_precision() -> None:
     assert doctest.testmod(full_precision).failed == 0
 
 
-def test_bad_input(refused: Callable[..., str]) -> None:
+def test_bad_input(refused: Callable[..., str], tmp_path: Path) -> None:
+    (tmp_path / "none.tiff").touch()
     for name in ("train", "evaluate", "reconstruct", "benchmark"):
-        more = ["measurement=none.tiff"] if name == "reconstruct" else []
+        more = [f"measurement={tmp_path}/none.tiff"] if name == "reconstruct" else []
         assert "precision=fp8: expected auto, 32, bf16, 16" in refused(name, "precision=fp8", *more)
     small = ["scale=smoke", "decoder=e2e_cnn", "trainer.accelerator=cpu", "out=run"]
     assert "precision=16: processors do not compute networks in float16" in refused("train", *small, "precision=16")

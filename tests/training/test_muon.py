@@ -12,7 +12,7 @@ from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.mask import LearnedStructural
 from sci_lightning.encoder.sensor import ClipQuantise
 from sci_lightning.errors import BadInput
-from sci_lightning.training import system as system_module
+from sci_lightning.training import learning_rates
 from sci_lightning.training.muon import Muon, is_large, orthogonalised
 from sci_lightning.training.system import System
 from tests.training.test_training_position import check_chain, system_and_trainer, train
@@ -64,7 +64,7 @@ def test_decay_keeps_norms_below_one_over_it() -> None:
 def test_a_killed_training_with_muon_ends_as_one_that_never_was(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(system_module, "is_large", lambda weight: weight.ndim == 4)  # the test's decoder is tiny
+    monkeypatch.setattr(learning_rates, "is_large", lambda weight: weight.ndim == 4)  # the test's decoder is tiny
     options = {"muon_lr": 0.02, "warmup": 0.2}
     whole = train(tmp_path / "whole", **options)
     assert whole is not None and "momentum_buffer" in str(whole["optimizer_states"][0]["state"][2].keys())

@@ -75,7 +75,7 @@ def test_without_out_it_writes_under_outputs(here, tmp_path):
         ("effects=mask_shft", "choose random, outside, none or of"),
         ("effects=[{name:gain,factor:-1}]", "gain.factor must be a number from 0.01 to 100"),
         ("size=[8,8]", "size must be a whole number from 16"),
-        ("mask=solid", "no such file; mask is structural, binary or an .npy file"),
+        ("mask=solid", "no such file; mask is structural, binary or a file of"),
         ("out=captures.mat", "ends in .h5"),
         ("sed=1", "sed"),
     ],

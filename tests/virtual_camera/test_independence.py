@@ -18,6 +18,7 @@ SHARED = {
     "sci_lightning.errors",
     "sci_lightning.files.atomic_file",
     "sci_lightning.files.hdf5_file",
+    "sci_lightning.files.mask_file",
     "sci_lightning.files.npy_file",
 }
 """Captures in memory, how files are read and written, and errors; nothing of the physics."""

@@ -1,16 +1,22 @@
-"""``logger=csv``: Lightning's CSV logger, which goes on with the file that an earlier part of the run has written."""
+"""Logs that a training writes into its folder: a CSV file that is gone on with, and what TensorBoard shows first."""
 
 from __future__ import annotations
 
 import csv
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from lightning.fabric.loggers.logger import rank_zero_experiment
 from lightning.pytorch.loggers import CSVLogger
+from lightning.pytorch.loggers import TensorBoardLogger as LightningTensorBoardLogger
 from lightning.pytorch.loggers.csv_logs import ExperimentWriter
 
 from sci_lightning.files.atomic_file import atomic_write
+
+CURVES = {"train/loss": "curves/loss", "val/psnr": "curves/psnr"}
+"""What is shown first, and under which tag: TensorBoard sorts groups by name and opens the first two, which are
+``curves`` and ``mask``. The tags name no encoder and no bit depth, so that the runs of a sweep share a chart."""
 
 
 class AppendingCSVLogger(CSVLogger):
@@ -52,3 +58,14 @@ class _Writer(ExperimentWriter):
             writer = csv.DictWriter(file, fieldnames)
             writer.writeheader()
             writer.writerows(rows)
+
+
+class TensorBoardLogger(LightningTensorBoardLogger):
+    """Lightning's logger, with loss and PSNR repeated in a group of charts that TensorBoard shows first.
+
+    The number of the epoch, which Lightning adds to everything that is logged, is left out.
+    """
+
+    def log_metrics(self, metrics: Mapping[str, Any], step: int | None = None) -> None:
+        values = {tag: value for tag, value in metrics.items() if tag != "epoch"}
+        super().log_metrics(values | {CURVES[tag]: value for tag, value in values.items() if tag in CURVES}, step)
