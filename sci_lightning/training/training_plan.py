@@ -198,8 +198,8 @@ def training_plan(config: Mapping[str, Any]) -> TrainingPlan:
         raise BadInput(_too_large(config, cost, free))
     most = None
     if trainer.get("max_time"):
+        from lightning.fabric.utilities.exceptions import MisconfigurationException
         from lightning.pytorch.callbacks import Timer
-        from lightning.pytorch.utilities.exceptions import MisconfigurationException
 
         try:
             most = Timer(trainer["max_time"]).time_remaining()

@@ -49,6 +49,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for scene in ("kobe", "traffic", "runner", "drop", "crash", "aerial"):
         frames = torch.randint(256, (32, 32, 48), dtype=torch.uint8).numpy()
         savemat(place / "SCENES" / f"{scene}_cacti.mat", {"orig": frames})
+    mask = np.random.default_rng(1).integers(0, 2, (32, 32, 8))
+    savemat(place / "SCENES" / "lab01.mat", {"orig": frames[..., :8], "mask": mask})
     savemat(place / "MASK.mat", {"mask": np.random.default_rng(0).integers(0, 2, (32, 32, 8))})
     imsave(place / "SNAPSHOT.tiff", (torch.rand(32, 32) * 255).byte().numpy(), check_contrast=False)
     own_files(place)

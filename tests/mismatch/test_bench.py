@@ -73,7 +73,7 @@ def test_the_middle_of_scenes_and_mask(tmp_path: Path) -> None:
     ("changed", "message"),
     [
         ({"mask": "nowhere.npy"}, "nowhere.npy"),
-        ({"mask": "mask.npy"}, r"mask=.*mask.npy: holds \(8, 16, 16\) .*scenes are \(4, 32, 32\).*frames=8 size"),
+        ({"mask": "mask.npy"}, r"mask=.*mask.npy: holds \(8, 16, 16\) .*scenes are \(4, 32, 32\).*frames=8 'size"),
         ({"middle": [40, 20]}, r"middle=\[40, 20\]: larger than the scenes, which are \[32, 32\]"),
         ({"middle": [8, 8]}, r"middle=\[8, 8\]: expected at least 16 pixels"),
         ({"calibration": {**FEW, "darks": 3}}, "calibration: no 'darks'"),
