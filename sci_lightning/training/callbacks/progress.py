@@ -26,7 +26,7 @@ class Progress(RichProgressBar):
         line_seconds: seconds between two lines in a file.
     """
 
-    def __init__(self, line_seconds: float = 15.0) -> None:
+    def __init__(self, line_seconds: float = 10.0) -> None:
         super().__init__()
         self.line_seconds = line_seconds
         self._last_line = time.monotonic()
