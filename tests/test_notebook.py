@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import io
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -117,6 +118,21 @@ def test_wrong_lines_are_refused(
     with pytest.raises(sci.BadInput, match=words) as refused:
         wrong(encoder, gap_tv, video)
     assert "\n" not in str(refused.value)
+
+
+@torch.no_grad()
+def test_reconstruct_reads_what_a_measurement_knows(
+    encoder: sci.Encoder, gap_tv: sci.decoders.Decoder, video: torch.Tensor, right: torch.Tensor, tmp_path: Path
+) -> None:
+    """Also where the encoder is not given, and its aperture is not the one that the numbers suggest."""
+    dim = sci.Encoder(encoder.mask, encoder.sensor, aperture=0.125)
+    np.save(tmp_path / "mask.npy", encoder.mask().numpy())
+    for measurement in (dim(video), 255 * dim(video)):
+        done = sci.reconstruct(measurement, gap_tv, mask=tmp_path / "mask.npy", say=lambda line: None)
+        assert done.aperture == 0.125
+        assert quality(torch.from_numpy(done.video), video) == pytest.approx(quality(right, video), abs=0.5)
+    with pytest.raises(sci.BadInput, match="undone already"):
+        sci.reconstruct(encoder.normalised(encoder(video)), gap_tv, encoder)
 
 
 @torch.no_grad()

@@ -26,7 +26,7 @@ from sci_lightning.files.packed_file import RawLayout
 from sci_lightning.imaging.animation import write_frames, write_gif, write_mp4, write_overview
 from sci_lightning.imaging.light_scale import bright_end, doubtful_brightness, resolve_aperture
 from sci_lightning.imaging.mask_check import mask_warning
-from sci_lightning.imaging.measurement import linear_with_mask
+from sci_lightning.imaging.measurement import Measurement, linear_with_mask
 from sci_lightning.imaging.pipeline import Pipeline
 from sci_lightning.imaging.snapshot import read_snapshot
 from sci_lightning.imaging.tile_choice import TileChoice
@@ -126,7 +126,8 @@ def reconstruct(
     ((1, 4, 32, 32), 255.0, 0.5)
 
     Args:
-        measurement: a file (TIFF, PNG, NPY, MAT, HDF5), or the numbers themselves, ``(H, W)`` or ``(N, H, W)``.
+        measurement: a file (TIFF, PNG, NPY, MAT, HDF5), or the numbers themselves, ``(H, W)`` or ``(N, H, W)``; a
+            :class:`.Measurement` says its full scale and aperture by itself.
         decoder: as of :func:`sci_lightning.load_decoder` or of a checkpoint.
         encoder: that took the snapshots, as of a checkpoint; None for an ideal one with the mask of ``mask``.
         mask: file of the mask, which takes the place of the encoder's.
@@ -150,6 +151,12 @@ def reconstruct(
     Raises:
         BadInput: no mask, files that cannot be read, sizes that do not fit, or more memory is needed than there is.
     """
+    if isinstance(measurement, Measurement):
+        if measurement.is_linear:
+            raise BadInput("sensor and aperture of this measurement are undone already: give what the camera recorded")
+        aperture = measurement.aperture if aperture is None else aperture
+        full_scale = 1.0 if full_scale is None else full_scale
+        measurement = measurement.recorded()
     place = resolve_device(device)
     networks = count_parameters(decoder) > 0
     computed_in = resolve_precision(precision, place, networks)

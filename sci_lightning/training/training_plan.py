@@ -27,10 +27,11 @@ from sci_lightning.runs.device import device_name
 from sci_lightning.runs.precision import device_of_accelerator, mixed_precision, resolve_precision
 
 SIDE = 16
-"""Height and width, in pixels, of the first clip that is measured; each further one has twice the pixels."""
+"""Height and width, in pixels, of the first clip that is measured; those of the next are twice as large, and so on."""
 
-MEASURED_SECONDS = 2.0
-"""Seconds after which no larger clip is measured."""
+MEASURED_SECONDS = 4.5
+"""Seconds that the measurement takes at most, if two small clips do not take longer. Two cores reach 64 x 64 pixels of
+Res2former within them, from which the time of a step at 256 x 256 follows to about 10 %."""
 
 BEYOND_ACTIVATIONS = 1.2
 """Memory of a step over what its forward pass keeps: gradients on their way, and what allocators waste.
@@ -63,6 +64,7 @@ class StepCost:
         optimizer_seconds: of the optimizer, once a step.
         bytes: of the activations of a clip; ``fixed_bytes`` of all else, once.
         fixed_bytes: see there.
+        busy: threads that computed at a time, on average.
     """
 
     seconds: float
@@ -70,6 +72,7 @@ class StepCost:
     optimizer_seconds: float
     bytes: float
     fixed_bytes: float
+    busy: float = 1.0
 
     def of_step(self, clips: int, parts: int) -> float:
         """Return the seconds of a step of so many clips in each of its parts (``accumulate_grad_batches``)."""
@@ -95,6 +98,7 @@ class TrainingPlan:
         free: bytes that were free there.
         core_minutes: limit on the processor time of the training, None for none.
         most_seconds: limit on its duration, None for none.
+        busy: threads that compute at a time, on average: processor time over duration.
     """
 
     clips_per_epoch: int
@@ -107,13 +111,14 @@ class TrainingPlan:
     free: float = math.inf
     core_minutes: float | None = None
     most_seconds: float | None = None
+    busy: float = 1.0
 
     def lines(self) -> list[str]:
         """Return the plan in sentences."""
         steps, limit = self.steps, ""
         if (
             self.core_minutes is not None
-            and (within := int(60 * self.core_minutes / max(self.step_seconds, 1e-9))) < steps
+            and (within := int(60 * self.core_minutes / max(self.busy * self.step_seconds, 1e-9))) < steps
         ):
             steps, limit = within, f" in {self.core_minutes:g} minutes of processor time, about"
         if self.most_seconds is not None and (within := int(self.most_seconds / max(self.step_seconds, 1e-9))) < steps:
@@ -130,7 +135,7 @@ class TrainingPlan:
     @property
     def seconds(self) -> float:
         """The expected duration of the training, within its limits."""
-        budget = math.inf if self.core_minutes is None else 60 * self.core_minutes
+        budget = math.inf if self.core_minutes is None else 60 * self.core_minutes / self.busy
         return min(self.steps * self.step_seconds, budget, math.inf if self.most_seconds is None else self.most_seconds)
 
 
@@ -218,14 +223,16 @@ def training_plan(config: Mapping[str, Any]) -> TrainingPlan:
         free,
         config["core_minutes"],
         most,
+        cost.busy,
     )
 
 
 def measured_step(config: Mapping[str, Any], device: torch.device, precision: str) -> StepCost:
     """Return what a clip costs in a training step on a device, from ever larger parts of one.
 
-    Time and memory are straight lines over the pixels: their slope is that between the first and the last part, which
-    is the whole clip where that is computed soon enough.
+    Memory is a straight line over the pixels, and time becomes one: below some thousand pixels much of it is spent on
+    calls, so that its slope is that between the last two parts. The last one is the whole clip where that is computed
+    soon enough. The first run of all is not counted: libraries set up what they need.
     """
     kernels.use(config["kernels"])
     with torch.random.fork_rng(devices=[]):
@@ -239,28 +246,29 @@ def measured_step(config: Mapping[str, Any], device: torch.device, precision: st
         learned = [p for module in (encoder, decoder) for p in module.parameters() if p.requires_grad]
         if not any(p.requires_grad for p in decoder.parameters()):  # refused by its name where the training begins
             return StepCost(0.0, 0.0, 0.0, 0.0, 0.0)
-        begun, points = _now(device), []
+        begun, computed = _now(device), time.process_time()
+        points: list[tuple[int, float, int]] = []  # pixels, seconds, bytes
         for height, width in _windows(*config["crop"]):
             times = math.prod(config["crop"]) / (height * width)
             runs: list[tuple[float, int]] = []
-            while not runs or (
-                len(runs) < 2 and _now(device) - begun < MEASURED_SECONDS
-            ):  # the faster is less disturbed
+            while len(runs) < (2 if points else 3) and (not runs or _now(device) - begun < MEASURED_SECONDS / 2):
                 with computed_as_larger(times * config["batch_size"]):
                     video = torch.rand(1, config["frames"], height, width, device=device)
                     runs.append(_timed(step, video, precision))
-            points.append((height * width, *min(runs)))
-            if _now(device) - begun > MEASURED_SECONDS and len(points) > 1:
+            points.append((height * width, *min(runs)))  # the fastest is the least disturbed
+            if len(points) > 1 and _now(device) - begun + 4 * runs[-1][0] > MEASURED_SECONDS:
                 break
+        busy = (time.process_time() - computed) / max(_now(device) - begun, 1e-9)
         gradients = [p.grad for p in learned if p.grad is not None]
         start = _now(device)
         for _ in range(ADAM_PASSES if gradients else 0):  # torch's optimizer itself loads the compiler, for seconds
             torch._foreach_mul_(gradients, 1.0)
         stepped = _now(device) - start
     pixels, values = math.prod(config["crop"]), sum(p.numel() for p in learned)
-    seconds, fixed_seconds = _line([(area, value) for area, value, _ in points], pixels)
+    seconds, fixed_seconds = _line([(area, value) for area, value, _ in points[-2:]], pixels)
     activations, _ = _line([(area, value) for area, _, value in points], pixels)
-    return StepCost(seconds, fixed_seconds, stepped, BEYOND_ACTIVATIONS * activations, PER_PARAMETER * values)
+    fixed_bytes = PER_PARAMETER * values
+    return StepCost(seconds, fixed_seconds, stepped, BEYOND_ACTIVATIONS * activations, fixed_bytes, max(busy, 0.1))
 
 
 def _parts(config: Mapping[str, Any]) -> tuple[Encoder, Decoder]:
@@ -288,12 +296,10 @@ def _step(config: Mapping[str, Any], encoder: Encoder, decoder: Decoder) -> Call
 
 
 def _windows(height: int, width: int) -> list[tuple[int, int]]:
-    """Return heights and widths that double in turns up to those of the whole clip."""
+    """Return heights and widths that double up to those of the whole clip."""
     windows = [(min(SIDE, height), min(SIDE, width))]
     while windows[-1] != (height, width):
-        rows, columns = windows[-1]
-        wider = columns < width and (columns <= rows or rows == height)
-        windows.append((rows, min(2 * columns, width)) if wider else (min(2 * rows, height), columns))
+        windows.append((min(2 * windows[-1][0], height), min(2 * windows[-1][1], width)))
     return windows
 
 
@@ -310,7 +316,7 @@ def _timed(step: Callable[[torch.Tensor], torch.Tensor], video: torch.Tensor, pr
 def _line(points: list[tuple[int, float]], at: int) -> tuple[float, float]:
     """Return the value at ``at`` of the line through the first and the last point, and its value at 0, not below 0."""
     (first, low), (last, high) = points[0], points[-1]
-    slope = max(0.0, (high - low) / (last - first)) if last > first else high / last
+    slope = (high - low) / (last - first) if last > first and high > low else high / last
     return high + slope * (at - last), max(0.0, high - slope * last)
 
 
