@@ -30,7 +30,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; at run time FACE says w
     from sci_lightning import metrics
     from sci_lightning.captures import read_captures
     from sci_lightning.captures.pack import pack_captures
-    from sci_lightning.cli.notebook import design_mask, evaluate, load_decoder, tables, train
+    from sci_lightning.cli.notebook import command, design_mask, evaluate, load_decoder, tables, train
     from sci_lightning.data.video import load_video
     from sci_lightning.diagnosis import Diagnosis, SearchSettings, diagnose
     from sci_lightning.encoder import Encoder, effects
@@ -64,6 +64,7 @@ FACE = {
     "SearchSettings": "diagnosis:SearchSettings",
     "SnapshotOperator": "imaging.operator:SnapshotOperator",
     "VirtualCamera": "virtual_camera:VirtualCamera",
+    "command": "cli.notebook:command",
     "decoders": "decoder",
     "design_mask": "cli.notebook:design_mask",
     "diagnose": "diagnosis:diagnose",
@@ -99,6 +100,7 @@ __all__ = [
     "SnapshotOperator",
     "VirtualCamera",
     "__version__",
+    "command",
     "decoders",
     "design_mask",
     "diagnose",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -120,7 +119,7 @@ def diagnose(composition: Composition) -> None:
             name=captures.name,
             date=datetime.now(timezone.utc).isoformat(timespec="seconds"),
             runtime_s=time.perf_counter() - start,
-            command=shlex.join(["python", "-m", "sci_lightning.diagnose", *sys.argv[1:]]),
+            command=shlex.join(["python", "-m", "sci_lightning.diagnose", *composition.overrides]),
         )
 
     task = Task(cfg, captures, candidates, settings, console, provenance, beside, read)

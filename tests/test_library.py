@@ -15,6 +15,7 @@ import pytest
 import torch
 
 import sci_lightning as sci
+from sci_lightning.__main__ import COMMANDS
 from sci_lightning.errors import BadInput
 from tests.conftest import ROOT
 
@@ -24,6 +25,7 @@ DOCUMENTED = [
     "Pipeline",
     "SnapshotOperator",
     "VirtualCamera",
+    "command",
     "design_mask",
     "evaluate",
     "load_decoder",
@@ -90,7 +92,7 @@ def test_training_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
 
     monkeypatch.chdir(tmp_path)
     (example,) = doctest.DocTestFinder(recurse=False).find(sci.train, "train", module=False, globs={})
-    assert doctest.DocTestRunner().run(example).failed == 0
+    assert doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(example).failed == 0
 
     assert callable(sci.train) and not isinstance(sci.train, ModuleType)
     config = json.loads((tmp_path / "run" / "metrics.json").read_text())["config"]
@@ -138,6 +140,38 @@ def test_a_call_refuses_what_its_command_refuses(tmp_path: Path, monkeypatch: py
         with pytest.raises(BadInput, match=line):
             call(settings)
     assert not (tmp_path / "run" / "metrics.json").exists()
+
+
+def test_a_checkpoint_trains_further_in_a_users_own_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lightning's ``load_from_checkpoint`` takes a run of ``train``, with another learning rate, and it goes on learning."""
+    import lightning as L
+    from torch.utils.data import DataLoader
+
+    from sci_lightning.training.system import System
+
+    monkeypatch.chdir(tmp_path)
+    words = ["scale=smoke", "decoder=e2e_cnn", "metric=[psnr]", "logger=none", "data.scenes_count=1", "out=run"]
+    run = sci.train([*words, "callbacks.progress=null", "trainer.accelerator=cpu"])
+    system = System.load_from_checkpoint(run.checkpoint, lr=1e-3)
+    assert system.hparams["lr"] == 1e-3
+    before = {name: value.clone() for name, value in system.named_parameters()}
+    clips: DataLoader[torch.Tensor] = DataLoader(list(torch.rand(4, 8, 32, 32)), batch_size=2)  # type: ignore[arg-type]
+    trainer = L.Trainer(max_steps=2, accelerator="cpu", logger=False, enable_checkpointing=False)
+    trainer.fit(system, clips)
+    moved = {name for name, value in system.named_parameters() if not torch.equal(value, before[name])}
+    assert any(name.startswith("decoder.") for name in moved) and any(name.startswith("encoder.") for name in moved)
+
+
+@pytest.mark.parametrize("name", [name for name, _, _ in COMMANDS] + ["captures plan", "tables.rows"])
+def test_every_command_is_one_call(name: str) -> None:
+    with pytest.raises(BadInput, match="nonsense"):
+        sci.command(name, {"nonsense": 1})
+
+
+def test_commands_that_do_not_exist() -> None:
+    for name in ("fly", "captures fly", "train fly", ""):
+        with pytest.raises(BadInput, match="no such command"):
+            sci.command(name)
 
 
 def test_unknown_names() -> None:

@@ -33,6 +33,7 @@ class Composition:
         overrides: of the command line.
         folders: in which configuration files are looked for, ``hydra.searchpath`` included.
         search_path: what the user added to it, ``["file:///home/me/conf"]``.
+        writes_folder: whether ``cfg.out`` is a folder of this command's own; else it writes one file, or nothing.
     """
 
     cfg: DictConfig
@@ -40,6 +41,7 @@ class Composition:
     overrides: tuple[str, ...] = ()
     folders: tuple[Path, ...] = (CONF,)
     search_path: tuple[str, ...] = ()
+    writes_folder: bool = True
 
     def choice(self, group: str) -> str:
         """Return which member of a configuration group was chosen, such as ``lsw_sr``; ``none`` for no member."""
@@ -97,7 +99,7 @@ def from_hydra(cfg: DictConfig, settings: HydraConf) -> Composition:
     overrides = tuple(str(override) for override in settings.overrides.task)
     with open_dict(cfg):
         cfg.pop("hydra", None)
-    return Composition(cfg, choices, overrides, tuple(sources), search_path)
+    return Composition(cfg, choices, overrides, tuple(sources), search_path, settings.output_subdir is not None)
 
 
 def _targets(content: Any) -> Iterator[str]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -79,6 +81,7 @@ def train(configuration: Iterable[str] | Mapping[str, Any]) -> Run:
     >>> small = ["scale=smoke", "decoder=e2e_cnn", "metric=[psnr]", "logger=none"]
     >>> quiet = ["callbacks.progress=null", "+trainer.enable_progress_bar=false"]
     >>> run = sci.train([*small, *quiet, "trainer.accelerator=cpu", "data.scenes_count=1", "out=run"])
+    2 steps ...
     >>> run.metrics.mean["psnr"] > 0  # dB, over the test scenes
     True
     >>> checkpoint = sci.load_checkpoint(run.checkpoint)
@@ -107,9 +110,13 @@ def train(configuration: Iterable[str] | Mapping[str, Any]) -> Run:
     out = Path(config["out"])
     check_nothing_lost(out, training=True, resume=config["resume"], ckpt_path=config["ckpt_path"])
     silence_libraries()
-    from sci_lightning.training.run import run_training  # only after the settings were checked: it takes seconds
+    # only after the settings were checked: it takes seconds
+    from sci_lightning.training.run import run_training
+    from sci_lightning.training.training_plan import training_plan
 
     with run_folder(out):
+        for line in training_plan(config).lines():
+            print(line)
         return run_training(config, names, overrides)
 
 
@@ -178,6 +185,35 @@ def design_mask(configuration: Iterable[str] | Mapping[str, Any] = ()) -> Design
         return design_and_write(plain(composition.cfg))
 
 
+def command(name: str, configuration: Iterable[str] | Mapping[str, Any] = ()) -> None:
+    """Do what ``python -m sci_lightning.NAME`` does: write the same files, and print the same lines.
+
+    >>> import sci_lightning as sci
+    >>> sci.command("virtual_camera", {"size": [16, 16], "dark": 1, "flat": 1, "out": "captures.h5"})
+    26 captures of 16 x 16, 8 slots each, 8 bits
+    ...
+
+    Args:
+        name: of any command that ``python -m sci_lightning`` lists, such as ``export_mask`` or ``captures plan``.
+        configuration: overrides as on the command line, ``["ckpt_path=RUN/checkpoints/last.ckpt"]``, or the same as a
+            dictionary of plain values by setting.
+
+    Raises:
+        BadInput: no such command, settings or files that do not fit, or a folder ``out`` that holds a training.
+    """
+    module, _, word = name.partition(" ")
+    place = f"sci_lightning.{module}"
+    try:
+        spec = find_spec(place)
+        program = import_module(f"{place}.__main__" if spec and spec.submodule_search_locations else place)
+        names = (word,) if word else (module.replace(".", "_"), module.rpartition(".")[2])
+        task = next(getattr(program, name) for name in names if hasattr(program, name))
+    except (AttributeError, ModuleNotFoundError, StopIteration) as error:
+        raise BadInput(f"{name}: no such command; `python -m sci_lightning` lists them") from error
+    with _in_own_folder(f"{module}_{word}" if word else task.__name__, configuration) as composition:
+        task(composition)
+
+
 @contextmanager
 def _in_own_folder(command: str, configuration: Iterable[str] | Mapping[str, Any]) -> Iterator[Composition]:
     """Compose and check the configuration of a command that is no training, and take the folder that it writes."""
@@ -186,6 +222,9 @@ def _in_own_folder(command: str, configuration: Iterable[str] | Mapping[str, Any
     if isinstance(configuration, Mapping):
         configuration = [f"{key}={json.dumps(value, default=str)}" for key, value in configuration.items()]
     composition = _composed(command, configuration)
+    if not composition.writes_folder:
+        yield composition
+        return
     out = Path(composition.cfg.out)
     check_nothing_lost(out, training=False)
     with run_folder(out):

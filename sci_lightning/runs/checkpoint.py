@@ -63,10 +63,12 @@ class Checkpoint:
         check_recording(encoder, f"{self.path}: encoder")
         return encoder
 
-    def decoder(self) -> Decoder:
-        """The trained decoder, built anew and filled, ready to decode: in evaluation mode, without gradients.
+    def decoder(self, trainable: bool = False) -> Decoder:
+        """The trained decoder, built anew and filled; raises as :meth:`encoder` does.
 
-        To train it further: ``decoder.train().requires_grad_()``. Raises as :meth:`encoder` does.
+        Args:
+            trainable: as it was built, in training mode, to be trained further; else ready to decode, in evaluation
+                mode and without gradients.
         """
         with torch.device("meta"):  # no memory is taken before the shapes are known to fit
             sketch = build_from_file(self.config["decoder"], self.path, "decoder", self.trusted)
@@ -75,7 +77,7 @@ class Checkpoint:
         if not isinstance(decoder, Decoder):
             raise BadInput(f"{self.path}: its decoder is {with_article(type(decoder).__name__)}, not a Decoder")
         self.fill("decoder", decoder)
-        return decoder.eval().requires_grad_(False)
+        return decoder if trainable else decoder.eval().requires_grad_(False)
 
     def __repr__(self) -> str:
         """Say in one line what was trained, without the weights."""

@@ -337,7 +337,7 @@ class System(L.LightningModule):
         else:
             checkpoint = read_checkpoint(checkpoint_path, trusted)
             config, trained = checkpoint.config, checkpoint.config.get("system", {})
-            settings = {"encoder": checkpoint.encoder(), "decoder": checkpoint.decoder(), **settings}
+            settings = {"encoder": checkpoint.encoder(), "decoder": checkpoint.decoder(trainable=True), **settings}
         known = inspect.signature(cls).parameters.keys() | inspect.signature(System).parameters.keys()
         arguments = {**{key: value for key, value in trained.items() if key in known}, **settings}
         check_arguments(cls, arguments, "system")
