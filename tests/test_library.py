@@ -143,7 +143,7 @@ def test_a_call_refuses_what_its_command_refuses(tmp_path: Path, monkeypatch: py
 
 
 def test_a_checkpoint_trains_further_in_a_users_own_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lightning's ``load_from_checkpoint`` takes a run of ``train``, with another learning rate, and it goes on learning."""
+    """What ``train`` wrote, read by ``load_from_checkpoint`` with another learning rate, goes on learning."""
     import lightning as L
     from torch.utils.data import DataLoader
 
