@@ -22,7 +22,6 @@ from __future__ import annotations
 import signal
 import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # what type checkers and editors see; at run time FACE says where a name is found
@@ -37,11 +36,11 @@ if TYPE_CHECKING:  # what type checkers and editors see; at run time FACE says w
     from sci_lightning.encoder import mask as masks
     from sci_lightning.encoder import sensor as sensors
     from sci_lightning.errors import BadInput
-    from sci_lightning.imaging.figures import plot
-    from sci_lightning.imaging.measurement import Measurement
-    from sci_lightning.imaging.operator import SnapshotOperator
-    from sci_lightning.imaging.pipeline import Pipeline
+    from sci_lightning.figures.figure import plot
+    from sci_lightning.measurement import Measurement
     from sci_lightning.metrics import HDRVDP2
+    from sci_lightning.operator import SnapshotOperator
+    from sci_lightning.pipeline import Pipeline
     from sci_lightning.runs.checkpoint import Checkpoint
     from sci_lightning.runs.checkpoint import read_checkpoint as load_checkpoint
     from sci_lightning.runs.reconstruction import Reconstruction, reconstruct
@@ -56,13 +55,13 @@ FACE = {
     "Diagnosis": "diagnosis:Diagnosis",
     "Encoder": "encoder:Encoder",
     "HDRVDP2": "metrics:HDRVDP2",
-    "Measurement": "imaging.measurement:Measurement",
-    "Pipeline": "imaging.pipeline:Pipeline",
+    "Measurement": "measurement:Measurement",
+    "Pipeline": "pipeline:Pipeline",
     "Reconstruction": "runs.reconstruction:Reconstruction",
     "Run": "training.run:Run",
     "Session": "virtual_camera:Session",
     "SearchSettings": "diagnosis:SearchSettings",
-    "SnapshotOperator": "imaging.operator:SnapshotOperator",
+    "SnapshotOperator": "operator:SnapshotOperator",
     "VirtualCamera": "virtual_camera:VirtualCamera",
     "command": "cli.notebook:command",
     "decoders": "decoder",
@@ -76,7 +75,7 @@ FACE = {
     "masks": "encoder.mask",
     "metrics": "metrics",
     "pack_captures": "captures.pack:pack_captures",
-    "plot": "imaging.figures:plot",
+    "plot": "figures.figure:plot",
     "read_captures": "captures:read_captures",
     "reconstruct": "runs.reconstruction:reconstruct",
     "sensors": "encoder.sensor",
@@ -121,26 +120,12 @@ __all__ = [
 ]
 
 
-class _Package(ModuleType):
-    """This package's own type: ``sci.train`` stays the function although a module of that name holds the command.
-
-    Python sets a package's attribute to the module whenever a sub-module is imported, which would replace a function of
-    the same name.
-    """
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if not (isinstance(value, ModuleType) and ":" in FACE.get(name, "")):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
-
 if not TYPE_CHECKING:  # a type checker would take every name for one that exists
 
     def __getattr__(name: str) -> Any:
         """Load a public name when it is first used (PEP 562), so that importing the package loads no torch."""
         if name == "__version__":
-            return _version()
+            return import_module(f"{__name__}.version").installed_version()
         if name not in FACE:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         module, _, member = FACE[name].partition(":")
@@ -152,16 +137,6 @@ if not TYPE_CHECKING:  # a type checker would take every name for one that exist
     def __dir__() -> list[str]:
         """List the public names, loaded or not."""
         return sorted({*globals(), *__all__})
-
-
-def _version() -> str:
-    """Return the installed version; ``0+unknown`` in a checkout that was never installed."""
-    from importlib.metadata import PackageNotFoundError, version  # takes half as long as everything else here
-
-    try:
-        return version("sci-lightning")
-    except PackageNotFoundError:
-        return "0+unknown"
 
 
 def _die_of_interrupts_while_loading() -> None:

@@ -120,9 +120,7 @@ def ran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
         monkeypatch.setattr(sys, "argv", [name, *overrides])
         monkeypatch.delenv("HYDRA_FULL_ERROR", raising=False)
         capsys.readouterr()
-        module = import_module(f"sci_lightning.{name}")
-        if hasattr(module, "__path__"):  # a package, whose command is in its __main__
-            module = import_module(f"sci_lightning.{name}.__main__")
+        module = import_module(f"sci_lightning.cli.commands.{name}")
         command_frame.run(name, getattr(module, name))
         return capsys.readouterr().out
 

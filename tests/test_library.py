@@ -53,7 +53,8 @@ def test_importing_it_loads_neither_torch_nor_hydra() -> None:
 
 def test_commands_that_train_nothing_start_without_lightning() -> None:
     """Together with torch's compiler it takes longer to import than a small reconstruction."""
-    modules = ["cli.encoder_and_decoder", "diagnosis.diagnosis", "tables.mosaic", "training.loggers", "virtual_camera"]
+    modules = ["cli.encoder_and_decoder", "diagnosis.diagnosis", "training.loggers", "virtual_camera"]
+    modules.append("studies.tables.mosaic")
     program = f"import sys, {', '.join(f'sci_lightning.{module}' for module in modules)}\n"
     program += "print(*({'lightning', 'torch._dynamo', 'torchmetrics'} & set(sys.modules)))"
     assert python(program) == ""
@@ -106,8 +107,7 @@ def test_training_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_what_a_command_does_one_call_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The modules of the commands have the same names as the functions, which stay functions."""
-    import sci_lightning.evaluate
-    import sci_lightning.tables.grid  # noqa: F401
+    import sci_lightning.studies.tables.grid  # noqa: F401
 
     monkeypatch.chdir(tmp_path)
     scenes = {"data": "synthetic", "data.scenes_count": 1, "frames": 4, "size": [32, 32], "metric": ["psnr"]}

@@ -12,7 +12,7 @@ import torch
 
 import sci_lightning as sci
 from sci_lightning.data import Synthetic
-from sci_lightning.imaging.measurement import Measurement
+from sci_lightning.measurement import Measurement
 from sci_lightning.metrics import psnr
 
 T, SIZE = 8, (64, 64)
@@ -105,6 +105,15 @@ REFUSED = {
     "no batch": (lambda e, d, x: e(x[0]), r"video\[None\]"),
     "time last": (lambda e, d, x: e(x.permute(0, 2, 3, 1)), "permute"),
     "N and T exchanged": (lambda e, d, x: e(x.transpose(0, 1)), "transpose"),
+    "mask and measurement exchanged": (lambda e, d, x: d(e.transmittance(), e(x)), "comes first"),
+    "the mask's module": (lambda e, d, x: d(e(x), e.mask), "e.transmittance|encoder.transmittance"),
+    "an array": (lambda e, d, x: e(x.numpy()), "as_tensor"),
+    "negative light": (lambda e, d, x: e(x - x.mean()), "not negative"),
+    "a mask of DN": (lambda e, d, x: sci.Encoder(255 * e.mask(), e.sensor), r"\[0, 1\]"),
+    "a decoder's name": (lambda e, d, x: sci.reconstruct(e(x), "gap_tv", e), "load_decoder"),
+    "scored in gray levels": (lambda e, d, x: psnr(x, (255 * x).to(torch.uint8)), "/ 255"),
+    "scored against the measurement": (lambda e, d, x: psnr(x, e(x)), "one shape"),
+    "words in one": (lambda e, d, x: sci.train("scale=smoke out=a"), "'scale=smoke', 'out=a'"),
     "through the pipeline": (lambda e, d, x: sci.Pipeline(e, d)((255 * x).to(torch.uint8)), "/ 255"),
 }
 
@@ -163,6 +172,16 @@ def test_a_measurement_says_what_it_is(encoder: sci.Encoder, video: torch.Tensor
         Measurement(np.zeros((1, 4, 4), np.uint8))
     with pytest.raises(sci.BadInput, match="positive"):
         Measurement(torch.zeros(1, 4, 4), aperture=0)
+
+
+@torch.no_grad()
+def test_a_designed_mask_is_an_encoders(
+    encoder: sci.Encoder, video: torch.Tensor, gap_tv: sci.decoders.Decoder
+) -> None:
+    ours = sci.Encoder(encoder.mask(), encoder.sensor)
+    assert torch.equal(ours.mask(), encoder.mask()) and ours.aperture == pytest.approx(encoder.aperture, rel=0.05)
+    done = sci.reconstruct(ours(video), gap_tv, ours, say=lambda line: None)
+    assert quality(done.video, video) == pytest.approx(quality(gap_tv(ours(video), ours.transmittance()), video))
 
 
 def test_gradients_reach_the_mask(video: torch.Tensor) -> None:

@@ -9,14 +9,15 @@ import numpy as np
 import torch
 
 from sci_lightning.configuration.conf_folder import PACKAGE
-from sci_lightning.imaging.animation import write_frames, write_gif
+from sci_lightning.figures.animation import write_frames, write_gif
 from sci_lightning.runs.results import write_json
-from sci_lightning.tables.grid import Grid
+from sci_lightning.studies.tables.grid import Grid
 
 NOTEBOOK = (
-    *("benchmark", "captures", "decoder", "diagnosis", "encoder", "imaging", "metrics", "proving_ground", "tables"),
-    *("virtual_camera", "data/video_array.py", "data/reader.py", "files/array_file.py", "files/modulator_files.py"),
-    *("files/picture_file.py", "runs/results.py"),
+    *("captures", "decoder", "diagnosis", "encoder", "figures", "metrics", "prior", "virtual_camera"),
+    *("studies/benchmark", "studies/proving_ground", "studies/tables", "studies/mask_design.py"),
+    *("data/video_array.py", "data/reader.py", "files/array_file.py", "files/picture_file.py"),
+    *("runs/modulator_files.py", "runs/results.py"),
 )
 """Folders and files whose functions a notebook calls with files; the others serve the commands."""
 

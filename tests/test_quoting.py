@@ -12,7 +12,7 @@ import pytest
 
 from sci_lightning.__main__ import COMMANDS
 from sci_lightning.cli.next_command import invocation
-from sci_lightning.tables.documentation import pages
+from sci_lightning.studies.tables.documentation import pages
 from tests.conftest import ROOT
 from tests.documentation.pages import blocks, name
 

@@ -38,7 +38,7 @@ class Captures:
             them, so that a diagnosis does.
         path: the file that was read; None for captures that were never in a file.
         sensor_to_modulator: (3, 3) float64, nominal homography of patterns on the modulator's own grid, see
-            :mod:`~sci_lightning.imaging.homography`; None where every mirror is a pixel, or nobody has registered them.
+            :mod:`~sci_lightning.homography`; None where every mirror is a pixel, or nobody has registered them.
     """
 
     patterns: np.ndarray

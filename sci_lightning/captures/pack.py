@@ -17,7 +17,7 @@ from sci_lightning.captures.write import write_captures
 from sci_lightning.errors import BadInput
 from sci_lightning.files.memory_bound import check_memory
 from sci_lightning.files.picture_file import COPIES, natural, read_stack
-from sci_lightning.imaging.homography import check_homography, nearest_mirrors
+from sci_lightning.homography import check_homography, nearest_mirrors
 
 MOST_SLOTS = 5_000_000
 """Largest number of slots of all entries together; every one of them is checked."""

@@ -14,7 +14,7 @@ from sci_lightning.captures.kind import KINDS, infer_kinds
 from sci_lightning.errors import BadInput
 from sci_lightning.files.hdf5_file import open_hdf5
 from sci_lightning.files.memory_bound import check_memory
-from sci_lightning.imaging.homography import check_homography
+from sci_lightning.homography import check_homography
 
 FORMAT, FORMAT_VERSION = "sci-captures", 2
 READABLE = (1, 2)

@@ -7,7 +7,7 @@ from rich.table import Table
 
 from sci_lightning.captures.captures import Captures
 from sci_lightning.captures.kind import KINDS
-from sci_lightning.imaging.homography import covered, pixels_per_mirror
+from sci_lightning.homography import covered, pixels_per_mirror
 
 
 def summary_table(captures: Captures) -> Table:

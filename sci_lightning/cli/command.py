@@ -16,7 +16,6 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, open_dict
 
 from sci_lightning.cli.composition import Composition, from_hydra, group_members
-from sci_lightning.cli.console import warn
 from sci_lightning.cli.continued_run import continued
 from sci_lightning.cli.encoder_file import PLACES, EncoderFile, adapt_to_encoder_files, adopt_encoder_files
 from sci_lightning.cli.failure_line import exit_status, one_line
@@ -26,6 +25,7 @@ from sci_lightning.cli.settings import check_command_settings
 from sci_lightning.cli.sweep import defer_to_rows, finished_rows, in_sweep, refuse_uncomposed_row
 from sci_lightning.cli.words import check_choices, check_words
 from sci_lightning.configuration.conf_folder import CONF
+from sci_lightning.console import warn
 from sci_lightning.errors import INTERRUPTED, InputWarning
 from sci_lightning.files.plain_text import one_printable_line
 from sci_lightning.runs.quiet_libraries import silence_libraries

@@ -12,10 +12,10 @@ from typing import Any
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 
-from sci_lightning.cli.settings import check_fields
 from sci_lightning.configuration.arguments import check_value
 from sci_lightning.configuration.bounds import Frames, Size
 from sci_lightning.errors import BadInput
+from sci_lightning.files.memory_bound import check_fields
 from sci_lightning.files.plain_data import check_plain_data
 from sci_lightning.files.plain_text import excerpt
 from sci_lightning.files.stored_array import readable_shape

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sci_lightning.cli.composition import Composition, built, plain
-from sci_lightning.cli.console import PlainConsole
+from sci_lightning.console import PlainConsole
 
 if TYPE_CHECKING:
     from torch.utils.data import DataLoader
@@ -49,7 +49,7 @@ def evaluate(composition: Composition, console: PlainConsole) -> Evaluation:
     from sci_lightning.cli.encoder_and_decoder import resolve_camera, resolve_checkpoint, resolve_encoder
     from sci_lightning.decoder import kernels
     from sci_lightning.decoder.complexity import count_parameters
-    from sci_lightning.imaging.tile_choice import TileChoice
+    from sci_lightning.decoder.tiling.tile_choice import TileChoice
     from sci_lightning.runs.precision import describe_precision, device_of_accelerator, resolve_precision
     from sci_lightning.runs.results import run_metrics, with_effects, write_json
     from sci_lightning.training.callbacks import Progress, ScenePictures

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from sci_lightning.cli.console import PlainConsole
+from sci_lightning.console import PlainConsole
 
 
 def override(key: str, value: str | Path) -> str:

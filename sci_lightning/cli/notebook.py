@@ -6,15 +6,15 @@ import json
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sci_lightning.cli import commands
 from sci_lightning.cli.composition import Composition, built, compose, group_members, plain
-from sci_lightning.cli.console import PlainConsole
 from sci_lightning.cli.encoder_file import PLACES, adapt_to_encoder_files, adopt_encoder_files
 from sci_lightning.cli.settings import check_command_settings
 from sci_lightning.cli.stored_overrides import recorded
+from sci_lightning.console import PlainConsole
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.quiet_libraries import silence_libraries
 from sci_lightning.runs.resume import check_nothing_lost
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from sci_lightning.cli.evaluation import Evaluation
     from sci_lightning.cli.paper_tables import Tables
     from sci_lightning.decoder import Decoder
-    from sci_lightning.imaging.mask_design import DesignedMask
+    from sci_lightning.studies.mask_design import DesignedMask
     from sci_lightning.training.run import Run
 
 
@@ -89,8 +89,9 @@ def train(configuration: Iterable[str] | Mapping[str, Any]) -> Run:
     (8, 32, 32)
 
     Args:
-        configuration: overrides as on the command line, ``["encoder=lsw_sr", "size=[64,64]", "out=run"]``; or a whole
-            configuration as plain data, such as that of an earlier run (``metrics.config``).
+        configuration: overrides as on the command line, ``["encoder=lsw_sr", "size=[64,64]", "out=run"]``, or the same
+            as a dictionary of plain values by setting; or a whole configuration as plain data, such as that of an
+            earlier run (``metrics.config``).
 
     Raises:
         BadInput: an override that cannot be read or that sets what does not exist, settings that do not fit, or a
@@ -99,12 +100,12 @@ def train(configuration: Iterable[str] | Mapping[str, Any]) -> Run:
     Source: the method is that of "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Sec. 3.
     """
     overrides: tuple[str, ...] = ()
-    if isinstance(configuration, Mapping):
+    if isinstance(configuration, Mapping) and isinstance(configuration.get("encoder"), Mapping):
         config = dict(configuration)
         classes = {part: str(config[part]["_target_"]).rpartition(".")[2] for part in ("encoder", "decoder")}
         names = config.pop("names", classes)
     else:
-        composition = _composed("train", configuration)
+        composition = _composed("train", _as_overrides(configuration))
         config, overrides = plain(composition.cfg), tuple(recorded(composition.overrides))
         names = {part: composition.choice(part) for part in ("encoder", "decoder")}
     out = Path(config["out"])
@@ -179,7 +180,7 @@ def design_mask(configuration: Iterable[str] | Mapping[str, Any] = ()) -> Design
         BadInput: settings out of their range, or that do not go together.
         HydraException: an override that cannot be read, or that sets what does not exist.
     """
-    from sci_lightning.imaging.mask_design import design_mask as design_and_write
+    from sci_lightning.studies.mask_design import design_mask as design_and_write
 
     with _in_own_folder("design_mask", configuration) as composition:
         return design_and_write(plain(composition.cfg))
@@ -202,26 +203,19 @@ def command(name: str, configuration: Iterable[str] | Mapping[str, Any] = ()) ->
         BadInput: no such command, settings or files that do not fit, or a folder ``out`` that holds a training.
     """
     module, _, word = name.partition(" ")
-    place = f"sci_lightning.{module}"
-    try:
-        spec = find_spec(place)
-        program = import_module(f"{place}.__main__" if spec and spec.submodule_search_locations else place)
-        names = (word,) if word else (module.replace(".", "_"), module.rpartition(".")[2])
-        task = next(getattr(program, name) for name in names if hasattr(program, name))
-    except (AttributeError, ModuleNotFoundError, StopIteration) as error:
-        raise BadInput(f"{name}: no such command; `python -m sci_lightning` lists them") from error
-    with _in_own_folder(f"{module}_{word}" if word else task.__name__, configuration) as composition:
+    present = [file.stem for file in Path(commands.__path__[0]).glob("[a-z]*.py")]
+    module = next((one for one in (module.replace(".", "_"), module.rpartition(".")[2]) if one in present), "")
+    task = getattr(import_module(f"{commands.__name__}.{module}"), word or module, None) if module else None
+    if task is None:
+        raise BadInput(f"{name}: no such command; `python -m sci_lightning` lists them")
+    with _in_own_folder(f"{module}_{word}" if word else module, configuration) as composition:
         task(composition)
 
 
 @contextmanager
 def _in_own_folder(command: str, configuration: Iterable[str] | Mapping[str, Any]) -> Iterator[Composition]:
     """Compose and check the configuration of a command that is no training, and take the folder that it writes."""
-    if isinstance(configuration, str):
-        raise BadInput(f"{configuration}: expected a list of overrides, such as ['{configuration}']")
-    if isinstance(configuration, Mapping):
-        configuration = [f"{key}={json.dumps(value, default=str)}" for key, value in configuration.items()]
-    composition = _composed(command, configuration)
+    composition = _composed(command, _as_overrides(configuration))
     if not composition.writes_folder:
         yield composition
         return
@@ -229,6 +223,15 @@ def _in_own_folder(command: str, configuration: Iterable[str] | Mapping[str, Any
     check_nothing_lost(out, training=False)
     with run_folder(out):
         yield composition
+
+
+def _as_overrides(configuration: Iterable[str] | Mapping[str, Any]) -> list[str]:
+    if isinstance(configuration, str):
+        words = ", ".join(map(repr, configuration.split()))
+        raise BadInput(f"{configuration}: expected a list of overrides, such as [{words}]")
+    if isinstance(configuration, Mapping):
+        return [f"{key}={json.dumps(value, default=str)}" for key, value in configuration.items()]
+    return list(configuration)
 
 
 def _composed(command: str, overrides: Iterable[str]) -> Composition:

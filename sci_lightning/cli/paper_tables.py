@@ -16,8 +16,8 @@ from sci_lightning.configuration.conf_folder import PACKAGE
 from sci_lightning.errors import BadInput
 
 if TYPE_CHECKING:
-    from sci_lightning.tables.grid import Grid
-    from sci_lightning.tables.run import Run
+    from sci_lightning.studies.tables.grid import Grid
+    from sci_lightning.studies.tables.run import Run
 
 
 @dataclass(frozen=True)
@@ -52,18 +52,18 @@ def make_tables(composition: Composition, on_left_out: Callable[[str], None] = l
     Raises:
         BadInput: no folder is given, none of them holds a run, or another dashboard is in the way.
     """
-    from sci_lightning.imaging.figures import write_figure
-    from sci_lightning.tables.claim_table import claim_table, verdict_table
-    from sci_lightning.tables.colour_checker import colour_checkers
-    from sci_lightning.tables.cost import costs
-    from sci_lightning.tables.cost_figure import cost_figure
-    from sci_lightning.tables.dashboard import check_dashboard, write_dashboard
-    from sci_lightning.tables.dynamic_range import dynamic_range_figure, dynamic_range_table, wedges
-    from sci_lightning.tables.encoder_table import encoder_table
-    from sci_lightning.tables.mosaic import mosaics, retrained_mosaics
-    from sci_lightning.tables.run import find_runs
-    from sci_lightning.tables.run_table import run_table
-    from sci_lightning.tables.score_table import score_table
+    from sci_lightning.figures.figure import write_figure
+    from sci_lightning.studies.tables.claim_table import claim_table, verdict_table
+    from sci_lightning.studies.tables.colour_checker import colour_checkers
+    from sci_lightning.studies.tables.cost import costs
+    from sci_lightning.studies.tables.cost_figure import cost_figure
+    from sci_lightning.studies.tables.dashboard import check_dashboard, write_dashboard
+    from sci_lightning.studies.tables.dynamic_range import dynamic_range_figure, dynamic_range_table, wedges
+    from sci_lightning.studies.tables.encoder_table import encoder_table
+    from sci_lightning.studies.tables.mosaic import mosaics, retrained_mosaics
+    from sci_lightning.studies.tables.run import find_runs
+    from sci_lightning.studies.tables.run_table import run_table
+    from sci_lightning.studies.tables.score_table import score_table
 
     cfg, out = composition.cfg, Path(composition.cfg.out)
     folders = plain(cfg)["runs"]
@@ -80,7 +80,7 @@ def make_tables(composition: Composition, on_left_out: Callable[[str], None] = l
         leave_out(line)
     if cfg.dashboard:
         check_dashboard(out / "tensorboard")
-    paper = yaml.safe_load((PACKAGE / "tables" / "paper_figures.yaml").read_text())
+    paper = yaml.safe_load((PACKAGE / "studies" / "tables" / "paper_figures.yaml").read_text())
     ours = [name for name in group_members("decoder") if name in paper["decoders"]]
     cost = costs(paper["decoders"], _members("decoder", ours, "frames=8"))
     encoders = _members("encoder", group_members("encoder"), "frames=8", "size=[32,32]")

@@ -6,7 +6,7 @@ top of ``conf/<command>.yaml`` is checked here. One key means the same in every 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import is_dataclass
 from typing import Annotated, Any, Literal
@@ -36,7 +36,7 @@ from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.configuration.source_signature import check_parts
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.errors import BadInput
-from sci_lightning.files.memory_bound import memory_bound
+from sci_lightning.files.memory_bound import check_field
 
 Name = Annotated[str, MinLen(1), DocInfo("a name")]
 FolderName = Annotated[
@@ -254,63 +254,3 @@ def check_command_settings(cfg: DictConfig, command: str) -> None:
 
 def _plain_value(value: Any) -> Any:
     return OmegaConf.to_container(value) if OmegaConf.is_config(value) else value
-
-
-def check_field(frames: int | None, size: Sequence[int] | int | None, where: str = "") -> None:
-    """Refuse T frames of H x W pixels of which a few copies do not fit into this machine's memory.
-
-    Args:
-        frames, size: T and (H, W) in pixels, or the side of a square; None: not known.
-        where: what says so, for the message.
-
-    Raises:
-        BadInput: more than a quarter of the memory.
-    """
-    if frames is None or size is None:
-        return
-    height, width = (size, size) if isinstance(size, int) else size
-    needed, limit = 4 * frames * height * width, memory_bound() // 2
-    if needed > limit:
-        raise BadInput(
-            f"{where}frames={frames} size=[{height},{width}]: one video takes {needed / 2**30:.1f} GiB in float32, "
-            f"this machine has room for {limit / 2**30:.1f} GiB; give fewer frames or a smaller size"
-        )
-
-
-def check_fields(content: Any, where: str = "") -> None:
-    """Refuse an encoder whose masks and maps together do not fit into this machine's memory.
-
-    Args:
-        content: its plain configuration: in every mapping ``size`` and ``tile`` are (H, W) in pixels, of ``frames``
-            frames, of one where it names none.
-        where: what says so, for the message.
-
-    Raises:
-        BadInput: more than a quarter of the memory.
-    """
-    needed = 0
-    for section in _mappings(content):
-        frames = section.get("frames")
-        frames = frames if isinstance(frames, int) else 1
-        sides = [section[key] for key in ("size", "tile") if _is_size(section.get(key))]
-        for height, width in sides:
-            check_field(frames, (height, width), where)
-        needed += max((4 * frames * height * width for height, width in sides), default=0)
-    if needed > (limit := memory_bound() // 2):
-        raise BadInput(
-            f"{where}its masks and maps take {needed / 2**30:.1f} GiB, this machine has room for {limit / 2**30:.1f} "
-            "GiB; give fewer of them, or smaller ones"
-        )
-
-
-def _is_size(value: Any) -> bool:
-    return isinstance(value, (list, tuple)) and len(value) == 2 and all(isinstance(side, int) for side in value)
-
-
-def _mappings(content: Any) -> Iterator[Mapping[str, Any]]:
-    if isinstance(content, Mapping):
-        yield content
-        content = list(content.values())
-    if isinstance(content, (list, tuple)):
-        for value in content:
-            yield from _mappings(value)

@@ -8,9 +8,9 @@ from pathlib import Path
 from hydra.core.hydra_config import HydraConfig
 from rich.table import Table
 
-from sci_lightning.cli.console import PlainConsole
 from sci_lightning.cli.next_command import dashboard, invocation, print_next
 from sci_lightning.cli.sweep import Row
+from sci_lightning.console import PlainConsole
 from sci_lightning.runs.results import UNITS, number
 
 STYLES = {"skipped": "dim", "failed": "red", "unfinished": "red"}

@@ -21,7 +21,7 @@ PACKAGES = (
     "sci_lightning.encoder.mask",
     "sci_lightning.encoder.sensor",
     "sci_lightning.encoder.effects",
-    "sci_lightning.encoder.empirical",
+    "sci_lightning.encoder.free_form",
     "sci_lightning.decoder",
     "sci_lightning.decoder.denoiser",
 )

@@ -65,7 +65,10 @@ class Augmentation:
         if length < self.frames:
             raise BadInput(f"{name}: has {length} frames; a training clip needs {self.frames}")
         if height < rows or width < columns:
-            raise BadInput(f"{name}: has {height} x {width} pixels; a training clip needs {rows} x {columns}")
+            raise BadInput(
+                f"{name}: has {height} x {width} pixels; a training clip needs {rows} x {columns}; "
+                "give a smaller 'size=[H,W]', or experiment=quickstart, which trains on small clips"
+            )
 
     def __call__(self, clip: np.ndarray, random: np.random.Generator) -> torch.Tensor:
         """Return float32 ``(T, h, w)`` in [0, 1] from uint8 ``(F, H, W)``, of which only the needed part is read."""

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.lib import format as npy
 from rich.progress import track
 
-from sci_lightning.cli.console import PlainConsole
+from sci_lightning.console import PlainConsole
 from sci_lightning.data.reader import frame_files, read_frames
 from sci_lightning.errors import BadInput, as_machine_failure
 from sci_lightning.files.atomic_file import atomic_write

@@ -22,7 +22,7 @@ def load_video(
     path: str | Path,
     frames: int | None = None,
     *,
-    size: Sequence[int] | None = None,
+    size: Sequence[int] | int | None = None,
     snapshots: int | None = None,
     key: str | None = None,
 ) -> torch.Tensor:
@@ -39,7 +39,7 @@ def load_video(
             the scale of 0 to 1 or 0 to 255. A folder that holds one clip stands for that clip. Colour becomes luma.
         frames: T, the frames of one snapshot; frames that are left over at the end are dropped. None for all frames in
             one group.
-        size: ``(H, W)`` in pixels, cut out of the centre; None for the whole frames.
+        size: ``(H, W)`` in pixels, or the side of a square, cut out of the centre; None for the whole frames.
         snapshots: how many groups are read at most, with ``frames``; None for all.
         key: name of the array in a ``.mat`` or HDF5 file; None for ``orig``, or the only one of three dimensions.
 
@@ -51,6 +51,7 @@ def load_video(
             not fit into memory.
     """
     path = Path(path)
+    size = (size, size) if isinstance(size, int) else size
     for name, number in (("frames", frames), ("snapshots", snapshots)):
         if number is not None and number < 1:
             raise BadInput(f"{name}={number}: must be at least 1")

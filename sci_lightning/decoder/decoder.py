@@ -11,14 +11,14 @@ from torch import nn
 from torch.nn import functional as F
 
 from sci_lightning.decoder.kernels.switch import are_plain
+from sci_lightning.decoder.tiling.tiling import SEAM_TOLERANCE, SeamsDiffer, Tiling
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging.full_precision import full_precision
-from sci_lightning.imaging.measurement import linear_with_mask
-from sci_lightning.imaging.operator import SnapshotOperator
-from sci_lightning.imaging.tiling import SEAM_TOLERANCE, SeamsDiffer, Tiling
+from sci_lightning.full_precision import full_precision
+from sci_lightning.measurement import linear_with_mask
+from sci_lightning.operator import SnapshotOperator
 
 if TYPE_CHECKING:
-    from sci_lightning.imaging.patches.estimator import LinearEstimator
+    from sci_lightning.prior.estimator import LinearEstimator
 
 HALO = 16
 """Pixels around a tile that are decoded with it to begin with, where the receptive field is larger."""
@@ -101,7 +101,7 @@ class Decoder(nn.Module):
             raise BadInput(f"decoder.first_estimate={first_estimate}: choose published or linear")
         self.linear_estimator: LinearEstimator | None = None
         if first_estimate == "linear":
-            from sci_lightning.imaging.patches.estimator import LinearEstimator  # and with it torch's compiler
+            from sci_lightning.prior.estimator import LinearEstimator  # and with it torch's compiler
 
             self.linear_estimator = LinearEstimator(mixture=False)
 
@@ -188,10 +188,10 @@ class Decoder(nn.Module):
         """Return the estimate ``(N, T, H, W)`` of the call to 0.01 dB, decoded tile by tile in little memory.
 
         Decoders with :attr:`global_steps` have no seams. Of others, what two neighbouring tiles say of the pixels at
-        the seam between them is compared: where they differ by more than
-        :data:`~sci_lightning.imaging.tiling.SEAM_TOLERANCE`, decoding begins again with a halo of twice the width. In a
-        lower precision each of the two rounds in its own way, which no halo changes: then they may differ by the root
-        of the sum of that number's square and those of both roundings.
+        the seam between them is compared: where they differ by more than ``SEAM_TOLERANCE`` of
+        :mod:`~sci_lightning.decoder.tiling.tiling`, decoding begins again with a halo of twice the width. In a lower
+        precision each of the two rounds in its own way, which no halo changes: then they may differ by the root of the
+        sum of that number's square and those of both roundings.
 
         Args:
             measurement, mask: as for the call.
@@ -259,7 +259,7 @@ class Decoder(nn.Module):
         """Return ``function(*images)``, computed in the tiles of :meth:`in_tiles`, if it has been called.
 
         Args:
-            function: see :meth:`~sci_lightning.imaging.tiling.Tiling.apply`.
+            function: see :meth:`~sci_lightning.decoder.tiling.tiling.Tiling.apply`.
             halo: pixels, along rows and columns, over which images act on the result.
             images: images or videos ``(.., H, W)`` of the same H and W.
             reduced: resolution of the video over that of the images.

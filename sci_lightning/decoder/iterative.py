@@ -15,7 +15,7 @@ from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.denoiser import Denoiser
 from sci_lightning.decoder.denoiser.motion_filter import MotionFilter
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging.full_precision import full_precision
+from sci_lightning.full_precision import full_precision
 
 
 class Iteration(NamedTuple):

@@ -19,7 +19,7 @@ class Linear(Decoder):
 
     Overlapping blocks are averaged. Of a mixture of Gaussians, every block takes the most likely one. The matrices of
     a mask are computed at the first measurement and kept, see
-    :class:`~sci_lightning.imaging.patches.estimator.LinearEstimator`, which also has the arguments and what they raise.
+    :class:`~sci_lightning.prior.estimator.LinearEstimator`, which also has the arguments and what they raise.
 
     Source: Yang et al., "Video compressive sensing using Gaussian mixture models", IEEE Trans. Image Processing 2014.
     """
@@ -34,7 +34,7 @@ class Linear(Decoder):
         mixture: bool = True,
         prior: str | Path | None = None,
     ) -> None:
-        from sci_lightning.imaging.patches.estimator import LinearEstimator
+        from sci_lightning.prior.estimator import LinearEstimator
 
         super().__init__()
         self.estimator = LinearEstimator(noise, block, stride, mixture, prior)

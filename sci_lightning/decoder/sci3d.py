@@ -15,7 +15,7 @@ from sci_lightning.decoder.kernels.layout import channels_last
 from sci_lightning.decoder.kernels.switch import are_plain
 from sci_lightning.decoder.layers.convolution import Conv3d
 from sci_lightning.decoder.layers.sequential import named_block
-from sci_lightning.imaging.operator import SnapshotOperator
+from sci_lightning.operator import SnapshotOperator
 
 Maps = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
 

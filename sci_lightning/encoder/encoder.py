@@ -13,14 +13,15 @@ from sci_lightning.configuration.bounds import Size
 from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.stage import OpticsEffect, SensorEffect
 from sci_lightning.encoder.light_path import LightPath
-from sci_lightning.encoder.mask import Mask
+from sci_lightning.encoder.mask import Mask, Measured
 from sci_lightning.encoder.modulator_grid import ModulatorGrid
 from sci_lightning.encoder.physics import deepinv_physics
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging.full_precision import full_precision
-from sci_lightning.imaging.measurement import Measurement, as_float_tensor, marked
-from sci_lightning.imaging.operator import SnapshotOperator
+from sci_lightning.files.plain_text import with_article
+from sci_lightning.full_precision import full_precision
+from sci_lightning.measurement import Measurement, as_float_tensor, marked
+from sci_lightning.operator import SnapshotOperator
 
 LEAST_VARIANCE = 1e-11
 """Noise of less variance is not drawn: it is a fifth of a 16-bit step, and the size of rounding errors."""
@@ -29,6 +30,9 @@ LEAST_LIGHT = 0.05
 """Sum of the squared mask over time, as a part of its mean over the field, below which a pixel counts as dark. At the
 dark edge any value from 0.01 to 0.2 gives the same PSNR to 0.04 dB (GAP-TV, moving textures of the virtual camera)."""
 
+
+DARKEST = -0.2
+"""Irradiance that is refused: resampling overshoots a little below 0, a video minus its mean falls further."""
 
 BRIGHTEST = 16.0
 """Irradiance beyond which a video must be one of gray levels: four stops over white."""
@@ -68,7 +72,7 @@ class Encoder(nn.Module):
 
     def __init__(
         self,
-        mask: Mask,
+        mask: Mask | torch.Tensor,
         sensor: nn.Module,
         aperture: float | str = "auto",
         effects: Mapping[str, Effect | None] | Iterable[Effect | None] | None = (),
@@ -76,7 +80,7 @@ class Encoder(nn.Module):
         size: Size | None = None,
     ) -> None:
         super().__init__()
-        self.mask = mask
+        self.mask = Measured.of(mask) if isinstance(mask, torch.Tensor) else mask
         self.sensor = sensor
         if aperture != "auto" and (isinstance(aperture, str) or not aperture > 0):
             raise BadInput(f"encoder aperture must be 'auto' or a positive number, got {aperture!r}")
@@ -134,7 +138,7 @@ class Encoder(nn.Module):
 
         Returns:
             ``(T, qH, qW)``, with q x q cells per pixel (``path.cells``) where a displaced mask is seen through a
-            blurring lens, else q = 1. It remembers the aperture, see :mod:`sci_lightning.imaging.measurement`.
+            blurring lens, else q = 1. It remembers the aperture, see :mod:`sci_lightning.measurement`.
         """
         return marked(self.path.transmittance(self.mask()), self.aperture, self._is_to_be_linearised)
 
@@ -324,8 +328,10 @@ def check_irradiance(video: torch.Tensor) -> None:
         video: any shape.
 
     Raises:
-        BadInput: integers, or floating values that are NaN or reach as far as gray levels do.
+        BadInput: no tensor, integers, or floating values that are NaN, negative or reach as far as gray levels do.
     """
+    if not isinstance(video, torch.Tensor):
+        raise BadInput(f"the video is {with_article(type(video).__name__)}, not a tensor; give torch.as_tensor(video)")
     if not video.is_floating_point():
         levels = {torch.uint8: 255, torch.uint16: 65535, torch.int16: 65535}.get(video.dtype)
         by = f"video.float() / {levels}" if levels else "video.float(), over the value of white"
@@ -333,6 +339,8 @@ def check_irradiance(video: torch.Tensor) -> None:
     least, most = (float(value) for value in torch.aminmax(video.detach())) if video.numel() else (0.0, 0.0)
     if not (math.isfinite(least) and math.isfinite(most)):
         raise BadInput("the video holds NaN or infinite values; irradiance is finite, 1.0 being white")
+    if least < DARKEST:
+        raise BadInput(f"the video's values reach down to {least:.3g}, but irradiance is not negative; 0 is dark")
     if most > BRIGHTEST or (most > 1.5 and bool((video == video.round()).all())):
         levels = 255 if most <= 255 else 2 ** math.ceil(math.log2(most + 1)) - 1
         raise BadInput(

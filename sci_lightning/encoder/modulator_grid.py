@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from sci_lightning.configuration.bounds import Size
-from sci_lightning.imaging.homography import check_homography
+from sci_lightning.homography import check_homography
 
 LEAST_PARTS, MOST_PARTS = 3, 12
 """Fewest and most parts along either axis of a pixel whose footprint is turned against the mirrors."""

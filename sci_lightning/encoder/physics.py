@@ -7,7 +7,7 @@ from typing import Any
 import torch
 
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging.operator import SnapshotOperator
+from sci_lightning.operator import SnapshotOperator
 
 
 def deepinv_physics(transmittance: torch.Tensor, aperture: float) -> Any:

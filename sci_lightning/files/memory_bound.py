@@ -12,8 +12,10 @@ from __future__ import annotations
 
 import os
 import zlib
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from sci_lightning.errors import BadInput
 
@@ -133,3 +135,63 @@ def readable_bytes(count: int) -> str:
             return f"{number:.0f} {unit}" if unit == "bytes" else f"{number:.1f} {unit}"
         number /= 1024
     return f"{number:.1f} TiB"
+
+
+def check_field(frames: int | None, size: Sequence[int] | int | None, where: str = "") -> None:
+    """Refuse T frames of H x W pixels of which a few copies do not fit into this machine's memory.
+
+    Args:
+        frames, size: T and (H, W) in pixels, or the side of a square; None: not known.
+        where: what says so, for the message.
+
+    Raises:
+        BadInput: more than a quarter of the memory.
+    """
+    if frames is None or size is None:
+        return
+    height, width = (size, size) if isinstance(size, int) else size
+    needed, limit = 4 * frames * height * width, memory_bound() // 2
+    if needed > limit:
+        raise BadInput(
+            f"{where}frames={frames} size=[{height},{width}]: one video takes {needed / 2**30:.1f} GiB in float32, "
+            f"this machine has room for {limit / 2**30:.1f} GiB; give fewer frames or a smaller size"
+        )
+
+
+def check_fields(content: Any, where: str = "") -> None:
+    """Refuse an encoder whose masks and maps together do not fit into this machine's memory.
+
+    Args:
+        content: its plain configuration: in every mapping ``size`` and ``tile`` are (H, W) in pixels, of ``frames``
+            frames, of one where it names none.
+        where: what says so, for the message.
+
+    Raises:
+        BadInput: more than a quarter of the memory.
+    """
+    needed = 0
+    for section in _mappings(content):
+        frames = section.get("frames")
+        frames = frames if isinstance(frames, int) else 1
+        sides = [section[key] for key in ("size", "tile") if _is_size(section.get(key))]
+        for height, width in sides:
+            check_field(frames, (height, width), where)
+        needed += max((4 * frames * height * width for height, width in sides), default=0)
+    if needed > (limit := memory_bound() // 2):
+        raise BadInput(
+            f"{where}its masks and maps take {needed / 2**30:.1f} GiB, this machine has room for {limit / 2**30:.1f} "
+            "GiB; give fewer of them, or smaller ones"
+        )
+
+
+def _is_size(value: Any) -> bool:
+    return isinstance(value, (list, tuple)) and len(value) == 2 and all(isinstance(side, int) for side in value)
+
+
+def _mappings(content: Any) -> Iterator[Mapping[str, Any]]:
+    if isinstance(content, Mapping):
+        yield content
+        content = list(content.values())
+    if isinstance(content, (list, tuple)):
+        for value in content:
+            yield from _mappings(value)

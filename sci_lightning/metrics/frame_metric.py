@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import torch
 from torchmetrics import Metric
 
 from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_text import with_article
-from sci_lightning.imaging.full_precision import full_precision
+from sci_lightning.full_precision import full_precision
 
 
 class FrameMetric(Metric):
@@ -40,8 +41,7 @@ class FrameMetric(Metric):
         Raises:
             BadInput: the two videos differ in shape.
         """
-        if estimate.shape != truth.shape:
-            raise BadInput(f"estimate is {tuple(estimate.shape)} and truth {tuple(truth.shape)}: must be of one shape")
+        estimate, truth = as_videos(estimate, truth)
         with full_precision():
             scores = self.score(estimate, truth)
         self.total += scores.sum()
@@ -53,6 +53,22 @@ class FrameMetric(Metric):
     def plot(self, val: Any = None, ax: Any = None) -> Any:
         """Return figure and axes with the mean so far, or with ``val``, one or more values that calls returned."""
         return self._plot(val, ax)
+
+
+def as_videos(*videos: torch.Tensor | np.ndarray) -> tuple[torch.Tensor, ...]:
+    """Return videos as tensors that can be compared.
+
+    Raises:
+        BadInput: they differ in shape, or hold integers: 1.0 is white.
+    """
+    tensors = tuple(torch.as_tensor(video) for video in videos)
+    shapes = [tuple(video.shape) for video in tensors]
+    if len(set(shapes)) > 1:
+        raise BadInput(f"estimate is {shapes[0]} and truth {shapes[1]}: must be of one shape")
+    if not all(video.is_floating_point() for video in tensors):
+        kinds = " and ".join(str(video.dtype) for video in tensors)
+        raise BadInput(f"estimate and truth are {kinds}, but 1.0 is white; of gray levels give video / 255")
+    return tensors
 
 
 class ImageMetric(FrameMetric):

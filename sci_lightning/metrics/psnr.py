@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.metrics.frame_metric import FrameMetric
+from sci_lightning.metrics.frame_metric import FrameMetric, as_videos
 
 LEAST_ERROR = 1e-10
 """Mean squared error that counts as none: 100 dB."""
@@ -20,6 +20,7 @@ def psnr(estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
         float64 ``(...)``, at most 100: a frame without any error gets that, as in the published evaluations, and none
         with an error gets more.
     """
+    estimate, truth = as_videos(estimate, truth)
     error = (estimate.double() - truth.double()).square().mean((-2, -1))
     return -10 * torch.log10(error.clamp(min=LEAST_ERROR))
 

@@ -11,25 +11,25 @@ from typing import Any
 import numpy as np
 import torch
 
+from sci_lightning.captures.light_scale import bright_end, doubtful_brightness, resolve_aperture
+from sci_lightning.captures.mask_check import mask_warning
 from sci_lightning.captures.mask_fit import mask_of_snapshots
+from sci_lightning.captures.snapshot import read_snapshot
 from sci_lightning.decoder import Decoder
 from sci_lightning.decoder.complexity import count_parameters
+from sci_lightning.decoder.tiling.tile_choice import TileChoice
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.mask import Measured
 from sci_lightning.encoder.sensor import Ideal
 from sci_lightning.errors import BadInput
+from sci_lightning.figures.animation import write_frames, write_gif, write_mp4, write_overview
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.mask_file import doubtful_axes
 from sci_lightning.files.memory_bound import check_memory
 from sci_lightning.files.npy_file import write_npy
 from sci_lightning.files.packed_file import RawLayout
-from sci_lightning.imaging.animation import write_frames, write_gif, write_mp4, write_overview
-from sci_lightning.imaging.light_scale import bright_end, doubtful_brightness, resolve_aperture
-from sci_lightning.imaging.mask_check import mask_warning
-from sci_lightning.imaging.measurement import Measurement, linear_with_mask
-from sci_lightning.imaging.pipeline import Pipeline
-from sci_lightning.imaging.snapshot import read_snapshot
-from sci_lightning.imaging.tile_choice import TileChoice
+from sci_lightning.measurement import Measurement, linear_with_mask
+from sci_lightning.pipeline import Pipeline
 from sci_lightning.runs.device import resolve_device
 from sci_lightning.runs.precision import describe_precision, mixed_precision, resolve_precision
 
@@ -138,8 +138,8 @@ def reconstruct(
         raw: how a file of raw numbers without a header is packed.
         full_scale: the number that is 1.0; None: of the encoder's sensor, or chosen from the numbers.
         aperture: light scale; ``auto`` for an exposure that a white scene fills; None: that of the encoder's sensor, or
-            chosen from the numbers, see :mod:`sci_lightning.imaging.light_scale`.
-        tile: see :class:`~sci_lightning.imaging.tile_choice.TileChoice`.
+            chosen from the numbers, see :mod:`sci_lightning.captures.light_scale`.
+        tile: see :class:`~sci_lightning.decoder.tiling.tile_choice.TileChoice`.
         device, precision: as the settings of the commands, ``auto`` or such as ``cuda:1`` and ``bf16``.
         out: folder for ``reconstruction.npy``, frames, animations and an overview; None writes nothing.
         fps: frames per second of the animations, up to 50.
@@ -151,6 +151,12 @@ def reconstruct(
     Raises:
         BadInput: no mask, files that cannot be read, sizes that do not fit, or more memory is needed than there is.
     """
+    if not isinstance(decoder, Decoder):
+        raise BadInput(f"decoder={decoder!r}: expected a decoder, such as sci.load_decoder('gap_tv')")
+    if mask is not None and not isinstance(mask, (str, Path)):
+        raise BadInput(
+            "mask= is the path of a file; of a tensor give sci.Encoder(mask, sci.sensors.Ideal()) as encoder"
+        )
     if isinstance(measurement, Measurement):
         if measurement.is_linear:
             raise BadInput("sensor and aperture of this measurement are undone already: give what the camera recorded")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from sci_lightning.cli.console import PlainConsole
+from sci_lightning.console import PlainConsole
 from sci_lightning.decoder.complexity import count_macs, count_parameters
 from sci_lightning.files.atomic_file import atomic_write
 

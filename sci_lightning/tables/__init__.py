@@ -1,1 +1,1 @@
-"""The paper's tables: what runs found, beside what the paper prints."""
+"""``python -m sci_lightning.tables`` and the commands beside it."""

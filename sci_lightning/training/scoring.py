@@ -10,12 +10,12 @@ from typing import Any
 
 import torch
 
+from sci_lightning.decoder.tiling.tile_choice import TileChoice
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging.operator import SnapshotOperator
-from sci_lightning.imaging.pipeline import Pipeline
-from sci_lightning.imaging.tile_choice import TileChoice
 from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.metrics.scene_scores import SceneScores
+from sci_lightning.operator import SnapshotOperator
+from sci_lightning.pipeline import Pipeline
 from sci_lightning.runs.device import device_name
 
 Batch = tuple[torch.Tensor, ...]

@@ -15,13 +15,13 @@ import torch
 from sci_lightning.configuration.arguments import check_arguments
 from sci_lightning.configuration.bounds import NonNegative, Positive, Seed, Share
 from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.tiling.tile_choice import TileChoice
 from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput, TrainingDiverged
-from sci_lightning.imaging.measurement import linear_with_mask
-from sci_lightning.imaging.pipeline import Pipeline
-from sci_lightning.imaging.tile_choice import TileChoice
+from sci_lightning.measurement import linear_with_mask
 from sci_lightning.metrics import PSNR, SSIM
 from sci_lightning.metrics.frame_metric import FrameMetric, as_frame_metric
+from sci_lightning.pipeline import Pipeline
 from sci_lightning.runs.quiet_libraries import silence_libraries
 from sci_lightning.training.cuda_graph import GraphedStages
 from sci_lightning.training.learning_rates import LearningRates, part_done

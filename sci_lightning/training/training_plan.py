@@ -18,11 +18,11 @@ from sci_lightning.configuration.build import build
 from sci_lightning.decoder import kernels
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.layers.sequential import computed_as_larger
+from sci_lightning.decoder.tiling.decoding_memory import LiveBytes
+from sci_lightning.decoder.tiling.free_memory import free_memory
 from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging.decoding_memory import LiveBytes
-from sci_lightning.imaging.free_memory import free_memory
-from sci_lightning.imaging.pipeline import Pipeline
+from sci_lightning.pipeline import Pipeline
 from sci_lightning.runs.device import device_name
 from sci_lightning.runs.precision import device_of_accelerator, mixed_precision, resolve_precision
 
@@ -54,6 +54,10 @@ DAY = 86400.0
 PLAIN_SYSTEM = "sci_lightning.training.system.System"
 
 
+CROWDED = 0.7
+"""A single thread that takes this part of the time of all threads, or less, says that a core is taken."""
+
+
 @dataclass(frozen=True)
 class StepCost:
     """What a clip costs in a training step: a part for every pixel, and one that is the same for clips of any size.
@@ -65,6 +69,8 @@ class StepCost:
         bytes: of the activations of a clip; ``fixed_bytes`` of all else, once.
         fixed_bytes: see there.
         busy: threads that computed at a time, on average.
+        one_thread: how many times the seconds of all threads a single thread takes; below 1 where another program keeps
+            a core busy, for which the others then wait again and again.
     """
 
     seconds: float
@@ -73,6 +79,7 @@ class StepCost:
     bytes: float
     fixed_bytes: float
     busy: float = 1.0
+    one_thread: float = math.inf
 
     def of_step(self, clips: int, parts: int) -> float:
         """Return the seconds of a step of so many clips in each of its parts (``accumulate_grad_batches``)."""
@@ -99,6 +106,7 @@ class TrainingPlan:
         core_minutes: limit on the processor time of the training, None for none.
         most_seconds: limit on its duration, None for none.
         busy: threads that compute at a time, on average: processor time over duration.
+        one_thread: see :class:`StepCost`.
     """
 
     clips_per_epoch: int
@@ -112,6 +120,7 @@ class TrainingPlan:
     core_minutes: float | None = None
     most_seconds: float | None = None
     busy: float = 1.0
+    one_thread: float = math.inf
 
     def lines(self) -> list[str]:
         """Return the plan in sentences."""
@@ -124,12 +133,17 @@ class TrainingPlan:
         if self.most_seconds is not None and (within := int(self.most_seconds / max(self.step_seconds, 1e-9))) < steps:
             steps, limit = within, f" in {duration(self.most_seconds)}, about"
         epochs = steps / self.steps * self.epochs
+        crowded = (
+            f"another program keeps a core busy, and threads wait for each other: with OMP_NUM_THREADS=1 in front of "
+            f"the command a step takes about {self.step_seconds * self.one_thread:.2g} s as long as it does"
+        )
         return [
             f"{steps:,} steps of {_count(self.batch_size, 'clip')}{limit}: {_count(epochs, 'epoch')} of "
             f"{self.clips_per_epoch:,} clips, {steps * self.batch_size:,} examples",
             f"a step takes about {self.step_seconds:.3g} s and {self.memory / 1e9:.2g} GB of memory on {self.device} "
             "(from small clips, measured now)",
             duration_line(self.steps * self.step_seconds, self.core_minutes, self.most_seconds),
+            *([crowded] if self.one_thread < CROWDED else []),
         ]
 
     @property
@@ -224,6 +238,7 @@ def training_plan(config: Mapping[str, Any]) -> TrainingPlan:
         config["core_minutes"],
         most,
         cost.busy,
+        cost.one_thread,
     )
 
 
@@ -259,6 +274,13 @@ def measured_step(config: Mapping[str, Any], device: torch.device, precision: st
             if len(points) > 1 and _now(device) - begun + 4 * runs[-1][0] > MEASURED_SECONDS:
                 break
         busy = (time.process_time() - computed) / max(_now(device) - begun, 1e-9)
+        one_thread, threads = math.inf, torch.get_num_threads()
+        if device.type == "cpu" and threads > 1 and runs[-1][0] < MEASURED_SECONDS / 4:
+            try:
+                torch.set_num_threads(1)
+                one_thread = min(_timed(step, video, precision)[0] for _ in range(2)) / min(runs)[0]
+            finally:
+                torch.set_num_threads(threads)
         gradients = [p.grad for p in learned if p.grad is not None]
         start = _now(device)
         for _ in range(ADAM_PASSES if gradients else 0):  # torch's optimizer itself loads the compiler, for seconds
@@ -268,7 +290,8 @@ def measured_step(config: Mapping[str, Any], device: torch.device, precision: st
     seconds, fixed_seconds = _line([(area, value) for area, value, _ in points[-2:]], pixels)
     activations, _ = _line([(area, value) for area, _, value in points], pixels)
     fixed_bytes = PER_PARAMETER * values
-    return StepCost(seconds, fixed_seconds, stepped, BEYOND_ACTIVATIONS * activations, fixed_bytes, max(busy, 0.1))
+    kept = BEYOND_ACTIVATIONS * activations
+    return StepCost(seconds, fixed_seconds, stepped, kept, fixed_bytes, max(busy, 0.1), one_thread)
 
 
 def _parts(config: Mapping[str, Any]) -> tuple[Encoder, Decoder]:

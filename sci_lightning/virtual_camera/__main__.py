@@ -1,38 +1,6 @@
-"""``python -m sci_lightning.virtual_camera``: captures of a camera in which effects are hidden."""
+"""``python -m sci_lightning.virtual_camera``: the command of this name."""
 
-from __future__ import annotations
-
-from dataclasses import fields
-from typing import Any
-
-from sci_lightning.cli.command import run
-from sci_lightning.cli.composition import Composition, plain
-from sci_lightning.cli.console import PlainConsole, styled
-
-
-def virtual_camera(composition: Composition) -> None:
-    """Write a captures file and its truth file; print where they are, but not what is hidden.
-
-    Args:
-        composition: of ``conf/virtual_camera.yaml``.
-    """
-    from sci_lightning.cli.next_command import invocation, print_next
-    from sci_lightning.virtual_camera import Session, VirtualCamera
-
-    cfg = composition.cfg
-    given = plain(cfg)
-    settings: dict[str, Any] = {field.name: given[field.name] for field in fields(Session)}
-    settings = {name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()}
-    camera = VirtualCamera(Session(**settings), given["effects"], given["number"], given["magnitude"])
-    simulation = camera.simulate(given["seed"])
-    truth = simulation.write(cfg.out)
-    console = PlainConsole()
-    count, height, width = simulation.measurement.shape
-    slots, bits = camera.session.frames, camera.session.bit_depth
-    console.print(f"{count} captures of {height} x {width}, {slots} slots each, {bits} bits")
-    console.say(styled(cfg.out), "; what is hidden in it: ", styled(truth))
-    print_next(console, invocation("diagnose", paths={"captures": cfg.out}))
-
+from sci_lightning.cli.commands.virtual_camera import main
 
 if __name__ == "__main__":
-    run("virtual_camera", virtual_camera)
+    main()

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from sci_lightning.cli.console import PlainConsole
 from sci_lightning.cli.next_command import browser, dashboard, invocation, override, print_next
+from sci_lightning.console import PlainConsole
 from tests.end_to_end.test_train import TINY
 
 

@@ -9,16 +9,6 @@ import pytest
 import torch
 from torch import Tensor
 
-from sci_lightning.benchmark.published.birnat import birnat
-from sci_lightning.benchmark.published.e2e_cnn import e2e_cnn
-from sci_lightning.benchmark.published.efficientsci import efficientsci
-from sci_lightning.benchmark.published.elp_unfolding import elp_unfolding
-from sci_lightning.benchmark.published.metasci import metasci
-from sci_lightning.benchmark.published.res2former import res2former
-from sci_lightning.benchmark.published.revsci import revsci
-from sci_lightning.benchmark.published.sci3d import sci3d
-from sci_lightning.benchmark.published.stformer import stformer
-from sci_lightning.benchmark.published.unet_stages import admm_net, gap_net
 from sci_lightning.decoder import (
     BIRNAT,
     E2ECNN,
@@ -33,6 +23,16 @@ from sci_lightning.decoder import (
     RevSCI,
     STFormer,
 )
+from sci_lightning.studies.benchmark.published.birnat import birnat
+from sci_lightning.studies.benchmark.published.e2e_cnn import e2e_cnn
+from sci_lightning.studies.benchmark.published.efficientsci import efficientsci
+from sci_lightning.studies.benchmark.published.elp_unfolding import elp_unfolding
+from sci_lightning.studies.benchmark.published.metasci import metasci
+from sci_lightning.studies.benchmark.published.res2former import res2former
+from sci_lightning.studies.benchmark.published.revsci import revsci
+from sci_lightning.studies.benchmark.published.sci3d import sci3d
+from sci_lightning.studies.benchmark.published.stformer import stformer
+from sci_lightning.studies.benchmark.published.unet_stages import admm_net, gap_net
 from tests.decoder.test_published import as_published
 
 Plain = Callable[[dict[str, Tensor], Tensor, Tensor], list[Tensor]]

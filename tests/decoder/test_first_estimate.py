@@ -9,7 +9,7 @@ import torch
 
 from sci_lightning.decoder import E2ECNN, Decoder, Linear
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging.operator import SnapshotOperator
+from sci_lightning.operator import SnapshotOperator
 from tests.conftest import members
 from tests.decoder.test_decoders import SMALL
 from tests.decoder.test_paper_count import PUBLISHED

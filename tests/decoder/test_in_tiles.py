@@ -15,9 +15,9 @@ from sci_lightning.decoder.birnat import BIRNAT, FEATURES_FIELD, FRAME_FIELD, ST
 from sci_lightning.decoder.denoiser import WNNM, FastDVDnet, FFDNet, TotalVariation
 from sci_lightning.decoder.kernels.layout import channels_last
 from sci_lightning.decoder.layers.unet import UNet
+from sci_lightning.decoder.tiling.tiling import Tiling
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging.operator import SnapshotOperator
-from sci_lightning.imaging.tiling import Tiling
+from sci_lightning.operator import SnapshotOperator
 from tests.conftest import members
 from tests.decoder.test_decoders import SMALL
 

@@ -12,7 +12,7 @@ from sci_lightning.decoder import ADMM, GAP
 from sci_lightning.decoder.denoiser import WNNM, Denoiser, TotalVariation
 from sci_lightning.decoder.iterative import Iterative
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging.operator import SnapshotOperator
+from sci_lightning.operator import SnapshotOperator
 
 BOTH = pytest.mark.parametrize("algorithm", [GAP, ADMM])
 

@@ -8,9 +8,9 @@ from torch.nn.functional import interpolate
 
 from sci_lightning.decoder import Linear
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging.operator import SnapshotOperator
-from sci_lightning.imaging.patches import BlockMoments, estimator
-from sci_lightning.imaging.patches.estimator import distinct_blocks
+from sci_lightning.operator import SnapshotOperator
+from sci_lightning.prior import BlockMoments, estimator
+from sci_lightning.prior.estimator import distinct_blocks
 
 
 def smooth_scene(frames: int = 4, number: int = 2) -> torch.Tensor:

@@ -22,7 +22,7 @@ from sci_lightning.decoder.paper_count import count_as_paper
 from sci_lightning.errors import BadInput
 from tests.conftest import members
 
-PAPER = yaml.safe_load((PACKAGE / "tables" / "paper_figures.yaml").read_text())["decoders"]
+PAPER = yaml.safe_load((PACKAGE / "studies" / "tables" / "paper_figures.yaml").read_text())["decoders"]
 PUBLISHED = {  # parameters, exact multiply-accumulates at 256 x 256 x 8
     "admm_net": (4_213_809, 58_284_048_384),
     "birnat": (4_131_640, 421_051_498_496),

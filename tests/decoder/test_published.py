@@ -13,10 +13,10 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 from torch import nn
 
-from sci_lightning.benchmark.published import as_published
 from sci_lightning.decoder import E2ECNN, Decoder, Res2former
 from sci_lightning.decoder.published import authors_keys, load_published, our_state, unpack
 from sci_lightning.errors import BadInput
+from sci_lightning.studies.benchmark.published import as_published
 from tests.conftest import members
 from tests.decoder.test_paper_count import FILES
 

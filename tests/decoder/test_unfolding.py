@@ -7,7 +7,7 @@ import torch
 
 from sci_lightning.decoder import ADMMNet, GAPNet
 from sci_lightning.decoder.layers.unet import UNet
-from sci_lightning.imaging.operator import SnapshotOperator
+from sci_lightning.operator import SnapshotOperator
 
 SIZE = (4, 12, 16)
 

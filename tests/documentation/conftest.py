@@ -10,6 +10,7 @@ from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from runpy import run_module
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from hydra.core.config_store import ConfigStore
 from scipy.io import savemat
 from skimage.io import imsave
 
+import sci_lightning
 from sci_lightning.decoder import Res2former
 from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.cli.test_encoder_file import encoder_file
@@ -116,6 +118,9 @@ def in_this_process(module: str, *overrides: str) -> None:
         except SystemExit as stop:
             assert not stop.code, f"python -m {shlex.join([module, *overrides])} ended with status {stop.code}"
         finally:
+            for name in sci_lightning.FACE:  # a module of that name would hide the function
+                if isinstance(vars(sci_lightning).get(name), ModuleType) and ":" in sci_lightning.FACE[name]:
+                    delattr(sci_lightning, name)
             # what the command added to these groups: an encoder that it read from a file, the benchmark's decoder=all
             for group in ("encoder", "decoder"):
                 ConfigStore.instance().repo.pop(group, None)

@@ -42,14 +42,14 @@ ONLY_COMPOSED = (
     "out=IDEAL encoder.effects",  # the same training as the command before it on the page, with effects removed
     "captures register",  # tests/captures/registration and tests/captures/test_command.py run it
     "ckpt_path=IDEAL",  # the same test as the command before it on the page
-    "sci_lightning.mismatch",  # tests/mismatch runs the protocol
+    "sci_lightning.mismatch",  # tests/studies/mismatch runs the protocol
     "experiment=finetune",  # likewise
     "tables runs=RUN",  # the same tables as those of the README's command
     "benchmark decoder=res2former size=",  # tests/end_to_end/test_benchmark.py measures decoders
     "benchmark decoder=e2e_cnn",  # likewise
 )
 """Commands with one of these words are composed with ``--cfg job`` and not run: other tests run the same code."""
-ONLY_IMPORTED = ("sci_lightning.benchmark.convolutions",)
+ONLY_IMPORTED = ("sci_lightning.studies.benchmark.convolutions",)
 """Commands without settings, which tests of the same name run on small data."""
 
 
@@ -111,7 +111,7 @@ def reduced(arguments: list[str]) -> list[str]:
             return [module, *overrides, *(small if "out=" in line else ["--cfg", "job"])]
         case "design_mask":
             return [module, *overrides, "steps=2", "tile=[4,4]", "size=[32,32]"]
-        case "tables.mask_ranking":  # tests/tables/test_mask_ranking.py runs it on a few masks
+        case "tables.mask_ranking":  # tests/studies/tables/test_mask_ranking.py runs it on a few masks
             return [module, *overrides, "--cfg", "job"]
         case "benchmark":
             return [module, *overrides, "size=16", "repeats=1", "product=64"]

@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 from sci_lightning.errors import BadInput
-from sci_lightning.tables.documentation import MARKED, pages, table_sources, updated
+from sci_lightning.studies.tables.documentation import MARKED, pages, table_sources, updated
 from tests.conftest import ROOT
 from tests.documentation.pages import name
-from tests.schemas.validation import check
-from tests.tables.conftest import Made, made
+from tests.files.schemas.validation import check
+from tests.studies.tables.conftest import Made, made
 
 __all__ = ["made"]  # the fixture
 

@@ -17,8 +17,8 @@ from sci_lightning.encoder.effects import Gain, MaskShift, OpticalBlur, Prnu, Sh
 from sci_lightning.encoder.mask import LearnedStructural, RandomStructural
 from sci_lightning.encoder.sensor import ClipQuantise, Ideal
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging.operator import SnapshotOperator
-from sci_lightning.imaging.pipeline import Pipeline
+from sci_lightning.operator import SnapshotOperator
+from sci_lightning.pipeline import Pipeline
 from sci_lightning.training.system import System
 
 

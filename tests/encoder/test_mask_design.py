@@ -8,7 +8,7 @@ import torch
 from sci_lightning.encoder.mask import LearnedBinary, LearnedStructural, design_binary, design_structural
 from sci_lightning.encoder.mask.structure import structure
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging.patches import MaskScore
+from sci_lightning.prior import MaskScore
 
 
 @pytest.mark.parametrize("bits", [1, 2])

@@ -13,14 +13,14 @@ import pytest
 import torch
 from omegaconf import DictConfig
 
-from sci_lightning.benchmark import __main__ as benchmark
-from sci_lightning.benchmark import decoder_cost
+from sci_lightning.cli.commands import benchmark
 from sci_lightning.cli.composition import built, plain
 from sci_lightning.errors import BadInput
 from sci_lightning.runs import precision
 from sci_lightning.runs.checkpoint import write_weights
+from sci_lightning.studies.benchmark import decoder_cost
 from tests.conftest import members
-from tests.schemas.validation import check
+from tests.files.schemas.validation import check
 
 Run = Callable[..., str]
 COST = {

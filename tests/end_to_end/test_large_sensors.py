@@ -13,7 +13,7 @@ import torch
 import lightning  # which a command has loaded as well
 import sci_lightning as sci
 from sci_lightning.decoder import Res2former
-from sci_lightning.imaging.tile_choice import TileChoice
+from sci_lightning.decoder.tiling.tile_choice import TileChoice
 
 def seconds(decoder, frames, height, width):
     mask = (torch.rand(frames, height, width) < 0.5).float()

@@ -172,7 +172,7 @@ def test_in_tiles(ran: Callable[..., str], camera: np.ndarray, tmp_path: Path) -
 def test_tiles_that_cannot_be(
     refused: Callable[..., str], camera: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from sci_lightning.imaging import tile_choice
+    from sci_lightning.decoder.tiling import tile_choice
 
     np.save(tmp_path / "snapshot.npy", camera.astype(np.float32))
     given = [*QUICK, "measurement=snapshot.npy", "mask=mask.npy"]

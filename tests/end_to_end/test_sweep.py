@@ -197,7 +197,7 @@ def test_rows_with_folders_of_their_own(ran: Callable[..., str], capsys: pytest.
 @pytest.mark.parametrize("name", ["table2", "table3", "table4", "table5"])
 def test_a_sweep_runs_every_row_that_it_can(name: str) -> None:
     """Every decoder of the table that is in ``conf/decoder``, in the paper's order: a new one is to be added."""
-    table = yaml.safe_load((PACKAGE / "tables" / "paper_figures.yaml").read_text())["tables"][name]
+    table = yaml.safe_load((PACKAGE / "studies" / "tables" / "paper_figures.yaml").read_text())["tables"][name]
     experiment = yaml.safe_load((CONF / "experiment" / f"{name}.yaml").read_text())
     swept = experiment["hydra"]["sweeper"]["params"]
     for key, choice in (("decoder", "decoder"), ("bits", "encoder.mask.bits")):

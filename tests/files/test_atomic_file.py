@@ -195,7 +195,7 @@ def test_train_and_convert_on_a_full_disk(command: Command, tmp_path: Path) -> N
 
 PACK = """
 import resource, sys
-from sci_lightning.captures.__main__ import main
+from sci_lightning.cli.commands.captures import main
 resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 sys.argv = ["captures", "pack", "LAB", "out=lab.h5"]
 main()

@@ -191,7 +191,7 @@ def test_encoders_that_would_fill_the_memory(tmp_path: Path, part: str, value: A
 
 
 def test_an_encoder_that_cannot_record(tmp_path: Path) -> None:
-    ghost = {"_target_": "sci_lightning.encoder.empirical.Ghost", "count": 7}
+    ghost = {"_target_": "sci_lightning.encoder.free_form.Ghost", "count": 7}
     encoder = {**CONFIG["encoder"], "effects": {"ghost": ghost}}
     with pytest.raises(BadInput, match="cannot record with these settings"):
         read_checkpoint(saved(tmp_path / "a.ckpt", config={**CONFIG, "encoder": encoder})).encoder()

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import torch
 
+from sci_lightning import full_precision
 from sci_lightning.decoder import E2ECNN, GAP, GAPNet
 from sci_lightning.decoder.denoiser import WNNM, FFDNet
 from sci_lightning.encoder import Encoder
@@ -17,9 +18,8 @@ from sci_lightning.encoder.effects import MaskShift, OpticalBlur, VeilingGlare
 from sci_lightning.encoder.mask import LearnedStructural
 from sci_lightning.encoder.sensor import ClipQuantise
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging import full_precision
-from sci_lightning.imaging.pipeline import Pipeline
 from sci_lightning.metrics import PSNR, SSIM
+from sci_lightning.pipeline import Pipeline
 from sci_lightning.runs.checkpoint import Checkpoint
 from sci_lightning.runs.precision import describe_precision, multiplies_bfloat16, resolve_precision
 from sci_lightning.runs.resume import check_same_run

@@ -9,7 +9,7 @@ import h5py
 import pytest
 
 from sci_lightning.cli import command as command_frame
-from sci_lightning.virtual_camera.__main__ import virtual_camera
+from sci_lightning.cli.commands.virtual_camera import virtual_camera
 
 SMALL = ("size=[16,20]", "frames=4", "seed=3")
 

@@ -22,20 +22,9 @@ SHARED = {
     "sci_lightning.files.npy_file",
 }
 """Captures in memory, how files are read and written, and errors; nothing of the physics."""
-PRINTING = {
-    "sci_lightning.cli.console",
-    "sci_lightning.cli.next_command",
-    "sci_lightning.files.plain_text",
-    "rich.table",
-}
 COMMANDS = {
-    "__main__": {"sci_lightning.cli.command", "sci_lightning.cli.composition", *PRINTING},
-    "reveal": {
-        "sci_lightning.cli.command",
-        "sci_lightning.cli.composition",
-        "sci_lightning.cli.plain_words",
-        *PRINTING,
-    },
+    "__main__": {"sci_lightning.cli.commands.virtual_camera"},
+    "reveal": {"sci_lightning.cli.commands.reveal"},
     "reveal_files": {"sci_lightning.files.bounded_file"},
 }
 

@@ -14,7 +14,7 @@ from scipy.ndimage import map_coordinates, spline_filter
 
 from sci_lightning.captures.registration.coarse_search import CELLS, band_pass
 from sci_lightning.captures.registration.shown_patterns import ShownPattern
-from sci_lightning.imaging.homography import on_modulator, pixels_per_mirror
+from sci_lightning.homography import on_modulator, pixels_per_mirror
 
 MOST_CELLS = 512
 """Cells along the longer side in which the last steps compare; a finer grid adds digits that nobody needs."""

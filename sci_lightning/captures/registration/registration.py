@@ -21,7 +21,7 @@ from sci_lightning.captures.registration.coarse_search import (
 )
 from sci_lightning.captures.registration.shown_patterns import ShownPattern, shown_patterns
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging.homography import LEAST_COVERED, check_homography, covered
+from sci_lightning.homography import LEAST_COVERED, check_homography, covered
 
 LEAST_SIGNIFICANCE = 14.0
 """Standard deviations of the correlation of unrelated images that a registration must exceed. The best of the millions

@@ -1,10 +1,10 @@
 """Convolution over time, height and width that keeps T, computed in the fastest of five ways.
 
 Each way returns what ``torch.nn.functional.conv3d`` returns, to rounding. :func:`fastest_way` is the one place that
-chooses, by shape and type. Its conditions were measured on CPUs, and ``python -m sci_lightning.benchmark.convolutions``
-measures them again; on a GPU the vendor's library chooses for itself among algorithms for what the last three ways hand
-to it. In bfloat16 that library's convolution over time runs at the speed of the processor, so that fewer
-multiplications in float32 (Winograd) or work in blocks lose against it.
+chooses, by shape and type. Its conditions were measured on CPUs, and ``python -m
+sci_lightning.studies.benchmark.convolutions`` measures them again; on a GPU the vendor's library chooses for itself
+among algorithms for what the last three ways hand to it. In bfloat16 that library's convolution over time runs at the
+speed of the processor, so that fewer multiplications in float32 (Winograd) or work in blocks lose against it.
 """
 
 from __future__ import annotations

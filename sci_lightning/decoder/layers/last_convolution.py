@@ -9,7 +9,7 @@ import torch
 from torch import nn
 
 from sci_lightning.decoder.layers.convolution import Conv3d
-from sci_lightning.imaging.full_precision import full_precision
+from sci_lightning.full_precision import full_precision
 
 
 class LastConv2d(nn.Conv2d):

@@ -42,7 +42,7 @@ from sci_lightning.diagnosis.search.evidence import Estimate, NamedEffect, syste
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.effects import Effect, MaskContrast
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging.patches import PatchPrior
+from sci_lightning.prior import PatchPrior
 
 LEAST_USABLE = 0.05
 """Part of the blocks without a saturated pixel below which nothing can be said."""

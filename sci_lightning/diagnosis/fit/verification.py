@@ -15,7 +15,7 @@ from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.gap import Gap, held_out_gap
 from sci_lightning.diagnosis.fit.split import Split
 from sci_lightning.diagnosis.model.observation import Observation
-from sci_lightning.encoder.empirical import Empirical
+from sci_lightning.encoder.free_form import Empirical
 from sci_lightning.errors import BadInput
 
 

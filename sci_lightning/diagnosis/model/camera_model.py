@@ -22,7 +22,7 @@ from sci_lightning.encoder.effects.parameter import Value
 from sci_lightning.encoder.effects.stage import ExposureEffect, ModulatorEffect, RelayEffect
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.signal import Signal
-from sci_lightning.imaging.operator import SnapshotOperator
+from sci_lightning.operator import SnapshotOperator
 
 Setting = dict[str, Value]
 """Values of an effect's parameters by name."""

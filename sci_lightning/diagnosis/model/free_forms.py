@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from sci_lightning.diagnosis.model.observation import Observation
-from sci_lightning.encoder import empirical
+from sci_lightning.encoder import free_form
 from sci_lightning.encoder.effects import Effect, ModulatorEffect
-from sci_lightning.encoder.empirical import Empirical
+from sci_lightning.encoder.free_form import Empirical
 
 
 def free_forms_for(observation: Observation) -> dict[str, type[Effect]]:
     """Return every free-form deviation by name, with as many numbers as these captures can determine."""
-    classes = [getattr(empirical, name) for name in empirical.__all__ if name != "Empirical"]
+    classes = [getattr(free_form, name) for name in free_form.__all__ if name != "Empirical"]
     if observation.grid is not None:  # a map of the mirrors is not one of the pixels
         classes = [one for one in classes if not (one.map_kind and issubclass(one, ModulatorEffect))]
     captures, frames = len(observation), observation.frames

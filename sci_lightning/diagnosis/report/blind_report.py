@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from sci_lightning import __version__
-from sci_lightning.cli.console import PlainConsole, styled
+from sci_lightning.console import PlainConsole, styled
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
 from sci_lightning.diagnosis.blind.held_out.paired_comparison import PairedComparison
 from sci_lightning.diagnosis.blind.prior import BLOCK
@@ -33,6 +32,7 @@ from sci_lightning.diagnosis.report.sentences import class_paths, clause, consid
 from sci_lightning.diagnosis.report.svg import AFTER, FAINT, style
 from sci_lightning.diagnosis.report.terminal import COLOURS
 from sci_lightning.files.atomic_file import atomic_write
+from sci_lightning.version import installed_version
 
 COLUMNS = ("effect", "stage", "parameter", "value", "error (1 σ)", "unit", "snapshots that ask for it", "alternatives")
 """Titles of the table of what was found; what stands in none of its rows is left out."""
@@ -119,7 +119,7 @@ def _page(diagnosis: BlindDiagnosis, drawn: Mapping[str, Figure], provenance: Pr
     }
     table = without_empty_columns(COLUMNS, _rows(diagnosis))
     template = environment().get_template("blind_page.html")
-    return template.render(page=page, table=table, provenance=provenance, version=__version__)
+    return template.render(page=page, table=table, provenance=provenance, version=installed_version())
 
 
 def predicted_errors(
@@ -175,7 +175,7 @@ def describe_blind(diagnosis: BlindDiagnosis) -> dict[str, Any]:
             "counted_fraction": round(counted, 4),
         },
         "seed": diagnosis.seed,
-        "sci_lightning": __version__,
+        "sci_lightning": installed_version(),
     }
 
 

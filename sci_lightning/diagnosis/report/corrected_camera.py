@@ -15,7 +15,7 @@ from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, style
 from sci_lightning.encoder import Encoder
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.npy_file import write_npy
-from sci_lightning.imaging.operator import SnapshotOperator
+from sci_lightning.operator import SnapshotOperator
 
 SIDE = 192
 """Side in pixels of the part of a snapshot that is reconstructed for the report."""

@@ -15,7 +15,6 @@ import torch
 import yaml
 from matplotlib.figure import Figure
 
-from sci_lightning import __version__
 from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.laboratory import SceneEffect
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Setting
@@ -23,8 +22,9 @@ from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.report.pictures import figures
 from sci_lightning.diagnosis.report.report_page import Provenance, report_page
 from sci_lightning.diagnosis.report.sentences import class_paths
-from sci_lightning.encoder.empirical import Empirical
+from sci_lightning.encoder.free_form import Empirical
 from sci_lightning.files.atomic_file import atomic_write
+from sci_lightning.version import installed_version
 
 UNCERTAINTY = (
     "Uncertainties are statistical only: one standard deviation, from the noise of the captures. Systematic errors, of "
@@ -100,7 +100,7 @@ def describe(diagnosis: Diagnosis) -> dict[str, Any]:
         **({} if unknown is None else {"unknown_scenes": unknown.describe()}),
         "split": diagnosis.split.describe(),
         "seed": diagnosis.seed,
-        "sci_lightning": __version__,
+        "sci_lightning": installed_version(),
     }
 
 

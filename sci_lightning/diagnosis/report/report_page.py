@@ -16,7 +16,6 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from sci_lightning import __version__
 from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.fit.gap import Misfit
 from sci_lightning.diagnosis.model.camera_model import datasheet_noise
@@ -27,6 +26,7 @@ from sci_lightning.diagnosis.report.svg import svg
 from sci_lightning.diagnosis.residual_tests import ResidualTest
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE
 from sci_lightning.files.plain_text import printable
+from sci_lightning.version import installed_version
 
 MAX_TEST_FIGURES = 8
 """Residual tests that are drawn."""
@@ -334,5 +334,5 @@ def _footer(diagnosis: Diagnosis, provenance: Provenance) -> dict[str, str]:
     rows = {"held out": held_out, **_left_out(diagnosis), "noise": "; ".join(noise)}
     rows |= {"effects": considered(diagnosis.considered), "command": provenance.command}
     rows["run time"] = "" if provenance.runtime_s is None else f"{provenance.runtime_s:.1f} s"
-    rows["version"] = f"sci_lightning {__version__}, seed {diagnosis.seed}"
+    rows["version"] = f"sci_lightning {installed_version()}, seed {diagnosis.seed}"
     return {title: content for title, content in rows.items() if content}

@@ -6,10 +6,10 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from sci_lightning import __version__
-from sci_lightning.cli.console import PlainConsole, styled
+from sci_lightning.console import PlainConsole, styled
 from sci_lightning.diagnosis.blind.snapshot_facts import SnapshotFacts, still_needed
 from sci_lightning.files.atomic_file import atomic_write
+from sci_lightning.version import installed_version
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class SnapshotReport:
             **self.facts.describe(),
             "sentences": list(self.facts.sentences()),
             "needed": list(self.needed),
-            "sci_lightning": __version__,
+            "sci_lightning": installed_version(),
         }
         with atomic_write(path) as temporary:
             temporary.write_text(json.dumps(content, indent=1) + "\n")

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from sci_lightning.cli.console import PlainConsole, styled
+from sci_lightning.console import PlainConsole, styled
 from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.report.digits import chi2, quantity
 from sci_lightning.diagnosis.report.sentences import considered, headline

@@ -1,6 +1,6 @@
 """Remaining misfit: drop effects whose fitted map contradicts their definition, then localise what no effect explains.
 
-Free-form deviations (:mod:`sci_lightning.encoder.empirical`) say in which stage of the camera something is missing, not
+Free-form deviations (:mod:`sci_lightning.encoder.free_form`) say in which stage of the camera something is missing, not
 what. They are screened like effects; of their many numbers only those that differ clearly from 0 are fitted.
 """
 
@@ -23,7 +23,7 @@ from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 from sci_lightning.diagnosis.model.fixed_pattern_map import estimate_map
 from sci_lightning.diagnosis.search.map_test import map_p_value
 from sci_lightning.encoder.effects import Effect
-from sci_lightning.encoder.empirical import Empirical
+from sci_lightning.encoder.free_form import Empirical
 
 
 @dataclass(frozen=True)

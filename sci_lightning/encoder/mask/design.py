@@ -11,7 +11,7 @@ import torch
 from sci_lightning.encoder.mask.mask import uniform
 from sci_lightning.encoder.mask.structure import check_bits, structure
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging.patches import MaskScore
+from sci_lightning.prior import MaskScore
 
 TILE = (8, 8)
 """Tile that is designed for masks whose every value is free: its repetition is their start."""

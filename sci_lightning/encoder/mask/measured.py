@@ -56,6 +56,21 @@ class Measured(Mask):
         super().__init__(shape[0], shape[1:])
         self.register_buffer("pattern", pattern)
 
+    @classmethod
+    def of(cls, pattern: torch.Tensor) -> Measured:
+        """Return the mask of a tensor ``(T, H, W)`` of transmittances.
+
+        Raises:
+            BadInput: another shape, or values outside of [0, 1].
+        """
+        if pattern.ndim != 3 or not pattern.is_floating_point() or not bool(((pattern >= 0) & (pattern <= 1)).all()):
+            raise BadInput(
+                f"mask {tuple(pattern.shape)} of {pattern.dtype}: expected transmittances (T, H, W), floating in [0, 1]"
+            )
+        mask = cls(None, pattern.shape[0], tuple(pattern.shape[1:]))
+        mask.pattern = pattern.detach().float().clone()
+        return mask
+
     @property
     def automatic_aperture(self) -> float:
         """1 over the mean of the mask's sum over time."""

@@ -10,8 +10,8 @@ from typing import Any
 
 import lightning as L
 
-from sci_lightning.cli.console import warn
 from sci_lightning.configuration.bounds import Share
+from sci_lightning.console import warn
 from sci_lightning.errors import TrainingFailed
 from sci_lightning.training.system import MEAN_MEASUREMENT, System
 

@@ -11,8 +11,8 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from matplotlib.figure import Figure
 
 from sci_lightning.data.loader import SceneSnapshots
+from sci_lightning.figures.figure import mask_figure, pair_figure, reconstruction_figure
 from sci_lightning.files.atomic_file import atomic_write
-from sci_lightning.imaging.figures import mask_figure, pair_figure, reconstruction_figure
 from sci_lightning.training.system import System
 
 CORNER = 24

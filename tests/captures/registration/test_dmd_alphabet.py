@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sci_lightning.imaging.homography import pixels_per_mirror
+from sci_lightning.homography import pixels_per_mirror
 from tests.captures.registration.dmd_alphabet import REGISTERED, judged, registered
 
 

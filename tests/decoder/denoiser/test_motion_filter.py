@@ -11,7 +11,7 @@ from torch.nn.functional import interpolate
 from sci_lightning.decoder import GAP, MotionFilter
 from sci_lightning.decoder.denoiser import TotalVariation
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging.operator import SnapshotOperator
+from sci_lightning.operator import SnapshotOperator
 
 
 def moving(step: tuple[int, int], frames: int = 6, size: tuple[int, int] = (40, 48)) -> torch.Tensor:

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from sci_lightning.captures import Captures
-from sci_lightning.cli.console import PlainConsole
+from sci_lightning.console import PlainConsole
 from sci_lightning.diagnosis.bad_captures.judgement import most_bad, outlying, suspicious
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
 from sci_lightning.diagnosis.report.report import describe
@@ -20,7 +20,7 @@ from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.diagnosis import another_camera
-from tests.schemas.validation import check, errors
+from tests.files.schemas.validation import check, errors
 
 NAMES = ("gain", "black_level", "mask_shift", "mask_contrast", "scene_shift", "shot_noise", "read_noise")
 FEW = {name: vocabulary()[name] for name in NAMES}

@@ -18,7 +18,7 @@ from sci_lightning.diagnosis.report.sentences import headline
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput
 from tests.diagnosis.another_camera import Hidden, captures
-from tests.schemas.validation import check
+from tests.files.schemas.validation import check
 
 EFFECTS = laboratory_effects()
 SCENE = torch.from_numpy(gaussian_filter(np.random.default_rng(0).random((2, 40, 48)), (0, 2, 2))).float()

@@ -24,7 +24,7 @@ from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import OpticsEffect, SensorEffect
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput
-from sci_lightning.imaging.operator import SnapshotOperator
+from sci_lightning.operator import SnapshotOperator
 
 BRIGHT = 0.99
 """Quantile of a snapshot's light that counts as white: decoders expect videos in [0, 1]."""

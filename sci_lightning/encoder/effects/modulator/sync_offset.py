@@ -21,7 +21,7 @@ class SyncOffset(ModulatorEffect):
     name = "sync_offset"
     rank = 15
     about = {"offset": Parameter("slots", 0.0, -0.5, 0.5, step=0.01, starts=(-0.25, 0.25))}
-    sentence = "patterns come {offset} slots late"
+    sentence = "patterns come {offset} slots late (below 0: early)"
     offset: torch.Tensor
 
     def schedule(self, slots: int) -> torch.Tensor:

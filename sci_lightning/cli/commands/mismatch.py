@@ -1,0 +1,116 @@
+"""``python -m sci_lightning.mismatch``: what a wrong model of the camera costs, and what a diagnosis wins back."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition, built, compose, plain
+from sci_lightning.console import PlainConsole, styled
+from sci_lightning.errors import BadInput
+
+if TYPE_CHECKING:  # --help answers without torch
+    from sci_lightning.decoder import Decoder
+
+
+def mismatch(composition: Composition) -> None:
+    """Run every camera with every decoder, and write a record for each that a later run does not compute again.
+
+    Args:
+        composition: of ``conf/mismatch.yaml``.
+    """
+    from sci_lightning.cli.next_command import invocation, print_next
+    from sci_lightning.studies.mismatch.prepare import prepare
+    from sci_lightning.studies.mismatch.summary import summary_table
+
+    out, console = Path(composition.cfg.out), PlainConsole()
+    decoders = {name: _decoder(composition, name) for name in _names(composition)}
+    prepared = prepare(composition, out, _command(composition))
+    records = []
+    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left:"), TimeRemainingColumn())
+    with Progress(*columns, TextColumn("{task.description}"), console=console, speed_estimate_period=3600) as progress:
+        task = progress.add_task("", total=len(prepared.cameras) * len(decoders))
+        prepared.protocol.on_progress = lambda line: progress.update(task, description=line)
+        prepared.protocol.on_result = console.print
+        for camera in prepared.cameras:
+            for name, (decoder, described) in decoders.items():
+                record, computed = prepared.score(camera, name, decoder, described, out / "cases")
+                records.append(record)
+                console.say(styled(camera.name), f", {name}: {_line(record)}{'' if computed else ', done before'}")
+                progress.advance(task)
+    heading, *rows = summary_table(records)
+    table = Table(*heading, title="mean PSNR of the scenes (dB)", title_justify="left")
+    for row in rows:
+        table.add_row(*row)
+    console.print(table)
+    console.say(styled(out), ": cases/ (a record for every camera and decoder), cameras/ (diagnoses)")
+    for path in sorted(out.glob("cameras/*/calibrated/encoder.yaml"))[:1]:
+        paths: dict[str, str | Path] = {"ckpt_path": "RUN/checkpoints/last.ckpt", "encoder": path}
+        print_next(console, invocation("train", "experiment=finetune", paths=paths))
+
+
+def _names(composition: Composition) -> list[str]:
+    """Return the decoders that were chosen, in order and each once."""
+    return list(dict.fromkeys(composition.cfg.decoders or [composition.choice("decoder")]))
+
+
+def _decoder(composition: Composition, name: str) -> tuple[Decoder, dict[str, Any]]:
+    """Return a decoder, filled with its weights if it has any, and what identifies it."""
+    from sci_lightning.decoder.complexity import count_parameters
+    from sci_lightning.studies.mismatch.prepare import trained_decoder
+
+    weights = plain(composition.cfg.weights)
+    if unknown := sorted(weights.keys() - set(_names(composition))):
+        raise BadInput(f"weights.{unknown[0]}: decoder={','.join(_names(composition))} does not name this decoder")
+    own = [word for word in composition.overrides if word.lstrip("+~").startswith(("decoder.", "frames="))]
+    own_composition = compose("mismatch", [f"decoder={name}", *own])
+    config = own_composition.cfg
+    if name in weights:
+        changed = own_composition if any("decoder." in word for word in own) else None
+        return trained_decoder(str(weights[name]), name, tuple(composition.cfg.trusted), changed)
+    decoder: Decoder = built(config, "decoder")
+    if parameters := count_parameters(decoder):
+        raise BadInput(
+            f"decoder={name} has {parameters:,} parameters to learn: train it first, and give "
+            f"+weights.{name}=RUN/checkpoints/last.ckpt"
+        )
+    return decoder.eval(), {"decoder": plain(config.decoder)}
+
+
+def _line(record: Mapping[str, Any]) -> str:
+    """Return the mean PSNR of every scenario, and what the diagnoses won back."""
+    from sci_lightning.studies.mismatch.scenarios import SCENARIOS
+
+    parts = [f"{SCENARIOS[key].title} {scores['mean']['psnr']:.2f}" for key, scores in record["scenarios"].items()]
+    parts += [f"{kind} recovers {100 * part:.1f} %" for kind, part in record.get("recovery", {}).items()]
+    return f"{', '.join(parts)} ({record['seconds']:.0f} s)"
+
+
+def _command(composition: Composition) -> str:
+    """Return the command line without the places of this machine."""
+    words = [word for word in composition.overrides if "/" not in word.partition("=")[2]]
+    return shlex.join(["python", "-m", "sci_lightning.mismatch", *words])
+
+
+def list_decoders(words: list[str]) -> list[str]:
+    """Return the words of a command line with ``decoder=a,b`` as ``decoder=a`` and ``'decoders=[a,b]'``, no sweep."""
+    listed = []
+    for word in words:
+        key, _, value = word.partition("=")
+        several = key == "decoder" and "," in value
+        listed += [f"decoder={value.partition(',')[0]}", f"decoders=[{value}]"] if several else [word]
+    return listed
+
+
+def main() -> None:
+    """Run the command."""
+    if not {"-m", "--multirun"} & set(sys.argv):
+        sys.argv[1:] = list_decoders(sys.argv[1:])
+    run("mismatch", mismatch)

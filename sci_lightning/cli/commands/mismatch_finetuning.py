@@ -1,0 +1,131 @@
+"""``python -m sci_lightning.mismatch.finetuning``: what fine-tuning with the diagnosed camera is worth."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+from rich.table import Table
+
+from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition, compose, group_members
+from sci_lightning.console import PlainConsole, styled
+from sci_lightning.errors import BadInput
+
+if TYPE_CHECKING:  # --help answers without torch
+    from sci_lightning.studies.mismatch.prepare import Prepared
+
+MEAN = "mean_measurement"
+"""What records call the decoder whose estimate has the mean measurement in every frame."""
+
+
+def mismatch_finetuning(composition: Composition) -> None:
+    """Train behind the ideal camera, fine-tune and train anew behind the diagnosed one, and score them all.
+
+    Everything that is finished is kept in ``out``: the same command goes on after an interruption.
+
+    Args:
+        composition: of ``conf/mismatch_finetuning.yaml``.
+    """
+    from sci_lightning.studies.mismatch.mean_measurement import MeanMeasurement
+    from sci_lightning.studies.mismatch.prepare import prepare, trained_decoder
+    from sci_lightning.studies.mismatch.training_summary import finetuning_table
+
+    cfg, out, console = composition.cfg, Path(composition.cfg.out).resolve(), PlainConsole()
+    training, protocol, recipe = (_words(cfg, key) for key in ("overrides", "protocol", "recipe"))
+    settings = compose("mismatch", [*protocol, "cameras=[published]"])
+    prepared = prepare(settings, out / "protocol", "python -m sci_lightning.mismatch.finetuning")
+    (camera,) = prepared.cameras
+    prepared.protocol.on_progress = lambda line: None
+    name = compose("train", [*training]).choice("decoder")
+    console.say(styled(camera.name), ": its calibration captures are diagnosed")
+    folder_of_records = out / "records"
+    mean = MeanMeasurement().eval()
+    baseline, _ = prepared.score(camera, MEAN, mean, {"decoder": MEAN}, folder_of_records, ["ideal", "calibrated"])
+    records = [baseline]
+    corrected = out / "protocol" / "cameras" / camera.name / "calibrated" / "encoder.yaml"
+    ideal = _write_ideal_encoder(prepared, out / "ideal.yaml")
+    places = [word for word in training if "/" in word.partition("=")[2]]  # a checkpoint's folders have to be repeated
+    light = [f"encoder.aperture={prepared.bench.aperture}"]
+    for seed in range(cfg.seeds):
+        folder = out / f"seed{seed}"
+        words = [*training, *light, f"seed={seed}"]
+        plans = {
+            "ideal": [*words, f"encoder='{ideal}'"],
+            "finetuned": [
+                f"ckpt_path='{folder / 'ideal' / 'checkpoints' / 'last.ckpt'}'",
+                "experiment=finetune",
+                f"encoder='{corrected}'",
+                *light,
+                *places,
+                *recipe,
+            ],
+            "anew": [*words, f"encoder='{corrected}'"],
+        }
+        for kind, overrides in plans.items():
+            console.say(styled(f"seed {seed}"), f": training, {kind}")
+            checkpoint = _train([*overrides, "resume=true", f"out='{folder / kind}'"])
+            decoder, described = trained_decoder(checkpoint, name)
+            wanted = ["ideal", "mismatched", "calibrated"] if kind == "ideal" else ["calibrated"]
+            described = {**described, "training": kind, "training_seed": seed}
+            label = f"{name}-{kind}-{seed}"
+            record, _ = prepared.score(camera, label, decoder, described, folder_of_records, wanted)
+            records.append(record)
+            scores = {key: f"{values['mean']['psnr']:.2f} dB" for key, values in record["scenarios"].items()}
+            console.say(styled(f"seed {seed}"), f": {kind}: {scores}")
+    heading, *rows = finetuning_table(records)
+    table = Table(*heading, title="mean PSNR of the scenes (dB)", title_justify="left")
+    for row in rows:
+        table.add_row(*row)
+    console.print(table)
+    console.say(styled(out), ": records/, seed*/ (trainings), protocol/ (the diagnosis)")
+
+
+def _words(cfg: Any, key: str) -> list[str]:
+    try:
+        return shlex.split(cfg[key] or "")
+    except ValueError as error:
+        raise BadInput(f"{key}={cfg[key]}: {str(error).lower()}; give words as on a command line") from error
+
+
+def _write_ideal_encoder(prepared: Prepared, path: Path) -> Path:
+    """Write the encoder file of the ideal camera with the noise of the datasheet."""
+    from sci_lightning.files.atomic_file import atomic_write
+
+    session = prepared.bench.session
+    content = {
+        "_target_": "sci_lightning.encoder.Encoder",
+        "aperture": "auto",
+        "mask": {
+            "_target_": "sci_lightning.encoder.mask.Measured",
+            "file": str(Path(session.mask).relative_to(path.parent)),
+            "key": None,
+            "frames": session.frames,
+            "size": list(session.size),
+        },
+        "sensor": {
+            "_target_": "sci_lightning.encoder.sensor.ClipQuantise",
+            "bit_depth": session.bit_depth,
+            "full_well": float(session.full_well_e),
+            "read_noise": float(session.read_noise_dn),
+        },
+    }
+    with atomic_write(path) as temporary:
+        temporary.write_text(yaml.safe_dump(content, sort_keys=False))
+    return path
+
+
+def _train(words: list[str]) -> Path:
+    """Train in this process with the overrides of a command line, and return the last checkpoint."""
+    from sci_lightning.cli.continued_run import continued
+    from sci_lightning.cli.notebook import train
+
+    arguments, _ = continued(words, group_members("encoder"))
+    return train(arguments).checkpoint
+
+
+def main() -> None:
+    """Run the command."""
+    run("mismatch_finetuning", mismatch_finetuning)

@@ -1,0 +1,93 @@
+"""``python -m sci_lightning.reconstruct``: decode a snapshot that a camera took."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from rich.progress import Progress
+
+from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition, group_members, plain
+from sci_lightning.console import PlainConsole, styled, warn
+
+SETTINGS = (
+    *("mask", "key", "mask_key", "mask_step", "mask_origin", "mask_slots", "mask_dark", "mask_white", "full_scale"),
+    *("aperture", "tile", "device", "precision", "out", "fps"),
+)
+"""What the library function takes as the user says it."""
+
+LINE_SECONDS = 15.0
+"""Where the output is no terminal, a line says at least that often how far it is."""
+
+
+def reconstruct(composition: Composition) -> None:
+    """Write the reconstructed frames as PNG, animations, an overview and ``reconstruction.npy`` (N, T, H, W), float32.
+
+    Args:
+        composition: of ``conf/reconstruct.yaml``.
+    """
+    from omegaconf import OmegaConf
+
+    from sci_lightning.cli.encoder_and_decoder import resolve_camera, resolve_checkpoint, resolve_encoder
+    from sci_lightning.cli.next_command import browser, print_next
+    from sci_lightning.decoder import kernels
+    from sci_lightning.errors import BadInput
+    from sci_lightning.files.packed_file import raw_layout
+    from sci_lightning.runs.reconstruction import FILES
+    from sci_lightning.runs.reconstruction import reconstruct as decode_snapshots
+
+    cfg = composition.cfg
+    kernels.use(cfg.kernels)
+    out, console, frames = Path(cfg.out), PlainConsole(), cfg.frames
+    settings = plain(OmegaConf.masked_copy(cfg, list(SETTINGS)))
+    checkpoint = resolve_checkpoint("reconstruct", composition)
+    if cfg.ckpt_path is None and cfg.mask is None and not _mask_is_known(composition):
+        raise BadInput(
+            "nothing says which mask the snapshot was taken with, and a random one would decode noise: give mask=FILE "
+            "(MAT, NPY, H5), encoder=FOUND/encoder.yaml or ckpt_path=RUN/checkpoints/last.ckpt"
+        )
+    decoder = checkpoint.decoder()
+    encoder, _ = resolve_encoder(composition, checkpoint)
+    encoder = resolve_camera(composition, checkpoint) or encoder
+    with Progress(console=console, transient=True) as progress:
+        bar, said = progress.add_task("Decoding", total=1), time.monotonic()
+
+        def watch(done: float, state: str) -> None:
+            nonlocal said
+            if not console.is_terminal and time.monotonic() - said > LINE_SECONDS:
+                said = time.monotonic()
+                console.print(f"decoding, {done:.0%}: {state}")
+            progress.update(bar, completed=done, description=f"Decoding: {state}")
+
+        result = decode_snapshots(
+            cfg.measurement,
+            decoder,
+            encoder,
+            frames=frames if cfg.mask is not None else None,
+            raw=raw_layout(cfg.raw_format, cfg.raw_size),
+            say=console.print,
+            warn=warn,
+            watch=watch,
+            **settings,
+        )
+    n, t, h, w = result.video.shape
+    level = f"mean level {float(result.measurement.mean()):.3f} of full scale"
+    console.print(f"{n} snapshot(s) of {h} x {w} ({level}) decoded into {t} frames each")
+    written = [name for name in ("frames", *FILES, "reconstruction.npy") if (out / name).exists()]
+    console.say(styled(out), ": ", ", ".join(written))
+    print_next(console, browser(out / "video.gif"))
+
+
+def _mask_is_known(composition: Composition) -> bool:
+    """Return whether the decoder's encoder reads its mask from a file, or is itself described by a file."""
+    cfg = composition.cfg
+    place, settings = ("encoder@camera", cfg.get("camera")) if cfg.get("camera") else ("encoder", cfg.get("encoder"))
+    if not settings or "mask" not in settings:
+        return False
+    return composition.choice(place) not in group_members("encoder") or settings.mask.get("file") is not None
+
+
+def main() -> None:
+    """Run the command."""
+    run("reconstruct", reconstruct)

@@ -1,0 +1,66 @@
+"""``python -m sci_lightning.virtual_camera.reveal``: what was hidden, beside what was found."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from rich.table import Table
+
+from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition
+from sci_lightning.cli.next_command import invocation, print_next
+from sci_lightning.cli.plain_words import with_keys
+from sci_lightning.console import PlainConsole, styled
+from sci_lightning.virtual_camera.comparison import Estimate, compare, verdict
+from sci_lightning.virtual_camera.hardware.parameter import Value
+from sci_lightning.virtual_camera.reveal_files import read_also_true, read_report, read_truth
+
+GOOD_ANSWERS = ("within 95 %", "right", "true as well")
+
+
+def reveal(composition: Composition) -> None:
+    """Print a table of the parameters, true and estimated, and a verdict in one sentence.
+
+    Args:
+        composition: of ``conf/reveal.yaml``.
+
+    Raises:
+        BadInput: a file that is missing, or is something else.
+    """
+    cfg = composition.cfg
+    hidden, also_true, reported = read_truth(cfg.truth), read_also_true(cfg.truth), read_report(cfg.report)
+    table = Table(title="what was hidden, and what was found", title_justify="left")
+    for name in ("effect", "parameter", "hidden", "found", ""):
+        table.add_column(name, justify="right" if name in ("hidden", "found") else "left", no_wrap=name != "parameter")
+    for row in compare(hidden, reported, also_true):
+        parameter = f"{row.parameter} ({row.unit})" if row.unit not in ("", "1") else row.parameter
+        answer = styled(row.answer, "green" if row.answer in GOOD_ANSWERS else "red")
+        table.add_row(row.effect, parameter, _value_text(row.truth), _estimate_text(row.estimate), answer)
+    console = PlainConsole()
+    if table.row_count:
+        console.print(table)
+    sentence = verdict(hidden, reported, also_true)
+    chi2 = f"held-out chi2 {reported.chi2_before:.4g} before, {reported.chi2_after:.4g} after"
+    console.say(styled(sentence), f"; {chi2}")
+    encoder = Path(cfg.report).parent / "encoder.yaml"
+    if encoder.is_file():
+        print_next(console, invocation("train", "experiment=quickstart", paths={"encoder": encoder}))
+
+
+def _value_text(value: Value | None) -> str:
+    if value is None:
+        return ""
+    return f"{value:.5g}" if isinstance(value, float) else str(value)
+
+
+def _estimate_text(estimate: Estimate | None) -> str:
+    if estimate is None:
+        return ""
+    return _value_text(estimate.value) + (f" ± {estimate.std:.2g}" if estimate.std else "")
+
+
+def main() -> None:
+    """Run the command."""
+    sys.argv[1:] = with_keys(sys.argv[1:], ["truth", "report"])
+    run("reveal", reveal)

@@ -1,0 +1,58 @@
+"""``python -m sci_lightning.tables``: the paper's tables, with what our runs found beside each of its figures."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition
+from sci_lightning.cli.paper_tables import make_tables
+from sci_lightning.console import PlainConsole, styled
+from sci_lightning.files.plain_text import one_printable_line
+
+
+def tables(composition: Composition) -> None:
+    """Write the tables and figures of the runs below ``runs``, and print the tables.
+
+    Files that are of no use are named, one line each, and the others go on.
+
+    With ``documentation=DIR`` it writes the measured tables of README.md and docs/ from docs/results/ instead.
+
+    Args:
+        composition: of ``conf/tables.yaml``.
+    """
+    if composition.cfg.documentation:
+        _write_documentation(Path(str(composition.cfg.documentation)))
+        return
+    from sci_lightning.cli.next_command import browser, dashboard, invocation, print_next
+
+    console = PlainConsole()
+    made = make_tables(composition, _left_out)
+    for grid in made.grids.values():
+        console.print(grid.as_table(console.width))
+    console.say(styled(made.folder), f": {', '.join(made.grids)} as .md, .tex and .png; {len(made.runs)} runs")
+    console.print(f"figures: {', '.join(made.figures)} as .png")
+    shown = [dashboard(made.folder / "tensorboard")] if composition.cfg.dashboard else []
+    more = invocation("train", "-m", "experiment=table5", "scale=cpu")
+    print_next(console, *shown, browser(made.figures["cost"]), more)
+
+
+def _write_documentation(root: Path) -> None:
+    """Write the measured tables of the pages anew, and say which pages changed."""
+    from sci_lightning.studies.tables.documentation import update_pages
+
+    changed, console = update_pages(root), PlainConsole()
+    for page in changed:
+        console.say(styled(page), ": tables written")
+    if not changed:
+        console.print("every table of the documentation is as its file says")
+
+
+def _left_out(line: str) -> None:
+    print(f"left out: {one_printable_line(line)}", file=sys.stderr)
+
+
+def main() -> None:
+    """Run the command."""
+    run("tables", tables)

@@ -1,0 +1,140 @@
+"""``python -m sci_lightning.tables.rows``: train every row of the paper's tables, and keep the results of each."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import sys
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+import yaml
+
+from sci_lightning.cli.command import run
+from sci_lightning.cli.composition import Composition, compose, plain
+from sci_lightning.configuration.conf_folder import PACKAGE
+from sci_lightning.console import PlainConsole
+from sci_lightning.errors import BadInput, MachineFailure
+
+
+def tables_rows(composition: Composition) -> None:
+    """Train the rows that are not kept yet, a few at a time, and write what each found as it ends.
+
+    Args:
+        composition: of ``conf/tables_rows.yaml``.
+
+    Raises:
+        BadInput: settings of no use; a kept row that was trained otherwise.
+        MachineFailure: rows failed; the others were trained.
+    """
+    from sci_lightning.cli.commands.tables import tables
+    from sci_lightning.cli.next_command import override, print_next
+    from sci_lightning.runs.provenance import provenance_now
+    from sci_lightning.studies.tables.rows.kept import check_recipe, is_kept, keep
+    from sci_lightning.studies.tables.rows.plan import TableRow, plan
+    from sci_lightning.studies.tables.rows.queue import RowQueue
+
+    cfg, console, out = composition.cfg, PlainConsole(), Path(composition.cfg.out).resolve()
+    budget = _budget(composition)
+    label = budget.label
+    results = Path(cfg.results) / label
+    more = [f"scale={cfg.row_scale}", *budget.overrides]
+    try:
+        more += shlex.split(cfg.overrides or "")
+    except ValueError as error:
+        raise BadInput(f"overrides={cfg.overrides}: {str(error).lower()}; give words as on a command line") from error
+    paper = yaml.safe_load((PACKAGE / "studies" / "tables" / "paper_figures.yaml").read_text())["tables"]
+    rows = plan(paper, cfg.seeds, cfg.only or (), cfg.other_seeds)
+    if not rows:
+        raise BadInput(f"only={list(cfg.only)}: no row is called so; name tables (table5) or parts of rows (e2e_cnn)")
+    for row in rows:
+        if row is rows[0] or is_kept(row, results):  # the first one shows whether the overrides are of any use
+            config = plain(compose("train", [*row.overrides(), *more]).cfg)
+            if is_kept(row, results):
+                check_recipe(row, results, config)
+    waiting = [row for row in rows if not is_kept(row, results)]
+
+    def say(line: str) -> None:
+        left = sum(not is_kept(row, results) for row in rows)
+        hours = f", about {left * budget.minutes / 60:.1f} core hours" if budget.minutes else ""
+        console.print(f"{datetime.now():%H:%M:%S} {line}; {left} of {len(rows)} rows left{hours}", soft_wrap=True)
+        sys.stdout.flush()
+
+    def finished(row: TableRow) -> None:
+        words = shlex.join(f"{key}={cfg[key]}" for key in ("row_scale", "core_minutes", "steps", "label") if cfg[key])
+        made_by = f"python -m sci_lightning.tables.rows {words}"
+        origin = provenance_now(_trained_on(out / label / row.folder), budget.scale, [row.seed], made_by)
+        (path, *_) = keep(row, out / label / row.folder, results, origin)
+        say(f"kept {path}")
+
+    def command(row: TableRow) -> list[str]:
+        places = [override(key, str(out / label / row.folder)) for key in ("out", "hydra.run.dir")]
+        return ["-m", "sci_lightning.train", *row.overrides(), *more, "resume=true", *places]
+
+    workers = min(cfg.workers or os.cpu_count() or 1, max(1, len(waiting)))
+    say(f"{workers} rows at a time, one thread each, results in {results}")
+    queue = RowQueue(waiting, out / label, command, finished, say, workers)
+    queue.run()
+    if any(is_kept(row, results) for row in rows):
+        where = [override("runs", str(results)), override("out", str(out / label / "tables")), "mosaic=0"]
+        tables(compose("tables", where))
+    if queue.failed:
+        row, reason = next(iter(queue.failed.items()))
+        names = ", ".join(f"{row.name} seed {row.seed}" for row in queue.failed)
+        raise MachineFailure(f"{len(queue.failed)} of {len(rows)} rows failed ({names}); {row.name}: {reason}")
+    print_next(console, "make documentation")
+
+
+@dataclass(frozen=True)
+class _Budget:
+    """How long a row is trained.
+
+    Attributes:
+        minutes: of one core; 0: no limit.
+        overrides: of every training.
+        scale: what the results say about it.
+        label: the folder of the results: the scale, and what differs from it.
+    """
+
+    minutes: float
+    overrides: tuple[str, ...]
+    scale: str
+    label: str
+
+
+def _budget(composition: Composition) -> _Budget:
+    """Return the budget of a row: steps where they are given, else the core minutes.
+
+    Raises:
+        BadInput: both are given.
+    """
+    cfg = composition.cfg
+    end = [cfg.label] if cfg.label else []
+    if cfg.steps is not None:
+        if cfg.core_minutes is not None:
+            raise BadInput(f"steps={cfg.steps} core_minutes={cfg.core_minutes}: give one of them; both end a training")
+        overrides = ("core_minutes=null", f"trainer.max_steps={cfg.steps}")
+        label = "_".join([cfg.row_scale, f"{cfg.steps}_steps", *end])
+        return _Budget(0.0, overrides, f"{cfg.row_scale}, {cfg.steps} steps", label)
+    usual = compose("train", [f"scale={cfg.row_scale}"]).cfg.core_minutes
+    given = cfg.core_minutes is not None
+    minutes = float((cfg.core_minutes if given else usual) or 0)
+    parts = [cfg.row_scale, *([] if minutes == float(usual or 0) else [f"{minutes:g}_minutes"]), *end]
+    scale = f"{cfg.row_scale}, {minutes:g} core minutes" if minutes else cfg.row_scale
+    return _Budget(minutes, (f"core_minutes={cfg.core_minutes}",) if given else (), scale, "_".join(parts))
+
+
+def _trained_on(run: Path) -> str:
+    """Return the name of what trained a row: the GPU that its metrics name, else a core of this machine."""
+    from sci_lightning.runs.device import is_processor
+    from sci_lightning.runs.provenance import machine_name
+
+    device = str(json.loads((run / "metrics.json").read_text())["device"])
+    return machine_name(1) if is_processor(device) else device
+
+
+def main() -> None:
+    """Run the command."""
+    run("tables_rows", tables_rows)

@@ -1,1 +1,0 @@
-"""A decoder as an ONNX graph: made, compared with torch, and timed beside it."""

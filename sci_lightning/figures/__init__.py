@@ -1,0 +1,1 @@
+"""Figures of masks, measurements and reconstructions, and animations of videos."""

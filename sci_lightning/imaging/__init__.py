@@ -1,1 +1,0 @@
-"""Snapshots: how they form (the snapshot operator), reading them, checking their masks, and showing reconstructions."""

@@ -1,0 +1,217 @@
+"""A mask as a modulator displays it: bit planes and gray frames as PNG, and back."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import torch
+from annotated_types import Interval, MaxLen
+from PIL import Image
+
+from sci_lightning.configuration.arguments import check_value
+from sci_lightning.configuration.bounds import Bits, Frames, Pixels, Size
+from sci_lightning.errors import BadInput
+from sci_lightning.files.atomic_file import atomic_write
+from sci_lightning.files.json_fields import read_json
+from sci_lightning.files.memory_bound import check_memory
+from sci_lightning.studies.tables.run_files import is_inside
+
+SHEET = "planes.json"
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where a mask lies on the modulator.
+
+    Attributes:
+        size: (H, W) of the mask.
+        repeat: mirrors that each value covers, down and across.
+        canvas: (H, W) of the modulator in mirrors.
+
+    Raises:
+        BadInput: the mask is larger than the modulator.
+    """
+
+    size: tuple[int, int]
+    repeat: int
+    canvas: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        if self.repeat < 1:
+            raise BadInput(f"repeat={self.repeat}: each value must cover at least 1 mirror")
+        if any(part > full for part, full in zip(self.covered, self.canvas, strict=True)):
+            raise BadInput(
+                f"canvas={list(self.canvas)}: the mask covers {list(self.covered)} mirrors (H, W); "
+                "give a larger canvas or a smaller repeat"
+            )
+
+    @property
+    def covered(self) -> tuple[int, int]:
+        """(H, W) in mirrors."""
+        return self.repeat * self.size[0], self.repeat * self.size[1]
+
+    @property
+    def corner(self) -> tuple[int, int]:
+        """(row, column) of the first mirror that the mask covers."""
+        (h, w), (height, width) = self.covered, self.canvas
+        return (height - h) // 2, (width - w) // 2
+
+    def lay_out(self, values: torch.Tensor) -> torch.Tensor:
+        """``(H, W)`` values as ``canvas`` mirrors; those around are 0."""
+        shown = values.new_zeros(self.canvas)
+        (top, left), (h, w) = self.corner, self.covered
+        shown[top : top + h, left : left + w] = values.repeat_interleave(self.repeat, 0).repeat_interleave(
+            self.repeat, 1
+        )
+        return shown
+
+    def cut_out(self, shown: torch.Tensor) -> torch.Tensor:
+        """The reverse of :meth:`lay_out`."""
+        (top, left), (h, w) = self.corner, self.covered
+        return shown[top : top + h : self.repeat, left : left + w : self.repeat]
+
+
+def levels_of(mask: torch.Tensor, bits: int) -> tuple[torch.Tensor, int]:
+    """Whole levels of a mask, and the level that is transmittance 1.
+
+    Args:
+        mask: ``(T, H, W)`` whose values are multiples of 1/2^bits below 1, or 0 and 1 for 1 bit.
+        bits: 1 to 8.
+
+    Raises:
+        BadInput: other values.
+    """
+    full = 2**bits if bits > 1 else 1
+    levels = (mask * full).round().to(torch.uint8)
+    if not torch.equal(levels.float() / full, mask.float()) or int(levels.max()) >= 2**bits:
+        raise BadInput(f"the mask's values are no levels of {bits} bits; masks that are binary or structural have such")
+    return levels, full
+
+
+def write_planes(mask: torch.Tensor, bits: int, folder: str | Path, layout: Layout, timing: dict[str, Any]) -> None:
+    """Write 1-bit planes in the order of display, 8-bit frames, and ``planes.json``, which says what they are.
+
+    A slot of b bits is b planes, the most significant first; plane k is shown for 2^k shares of the slot.
+    The 8-bit frames hold 255 at the transmittance 1.
+    """
+    folder = Path(folder)
+    levels, full = levels_of(mask, bits)
+    (folder / SHEET).unlink(missing_ok=True)  # written last: it says that all pictures are of one mask
+    for stale in (*folder.glob("planes/slot*_bit*.png"), *folder.glob("frames/slot*.png")):
+        stale.unlink()  # of an earlier export with more slots or bits, which a modulator would show as well
+    planes = []
+    for slot, level in enumerate(levels):
+        for bit in reversed(range(bits)):
+            name = f"planes/slot{slot + 1:02d}_bit{bit}.png"
+            shown = layout.lay_out((level >> bit) & 1)
+            _write_png(folder / name, Image.fromarray(shown.bool().numpy()))
+            planes.append({"file": name, "slot": slot, "bit": bit, "exposure": 2**bit / full})
+        gray = layout.lay_out((level.float() / full * 255).round().to(torch.uint8))
+        _write_png(folder / f"frames/slot{slot + 1:02d}.png", Image.fromarray(gray.numpy()))
+    about = {
+        "format": "sci-planes",
+        "format_version": 1,
+        "frames": len(levels),
+        "bits": bits,
+        "full_level": full,
+        "size": list(layout.size),
+        "repeat": layout.repeat,
+        "canvas": list(layout.canvas),
+        "timing": timing,
+        "planes": planes,
+    }
+    with atomic_write(folder / SHEET) as temporary:
+        temporary.write_text(json.dumps(about, indent=1) + "\n")
+
+
+def read_planes(folder: str | Path) -> torch.Tensor:
+    """The mask ``(T, H, W)`` float32 that :func:`write_planes` wrote, bit for bit.
+
+    Raises:
+        BadInput: a file is missing, damaged, or not of that shape.
+    """
+    folder = Path(folder)
+    try:
+        about = _sheet(folder / SHEET)
+        layout = Layout(_pair(about["size"]), about["repeat"], _pair(about["canvas"]))
+        check_memory(f"{about['frames']} slots of {layout.canvas}", 16 * about["frames"] * math.prod(layout.canvas))
+        levels = torch.zeros(about["frames"], *layout.size, dtype=torch.int64)
+        for plane in about["planes"]:
+            path = folder / plane["file"]
+            if not is_inside(path, folder):
+                raise ValueError(f"{plane['file']} is no file in this folder")
+            levels[plane["slot"]] += layout.cut_out(_read_png(path, layout.canvas)) << plane["bit"]
+        return levels.float() / about["full_level"]
+    except (OSError, ValueError, KeyError, TypeError, IndexError, SyntaxError, Image.DecompressionBombError) as error:
+        raise BadInput(
+            f"{folder}: not the planes of a mask ({error}); give the folder that export_mask wrote"
+        ) from error
+
+
+def timing_of(frames: int, bits: int, frame_rate: float, binary_rate: float, gray_rate: float) -> dict[str, Any]:
+    """Whether the modulator is fast enough for the wanted snapshots per second.
+
+    Bit planes are weighted by how long they are shown, so a slot of b bits lasts at least 2^b - 1 of the shortest, and
+    the shortest must not be shorter than 1 / ``binary_rate``. Planes that fill their slot so, without a dark rest, are
+    shown 2^b / (2^b - 1) times as long as their ``exposure`` says: all of them alike, as by a wider aperture. Gray
+    frames take 1 / ``gray_rate`` each.
+
+    Args:
+        frames: T; bits: of the mask.
+        frame_rate: snapshots per second that are wanted.
+        binary_rate, gray_rate: patterns per second that the modulator shows, 1-bit and 8-bit.
+
+    Raises:
+        BadInput: a rate that is not positive.
+    """
+    if min(frame_rate, binary_rate, gray_rate) <= 0:
+        raise BadInput("frame_rate, binary_rate and gray_rate must be positive (per second)")
+    shortest = 1 / (frame_rate * frames * (2**bits - 1))
+    fastest = {"planes": binary_rate / (frames * (2**bits - 1)), "gray": gray_rate / frames}
+    return {
+        "frame_rate_Hz": frame_rate,
+        "slot_s": 1 / (frame_rate * frames),
+        "shortest_plane_s": shortest,
+        "fastest_by_planes_Hz": fastest["planes"],
+        "fastest_by_gray_frames_Hz": fastest["gray"],
+        "planes_fit": frame_rate <= fastest["planes"],
+        "gray_frames_fit": frame_rate <= fastest["gray"],
+    }
+
+
+def _write_png(path: Path, picture: Image.Image) -> None:
+    with atomic_write(path) as temporary:
+        picture.save(temporary)
+
+
+def _sheet(path: Path) -> dict[str, Any]:
+    """``planes.json``, its numbers within the bounds of a modulator."""
+    about: dict[str, Any] = read_json(path).content
+    numbers = {"frames": Frames, "size": Size, "canvas": Size, "repeat": Pixels, "bits": Bits}
+    for name, kind in numbers.items():
+        check_value(name, about.get(name), kind)
+    check_value("full_level", about.get("full_level"), Annotated[int, Interval(ge=1, le=256)])
+    check_value("planes", about.get("planes"), Annotated[list[dict[str, Any]], MaxLen(about["frames"] * about["bits"])])
+    for plane in about["planes"]:
+        check_value("planes.file", plane.get("file"), str)
+        check_value("planes.slot", plane.get("slot"), Annotated[int, Interval(ge=0, lt=about["frames"])])
+        check_value("planes.bit", plane.get("bit"), Annotated[int, Interval(ge=0, lt=about["bits"])])
+    return about
+
+
+def _read_png(path: Path, canvas: tuple[int, int]) -> torch.Tensor:
+    with Image.open(path, formats=["PNG"]) as picture:
+        if picture.mode != "1" or picture.size != canvas[::-1]:
+            raise ValueError(f"{path.name} is {picture.mode} {picture.size}, expected 1-bit {canvas[::-1]}")
+        return torch.from_numpy(np.array(picture)).long()
+
+
+def _pair(value: Sequence[int]) -> tuple[int, int]:
+    height, width = value
+    return int(height), int(width)

@@ -1,0 +1,49 @@
+"""The published networks written down as plainly as possible, to compare ours with: functions of their state dicts.
+
+Every file computes what a network's authors published, with torch's own layers in torch's default layout and attention
+as softmax(Q K^T) V, on weights under the authors' names. They stand for the published code where a benchmark times it;
+they are not that code. ``kernels=plain`` is something else: our own networks without the faster kernels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+
+import torch
+
+from sci_lightning.decoder import Decoder
+from sci_lightning.decoder.published import authors_keys
+from sci_lightning.studies.benchmark.published.birnat import birnat
+from sci_lightning.studies.benchmark.published.e2e_cnn import e2e_cnn
+from sci_lightning.studies.benchmark.published.efficientsci import efficientsci
+from sci_lightning.studies.benchmark.published.elp_unfolding import elp_unfolding
+from sci_lightning.studies.benchmark.published.metasci import metasci
+from sci_lightning.studies.benchmark.published.res2former import res2former
+from sci_lightning.studies.benchmark.published.revsci import revsci
+from sci_lightning.studies.benchmark.published.sci3d import sci3d
+from sci_lightning.studies.benchmark.published.stformer import stformer
+from sci_lightning.studies.benchmark.published.unet_stages import admm_net, gap_net
+
+Published = Callable[[dict[str, torch.Tensor], torch.Tensor, torch.Tensor], list[torch.Tensor]]
+
+TRANSCRIPTIONS: Mapping[str, Published] = {
+    "e2e_cnn": e2e_cnn,
+    "metasci": metasci,
+    "gap_net": partial(gap_net, squared=False),
+    "admm_net": partial(admm_net, squared=False),
+    "birnat": birnat,
+    "res2former": res2former,
+    "res2former_l": res2former,
+    "efficientsci": efficientsci,
+    "revsci": revsci,
+    "stformer": stformer,
+    "sci3d": sci3d,
+    "elp_unfolding": partial(elp_unfolding, squared=False),
+}
+"""The transcription of a network by the network's name in the configuration; it returns the videos of all stages."""
+
+
+def as_published(decoder: Decoder) -> dict[str, torch.Tensor]:
+    """Return the decoder's state under its authors' keys, the same tensors."""
+    return {authors_keys(decoder, key)[0]: value for key, value in decoder.state_dict().items()}

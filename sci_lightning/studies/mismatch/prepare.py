@@ -1,0 +1,156 @@
+"""A composed ``conf/mismatch.yaml`` as objects: the bench, the cameras, and what records say of the settings."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from sci_lightning.cli.composition import Composition, built, plain
+from sci_lightning.decoder import Decoder
+from sci_lightning.errors import BadInput
+from sci_lightning.files.json_fields import Fields
+from sci_lightning.runs.checkpoint import read_checkpoint
+from sci_lightning.runs.device import device_name, resolve_device
+from sci_lightning.runs.provenance import commit, joined, machine_name, provenance_now, read_provenance
+from sci_lightning.studies.mismatch.beliefs import encoder_effects
+from sci_lightning.studies.mismatch.bench import Bench, prepare_bench
+from sci_lightning.studies.mismatch.cameras import MismatchedCamera, plan_cameras
+from sci_lightning.studies.mismatch.protocol import Protocol
+from sci_lightning.studies.mismatch.records import earlier_record, record_digest, record_path, write_record
+
+DATASHEET = ("bit_depth", "full_well_e", "read_noise_dn")
+"""Settings of the camera that its datasheet states."""
+
+
+@dataclass(eq=False)
+class Prepared:
+    """Everything that a run of the protocol needs besides decoders.
+
+    Attributes:
+        bench: scenes, mask and datasheet.
+        cameras: in the order in which they are run.
+        scenarios: names of the scenarios.
+        settings: what records say of the settings, and what their digests depend on.
+        protocol: that decodes and scores.
+        command: the command line that is recorded.
+    """
+
+    bench: Bench
+    cameras: list[MismatchedCamera]
+    scenarios: list[str]
+    settings: dict[str, Any]
+    protocol: Protocol
+    command: str
+
+    def score(
+        self,
+        camera: MismatchedCamera,
+        name: str,
+        decoder: Decoder,
+        described: dict[str, Any],
+        folder: str | Path,
+        scenarios: list[str] | None = None,
+    ) -> tuple[dict[str, Any], bool]:
+        """Return the record of a camera and a decoder, and whether anything of it had to be computed.
+
+        Args:
+            camera: that records.
+            name: of the decoder.
+            decoder: in evaluation mode.
+            described: what identifies the decoder, its configuration and its weights.
+            folder: of the records.
+            scenarios: names; None for those of the command.
+
+        Raises:
+            BadInput: there is a file in the record's place that is none.
+        """
+        wanted = self.scenarios if scenarios is None else scenarios
+        path = record_path(folder, camera.name, name)
+        settings = {**self.settings, **described}
+        digest = record_digest({"bench": self.bench.digest, "camera": camera.mismatch, **settings})
+        earlier = earlier_record(path, digest, settings)
+        if earlier is not None and set(wanted) <= earlier["scenarios"].keys():
+            return earlier, False
+        device = self.protocol.device
+        results = self.protocol.run(camera, decoder.to(device), name, wanted, earlier)
+        words = machine_name(1) if device.type == "cpu" and torch.get_num_threads() == 1 else device_name(device)
+        height, width = self.bench.session.size
+        scale = f"{height} x {width}, {sum(map(len, self.bench.videos))} snapshots of {', '.join(self.bench.names)}"
+        made = provenance_now(words, scale, [self.bench.seed], self.command)
+        if earlier is not None:  # some scenarios are taken from it
+            made = joined([read_provenance(Fields(path, earlier)), made])
+        return write_record(path, camera.name, name, digest, settings, {"provenance": made.as_json(), **results}), True
+
+
+def prepare(composition: Composition, folder: str | Path, command: str) -> Prepared:
+    """Return what a run needs; the coding patterns are written to ``folder``, where diagnoses are kept as well.
+
+    Args:
+        composition: of ``conf/mismatch.yaml``.
+        folder: of the run.
+        command: the command line that is recorded.
+
+    Raises:
+        BadInput: settings that do not go together, see :func:`.plan_cameras` and :func:`.prepare_bench`.
+    """
+    commit()  # records state the code that began, not what the checkout holds when they are written
+    cfg = composition.cfg
+    settings, folder = plain(cfg), Path(folder)
+    device = resolve_device(cfg.device)
+    cameras = plan_cameras(cfg.cameras, settings["mismatch"], settings["ranges"], cfg.drawn, cfg.seed)
+    datasheet = {key: settings[key] for key in DATASHEET}
+    bench = prepare_bench(
+        built(cfg, "data").scenes(),
+        folder,
+        mask=cfg.mask,
+        middle=settings["middle"],
+        datasheet=datasheet,
+        calibration=settings["calibration"],
+        aperture=cfg.aperture,
+        seed=cfg.seed,
+    )
+    for camera in cameras:  # what cannot be recorded or believed is refused before anything is written
+        bench.effects(camera.mismatch)
+        if "known" in settings["scenarios"]:
+            encoder_effects(camera.mismatch)
+    bench.write_patterns()
+    kept: dict[str, Any] = {
+        "data": composition.choice("data"),
+        "mask": "random binary" if cfg.mask is None else Path(cfg.mask).name,
+        "size": list(bench.session.size),
+        "aperture": bench.aperture,
+        **datasheet,
+        **{key: settings[key] for key in ("frames", "seed", "calibration", "snapshots")},
+    }
+    protocol = Protocol(bench, folder, cfg.snapshots, device)
+    return Prepared(bench, cameras, list(settings["scenarios"]), kept, protocol, command)
+
+
+def trained_decoder(
+    path: str | Path, name: str, trusted: tuple[str, ...] = (), configured: Composition | None = None
+) -> tuple[Decoder, dict[str, Any]]:
+    """Return the decoder of a checkpoint, and what identifies it.
+
+    Args:
+        path: of the checkpoint.
+        name: that the decoder must have.
+        configured: with the decoder's settings, which is then filled from the checkpoint; None: as it was trained.
+        trusted: packages beside this one whose modules the checkpoint may name.
+
+    Raises:
+        BadInput: the checkpoint cannot be read, or is of another decoder.
+    """
+    path = Path(path)
+    checkpoint = read_checkpoint(path, trusted)
+    if (trained := checkpoint.config["names"]["decoder"]) != name:
+        raise BadInput(f"weights.{name}={path}: a checkpoint of decoder={trained}; give one of decoder={name}")
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    if configured is None:
+        return checkpoint.decoder(), {"decoder": checkpoint.config["decoder"], "weights": digest}
+    decoder: Decoder = built(configured.cfg, "decoder")
+    checkpoint.fill("decoder", decoder, name)
+    return decoder.eval(), {"decoder": plain(configured.cfg.decoder), "weights": digest}

@@ -1,0 +1,82 @@
+"""``summary.md`` and ``summary.json`` of a proving ground."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from sci_lightning.files.atomic_file import atomic_write
+from sci_lightning.runs.provenance import Provenance
+from sci_lightning.studies.proving_ground.outcome import Failure, Outcome
+from sci_lightning.studies.proving_ground.summary import Row
+from sci_lightning.version import installed_version
+
+ANSWERS = {True: "yes", False: "**no**", None: ""}
+
+
+def write_report(out: str | Path, rows: Sequence[Row], provenance: Provenance | None = None) -> None:
+    """Write both files into the folder ``out``; neither is ever half written.
+
+    Args:
+        out: the folder.
+        rows: of the summary.
+        provenance: of the cases; None if it is not known.
+    """
+    out = Path(out)
+    with atomic_write(out / "summary.md") as temporary:
+        temporary.write_text(as_markdown(rows))
+    content = {
+        "format": "sci-proving-ground",
+        "format_version": 1,
+        **({"provenance": provenance.as_json()} if provenance else {}),
+        "rows": [as_plain_data(row) for row in rows],
+        "sci_lightning": installed_version(),
+    }
+    with atomic_write(out / "summary.json") as temporary:
+        temporary.write_text(json.dumps(content, indent=1) + "\n")
+
+
+def provenance_of(records: Sequence[Outcome | Failure], command: str = "") -> Provenance | None:
+    """Return where, when and with which versions of the program the cases were run; None where none of them says so."""
+    outcomes = [record for record in records if isinstance(record, Outcome) and record.date]
+    if not outcomes:
+        return None
+    dates = sorted({outcome.date for outcome in outcomes})
+    sizes = " and ".join(f"{height} x {width}" for height, width in sorted({outcome.size for outcome in outcomes}))
+    return Provenance(
+        machine=", ".join(dict.fromkeys(outcome.machine for outcome in outcomes)),
+        date=" to ".join(dict.fromkeys((dates[0], dates[-1]))),
+        commit=", ".join(dict.fromkeys(sorted({outcome.commit for outcome in outcomes}))),
+        scale=f"{len(records)} cases of {sizes} pixels",
+        seeds="one of its own in every case",
+        command=command,
+    )
+
+
+def as_markdown(rows: Sequence[Row]) -> str:
+    """Return the table, then which targets were missed, then every case that counts against a row."""
+    lines = ["| what | found (95 % interval) | target | reached |", "|---|---|---|---|"]
+    lines += [f"| {row.what} | {row.figure} | {row.target} | {ANSWERS[row.met]} |" for row in rows]
+    missed = [f"- {row.what}: {row.figure}; the target is {row.target}." for row in rows if row.met is False]
+    lines += ["", "## What fell short", "", *(missed or ["Nothing."])]
+    if not_tried := [row.what for row in rows if row.figure == "no cases"]:
+        lines += ["", f"Not tried: {'; '.join(not_tried)}."]
+    for row in rows:
+        if row.missed:
+            lines += ["", f"### {row.what}", "", *(f"- {case}" for case in row.missed)]
+    return "\n".join(lines) + "\n"
+
+
+def as_plain_data(row: Row) -> dict[str, Any]:
+    """Return a row as plain data for JSON; keys without a value are absent."""
+    content: dict[str, Any] = {"what": row.what, "found": row.figure}
+    if row.target:
+        content["target"] = row.target
+    if row.met is not None:
+        content["met"] = row.met
+    if row.proportion and row.proportion.total:
+        count, total, interval = row.proportion.count, row.proportion.total, row.proportion.interval
+        content |= {"count": count, "total": total, "interval": interval}
+    return content | {"missed": list(row.missed)}

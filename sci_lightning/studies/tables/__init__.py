@@ -1,0 +1,1 @@
+"""The paper's tables: what runs found, beside what the paper prints."""

@@ -1,0 +1,114 @@
+"""``python -m sci_lightning.tables.rows``: what it keeps, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from sci_lightning.errors import BadInput
+from sci_lightning.runs.provenance import Provenance
+from sci_lightning.studies.tables.rows.kept import check_recipe, is_kept, keep, kept_files
+from sci_lightning.studies.tables.rows.plan import TableRow
+from tests.files.schemas.validation import check
+from tests.studies.tables.conftest import Made
+
+ROW = TableRow("table2", "rbw_osr", 1, "e2e_cnn", 2, ("rbw_sr",))
+ORIGIN = Provenance("an abacus", "2026-11-22", "0123abcd", "smoke", "2")
+SMOKE = ["row_scale=smoke", "only=[rbw_osr_1bit_e2e_cnn]", "seeds=1", "workers=1", "results=kept"]
+QUICK = 'overrides="metrics.qscore=null data.scenes_count=1 logger=none decoder.channels=4"'
+
+
+def test_what_is_kept(made: Made, tmp_path: Path) -> None:
+    """Both tests of a row, its own last; provenance and no place of this machine."""
+    run = made("run", "rbw_osr", "e2e_cnn", 30.0).parent
+    made("run/test_rbw_sr", "rbw_osr", "e2e_cnn", 25.0, test="rbw_sr")
+    for path in (run / "metrics.json", run / "test_rbw_sr" / "metrics.json"):
+        content = json.loads(path.read_text())
+        content["config"] |= {"out": str(run), "data": {"root": "/home/me/CLIPS"}, "system": {"cuda_graph": False}}
+        path.write_text(json.dumps(content))
+    assert not is_kept(ROW, tmp_path / "kept")
+    files = keep(ROW, run, tmp_path / "kept", ORIGIN)
+    assert is_kept(ROW, tmp_path / "kept") and files == kept_files(ROW, tmp_path / "kept")
+    assert [path.relative_to(tmp_path / "kept").as_posix() for path in files] == [
+        "rbw_osr_1bit_e2e_cnn/seed2.json",
+        "rbw_osr_1bit_e2e_cnn/seed2_rbw_sr.json",
+    ]
+    for path, psnr in zip(files, (30.0, 25.0), strict=True):
+        content = json.loads(path.read_text())
+        check("metrics", content)
+        assert content["mean"]["psnr"] == psnr and content["provenance"]["commit"] == "0123abcd"
+        assert content["config"]["data"] == {"root": "CLIPS"} and str(tmp_path) not in path.read_text()
+    check_recipe(ROW, tmp_path / "kept", {"size": [64, 64], "system": {"lr": 1}})  # what only one of them says
+    with pytest.raises(BadInput, match=r"trained with size=\[64, 64\], now it is \[32, 32\]; remove .*label=NAME"):
+        check_recipe(ROW, tmp_path / "kept", {"size": [32, 32]})
+    check_recipe(ROW, tmp_path / "kept", {"initialisation": "layers"})  # an earlier version had no choice
+    with pytest.raises(BadInput, match="trained with initialisation=layers, now it is unit_variance"):
+        check_recipe(ROW, tmp_path / "kept", {"initialisation": "unit_variance"})
+    check_recipe(ROW, tmp_path / "kept", {"data": {"root": "/elsewhere/OTHER"}})  # a place is no part of a recipe
+    check_recipe(ROW, tmp_path / "kept", {"system": {"cuda_graph": True}})  # nor is what a GPU needs to be fast
+
+
+@pytest.mark.slow
+def test_a_row_is_trained_once(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
+    done = command("tables.rows", *SMOKE, QUICK)
+    assert done.returncode == 0, done.stderr + done.stdout
+    assert "0 of 1 rows left" in done.stdout
+    kept = tmp_path / "kept" / "smoke" / "rbw_osr_1bit_e2e_cnn" / "seed0.json"
+    before = kept.stat().st_mtime_ns
+    content = json.loads(kept.read_text())
+    check("metrics", content)
+    assert content["provenance"]["scale"] == "smoke" and 10 < content["mask_score"] < 40
+    assert "| E2E-CNN |" in (tmp_path / "outputs/tables_rows/smoke/smoke/tables/table2.md").read_text()
+    written = tmp_path / "outputs/tables_rows/smoke/smoke/tables"
+    assert not [*written.glob("mosaic*"), *written.glob("retrained*")]  # mosaic=0: no checkpoint is needed
+    again = command("tables.rows", *SMOKE, QUICK)
+    assert again.returncode == 0 and "started" not in again.stdout and kept.stat().st_mtime_ns == before
+
+
+def test_a_label_that_is_a_path(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
+    done = command("tables.rows", "label=../elsewhere")
+    assert done.returncode == 2 and "expected a name of letters, digits" in done.stderr
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("given", "expected", "folder"),
+    [
+        (["core_minutes=10", "label=designed"], {"core_minutes=10"}, "cpu_10_minutes_designed"),
+        (["steps=5000"], {"core_minutes=null", "trainer.max_steps=5000"}, "cpu_5000_steps"),
+    ],
+)
+def test_another_budget_has_results_of_its_own(
+    given: list[str],
+    expected: set[str],
+    folder: str,
+    ran: Callable[..., str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    from sci_lightning.cli import command as command_frame
+    from sci_lightning.cli.commands import tables_rows as rows
+    from sci_lightning.studies.tables.rows.queue import RowQueue
+
+    commands: list[list[str]] = []
+    monkeypatch.setattr(RowQueue, "run", lambda self: commands.extend(self.command(row) for row in self.rows))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["tables_rows", *given, "only=[rbw_sr_1bit_e2e_cnn]", "seeds=1"])
+    command_frame.run("tables_rows", rows.tables_rows)
+    (words,) = commands
+    assert {*expected, "scale=cpu", "resume=true", "encoder=rbw_sr", "decoder=e2e_cnn", "seed=0"} < set(words)
+    assert any(f"{folder}/rbw_sr_1bit/e2e_cnn/seed0" in word for word in words)
+
+
+def test_two_budgets(command: Callable[..., subprocess.CompletedProcess[str]]) -> None:
+    done = command("tables.rows", "steps=5", "core_minutes=1")
+    assert done.returncode == 2 and "steps=5 core_minutes=1: give one of them" in done.stderr
+
+
+def test_a_row_that_is_none(command: Callable[..., subprocess.CompletedProcess[str]]) -> None:
+    done = command("tables.rows", "only=[table9]")
+    assert done.returncode == 2 and "no row is called so" in done.stderr
