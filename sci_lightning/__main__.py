@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from runpy import run_module
 
 from sci_lightning.console import PlainConsole, styled
-from sci_lightning.files.plain_text import one_printable_line
+from sci_lightning.plain_text import one_printable_line
 
 COMMANDS = (
     (

@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
-from sci_lightning.files.plain_text import one_printable_line, printable
+from sci_lightning.plain_text import one_printable_line, printable
 
 
 class PlainConsole(Console):

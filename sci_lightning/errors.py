@@ -47,6 +47,14 @@ class MachineFailure(RuntimeError):
     """
 
 
+def describe(error: BaseException) -> str:
+    """Return what went wrong as one line."""
+    if failure := as_machine_failure(error):
+        return str(failure)
+    text = " ".join(str(error).split())
+    return text if isinstance(error, BadInput) else f"{type(error).__name__}: {text}"
+
+
 def as_machine_failure(error: BaseException, path: str | Path | None = None) -> MachineFailure | None:
     """Return the :class:`MachineFailure` that an exception raised while writing stands for; None for any other.
 

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from sci_lightning.configuration.conf_folder import PACKAGE
 from sci_lightning.console import PlainConsole, styled, warn
-from sci_lightning.files.plain_text import file_name, in_figure, in_latex, in_markdown, one_printable_line
+from sci_lightning.plain_text import file_name, in_figure, in_latex, in_markdown, one_printable_line
 
 HOSTILE = "a[/] [bold]b[/bold] [link=file:///etc]c[/link] :smile: \x1b[31m\x1b]8;;x\x07 \u202e\udcff"
 

@@ -17,7 +17,7 @@ NOTEBOOK = (
     *("captures", "decoder", "diagnosis", "encoder", "figures", "metrics", "prior", "virtual_camera"),
     *("studies/benchmark", "studies/proving_ground", "studies/tables", "studies/mask_design.py"),
     *("data/video_array.py", "data/reader.py", "files/array_file.py", "files/picture_file.py"),
-    *("runs/modulator_files.py", "runs/results.py"),
+    *("files/modulator_files.py", "runs/results.py"),
 )
 """Folders and files whose functions a notebook calls with files; the others serve the commands."""
 

@@ -40,8 +40,8 @@ import numpy as np
 
 from sci_lightning.captures.kind import KINDS
 from sci_lightning.errors import BadInput
-from sci_lightning.files.plain_text import excerpt
 from sci_lightning.files.yaml_file import read_yaml
+from sci_lightning.plain_text import excerpt
 
 FILE = "captures.yaml"
 WORDS = ("all_off", "all_on")

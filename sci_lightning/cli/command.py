@@ -17,7 +17,7 @@ from omegaconf import DictConfig, open_dict
 
 from sci_lightning.cli.composition import Composition, from_hydra, group_members
 from sci_lightning.cli.continued_run import continued
-from sci_lightning.cli.encoder_file import PLACES, EncoderFile, adapt_to_encoder_files, adopt_encoder_files
+from sci_lightning.cli.encoder_file import PLACES, adapt_to_encoder_files, adopt_encoder_files
 from sci_lightning.cli.failure_line import exit_status, one_line
 from sci_lightning.cli.help import help_text
 from sci_lightning.cli.hydra_callbacks import CommandFailed
@@ -27,7 +27,8 @@ from sci_lightning.cli.words import check_choices, check_words
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.console import warn
 from sci_lightning.errors import INTERRUPTED, InputWarning
-from sci_lightning.files.plain_text import one_printable_line
+from sci_lightning.plain_text import one_printable_line
+from sci_lightning.runs.encoder_file import EncoderFile
 from sci_lightning.runs.quiet_libraries import silence_libraries
 from sci_lightning.runs.run_folder import is_first_process, run_folder, undo_if_refused
 

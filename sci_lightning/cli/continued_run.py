@@ -19,7 +19,6 @@ from hydra.core.override_parser.types import Override
 from omegaconf import OmegaConf
 
 from sci_lightning.cli.composition import Composition
-from sci_lightning.cli.encoder_file import EncoderFile, checked_encoder
 from sci_lightning.cli.next_command import nearest
 from sci_lightning.cli.next_command import override as quoted
 from sci_lightning.cli.stored_overrides import GROUPS, VALUES, bare, checked, is_kept, overrides_of
@@ -28,7 +27,8 @@ from sci_lightning.configuration.bounds import ExistingPath
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
-from sci_lightning.files.plain_text import excerpt, one_printable_line
+from sci_lightning.plain_text import excerpt, one_printable_line
+from sci_lightning.runs.encoder_file import EncoderFile, checked_encoder
 from sci_lightning.runs.resume import another_training
 from sci_lightning.runs.run_folder import is_first_process
 

@@ -51,9 +51,10 @@ def evaluate(composition: Composition, console: PlainConsole) -> Evaluation:
     from sci_lightning.decoder.complexity import count_parameters
     from sci_lightning.decoder.tiling.tile_choice import TileChoice
     from sci_lightning.runs.precision import describe_precision, device_of_accelerator, resolve_precision
-    from sci_lightning.runs.results import run_metrics, with_effects, write_json
+    from sci_lightning.runs.results import with_effects, write_json
     from sci_lightning.training.callbacks import Progress, ScenePictures
     from sci_lightning.training.metrics import build_metrics
+    from sci_lightning.training.run import run_metrics
     from sci_lightning.training.system import System
 
     cfg = composition.cfg

@@ -19,7 +19,7 @@ from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.errors import BadInput, as_machine_failure
-from sci_lightning.files.plain_text import excerpt
+from sci_lightning.plain_text import excerpt
 
 
 def root_cause(error: BaseException) -> BaseException:

@@ -17,7 +17,7 @@ from hydra.core.override_parser.types import Override, OverrideType, QuotedStrin
 from hydra.errors import HydraException
 
 from sci_lightning.errors import BadInput
-from sci_lightning.files.plain_text import excerpt
+from sci_lightning.plain_text import excerpt
 
 GROUPS = {"encoder", "effect", "decoder", "data", "metric", "system", "trainer", "scale", "experiment"}
 """Groups of ``conf/`` whose members say what is computed."""

@@ -10,7 +10,7 @@ from yaml import YAMLError, safe_load
 
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.errors import BadInput
-from sci_lightning.files.plain_text import excerpt
+from sci_lightning.plain_text import excerpt
 
 FLAGS = (
     ("--help", "-h"),

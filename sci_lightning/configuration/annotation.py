@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from annotated_types import DocInfo, Interval, Len
 
-from sci_lightning.files.plain_text import with_article
+from sci_lightning.plain_text import with_article
 
 PLAIN = {int: "a whole number", float: "a number", str: "text", bool: "true or false", types.NoneType: "null"}
 SEQUENCES = (list, tuple, set, collections.abc.Sequence, collections.abc.Iterable)

@@ -19,7 +19,7 @@ from sci_lightning.configuration.annotation import in_words
 from sci_lightning.configuration.bounds import Exists
 from sci_lightning.configuration.library_bounds import LIBRARY_BOUNDS
 from sci_lightning.errors import BadInput
-from sci_lightning.files.plain_text import excerpt, with_article
+from sci_lightning.plain_text import excerpt, with_article
 
 
 def check_arguments(target: Callable[..., Any], arguments: Mapping[str, Any], key: str) -> None:

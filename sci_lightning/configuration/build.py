@@ -11,7 +11,7 @@ from typing import Any
 from sci_lightning.configuration.arguments import check_arguments
 from sci_lightning.configuration.registry import class_for_file
 from sci_lightning.errors import BadInput, MachineFailure
-from sci_lightning.files.plain_text import excerpt
+from sci_lightning.plain_text import excerpt
 
 Resolve = Callable[[str, Any], Callable[..., Any]]
 """From the place of a ``_target_`` and its value to what is to be called."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sci_lightning.errors import BadInput
-from sci_lightning.files.plain_text import excerpt
+from sci_lightning.plain_text import excerpt
 
 if TYPE_CHECKING:  # commands that only answer --help do not load torch
     from torch import nn

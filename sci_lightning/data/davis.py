@@ -10,7 +10,7 @@ from sci_lightning.configuration.bounds import ExistingPath, Frames, Repeats, Se
 from sci_lightning.data.augmentation import Augmentation
 from sci_lightning.data.stored_clips import StoredSource
 from sci_lightning.errors import BadInput
-from sci_lightning.files.plain_text import excerpt
+from sci_lightning.plain_text import excerpt
 
 NAME = re.compile(r"\w[\w.-]{0,99}", re.ASCII)
 """Names of sequences: a folder beside the others, never a path that leads elsewhere."""

@@ -11,7 +11,7 @@ import torch
 
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.errors import BadInput
-from sci_lightning.files.plain_text import excerpt, with_article
+from sci_lightning.plain_text import excerpt, with_article
 
 STATES = ("state_dict", "model_state_dict", "color_SCI_backward_dict")
 """Keys of the saved dictionary under which authors keep the state; without any of them the dictionary is the state."""

@@ -17,23 +17,18 @@ from typing import TYPE_CHECKING
 
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis import vocabulary as effects_vocabulary
-from sci_lightning.diagnosis.bad_captures.bad_capture import BadCapture
 from sci_lightning.diagnosis.bad_captures.leave_out import bad_verification_captures, explain_without_bad_captures
-from sci_lightning.diagnosis.blind.unknown_scenes import UnknownScenes, judged_by_unknown_scenes
+from sci_lightning.diagnosis.blind.unknown_scenes import judged_by_unknown_scenes
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.fit.gap import Gap, held_out_gap
-from sci_lightning.diagnosis.fit.split import Split
-from sci_lightning.diagnosis.fit.verification import Verification, set_aside, verify
-from sci_lightning.diagnosis.laboratory import SceneEffect
+from sci_lightning.diagnosis.fit.gap import held_out_gap
+from sci_lightning.diagnosis.fit.verification import set_aside, verify
 from sci_lightning.diagnosis.model.camera_model import CameraModel
-from sci_lightning.diagnosis.model.observation import Observation, observe
+from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
 from sci_lightning.diagnosis.residual_tests.where import ask
-from sci_lightning.diagnosis.search.evidence import ErrorCorrelation, NamedEffect, error_correlation, named_effects
-from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
-from sci_lightning.diagnosis.search.search import Round
+from sci_lightning.diagnosis.result import Assessment, Result
+from sci_lightning.diagnosis.search.evidence import error_correlation, named_effects
 from sci_lightning.diagnosis.search_settings import SearchSettings
-from sci_lightning.diagnosis.verdict import verdict
 from sci_lightning.encoder.effects import Effect
 
 if TYPE_CHECKING:  # a diagnosis without pictures does not load matplotlib
@@ -41,102 +36,8 @@ if TYPE_CHECKING:  # a diagnosis without pictures does not load matplotlib
 
 
 @dataclass(frozen=True)
-class Assessment:
-    """One model of the camera and how well it agrees with the captures.
-
-    Attributes:
-        fit: the fitted model.
-        gap: misfit on held-out pixels.
-        residuals: randomised quantile residuals of every pixel.
-        tests: every residual test, with p-values corrected for their number.
-    """
-
-    fit: Fit
-    gap: Gap
-    residuals: Residuals
-    tests: tuple[ResidualTest, ...]
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """The result of a diagnosis, computed once; reports only read it.
-
-    Attributes:
-        observation: the captures with known scenes that fits and choices have seen, in the order of all ``(N, ..)``
-            tensors.
-        model: the forward model; it predicts any hypothesis about its effects.
-        split: which pixels were fitted and which were held out.
-        settings: thresholds and budgets that were used.
-        seed: of the residuals' randomisation.
-        before: the ideal camera with the datasheet's noise.
-        after: the corrected camera, with every named effect (and with the unnamed in free form, if that was asked for).
-        effects: the named effects in the order in which light meets them, the laboratory's first; noise that differs
-            from the datasheet's among them.
-        unnamed: deviations that no effect of the vocabulary explains.
-        rounds: what the search considered, round by round.
-        stated_noise: names of the noise effects whose values the captures file states.
-        correlation: of the errors of the corrected camera's parameters.
-        remaining: residual tests that find more than noise in what the corrected camera leaves, see
-            :func:`remaining_tests`; verdict and headline follow from them.
-        verification: the gap on captures that nothing has seen, on which the verdict rests; None where none are kept.
-        bad_captures: captures that do not fit the others and count nowhere.
-        unknown_scenes: what snapshots of unknown scenes say about the corrected camera; None where there are none.
-    """
-
-    observation: Observation
-    model: CameraModel
-    split: Split
-    settings: SearchSettings
-    seed: int
-    before: Assessment
-    after: Assessment
-    effects: tuple[NamedEffect, ...]
-    unnamed: tuple[Unnamed, ...]
-    rounds: tuple[Round, ...]
-    stated_noise: tuple[str, ...]
-    correlation: ErrorCorrelation
-    remaining: tuple[ResidualTest, ...]
-    verification: Verification | None = None
-    bad_captures: tuple[BadCapture, ...] = ()
-    unknown_scenes: UnknownScenes | None = None
-
-    @property
-    def judging(self) -> tuple[Gap, Gap]:
-        """Gaps before and after on which the verdict rests: of verification captures, else of held-out pixels."""
-        if self.verification is None:
-            return self.before.gap, self.after.gap
-        return self.verification.before, self.verification.after
-
-    @property
-    def verdict(self) -> str:
-        """consistent, explained, partly_explained or unexplained: :func:`~sci_lightning.diagnosis.verdict.verdict`."""
-        counts = len(self.effects), len(self.unnamed), len(self.remaining)
-        return verdict(*self.judging, *counts)
-
-    @property
-    def laboratory(self) -> tuple[NamedEffect, ...]:
-        """Those of :attr:`effects` by which the target differs from what the file says."""
-        return tuple(effect for effect in self.effects if effect.effect.stage == SceneEffect.stage)
-
-    @property
-    def camera(self) -> tuple[NamedEffect, ...]:
-        """Those of :attr:`effects` that belong to the camera."""
-        return tuple(effect for effect in self.effects if effect.effect.stage != SceneEffect.stage)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of :attr:`effects`."""
-        return tuple(effect.name for effect in self.effects)
-
-    @property
-    def considered(self) -> dict[str, type[Effect]]:
-        """Effects that might have been named, by name: the vocabulary without noise, which every camera has."""
-        return {name: effect for name, effect in self.model.vocabulary.items() if not effect.noise}
-
-    @property
-    def next_captures(self) -> tuple[str, ...]:
-        """Captures that would tell the named effects from their alternatives, a sentence for each."""
-        return tuple(dict.fromkeys(effect.tell_apart for effect in self.effects if effect.tell_apart))
+class Diagnosis(Result):
+    """The result of a diagnosis, which writes and draws itself; its attributes are those of :class:`.Result`."""
 
     def save(self, folder: str | Path) -> None:
         """Write ``report.json``, ``report.html``, ``encoder.yaml`` and the pictures into a folder."""

@@ -18,10 +18,10 @@ from sci_lightning.encoder.modulator_grid import ModulatorGrid
 from sci_lightning.encoder.physics import deepinv_physics
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput
-from sci_lightning.files.plain_text import with_article
 from sci_lightning.full_precision import full_precision
 from sci_lightning.measurement import Measurement, as_float_tensor, marked
 from sci_lightning.operator import SnapshotOperator
+from sci_lightning.plain_text import with_article
 
 LEAST_VARIANCE = 1e-11
 """Noise of less variance is not drawn: it is a fifth of a 16-bit step, and the size of rounding errors."""

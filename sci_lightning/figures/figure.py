@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from sci_lightning.errors import BadInput
 from sci_lightning.files.atomic_file import atomic_write
-from sci_lightning.files.plain_text import in_figure
+from sci_lightning.plain_text import in_figure
 
 MAX_FRAMES = 8
 """Of longer videos, so many frames are shown at equal distances."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from sci_lightning.errors import BadInput
 from sci_lightning.files.bounded_file import read_bounded
-from sci_lightning.files.plain_text import printable
+from sci_lightning.plain_text import printable
 
 LARGEST_FILE = 8 * 2**20
 """Bytes of a JSON file that are read; the metrics of a thousand scenes take a tenth of it."""

@@ -120,7 +120,7 @@ def transmittance(
 
 def _pictures(path: Path) -> np.ndarray:
     """Read the pictures ``(T, H, W)`` of a TIFF stack, a folder or the files that a pattern fits."""
-    from sci_lightning.runs.modulator_files import SHEET, read_planes
+    from sci_lightning.files.modulator_files import SHEET, read_planes
 
     if path.is_dir() and (path / SHEET).is_file():
         return read_planes(path).numpy()

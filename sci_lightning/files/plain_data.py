@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from sci_lightning.errors import BadInput
-from sci_lightning.files.plain_text import excerpt, with_article
+from sci_lightning.plain_text import excerpt, with_article
 
 MAX_VALUES = 20_000
 """More values than this is no configuration of a camera or a training. It also ends the walk through nested references

@@ -9,8 +9,8 @@ import torch
 from torchmetrics import Metric
 
 from sci_lightning.errors import BadInput
-from sci_lightning.files.plain_text import with_article
 from sci_lightning.full_precision import full_precision
+from sci_lightning.plain_text import with_article
 
 
 class FrameMetric(Metric):

@@ -22,7 +22,7 @@ from sci_lightning.encoder.mask import Mask
 from sci_lightning.encoder.trial import check_recording
 from sci_lightning.errors import BadInput
 from sci_lightning.files.atomic_file import atomic_write
-from sci_lightning.files.plain_text import excerpt, with_article
+from sci_lightning.plain_text import excerpt, with_article
 from sci_lightning.runs.checkpoint_archive import check_archive, check_values
 from sci_lightning.runs.checkpoint_contents import check_run_config, check_state
 from sci_lightning.runs.checkpoint_digest import checkpoint_digest

@@ -19,7 +19,7 @@ from typing import IO, Any
 import torch
 
 from sci_lightning.errors import BadInput
-from sci_lightning.files.plain_text import excerpt
+from sci_lightning.plain_text import excerpt
 from sci_lightning.runs.pickle_cost import PickleCost
 
 ARCHIVE = b"PK\x03\x04"

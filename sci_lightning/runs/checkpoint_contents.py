@@ -15,7 +15,7 @@ from sci_lightning.configuration.bounds import Frames, Size
 from sci_lightning.errors import BadInput
 from sci_lightning.files.memory_bound import check_field, check_fields
 from sci_lightning.files.plain_data import check_plain_data
-from sci_lightning.files.plain_text import excerpt
+from sci_lightning.plain_text import excerpt
 from sci_lightning.runs.checkpoint_archive import check_tensor
 
 REQUIRED: Mapping[str, Any] = {

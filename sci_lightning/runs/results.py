@@ -7,16 +7,12 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.table import Table
 
 from sci_lightning.console import PlainConsole
-from sci_lightning.decoder.complexity import count_macs, count_parameters
 from sci_lightning.files.atomic_file import atomic_write
-
-if TYPE_CHECKING:  # tables of runs are read without Lightning
-    from sci_lightning.training.system import System
 
 UNITS = {"psnr": "PSNR (dB)", "ssim": "SSIM", "qscore": "Q-Score"}
 
@@ -76,34 +72,6 @@ class RunMetrics:
         texts = {"encoder": "", "decoder": "", "test_encoder": "", "device": "", "seconds_per_measurement": math.nan}
         known = {**empty, **texts, **content}
         return cls(**{field.name: known[field.name] for field in fields(cls) if field.name in known})
-
-
-def run_metrics(
-    system: System, names: Mapping[str, str], config: Mapping[str, Any], training_steps: int | None = None
-) -> RunMetrics:
-    """Return the metrics of a system that has just been tested.
-
-    Args:
-        system: after ``trainer.test``.
-        names: ``encoder``, ``decoder`` and ``test_encoder`` as the configuration calls them.
-        config: the run's plain configuration.
-        training_steps: of the optimiser, in the training that has just ended; None after no training.
-    """
-    trained = [name for name, effect in (config["encoder"].get("effects") or {}).items() if effect is not None]
-    tested: list[str] = [] if config.get("evaluate", {}).get("captures") else system.encoder.path.names
-    trained.sort(key=lambda name: tested.index(name) if name in tested else len(tested))  # as the light meets them
-    return RunMetrics(
-        encoder=names["encoder"],
-        decoder=names["decoder"],
-        test_encoder=names["test_encoder"],
-        effects=trained,
-        test_effects=tested,
-        **system.tested,
-        parameters=count_parameters(system.decoder),
-        macs=count_macs(system.decoder, system.encoder.mask.frames, *system.encoder.size),
-        config=config,
-        training_steps=training_steps,
-    )
 
 
 def with_effects(name: str, effects: Iterable[str]) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from sci_lightning.configuration.build import build
 from sci_lightning.errors import BadInput
-from sci_lightning.files.plain_text import with_article
+from sci_lightning.plain_text import with_article
 
 if TYPE_CHECKING:  # a command without a logger starts without Lightning, which takes seconds to import
     from lightning.pytorch.loggers import Logger

@@ -15,12 +15,12 @@ from lightning.pytorch.loggers import TensorBoardLogger
 
 from sci_lightning.configuration.build import build
 from sci_lightning.decoder import kernels
-from sci_lightning.decoder.complexity import count_parameters
+from sci_lightning.decoder.complexity import count_macs, count_parameters
 from sci_lightning.encoder.trial import check_recording
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.checkpoint import Checkpoint, read_checkpoint
 from sci_lightning.runs.precision import describe_precision, device_of_accelerator, resolve_precision
-from sci_lightning.runs.results import RunMetrics, hparams, run_metrics, write_json
+from sci_lightning.runs.results import RunMetrics, hparams, write_json
 from sci_lightning.runs.resume import check_same_run, find_resumable_checkpoint, load_finished_metrics
 from sci_lightning.training.callbacks import LastCheckpoint
 from sci_lightning.training.cuda_graph import check_graphed
@@ -240,3 +240,31 @@ def _test(system: System, trainer: L.Trainer, data: VideoData, config: Mapping[s
                     hparams(scores), {f"test/{key}": value for key, value in scores.mean.items()}, steps
                 )
     return Run(out, scores, out / "checkpoints" / "last.ckpt", tests)
+
+
+def run_metrics(
+    system: System, names: Mapping[str, str], config: Mapping[str, Any], training_steps: int | None = None
+) -> RunMetrics:
+    """Return the metrics of a system that has just been tested.
+
+    Args:
+        system: after ``trainer.test``.
+        names: ``encoder``, ``decoder`` and ``test_encoder`` as the configuration calls them.
+        config: the run's plain configuration.
+        training_steps: of the optimiser, in the training that has just ended; None after no training.
+    """
+    trained = [name for name, effect in (config["encoder"].get("effects") or {}).items() if effect is not None]
+    tested: list[str] = [] if config.get("evaluate", {}).get("captures") else system.encoder.path.names
+    trained.sort(key=lambda name: tested.index(name) if name in tested else len(tested))  # as the light meets them
+    return RunMetrics(
+        encoder=names["encoder"],
+        decoder=names["decoder"],
+        test_encoder=names["test_encoder"],
+        effects=trained,
+        test_effects=tested,
+        **system.tested,
+        parameters=count_parameters(system.decoder),
+        macs=count_macs(system.decoder, system.encoder.mask.frames, *system.encoder.size),
+        config=config,
+        training_steps=training_steps,
+    )

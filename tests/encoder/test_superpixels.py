@@ -10,7 +10,7 @@ import torch
 
 from sci_lightning.encoder.mask import LearnedBinary, LearnedStructural, Mask, RandomBinary, RandomStructural
 from sci_lightning.errors import BadInput
-from sci_lightning.runs.modulator_files import Layout, read_planes, timing_of, write_planes
+from sci_lightning.files.modulator_files import Layout, read_planes, timing_of, write_planes
 from tests.conftest import members
 
 KINDS: dict[str, Callable[..., Mask]] = {

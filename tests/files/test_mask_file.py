@@ -15,7 +15,7 @@ from tifffile import imwrite
 
 from sci_lightning.errors import BadInput, InputWarning
 from sci_lightning.files.mask_file import read_mask_file, transmittance
-from sci_lightning.runs.modulator_files import Layout, write_planes
+from sci_lightning.files.modulator_files import Layout, write_planes
 
 RANDOM = np.random.default_rng(0)
 BINARY = (RANDOM.random((12, 24, 32)) < 0.5).astype(np.uint8)

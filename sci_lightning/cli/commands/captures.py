@@ -10,7 +10,7 @@ from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.next_command import invocation, nearest, print_next
 from sci_lightning.cli.plain_words import with_keys
 from sci_lightning.console import PlainConsole, styled, warn
-from sci_lightning.files.plain_text import one_printable_line
+from sci_lightning.plain_text import one_printable_line
 
 USAGE = """python -m sci_lightning.captures plan FOLDER            write a session's shot list and what to display
 python -m sci_lightning.captures pack FOLDER out=FILE   make one captures file of a folder of pictures

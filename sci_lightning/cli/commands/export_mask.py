@@ -19,8 +19,8 @@ def export_mask(composition: Composition) -> None:
 
     from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.errors import MachineFailure
+    from sci_lightning.files.modulator_files import Layout, read_planes, timing_of, write_planes
     from sci_lightning.runs.checkpoint import read_checkpoint
-    from sci_lightning.runs.modulator_files import Layout, read_planes, timing_of, write_planes
 
     cfg = composition.cfg
     out, console = Path(cfg.out), PlainConsole()

@@ -16,7 +16,7 @@ from sci_lightning.cli.composition import Composition
 from sci_lightning.console import PlainConsole
 from sci_lightning.errors import BadInput
 from sci_lightning.files.json_fields import read_json
-from sci_lightning.files.plain_text import excerpt
+from sci_lightning.plain_text import excerpt
 
 if TYPE_CHECKING:
     import torch
@@ -80,8 +80,7 @@ def masks(frames: int, side: int, seed: int) -> Iterator[tuple[str, torch.Tensor
     import torch
 
     from sci_lightning.encoder.mask import design_binary, design_structural
-    from sci_lightning.encoder.mask.mask import uniform
-    from sci_lightning.encoder.mask.structure import structure
+    from sci_lightning.encoder.mask.structure import structure, uniform
 
     whole, tile = (frames, side, side), (frames, 8, 8)
 

@@ -32,7 +32,7 @@ def mismatch(composition: Composition) -> None:
 
     out, console = Path(composition.cfg.out), PlainConsole()
     decoders = {name: _decoder(composition, name) for name in _names(composition)}
-    prepared = prepare(composition, out, _command(composition))
+    prepared = prepare(plain(composition.cfg), composition.choice("data"), out, _command(composition))
     records = []
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left:"), TimeRemainingColumn())
     with Progress(*columns, TextColumn("{task.description}"), console=console, speed_estimate_period=3600) as progress:
@@ -73,7 +73,7 @@ def _decoder(composition: Composition, name: str) -> tuple[Decoder, dict[str, An
     own_composition = compose("mismatch", [f"decoder={name}", *own])
     config = own_composition.cfg
     if name in weights:
-        changed = own_composition if any("decoder." in word for word in own) else None
+        changed = plain(config.decoder) if any("decoder." in word for word in own) else None
         return trained_decoder(str(weights[name]), name, tuple(composition.cfg.trusted), changed)
     decoder: Decoder = built(config, "decoder")
     if parameters := count_parameters(decoder):

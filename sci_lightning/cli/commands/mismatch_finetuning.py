@@ -10,7 +10,7 @@ import yaml
 from rich.table import Table
 
 from sci_lightning.cli.command import run
-from sci_lightning.cli.composition import Composition, compose, group_members
+from sci_lightning.cli.composition import Composition, compose, group_members, plain
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
 
@@ -36,7 +36,8 @@ def mismatch_finetuning(composition: Composition) -> None:
     cfg, out, console = composition.cfg, Path(composition.cfg.out).resolve(), PlainConsole()
     training, protocol, recipe = (_words(cfg, key) for key in ("overrides", "protocol", "recipe"))
     settings = compose("mismatch", [*protocol, "cameras=[published]"])
-    prepared = prepare(settings, out / "protocol", "python -m sci_lightning.mismatch.finetuning")
+    command = "python -m sci_lightning.mismatch.finetuning"
+    prepared = prepare(plain(settings.cfg), settings.choice("data"), out / "protocol", command)
     (camera,) = prepared.cameras
     prepared.protocol.on_progress = lambda line: None
     name = compose("train", [*training]).choice("decoder")

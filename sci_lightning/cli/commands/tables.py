@@ -9,7 +9,7 @@ from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.paper_tables import make_tables
 from sci_lightning.console import PlainConsole, styled
-from sci_lightning.files.plain_text import one_printable_line
+from sci_lightning.plain_text import one_printable_line
 
 
 def tables(composition: Composition) -> None:

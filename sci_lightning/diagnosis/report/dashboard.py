@@ -7,11 +7,11 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.fit.gap import Misfit
+from sci_lightning.diagnosis.result import Result
 
 
-def log_diagnosis(logger: Any, diagnosis: Diagnosis, drawn: Mapping[str, Figure]) -> None:
+def log_diagnosis(logger: Any, diagnosis: Result, drawn: Mapping[str, Figure]) -> None:
     """Write scalars, and figures if the logger takes them; step 0 is the ideal camera, step 1 the corrected one.
 
     Args:

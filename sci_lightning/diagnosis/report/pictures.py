@@ -10,15 +10,15 @@ import torch
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.fit.gap import Gap
 from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, FAINT, style
 from sci_lightning.diagnosis.residual_tests import Picture, Residuals, ResidualTest
 from sci_lightning.diagnosis.residual_tests.drawing import OWN, draw_map, draw_test, hidden_by, limits, nearly_largest
 from sci_lightning.diagnosis.residual_tests.position import PLACE, extent
+from sci_lightning.diagnosis.result import Result
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
 from sci_lightning.diagnosis.search.search import Round
-from sci_lightning.files.plain_text import in_figure
+from sci_lightning.plain_text import in_figure
 
 MAX_CANDIDATES = 8
 """Candidates of a round that are drawn."""
@@ -279,7 +279,7 @@ def test_figure(before: ResidualTest | None, after: ResidualTest) -> Figure:
         return figure
 
 
-def figures(diagnosis: Diagnosis) -> dict[str, Figure]:
+def figures(diagnosis: Result) -> dict[str, Figure]:
     """Draw the figures that lie beside the report, by file name."""
     before, after = diagnosis.before.residuals, diagnosis.after.residuals
     pictures = {

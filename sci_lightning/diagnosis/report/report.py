@@ -1,6 +1,6 @@
 """The files of a diagnosis: ``report.json``, ``report.html``, pictures and ``encoder.yaml``.
 
-Everything here reads a :class:`~sci_lightning.diagnosis.diagnosis.Diagnosis`; nothing is fitted or computed anew.
+Everything here reads a :class:`~sci_lightning.diagnosis.diagnosis.Result`; nothing is fitted or computed anew.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import torch
 import yaml
 from matplotlib.figure import Figure
 
-from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.laboratory import SceneEffect
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Setting
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.report.pictures import figures
 from sci_lightning.diagnosis.report.report_page import Provenance, report_page
 from sci_lightning.diagnosis.report.sentences import class_paths
+from sci_lightning.diagnosis.result import Result
 from sci_lightning.encoder.free_form import Empirical
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.version import installed_version
@@ -41,7 +41,7 @@ VERIFIED_BY_NONE: dict[str, Any] = {
 
 
 def write_report(
-    diagnosis: Diagnosis,
+    diagnosis: Result,
     out: str | Path,
     provenance: Provenance | None = None,
     drawn: Mapping[str, Figure] | None = None,
@@ -66,7 +66,7 @@ def write_report(
         temporary.write_text(report_page(diagnosis, provenance, drawn, UNCERTAINTY), encoding="utf-8")
 
 
-def describe(diagnosis: Diagnosis) -> dict[str, Any]:
+def describe(diagnosis: Result) -> dict[str, Any]:
     """Return the content of ``report.json`` without its provenance, as plain data; the schema describes every field."""
     assessments = {"before": diagnosis.before, "after": diagnosis.after}
     effects = diagnosis.after.fit.hypothesis.effects
@@ -104,7 +104,7 @@ def describe(diagnosis: Diagnosis) -> dict[str, Any]:
     }
 
 
-def write_encoder(diagnosis: Diagnosis, out: str | Path) -> None:
+def write_encoder(diagnosis: Result, out: str | Path) -> None:
     """Write the corrected encoder: ``encoder.yaml``, and beside it the patterns and maps that it names."""
     hypothesis = diagnosis.after.fit.hypothesis
     write_corrected_encoder(diagnosis.observation, diagnosis.model, hypothesis.effects, hypothesis.maps, out)

@@ -16,7 +16,6 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.fit.gap import Misfit
 from sci_lightning.diagnosis.model.camera_model import datasheet_noise
 from sci_lightning.diagnosis.report import pictures
@@ -24,8 +23,9 @@ from sci_lightning.diagnosis.report.digits import chi2, quantity, uncertainty
 from sci_lightning.diagnosis.report.sentences import clause, considered, fallen, headline, nats_gained
 from sci_lightning.diagnosis.report.svg import svg
 from sci_lightning.diagnosis.residual_tests import ResidualTest
+from sci_lightning.diagnosis.result import Result
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE
-from sci_lightning.files.plain_text import printable
+from sci_lightning.plain_text import printable
 from sci_lightning.version import installed_version
 
 MAX_TEST_FIGURES = 8
@@ -88,7 +88,7 @@ class Card:
 
 
 def report_page(
-    diagnosis: Diagnosis, provenance: Provenance, drawn: Mapping[str, Figure], uncertainty_note: str = ""
+    diagnosis: Result, provenance: Provenance, drawn: Mapping[str, Figure], uncertainty_note: str = ""
 ) -> str:
     """Return the page as HTML with all figures in it.
 
@@ -162,7 +162,7 @@ def _p_value(value: float) -> str:
     return "< 1e-300" if value < 1e-300 else f"{value:.2g}"
 
 
-def _title(diagnosis: Diagnosis, provenance: Provenance) -> str:
+def _title(diagnosis: Result, provenance: Provenance) -> str:
     effects = f"{VERDICTS[diagnosis.verdict]}: {', '.join(diagnosis.names) or 'no effect'}"
     return " \u00b7 ".join(filter(None, (effects, provenance.file, provenance.date[:10])))
 
@@ -174,7 +174,7 @@ def _source(provenance: Provenance) -> str:
     return " \u00b7 ".join(filter(None, (provenance.file, name, date and f"{date} UTC")))
 
 
-def _captures(diagnosis: Diagnosis) -> str:
+def _captures(diagnosis: Result) -> str:
     observation = diagnosis.observation
     height, width = observation.size
     kinds = ", ".join(f"{observation.kinds.count(kind)} {kind}" for kind in sorted(set(observation.kinds)))
@@ -185,7 +185,7 @@ def _captures(diagnosis: Diagnosis) -> str:
     )
 
 
-def _cards(diagnosis: Diagnosis) -> list[Card]:
+def _cards(diagnosis: Result) -> list[Card]:
     """Return the figures at the head of the page: first the one that fell, as in the headline; else chi2."""
     before, after = diagnosis.before.gap, diagnosis.after.gap
     limit = f"; chance reaches {chi2(after.chi2_limit)} with {after.pixels:,} pixels"
@@ -224,7 +224,7 @@ def without_empty_columns(
     return [columns[place] for place in kept], [tuple(row[place] for place in kept) for row in rows]
 
 
-def _effect_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def _effect_rows(diagnosis: Result) -> list[tuple[str, ...]]:
     """Return effect, stage, parameter, value, error, unit and evidence; what is as in the row above is empty."""
     rows: list[tuple[str, ...]] = []
     for effect in diagnosis.effects:
@@ -239,7 +239,7 @@ def _effect_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     return rows
 
 
-def _named_afterwards(diagnosis: Diagnosis) -> dict[str, str]:
+def _named_afterwards(diagnosis: Result) -> dict[str, str]:
     """Return the named effects that no round of the search has added, and how they came to be named."""
     added = {considered.added for considered in diagnosis.rounds}
     return {
@@ -251,7 +251,7 @@ def _named_afterwards(diagnosis: Diagnosis) -> dict[str, str]:
     }
 
 
-def _gap_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+def _gap_rows(diagnosis: Result) -> list[tuple[str, ...]]:
     """Return the misfit before and after of every kind of capture and of all."""
 
     def row(kind: str, before: Misfit, after: Misfit) -> tuple[str, ...]:
@@ -269,13 +269,13 @@ def _three_digits(value: float) -> str:
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 
-def _test_pairs(diagnosis: Diagnosis) -> list[tuple[ResidualTest | None, ResidualTest]]:
+def _test_pairs(diagnosis: Result) -> list[tuple[ResidualTest | None, ResidualTest]]:
     """Return every residual test before and after; None where it could not be made before."""
     before = {test.name: test for test in diagnosis.before.tests}
     return [(before.get(test.name), test) for test in diagnosis.after.tests]
 
 
-def _significant_tests(diagnosis: Diagnosis) -> list[tuple[ResidualTest | None, ResidualTest]]:
+def _significant_tests(diagnosis: Result) -> list[tuple[ResidualTest | None, ResidualTest]]:
     """Return the pairs that find something: what is left first, variance last, otherwise the largest first."""
 
     def order(pair: tuple[ResidualTest | None, ResidualTest]) -> tuple[bool, bool, float]:
@@ -288,7 +288,7 @@ def _significant_tests(diagnosis: Diagnosis) -> list[tuple[ResidualTest | None, 
     )
 
 
-def _maps(diagnosis: Diagnosis) -> dict[str, Figure]:
+def _maps(diagnosis: Result) -> dict[str, Figure]:
     """Return a figure of every estimated fixed-pattern map by the effect's name."""
     drawn = {}
     for name in diagnosis.after.fit.maps:
@@ -299,7 +299,7 @@ def _maps(diagnosis: Diagnosis) -> dict[str, Figure]:
     return drawn
 
 
-def _left_out(diagnosis: Diagnosis) -> dict[str, str]:
+def _left_out(diagnosis: Result) -> dict[str, str]:
     """Return what was kept for verification, and how much of the field counts nowhere, as rows of the footer."""
     rows = {}
     if (verification := diagnosis.verification) is not None:
@@ -318,7 +318,7 @@ def _left_out(diagnosis: Diagnosis) -> dict[str, str]:
     return rows
 
 
-def _footer(diagnosis: Diagnosis, provenance: Provenance) -> dict[str, str]:
+def _footer(diagnosis: Result, provenance: Provenance) -> dict[str, str]:
     split = diagnosis.split.describe()
     captures = ", ".join(map(str, split["held_out_captures"])) or "none"
     held_out = (

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.fit.gap import Gap
 from sci_lightning.diagnosis.report.digits import chi2, quantity
+from sci_lightning.diagnosis.result import Result
 from sci_lightning.diagnosis.search.evidence import NamedEffect
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE
 from sci_lightning.encoder.effects import Effect
@@ -19,7 +19,7 @@ NOTHING_LEFT = "nothing significant is left"
 """The end of a headline if the verdict is consistent or explained, and of no other."""
 
 
-def headline(diagnosis: Diagnosis) -> str:
+def headline(diagnosis: Result) -> str:
     """Return the verdict and the reasons for it in one sentence, which never contradicts the verdict."""
     verdict, effects, after = diagnosis.verdict, diagnosis.effects, diagnosis.after.gap
     if verdict == "consistent":
@@ -107,13 +107,13 @@ def improvement(before: Gap, after: Gap) -> str:
     return f"the held-out misfit stays at chi2 {reached}{allowed}"
 
 
-def _disagreement(diagnosis: Diagnosis) -> str:
+def _disagreement(diagnosis: Result) -> str:
     before, after = diagnosis.before.gap.chi2, diagnosis.after.gap.chi2
     free = f", {chi2(after)} in free form" if diagnosis.unnamed and after < 0.999 * before else ""
     return f"The captures disagree with the ideal camera (held-out chi2 {chi2(before)}{free}) and no name explains it"
 
 
-def _what_is_left(diagnosis: Diagnosis) -> str:
+def _what_is_left(diagnosis: Result) -> str:
     """Say why the verdict is neither ``consistent`` nor ``explained``."""
     if diagnosis.unnamed:
         places = ", and ".join(f"in the {unnamed.stage}, {unnamed.where}" for unnamed in diagnosis.unnamed)

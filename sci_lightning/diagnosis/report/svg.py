@@ -12,7 +12,7 @@ from typing import Any
 from matplotlib import style as mpl_style
 from matplotlib.figure import Figure
 
-from sci_lightning.files.plain_text import printable
+from sci_lightning.plain_text import printable
 
 INK = "#010203"
 """Nearly black where a figure stands alone; replaced by the page's text colour inside a page."""

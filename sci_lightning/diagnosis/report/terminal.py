@@ -9,9 +9,9 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from rich.table import Table
 
 from sci_lightning.console import PlainConsole, styled
-from sci_lightning.diagnosis.diagnosis import Diagnosis
 from sci_lightning.diagnosis.report.digits import chi2, quantity
 from sci_lightning.diagnosis.report.sentences import considered, headline
+from sci_lightning.diagnosis.result import Result
 
 COLOURS = {"consistent": "green", "explained": "green", "partly_explained": "yellow", "unexplained": "red"}
 
@@ -39,7 +39,7 @@ def search_progress(console: PlainConsole, rounds: int) -> Iterator[Callable[[st
         yield on_progress
 
 
-def print_report(diagnosis: Diagnosis, console: PlainConsole) -> None:
+def print_report(diagnosis: Result, console: PlainConsole) -> None:
     """Print the verdict, the named effects with their parameters, and the gap before and after."""
     verdict = diagnosis.verdict
     console.say(styled(verdict.replace("_", " "), f"bold {COLOURS[verdict]}"), f": {headline(diagnosis)}")

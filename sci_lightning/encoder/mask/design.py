@@ -8,8 +8,7 @@ from functools import lru_cache
 
 import torch
 
-from sci_lightning.encoder.mask.mask import uniform
-from sci_lightning.encoder.mask.structure import check_bits, structure
+from sci_lightning.encoder.mask.structure import check_bits, structure, uniform
 from sci_lightning.errors import BadInput
 from sci_lightning.prior import MaskScore
 

@@ -6,8 +6,8 @@ import torch
 from torch import nn
 
 from sci_lightning.configuration.bounds import Bits, Frames, Pixels, Positive, Seed, Size
-from sci_lightning.encoder.mask.mask import Mask, Start, check_start, uniform
-from sci_lightning.encoder.mask.structure import check_bits, structure
+from sci_lightning.encoder.mask.mask import Mask, Start, check_start
+from sci_lightning.encoder.mask.structure import check_bits, structure, uniform
 from sci_lightning.errors import BadInput
 
 

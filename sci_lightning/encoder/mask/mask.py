@@ -104,11 +104,6 @@ class Mask(nn.Module):
         return f"frames={self.frames}, size={self.size}, tile={self.tile}{superpixels}"
 
 
-def uniform(shape: Sequence[int], seed: int) -> torch.Tensor:
-    """Return seeded float32 values, uniform in [0, 1); the same on every device and in every process."""
-    return torch.rand(*shape, generator=torch.Generator().manual_seed(seed))
-
-
 def check_start(start: str) -> bool:
     """Return whether a learned mask starts from a designed one.
 

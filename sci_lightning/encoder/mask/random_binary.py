@@ -5,8 +5,8 @@ from __future__ import annotations
 import torch
 
 from sci_lightning.configuration.bounds import Bits, Frames, Pixels, Seed, Size
-from sci_lightning.encoder.mask.mask import Mask, uniform
-from sci_lightning.encoder.mask.structure import check_binary
+from sci_lightning.encoder.mask.mask import Mask
+from sci_lightning.encoder.mask.structure import check_binary, uniform
 
 
 class RandomBinary(Mask):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import torch
 
 from sci_lightning.configuration.bounds import Frames, Pixels, Seed, Share, Size
-from sci_lightning.encoder.mask.mask import Mask, uniform
+from sci_lightning.encoder.mask.mask import Mask
+from sci_lightning.encoder.mask.structure import uniform
 from sci_lightning.errors import BadInput
 
 

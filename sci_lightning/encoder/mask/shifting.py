@@ -9,7 +9,8 @@ from pathlib import Path
 import torch
 
 from sci_lightning.configuration.bounds import Frames, Seed, Size, Step
-from sci_lightning.encoder.mask.mask import Mask, uniform
+from sci_lightning.encoder.mask.mask import Mask
+from sci_lightning.encoder.mask.structure import uniform
 from sci_lightning.errors import BadInput
 from sci_lightning.files.mask_file import read_mask_file
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import torch
 
 from sci_lightning.encoder.rounding import round_half_up, straight_through
@@ -88,3 +90,8 @@ def _open_second_slot(shared: torch.Tensor, mask: torch.Tensor, levels: int) -> 
     others = mask.masked_fill(alone, -torch.inf)
     second = torch.zeros_like(shared).scatter_(0, others.argmax(0, keepdim=True), 1)
     return shared + torch.where(alone.any(0), second - alone.to(shared.dtype), 0)
+
+
+def uniform(shape: Sequence[int], seed: int) -> torch.Tensor:
+    """Return seeded float32 values, uniform in [0, 1); the same on every device and in every process."""
+    return torch.rand(*shape, generator=torch.Generator().manual_seed(seed))

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from sci_lightning.captures.captures import Captures
-from sci_lightning.cli.encoder_file import read_encoder_file
 from sci_lightning.configuration.build import build_from_file
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder import Encoder
@@ -21,6 +20,7 @@ from sci_lightning.encoder.sensor import ClipQuantise
 from sci_lightning.errors import BadInput
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.json_fields import read_json
+from sci_lightning.runs.encoder_file import read_encoder_file
 from sci_lightning.studies.mismatch.bench import Bench
 from sci_lightning.studies.mismatch.cameras import Mismatch, MismatchedCamera
 

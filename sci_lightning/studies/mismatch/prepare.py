@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from sci_lightning.cli.composition import Composition, built, plain
+from sci_lightning.configuration.build import build
 from sci_lightning.decoder import Decoder
 from sci_lightning.errors import BadInput
 from sci_lightning.files.json_fields import Fields
@@ -86,11 +87,12 @@ class Prepared:
         return write_record(path, camera.name, name, digest, settings, {"provenance": made.as_json(), **results}), True
 
 
-def prepare(composition: Composition, folder: str | Path, command: str) -> Prepared:
+def prepare(settings: Mapping[str, Any], data: str, folder: str | Path, command: str) -> Prepared:
     """Return what a run needs; the coding patterns are written to ``folder``, where diagnoses are kept as well.
 
     Args:
-        composition: of ``conf/mismatch.yaml``.
+        settings: ``conf/mismatch.yaml``, composed, resolved and plain.
+        data: what records call the source of the scenes.
         folder: of the run.
         command: the command line that is recorded.
 
@@ -98,20 +100,19 @@ def prepare(composition: Composition, folder: str | Path, command: str) -> Prepa
         BadInput: settings that do not go together, see :func:`.plan_cameras` and :func:`.prepare_bench`.
     """
     commit()  # records state the code that began, not what the checkout holds when they are written
-    cfg = composition.cfg
-    settings, folder = plain(cfg), Path(folder)
-    device = resolve_device(cfg.device)
-    cameras = plan_cameras(cfg.cameras, settings["mismatch"], settings["ranges"], cfg.drawn, cfg.seed)
+    folder, mask, seed = Path(folder), settings["mask"], settings["seed"]
+    device = resolve_device(settings["device"])
+    cameras = plan_cameras(settings["cameras"], settings["mismatch"], settings["ranges"], settings["drawn"], seed)
     datasheet = {key: settings[key] for key in DATASHEET}
     bench = prepare_bench(
-        built(cfg, "data").scenes(),
+        build(settings["data"], "data").scenes(),
         folder,
-        mask=cfg.mask,
+        mask=mask,
         middle=settings["middle"],
         datasheet=datasheet,
         calibration=settings["calibration"],
-        aperture=cfg.aperture,
-        seed=cfg.seed,
+        aperture=settings["aperture"],
+        seed=seed,
     )
     for camera in cameras:  # what cannot be recorded or believed is refused before anything is written
         bench.effects(camera.mismatch)
@@ -119,26 +120,27 @@ def prepare(composition: Composition, folder: str | Path, command: str) -> Prepa
             encoder_effects(camera.mismatch)
     bench.write_patterns()
     kept: dict[str, Any] = {
-        "data": composition.choice("data"),
-        "mask": "random binary" if cfg.mask is None else Path(cfg.mask).name,
+        "data": data,
+        "mask": "random binary" if mask is None else Path(mask).name,
         "size": list(bench.session.size),
         "aperture": bench.aperture,
         **datasheet,
         **{key: settings[key] for key in ("frames", "seed", "calibration", "snapshots")},
     }
-    protocol = Protocol(bench, folder, cfg.snapshots, device)
+    protocol = Protocol(bench, folder, settings["snapshots"], device)
     return Prepared(bench, cameras, list(settings["scenarios"]), kept, protocol, command)
 
 
 def trained_decoder(
-    path: str | Path, name: str, trusted: tuple[str, ...] = (), configured: Composition | None = None
+    path: str | Path, name: str, trusted: tuple[str, ...] = (), configured: Mapping[str, Any] | None = None
 ) -> tuple[Decoder, dict[str, Any]]:
     """Return the decoder of a checkpoint, and what identifies it.
 
     Args:
         path: of the checkpoint.
         name: that the decoder must have.
-        configured: with the decoder's settings, which is then filled from the checkpoint; None: as it was trained.
+        configured: the decoder's plain configuration, which is then filled from the checkpoint; None: as it was
+            trained.
         trusted: packages beside this one whose modules the checkpoint may name.
 
     Raises:
@@ -151,6 +153,6 @@ def trained_decoder(
     digest = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     if configured is None:
         return checkpoint.decoder(), {"decoder": checkpoint.config["decoder"], "weights": digest}
-    decoder: Decoder = built(configured.cfg, "decoder")
+    decoder: Decoder = build(configured, "decoder")
     checkpoint.fill("decoder", decoder, name)
-    return decoder.eval(), {"decoder": plain(configured.cfg.decoder), "weights": digest}
+    return decoder.eval(), {"decoder": configured, "weights": digest}

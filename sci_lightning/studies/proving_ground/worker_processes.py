@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection
 from threading import Thread
 from typing import Any
 
-from sci_lightning.cli.failure_line import one_line
+from sci_lightning.errors import describe
 from sci_lightning.studies.proving_ground.case import Case
 
 
@@ -72,7 +72,7 @@ def _run_in_process(sender: Connection, case: Case, threads: int) -> None:
 
         record = run_trial(case)
     except Exception as error:
-        record = {**case.describe(), "failed": one_line(error), "traceback": traceback.format_exc()}
+        record = {**case.describe(), "failed": describe(error), "traceback": traceback.format_exc()}
     sender.send(record)
 
 

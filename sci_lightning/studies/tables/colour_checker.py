@@ -11,12 +11,12 @@ from torch.nn import functional as F
 
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.sensor import ClipQuantise, Ideal
-from sci_lightning.files.plain_text import file_name, in_figure
+from sci_lightning.files.folder import is_inside
 from sci_lightning.pipeline import Pipeline
+from sci_lightning.plain_text import file_name, in_figure
 from sci_lightning.runs.checkpoint import read_checkpoint
 from sci_lightning.studies.tables.mosaic import usable
 from sci_lightning.studies.tables.run import Run
-from sci_lightning.studies.tables.run_files import is_inside
 
 LUMINANCE = torch.tensor(
     [

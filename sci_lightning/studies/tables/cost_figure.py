@@ -10,7 +10,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sci_lightning.files.plain_text import in_figure
+from sci_lightning.plain_text import in_figure
 from sci_lightning.studies.tables.line import Line, lines_of
 from sci_lightning.studies.tables.run import Run
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sci_lightning.errors import BadInput
-from sci_lightning.files.plain_text import file_name
+from sci_lightning.plain_text import file_name
 from sci_lightning.studies.tables.run import Run
 
 

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from sci_lightning.figures.figure import write_figure
 from sci_lightning.files.atomic_file import atomic_write
-from sci_lightning.files.plain_text import file_name, in_figure, in_latex, in_markdown
+from sci_lightning.plain_text import file_name, in_figure, in_latex, in_markdown
 
 MOST_DRAWN = 150
 """Rows of the PNG; a picture of more could not be looked at. The other formats hold all."""

@@ -10,15 +10,15 @@ from typing import Any, TypeVar
 import torch
 from matplotlib.figure import Figure
 
-from sci_lightning.cli.failure_line import one_line
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.data import Synthetic
+from sci_lightning.errors import describe
 from sci_lightning.figures.figure import show_picture
-from sci_lightning.files.plain_text import file_name, in_figure
+from sci_lightning.files.folder import is_inside
 from sci_lightning.pipeline import Pipeline
+from sci_lightning.plain_text import file_name, in_figure
 from sci_lightning.runs.checkpoint import read_checkpoint
 from sci_lightning.studies.tables.run import Run
-from sci_lightning.studies.tables.run_files import is_inside
 
 Shown = TypeVar("Shown")
 """What is shown of a checkpoint."""
@@ -100,7 +100,7 @@ def usable(rows: dict[str, Path], read: Callable[[Path], Shown], left_out: Calla
         try:
             pictures[name] = read(path)
         except Exception as error:  # whatever a checkpoint of another version, or of anybody, makes a network do
-            reason = one_line(error)
+            reason = describe(error)
             left_out(reason if str(path) in reason else f"{path}: {reason}")
     return pictures
 

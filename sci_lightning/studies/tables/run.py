@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from sci_lightning.errors import BadInput
+from sci_lightning.files.folder import files_below
 from sci_lightning.files.json_fields import Fields, read_json
-from sci_lightning.studies.tables.run_files import files_below
 
 NAMES = ("metrics.json", "seed[0-9]*.json")
 """Files of runs: what a run leaves, and what is kept of the rows of the tables (docs/results/tables/)."""

@@ -8,7 +8,7 @@ from typing import Any
 import lightning as L
 
 from sci_lightning.figures.figure import reconstruction_figure, write_figure
-from sci_lightning.files.plain_text import file_name
+from sci_lightning.plain_text import file_name
 from sci_lightning.training.system import System
 
 

@@ -16,7 +16,7 @@ import yaml
 from sci_lightning.configuration.conf_folder import PACKAGE
 from sci_lightning.errors import BadInput
 from sci_lightning.files.json_fields import read_json
-from sci_lightning.files.plain_text import in_markdown
+from sci_lightning.plain_text import in_markdown
 from sci_lightning.runs.provenance import NOT_YET, Provenance, joined, read_provenance
 from sci_lightning.studies.tables.claim_table import claim_table, verdict_table
 from sci_lightning.studies.tables.documentation import DocumentedTable

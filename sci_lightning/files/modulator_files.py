@@ -18,9 +18,9 @@ from sci_lightning.configuration.arguments import check_value
 from sci_lightning.configuration.bounds import Bits, Frames, Pixels, Size
 from sci_lightning.errors import BadInput
 from sci_lightning.files.atomic_file import atomic_write
+from sci_lightning.files.folder import is_inside
 from sci_lightning.files.json_fields import read_json
 from sci_lightning.files.memory_bound import check_memory
-from sci_lightning.studies.tables.run_files import is_inside
 
 SHEET = "planes.json"
 

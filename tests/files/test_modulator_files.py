@@ -16,8 +16,8 @@ from sci_lightning.cli.composition import plain
 from sci_lightning.encoder.mask import LearnedStructural, RandomBinary
 from sci_lightning.errors import BadInput
 from sci_lightning.files import modulator_files
+from sci_lightning.files.modulator_files import Layout, levels_of, read_planes, timing_of, write_planes
 from sci_lightning.runs.checkpoint import write_weights
-from sci_lightning.runs.modulator_files import Layout, levels_of, read_planes, timing_of, write_planes
 from tests.files.schemas.validation import check
 
 
