@@ -51,7 +51,7 @@ benchmark: REPEATS ?= 3
 benchmark: TRAINED ?= outputs/benchmark/trained/checkpoints/last.ckpt
 benchmark: MEASURE = $(BIN)/python -m sci_lightning.benchmark repeats=$(REPEATS)
 benchmark: $(READY)
-	$(MEASURE) decoder=all 'only=[birnat,e2e_cnn,efficientsci,res2former,revsci,stformer]' size=128 published=true out=outputs/benchmark/forward_128
+	$(MEASURE) decoder=all 'only=[birnat,e2e_cnn,efficientsci,res2former,revsci,stformer]' size=128 out=outputs/benchmark/forward_128
 	$(MEASURE) decoder=all 'only=[e2e_cnn,res2former,revsci,stformer]' size=64 out=outputs/benchmark/forward_64
 	$(MEASURE) decoder=e2e_cnn size=64 training=4 out=outputs/benchmark/training_e2e_cnn
 	$(MEASURE) decoder=res2former size=64 training=1 out=outputs/benchmark/training_res2former

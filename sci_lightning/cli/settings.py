@@ -125,7 +125,6 @@ SETTINGS: Mapping[str, Any] = {
     "gray_rate": Positive,
     # benchmark
     "only": Sequence[Name],
-    "published": bool,
     "reduced": Name,
     "training": Annotated[int, Interval(ge=0, le=65536)],
     "compile": bool,

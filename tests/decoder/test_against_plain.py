@@ -23,17 +23,17 @@ from sci_lightning.decoder import (
     RevSCI,
     STFormer,
 )
-from sci_lightning.studies.benchmark.published.birnat import birnat
-from sci_lightning.studies.benchmark.published.e2e_cnn import e2e_cnn
-from sci_lightning.studies.benchmark.published.efficientsci import efficientsci
-from sci_lightning.studies.benchmark.published.elp_unfolding import elp_unfolding
-from sci_lightning.studies.benchmark.published.metasci import metasci
-from sci_lightning.studies.benchmark.published.res2former import res2former
-from sci_lightning.studies.benchmark.published.revsci import revsci
-from sci_lightning.studies.benchmark.published.sci3d import sci3d
-from sci_lightning.studies.benchmark.published.stformer import stformer
-from sci_lightning.studies.benchmark.published.unet_stages import admm_net, gap_net
 from tests.decoder.test_published import as_published
+from tests.decoder.transcriptions.birnat import birnat
+from tests.decoder.transcriptions.e2e_cnn import e2e_cnn
+from tests.decoder.transcriptions.efficientsci import efficientsci
+from tests.decoder.transcriptions.elp_unfolding import elp_unfolding
+from tests.decoder.transcriptions.metasci import metasci
+from tests.decoder.transcriptions.res2former import res2former
+from tests.decoder.transcriptions.revsci import revsci
+from tests.decoder.transcriptions.sci3d import sci3d
+from tests.decoder.transcriptions.stformer import stformer
+from tests.decoder.transcriptions.unet_stages import admm_net, gap_net
 
 Plain = Callable[[dict[str, Tensor], Tensor, Tensor], list[Tensor]]
 

@@ -16,9 +16,9 @@ from torch import nn
 from sci_lightning.decoder import E2ECNN, Decoder, Res2former
 from sci_lightning.decoder.published import authors_keys, load_published, our_state, unpack
 from sci_lightning.errors import BadInput
-from sci_lightning.studies.benchmark.published import as_published
 from tests.conftest import members
 from tests.decoder.test_paper_count import FILES
+from tests.decoder.transcriptions import as_published
 
 State = dict[str, torch.Tensor]
 DENOISERS = {"pnp_ffdnet": "ffdnet_gray", "pnp_fastdvdnet": "fastdvdnet_gray"}  # facts are of one iteration

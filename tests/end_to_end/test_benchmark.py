@@ -129,8 +129,6 @@ def checkpoint_of(configuration: Callable[..., DictConfig]) -> Callable[[Path], 
 def test_bad_input(refused: Run) -> None:
     assert "decoder=res3former: no such decoder" in refused("benchmark", "decoder=res3former")
     assert "fp8" in refused("benchmark", "precision=fp8")
-    slim = ["decoder=e2e_cnn", "decoder.blocks=1", "decoder.channels=4", "size=16", "product=0"]
-    assert "the published E2ECNN has 'encode2.conv1.weight'" in refused("benchmark", *slim, "published=true")
     assert "reduced=tiny: no such scale of networks; choose one of cpu, quickstart" in refused(
         "benchmark", "reduced=tiny"
     )

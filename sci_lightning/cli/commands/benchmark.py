@@ -95,13 +95,11 @@ def benchmark(composition: Composition) -> None:
             rules = paper[name]["macs_rules"] if name in paper else 2022
             try:
                 config = _decoder(composition, name) if checkpoint is None else checkpoint.config["decoder"]
-                published = name if cfg.published else None
                 cost = decoder_cost(
                     config,
                     on_progress=partial(_show, progress, task, name),
                     device=str(device),
                     rules=rules,
-                    published=published,
                     **settings,
                 )
                 content["decoders"][name] = {**cost, **figures}

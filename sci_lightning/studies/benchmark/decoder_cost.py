@@ -25,8 +25,7 @@ from sci_lightning.metrics.psnr import psnr
 from sci_lightning.operator import SnapshotOperator
 from sci_lightning.runs.precision import mixed_precision
 from sci_lightning.studies.benchmark.machine_speed import machine_speed
-from sci_lightning.studies.benchmark.published import TRANSCRIPTIONS, as_published
-from sci_lightning.studies.benchmark.timing import Call, seconds_in_turns, times_as_fast
+from sci_lightning.studies.benchmark.timing import Call, seconds_in_turns
 from sci_lightning.studies.benchmark.training_step import training_step
 
 _said: Any = None
@@ -89,7 +88,6 @@ def measure(
     tile: str | Sequence[int] = "auto",
     threads: int | None = None,
     plain_kernels: bool = False,
-    published: str | None = None,
     training: int = 0,
     state: Mapping[str, torch.Tensor] | None = None,
     snapshot: tuple[torch.Tensor, torch.Tensor, torch.Tensor] | None = None,
@@ -109,8 +107,6 @@ def measure(
         tile: how a large field is cut, see :class:`~sci_lightning.decoder.tiling.tile_choice.TileChoice`.
         threads: of torch; None: as many as it takes by itself.
         plain_kernels: whether networks are computed with ``kernels=plain``.
-        published: the decoder's name, to time the transcription of its published code as well, in the last precision;
-            None, or a name without a transcription: not.
         training: snapshots of a training step that is timed as well; 0: none.
         state: weights, ``decoder.*`` of a checkpoint without that prefix; None: random ones.
         snapshot: measurement ``(1, H, W)``, mask ``(T, H, W)`` and true video ``(1, T, H, W)``; None: random ones.
@@ -119,8 +115,7 @@ def measure(
         ``parameters``, ``macs``, ``macs_as_paper``; ``precisions`` with ``seconds`` (median), ``fastest`` of ``calls``,
         ``gflops``, two operations per multiply-accumulate, ``memory`` in bytes, the most that weights, activations and
         scratch took at a time (absent where the system does not tell), and ``psnr`` of the video in dB; ``machine``,
-        see :func:`~.machine_speed.machine_speed`; ``published`` with ``precision``, ``seconds``, ``fastest`` and
-        ``times_as_fast``; ``training``, see :mod:`~.training_step`.
+        see :func:`~.machine_speed.machine_speed`; ``training``, see :mod:`~.training_step`.
 
     Raises:
         BadInput: what the decoder finds wrong.
@@ -166,18 +161,6 @@ def measure(
         calls[precision]()
         peak = torch.cuda.max_memory_allocated(place) if place.type == "cuda" else _memory("VmHWM")
         memory |= {precision: peak - before} if peak else {}
-    transcription = TRANSCRIPTIONS.get(published or "")
-    if transcription is not None:
-        theirs = as_published(decoder)
-        plain = transcription
-        calls["published"] = call_in(precisions[-1], "published", lambda: plain(theirs, measurement, mask)[-1])
-        try:
-            calls["published"]()
-        except KeyError as error:
-            raise BadInput(
-                f"published=true: the published {type(decoder).__name__} has {error}, this one does not; leave "
-                "decoder.* and reduced= out, or published="
-            ) from error
     # everything has been called once above
     seconds = seconds_in_turns(calls, place, max(0, warm_up - 1), repeats, budget)
     _report("the machine's own speed")
@@ -204,13 +187,6 @@ def measure(
         }
     if speeds:
         result["machine"] = speeds
-    if transcription is not None:
-        result["published"] = {
-            "precision": precisions[-1],
-            "seconds": statistics.median(seconds["published"]),
-            "fastest": min(seconds["published"]),
-            "times_as_fast": times_as_fast(seconds[precisions[-1]], seconds["published"]),
-        }
     if training and count_parameters(decoder):
         result["training"] = training_step(decoder, frames, size, training, precisions, place, warm_up, repeats, budget)
     return result

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from torch import Tensor
 
-from sci_lightning.studies.benchmark.published.layers import State, conv2d, leaky, up2d
+from tests.decoder.transcriptions.layers import State, conv2d, leaky, up2d
 
 
 def metasci(state: State, y: Tensor, mask: Tensor) -> list[Tensor]:

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from sci_lightning.studies.benchmark.published.layers import State, conv3d, leaky
+from tests.decoder.transcriptions.layers import State, conv3d, leaky
 
 HEADS = 4
 

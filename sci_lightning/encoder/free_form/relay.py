@@ -1,4 +1,4 @@
-"""Mask field: the displacement of the mask's image varies over the field."""
+"""Free-form deviations of the relay: where the mask's image lies, and how sharp it is."""
 
 from __future__ import annotations
 
@@ -7,9 +7,21 @@ import torch
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import RelayEffect
-from sci_lightning.encoder.free_form.free_form import Empirical, polynomials
+from sci_lightning.encoder.free_form.free_form import Empirical, NeighbourTaps, polynomials
 
-DEGREE = 3
+
+class MaskTaps(NeighbourTaps, RelayEffect):
+    """The light of every mirror also falls on its neighbours; the scene stays sharp. See :class:`NeighbourTaps`."""
+
+    name = "mask_taps"
+    rank = 27
+    where = "the mask's image is smeared"
+
+    def show(self, patterns: torch.Tensor, cells: int = 1) -> torch.Tensor:
+        return self.smear(patterns, cells)
+
+
+FIELD_DEGREE = 3
 
 
 class MaskField(Empirical, RelayEffect):
@@ -27,7 +39,7 @@ class MaskField(Empirical, RelayEffect):
 
     @classmethod
     def numbers(cls, captures: int, frames: int) -> int:
-        return (DEGREE + 1) * (DEGREE + 2)
+        return (FIELD_DEGREE + 1) * (FIELD_DEGREE + 2)
 
     def border(self, size: tuple[int, int]) -> Border:
         down, across = self.coefficients.abs().view(2, -1).sum(1).tolist()  # Legendre polynomials are at most 1
@@ -37,7 +49,7 @@ class MaskField(Empirical, RelayEffect):
         height, width = patterns.shape[-2:]
         y = (torch.arange(height).to(patterns)[:, None] + 0.5) * (2 / height) - 1
         x = (torch.arange(width).to(patterns)[None] + 0.5) * (2 / width) - 1
-        basis = polynomials(y, x, DEGREE)
+        basis = polynomials(y, x, FIELD_DEGREE)
         down, across = self.coefficients.to(patterns).view(2, -1)
         grid = torch.stack(
             (

@@ -1,8 +1,8 @@
 """The published networks written down as plainly as possible, to compare ours with: functions of their state dicts.
 
 Every file computes what a network's authors published, with torch's own layers in torch's default layout and attention
-as softmax(Q K^T) V, on weights under the authors' names. They stand for the published code where a benchmark times it;
-they are not that code. ``kernels=plain`` is something else: our own networks without the faster kernels.
+as softmax(Q K^T) V, on weights under the authors' names. They stand for the published code where it is timed; they are
+not that code. ``kernels=plain`` is something else: our own networks without the faster kernels.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ import torch
 
 from sci_lightning.decoder import Decoder
 from sci_lightning.decoder.published import authors_keys
-from sci_lightning.studies.benchmark.published.birnat import birnat
-from sci_lightning.studies.benchmark.published.e2e_cnn import e2e_cnn
-from sci_lightning.studies.benchmark.published.efficientsci import efficientsci
-from sci_lightning.studies.benchmark.published.elp_unfolding import elp_unfolding
-from sci_lightning.studies.benchmark.published.metasci import metasci
-from sci_lightning.studies.benchmark.published.res2former import res2former
-from sci_lightning.studies.benchmark.published.revsci import revsci
-from sci_lightning.studies.benchmark.published.sci3d import sci3d
-from sci_lightning.studies.benchmark.published.stformer import stformer
-from sci_lightning.studies.benchmark.published.unet_stages import admm_net, gap_net
+from tests.decoder.transcriptions.birnat import birnat
+from tests.decoder.transcriptions.e2e_cnn import e2e_cnn
+from tests.decoder.transcriptions.efficientsci import efficientsci
+from tests.decoder.transcriptions.elp_unfolding import elp_unfolding
+from tests.decoder.transcriptions.metasci import metasci
+from tests.decoder.transcriptions.res2former import res2former
+from tests.decoder.transcriptions.revsci import revsci
+from tests.decoder.transcriptions.sci3d import sci3d
+from tests.decoder.transcriptions.stformer import stformer
+from tests.decoder.transcriptions.unet_stages import admm_net, gap_net
 
 Published = Callable[[dict[str, torch.Tensor], torch.Tensor, torch.Tensor], list[torch.Tensor]]
 

@@ -1,4 +1,4 @@
-"""Ghost: a faint second image, displaced."""
+"""Free-form deviations of the optics: what happens to the modulated image."""
 
 from __future__ import annotations
 
@@ -7,8 +7,21 @@ import torch
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter, Value
 from sci_lightning.encoder.effects.stage import OpticsEffect
-from sci_lightning.encoder.free_form.free_form import Empirical
+from sci_lightning.encoder.free_form.free_form import Empirical, NeighbourTaps, polynomials
 from sci_lightning.encoder.signal import Signal
+
+
+class ImageTaps(NeighbourTaps, OpticsEffect):
+    """The light of every pixel also falls on its neighbours. See :class:`NeighbourTaps`."""
+
+    name = "image_taps"
+    rank = 43
+    where = "the image is smeared"
+
+    def form(self, signal: Signal) -> Signal:
+        signal = signal.pooled()
+        return signal.with_mean(self.smear(signal.mean))
+
 
 PART = 0.02
 """The part of the light in the second image with which displacements are tried."""
@@ -87,3 +100,57 @@ def _moved(length: int, distance: torch.Tensor) -> torch.Tensor:
     """Return the matrix ``(length, length)`` that displaces along one axis, by linear interpolation, dark beyond."""
     place = torch.arange(length).to(distance)
     return (1 - (place[:, None] - place - distance).abs()).clamp(min=0)
+
+
+SHADING_DEGREE = 4
+
+
+class Shading(Empirical, OpticsEffect):
+    """The light is multiplied by 1 + a polynomial of the position.
+
+    Args:
+        count: 14 for polynomials up to degree 4 without the constant.
+        values: coefficients of the products of Legendre polynomials, by degree.
+    """
+
+    name = "shading"
+    rank = 45
+    where = "parts of the image receive less light than others"
+    number = Parameter("1", 0.0, -4, 4, step=0.005)
+
+    @classmethod
+    def numbers(cls, captures: int, frames: int) -> int:
+        return (SHADING_DEGREE + 1) * (SHADING_DEGREE + 2) // 2 - 1
+
+    def form(self, signal: Signal) -> Signal:
+        signal = signal.pooled()
+        return signal.with_mean(signal.mean * (1 + smooth(signal, self.coefficients, SHADING_DEGREE, constant=False)))
+
+
+def smooth(signal: Signal, coefficients: torch.Tensor, degree: int, constant: bool) -> torch.Tensor:
+    """Return a polynomial of the position in the field, ``(H, W)``."""
+    y, x = signal.coordinates()
+    basis = polynomials(y * (2 / signal.field[0]), x * (2 / signal.field[1]), degree)
+    return torch.einsum("k,khw->hw", coefficients.to(signal.mean), basis if constant else basis[1:])
+
+
+class StrayLight(Empirical, OpticsEffect):
+    """The light plus a polynomial of the position that grows with the integration time, in dark captures as well.
+
+    Args:
+        count: 15 for polynomials up to degree 4.
+        values: coefficients of the products of Legendre polynomials, by degree, fraction of full scale.
+    """
+
+    name = "stray_light"
+    rank = 46
+    where = "light reaches the sensor that does not come from the scene"
+    number = Parameter("1", 0.0, -1, 1, step=0.001)
+
+    @classmethod
+    def numbers(cls, captures: int, frames: int) -> int:
+        return (SHADING_DEGREE + 1) * (SHADING_DEGREE + 2) // 2
+
+    def form(self, signal: Signal) -> Signal:
+        signal = signal.pooled()
+        return signal.with_mean(signal.mean + signal.exposure * smooth(signal, self.coefficients, SHADING_DEGREE, True))

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from sci_lightning.studies.benchmark.published.layers import State, conv2d
+from tests.decoder.transcriptions.layers import State, conv2d
 
 
 def gap_net(state: State, y: Tensor, mask: Tensor, squared: bool) -> list[Tensor]:

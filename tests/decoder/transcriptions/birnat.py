@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from sci_lightning.studies.benchmark.published.layers import State, conv2d, leaky, up2d
+from tests.decoder.transcriptions.layers import State, conv2d, leaky, up2d
 
 
 def birnat(state: State, y: Tensor, mask: Tensor) -> list[Tensor]:
