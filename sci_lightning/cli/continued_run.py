@@ -144,8 +144,6 @@ def continued(arguments: list[str], encoders: Iterable[str]) -> tuple[list[str],
     named = {override.key_or_group for override in run.overrides} | given.keys()
     if run.overrides:
         words += run.values(without=named)
-        if "warmup" not in run.config["system"] and "system.warmup" not in named:
-            words.append("system.warmup=0")  # of an earlier version: its learning rates began at their full height
     folder = Path(os.path.abspath(path)).parent  # not resolved: what is named is written, wherever links lead
     if "out" not in given and path.name == "last.ckpt" and folder.name == "checkpoints":
         _check_folder(folder.parent)

@@ -18,7 +18,6 @@ from typing import Any
 
 from sci_lightning.configuration.arguments import check_value, refuse_unknown
 from sci_lightning.configuration.library_bounds import LIBRARY_BOUNDS
-from sci_lightning.configuration.moved import present_name
 
 LIGHT = ("typing", "collections.abc", "pathlib", "annotated_types", "sci_lightning.configuration.bounds")
 """Modules that annotations are taken from."""
@@ -42,7 +41,7 @@ def check_parts(content: Any, key: str) -> None:
             check_parts(entry, f"{key}[{number}]")
     if not isinstance(content, Mapping):
         return
-    target = present_name(content.get("_target_"))
+    target = content.get("_target_")
     signature = _signature(target) if isinstance(target, str) else None
     for name, value in content.items():
         place = f"{key}.{name}"

@@ -2,8 +2,8 @@
 
 from sci_lightning.data.davis import Davis
 from sci_lightning.data.folder import Folder
-from sci_lightning.data.six_scenes import Benchmark, SixScenes
+from sci_lightning.data.six_scenes import SixScenes
 from sci_lightning.data.source import Clips, Scene, Source
 from sci_lightning.data.synthetic import Synthetic
 
-__all__ = ["Benchmark", "Clips", "Davis", "Folder", "Scene", "SixScenes", "Source", "Synthetic"]
+__all__ = ["Clips", "Davis", "Folder", "Scene", "SixScenes", "Source", "Synthetic"]

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 
 import torch
@@ -119,17 +117,3 @@ class SixScenes:
                 f"; 'data.scenes=[{','.join(rest)}]' leaves {'it' if len(names) == 1 else 'them'} out" if rest else ""
             )
             raise BadInput(f"{self.root}: {', '.join(names)}: {reason.format(names[0])}{advice}")
-
-
-class Benchmark(SixScenes):
-    """The former name of :class:`SixScenes`, which configurations and notebooks may still use."""
-
-    def __init__(self, root: str | Path, frames: Frames, size: Size, *, scenes: Sequence[str] = tuple(LENGTHS)) -> None:
-        _announce_present_name()
-        super().__init__(root, frames, size, scenes=scenes)
-
-
-@cache
-def _announce_present_name() -> None:
-    """Print, once in a process, that the data source has another name now."""
-    print("data=benchmark is called data=six_scenes now; the former name still works", file=sys.stderr)

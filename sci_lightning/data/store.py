@@ -134,7 +134,7 @@ def _fingerprint(clip: Path) -> str:
 
 
 def _layout(file: Path) -> Layout | None:
-    """Return the layout of a stored clip; None if it is missing, damaged or of an earlier version without checksums."""
+    """Return the layout of a stored clip; None if it is missing or damaged."""
     try:
         with file.open("rb") as stream:
             shape, dtype = npy_header(stream)
@@ -150,19 +150,9 @@ def _layout(file: Path) -> Layout | None:
 
 def _decode(clip: Path, file: Path) -> Layout:
     """Decode a clip as :func:`_write` does, with a line on stderr if a damaged stored clip is replaced."""
-    if file.exists() and not _is_of_earlier_version(file):
+    if file.exists():
         print(f"{file}: damaged, {clip} is decoded anew", file=sys.stderr)
     return _write(clip, file)
-
-
-def _is_of_earlier_version(file: Path) -> bool:
-    """Return whether a stored clip is complete and ends with its pixels, as in versions without checksums."""
-    try:
-        with file.open("rb") as stream:
-            shape, _ = npy_header(stream)
-            return file.stat().st_size == stream.tell() + math.prod(shape)
-    except Exception:  # a damaged header leads NumPy anywhere
-        return False
 
 
 def _trailer(file: Path) -> tuple[int, int]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import Any, TypeVar
+from collections.abc import Iterable
+from typing import TypeVar
 
 import torch
 from torch import nn
@@ -64,7 +64,6 @@ class LightPath(nn.Module):
                 raise BadInput(f"effect {name} is given {names.count(name)} times; once is enough")
         given.sort(key=lambda effect: effect.rank)
         self.effects = nn.ModuleDict({effect.name: effect for effect in given})
-        self.register_load_state_dict_pre_hook(_load_numbered)
 
     @property
     def names(self) -> list[str]:
@@ -175,30 +174,3 @@ class LightPath(nn.Module):
         for effect in self.of(SensorEffect):
             bits = effect.effective_bits(bits)
         return bits
-
-
-def name_numbered_effects(state: Mapping[str, Any], module: nn.Module) -> dict[str, Any]:
-    """Return a state whose effects are named, from one that numbers them as version 0.1.0 did.
-
-    Args:
-        state: of ``module``; ``effects.0.dx`` becomes ``effects.mask_shift.dx``. Other keys stay as they are.
-        module: a light path, or anything that contains one.
-    """
-    paths = {name: path for name, path in module.named_modules() if isinstance(path, LightPath)}
-    prefixes = {
-        f"{place}.effects.{number}.".removeprefix("."): f"{place}.effects.{name}.".removeprefix(".")
-        for place, path in paths.items()
-        for number, name in enumerate(path.names)
-    }
-    return {_replaced(key, prefixes): value for key, value in state.items()}
-
-
-def _replaced(key: str, prefixes: Mapping[str, str]) -> str:
-    old = next((prefix for prefix in prefixes if key.startswith(prefix)), None)
-    return key if old is None else prefixes[old] + key.removeprefix(old)
-
-
-def _load_numbered(module: nn.Module, state: dict[str, Any], prefix: str, *_: Any) -> None:
-    """Rename the effects of an earlier version's state in place, before torch loads it into a light path."""
-    mine = {key.removeprefix(prefix): state.pop(key) for key in list(state) if key.startswith(prefix)}
-    state.update({prefix + key: value for key, value in name_numbered_effects(mine, module).items()})

@@ -17,7 +17,6 @@ from sci_lightning.configuration.build import build_from_file
 from sci_lightning.decoder import Decoder
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.effects import Effect
-from sci_lightning.encoder.light_path import name_numbered_effects
 from sci_lightning.encoder.mask import Mask
 from sci_lightning.encoder.trial import check_recording
 from sci_lightning.errors import BadInput
@@ -110,7 +109,6 @@ class Checkpoint:
     def check_fit(self, part: str, module: nn.Module, name: str | None = None) -> dict[str, torch.Tensor]:
         """Check that the state of ``part`` fits ``module``, strictly, and return it."""
         state = {key.removeprefix(f"{part}."): value for key, value in self.state.items() if key.startswith(f"{part}.")}
-        state = name_numbered_effects(state, module)
         if misfit := _misfit(state, module.state_dict()):
             trained = self.config["names"][part.split(".")[0]]
             wanted = name or type(module).__name__
@@ -137,7 +135,7 @@ def read_checkpoint(path: str | Path, trusted: Iterable[str] = ()) -> Checkpoint
     config, state = content["config"], content["state_dict"]
     check_run_config(path, config)
     check_state(path, state)
-    digest = content.get("digest")  # absent in checkpoints of earlier versions
+    digest = content.get("digest")  # absent in what a notebook has saved
     if digest is not None and digest != checkpoint_digest(config, state):
         raise BadInput(f"{path}: damaged; weights or configuration are not those that were written")
     return Checkpoint(path, config, state, tuple(trusted), "optimizer_states" in content)

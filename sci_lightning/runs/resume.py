@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from sci_lightning.configuration.moved import present_name
 from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_data import check_plain_data
 
@@ -175,23 +174,7 @@ def _differences(earlier: Mapping[str, Any], config: Mapping[str, Any]) -> Itera
 def _comparable(config: Mapping[str, Any]) -> dict[str, Any]:
     """What a run finds depends on, flat, wherever the run's folder is."""
     parts = _without(json.loads(json.dumps(config)), config.get("out"))
-    flat = [
-        (key, present_name(value) if key.endswith("_target_") else value)
-        for key, value in _flat({key: value for key, value in parts.items() if key not in FREE})
-    ]
-    # what runs of earlier versions do not say, because it was not there to be chosen: a binary mask has one bit, ..
-    unsaid = {
-        "mask.bits": 1,
-        "mask.repeat": 1,
-        "mask.start": "published",
-        "core_minutes": None,
-        "first_estimate": "published",
-        "initialisation": "layers",
-        "muon_lr": None,
-        "muon_decay": 0,
-        "warmup": 0,
-    }
-    return {key: value for key, value in flat if not any(key.endswith(k) and value == unsaid[k] for k in unsaid)}
+    return dict(_flat({key: value for key, value in parts.items() if key not in FREE}))
 
 
 def _without(content: Any, out: Any) -> Any:

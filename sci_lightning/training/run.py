@@ -201,8 +201,7 @@ def _build_trainer(
 ) -> L.Trainer:
     """Build Lightning's trainer with the loggers and the callbacks of the configuration."""
     loggers = build_loggers(config.get("logger"), run_name(config), earlier)
-    settings = config["callbacks"].items()  # of an earlier version also the expected time, which is said before
-    callbacks = [build(entry, f"callbacks.{name}") for name, entry in settings if entry and name != "expected_time"]
+    callbacks = [build(entry, f"callbacks.{name}") for name, entry in config["callbacks"].items() if entry]
     if config["core_minutes"] is not None:
         callbacks.append(ProcessorTime(config["core_minutes"]))
     for callback in callbacks:

@@ -14,7 +14,6 @@ from lightning.fabric.plugins.io.torch_io import TorchCheckpointIO
 from lightning.pytorch.callbacks import Timer
 
 from sci_lightning.data.loader import ClipLoader
-from sci_lightning.encoder.light_path import name_numbered_effects
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.checkpoint import load_file, write_checkpoint
 from sci_lightning.training.system import System
@@ -113,7 +112,6 @@ class TrainingCheckpointIO(TorchCheckpointIO):
         wanted = self.system.state_dict()
         if not isinstance(state, dict):
             raise _damaged(path, "its weights")
-        state = name_numbered_effects(state, self.system)
         if state.keys() != wanted.keys():
             raise _damaged(path, "its weights")
         if any(not _like(state[key], value.shape) for key, value in wanted.items()):

@@ -44,15 +44,14 @@ class TrainingPosition:
 
         Args:
             path: the checkpoint's path, for messages.
-            content: the checkpoint's content. One without the entry ``position`` is of an earlier version; then its
-                ``global_step`` is used.
+            content: the checkpoint's content.
             batches_per_epoch: batches of an epoch with the present data.
 
         Raises:
             BadInput: the entry is damaged, or an epoch had another number of batches.
         """
-        known = content.get("position", {"steps": content.get("global_step"), "batches_per_epoch": batches_per_epoch})
-        known = {"validated": True, **known} if isinstance(known, dict) else {}
+        known = content.get("position")
+        known = known if isinstance(known, dict) else {}
         steps, batches, validated = (known.get(key) for key in ("steps", "batches_per_epoch", "validated"))
         if not (_is_count(steps) and _is_count(batches) and batches and type(validated) is bool):
             raise BadInput(f"{path}: damaged: it does not say how many steps of the training were made")

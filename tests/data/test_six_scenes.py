@@ -4,7 +4,7 @@ import pytest
 import torch
 from scipy.io import savemat
 
-from sci_lightning.data.six_scenes import LENGTHS, Benchmark, SixScenes, _announce_present_name
+from sci_lightning.data.six_scenes import LENGTHS, SixScenes
 from sci_lightning.errors import BadInput, InputWarning
 
 
@@ -169,13 +169,9 @@ def test_the_real_files(shared):
         assert 0.8 < scene.video.max() <= 1
 
 
-def test_the_former_name_works_and_says_so_once(tmp_path, all_scenes, configuration, capsys):
-    choices = (configuration("evaluate", f"data={name}", "data.root=R").data for name in ("benchmark", "six_scenes"))
-    former, present = map(dict, choices)
-    assert former["_target_"] == "sci_lightning.data.Benchmark"
-    assert {**former, "_target_": present["_target_"]} == present
-    _announce_present_name.cache_clear()
-    for _ in range(2):
-        (kobe,) = Benchmark(tmp_path, 8, (8, 10), scenes=["kobe"]).scenes()
-        assert kobe.video.shape == (4, 8, 8, 10)
-    assert capsys.readouterr().err == "data=benchmark is called data=six_scenes now; the former name still works\n"
+def test_the_name_of_the_papers(configuration):
+    """``data=benchmark`` is ``data=six_scenes``."""
+    former, present = (
+        configuration("evaluate", f"data={name}", "data.root=R").data for name in ("benchmark", "six_scenes")
+    )
+    assert former == present

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from sci_lightning.encoder import Encoder, empirical
+from sci_lightning.encoder import Encoder, free_form
 from sci_lightning.encoder.effects import Effect, MapEffect
 from sci_lightning.encoder.free_form import Empirical, Ghost, MaskField, PatternMixing
 from sci_lightning.encoder.light_path import LightPath
@@ -15,11 +15,11 @@ from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput
 
 N, T, SIZE = 5, 4, (18, 16)
-NAMES = [name for name in empirical.__all__ if name != "Empirical"]
+NAMES = [name for name in free_form.__all__ if name != "Empirical"]
 
 
 def build(name: str, value: float) -> Effect:
-    member = getattr(empirical, name)
+    member = getattr(free_form, name)
     if issubclass(member, MapEffect):
         return member(size=SIZE, std=value)
     chosen = member.of(member.numbers(N, T))

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 import torch
@@ -29,7 +26,6 @@ from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.mask import RandomBinary
 from sci_lightning.encoder.sensor import ClipQuantise
 from sci_lightning.errors import BadInput
-from sci_lightning.runs.checkpoint import read_checkpoint
 from tests.conftest import ROOT
 
 SIZE = (8, 8)
@@ -39,44 +35,10 @@ def path() -> LightPath:
     return LightPath([Prnu(size=SIZE, std=0.1), MaskShift(dx=0.4), Gain(factor=0.8)])
 
 
-def numbered(state: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """A state as version 0.1.0 wrote it."""
-    for number, name in enumerate(("mask_shift", "gain", "prnu")):
-        state = {key.replace(f"effects.{name}.", f"effects.{number}."): value for key, value in state.items()}
-    return state
-
-
 def test_parameters_are_named_by_effect() -> None:
     keys = ["effects.gain.factor", "effects.mask_shift.dx", "effects.mask_shift.dy", "effects.prnu.map"]
     assert sorted(path().state_dict()) == [*keys, "effects.prnu.std"]
     assert path().names == ["mask_shift", "gain", "prnu"]
-
-
-@pytest.mark.parametrize("earlier", [False, True])
-def test_states_of_either_version_are_loaded(earlier: bool) -> None:
-    trained = Encoder(RandomBinary(4, SIZE), ClipQuantise(), effects=path().effects.values())
-    fresh = Encoder(RandomBinary(4, SIZE), ClipQuantise(), effects=[Prnu(size=SIZE, seed=9), MaskShift(), Gain()])
-    state = trained.state_dict()
-    fresh.load_state_dict(numbered(state) if earlier else state)
-    assert all(torch.equal(value, state[key]) for key, value in fresh.state_dict().items())
-
-
-def test_checkpoint_of_an_earlier_version_with_effects(tmp_path: Path, ran: Callable[..., str]) -> None:
-    """Its encoder is read, and its training goes on."""
-    small = ["decoder=e2e_cnn", "decoder.channels=4", "decoder.blocks=1", "data=synthetic", "data.scenes_count=1"]
-    small += ["frames=4", "size=[16,16]", "batch_size=1", "data.clips_per_epoch=2", "callbacks.pictures=null"]
-    small += ["metrics.qscore=null", "logger=none", "effect=[mask_shift,gain]", "trainer.max_epochs=null"]
-    ran("train", *small, "trainer.max_steps=1", "out=run")
-    last = tmp_path / "run" / "checkpoints" / "last.ckpt"
-    content: dict[str, Any] = torch.load(last, weights_only=True)
-    content["state_dict"] = numbered(content["state_dict"])
-    del content["digest"]
-    torch.save(content, tmp_path / "earlier.ckpt")
-    assert any("effects.0." in key for key in content["state_dict"])
-    now, then = (read_checkpoint(file).encoder().state_dict() for file in (last, tmp_path / "earlier.ckpt"))
-    assert now.keys() == then.keys() and all(torch.equal(now[key], then[key]) for key in now)
-    ran("train", *small, "trainer.max_steps=2", "ckpt_path=earlier.ckpt", "out=longer")
-    assert (tmp_path / "longer" / "metrics.json").is_file()
 
 
 def test_noise_is_stated_once() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import pickle
+import re
 import struct
 import sys
 import zipfile
@@ -164,7 +165,8 @@ def test_a_state_is_held_to_the_bounds_of_a_configuration(
 ) -> None:
     whole = content()
     encoder = {**CONFIG["encoder"], "effects": {"a": effect}}
-    state = {**whole["state_dict"], f"encoder.path.effects.0.{name}": torch.tensor(value)}
+    snake = re.sub(r"(?<!^)(?=[A-Z])", "_", effect["_target_"].rpartition(".")[2]).lower()
+    state = {**whole["state_dict"], f"encoder.path.effects.{snake}.{name}": torch.tensor(value)}
     path = saved(tmp_path / "a.ckpt", config={**CONFIG, "encoder": encoder}, state_dict=state)
     with pytest.raises(BadInput, match=r"NaN or infinite|must be a number from"):
         read_checkpoint(path).encoder()

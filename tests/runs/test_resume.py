@@ -41,15 +41,6 @@ def test_finished(configuration: Configuration, tmp_path: Path) -> None:
         load_finished_metrics(tmp_path, earlier)
 
 
-def test_finished_before_binary_masks_had_bits(configuration: Configuration, tmp_path: Path) -> None:
-    now = plain(configuration("train", "experiment=table2", "data.root=D", "out=/somewhere"))
-    earlier = json.loads(json.dumps(now))
-    for encoder in (earlier["encoder"], earlier["test_encoders"]["rbw_sr"]):
-        assert encoder["mask"].pop("bits") == 1
-    (tmp_path / "metrics.json").write_text(json.dumps({"config": earlier, "mean": {"psnr": 30.0}}))
-    assert load_finished_metrics(tmp_path, now) is not None
-
-
 def test_interrupted(configuration: Configuration, tmp_path: Path) -> None:
     path = tmp_path / "checkpoints" / "last.ckpt"
     path.parent.mkdir()

@@ -18,8 +18,6 @@ from sci_lightning.files.schemas import SCHEMAS, outline, read_schema
 from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.files.schemas.validation import check, errors
 
-EARLIER = Path(__file__).parents[1] / "earlier_version"
-
 
 def properties(schema: Any, place: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
     """Every property of every object that a schema describes, with its place."""
@@ -49,22 +47,18 @@ def test_an_unknown_schema() -> None:
         read_schema("reports")
 
 
-@pytest.mark.parametrize(
-    ("name", "file"),
-    [("report", "found/report.json"), ("metrics", "metrics.json"), ("captures_truth", "captures.truth.json")],
-)
-def test_files_of_the_earlier_version_follow_the_schemas(name: str, file: str) -> None:
-    content = json.loads((EARLIER / file).read_text())
-    check(name, content)
-    for key in read_schema(name)["required"]:
+def test_what_is_required_and_what_has_no_place(tmp_path: Path) -> None:
+    truth = VirtualCamera(Session(size=(16, 16), frames=2), {"prnu": {}}).write(tmp_path / "a.h5", seed=1)
+    content = json.loads(truth.read_text())
+    check("captures_truth", content)
+    for key in read_schema("captures_truth")["required"]:
         less = deepcopy(content)
         del less[key]
-        assert errors(name, less), key
-    assert errors(name, content | {"more": 1}) and errors(name, content | {"format_version": 2})
+        assert errors("captures_truth", less), key
+    assert errors("captures_truth", content | {"more": 1}) and errors("captures_truth", content | {"format_version": 2})
 
 
 def test_captures_files_follow_the_schema(tmp_path: Path) -> None:
-    check("captures_file", outline(EARLIER / "captures.h5"))
     truth = VirtualCamera(Session(size=(16, 16), frames=2), {"prnu": {}}).write(tmp_path / "a.h5", seed=1)
     check("captures_file", outline(tmp_path / "a.h5"))
     check("captures_truth", json.loads(truth.read_text()))

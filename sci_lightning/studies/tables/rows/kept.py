@@ -36,9 +36,6 @@ RECIPE = (
 )
 """Entries of a configuration that rows of one table must share with the present one, as far as both have them."""
 
-UNSAID = {"initialisation": "layers"}
-"""What rows of earlier versions do not say, because there was nothing to choose."""
-
 NO_RECIPE = ("root", "store", "val_root", "compile", "cuda_graph")
 """Settings that say where something lies on one machine, and those that change how fast a step is, not what it does."""
 
@@ -114,7 +111,7 @@ def check_recipe(row: TableRow, results: str | Path, config: Mapping[str, Any]) 
     """
     results = Path(results)
     path = kept_files(row, results)[0]
-    earlier, now = {**UNSAID, **read_json(path).part("config").content}, _without_places(config)
+    earlier, now = read_json(path).part("config").content, _without_places(config)
     for key in RECIPE:
         before, after = _flat(_entry(earlier, key), key), _flat(_entry(now, key), key)
         for name in sorted(before.keys() & after.keys()):
