@@ -42,7 +42,6 @@ def test_all_groups_are_known() -> None:
         "metric",
         "scale",
         *(f"scale/decoder/{scale}" for scale in ("cpu", "quickstart", "slim", "smoke")),
-        *(f"scale/mask/{scale}" for scale in ("cpu", "crop", "gpu30", "quickstart")),
         "system",
         "trainer",
     }
@@ -56,9 +55,6 @@ def test_member_composes_and_instantiates(
     if group.startswith("scale/decoder/"):  # chosen by these two
         scale = group.rpartition("/")[2]
         choice = ["experiment=denoiser_cpu" if scale == "slim" else f"scale={scale}", f"decoder={name}"]
-    if group.startswith("scale/mask/"):
-        scale = group.rpartition("/")[2]
-        choice = ["experiment=short_cpu" if scale == "crop" else f"scale={scale}", f"encoder/mask={name}"]
     if group == "logger" and name in RUN_ID:
         pytest.importorskip(name, reason=f"pip install sci-lightning[{name}]")
     # Lightning does not know precision=auto, which the commands resolve

@@ -10,7 +10,7 @@ from pathlib import Path
 WIDTH = 22
 """Column at which explanations begin; longer settings push theirs further right."""
 
-UNLISTED = ("scale/decoder", "scale/mask", "hydra/")
+UNLISTED = ("scale/decoder", "hydra/")
 """Groups that no user chooses from: what ``scale=`` sets, and how Hydra is set up."""
 
 

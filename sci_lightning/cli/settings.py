@@ -18,6 +18,7 @@ from pydantic import StringConstraints
 
 from sci_lightning.configuration.arguments import check_arguments, check_value
 from sci_lightning.configuration.bounds import (
+    Bits,
     Depth,
     ExistingPath,
     Exists,
@@ -71,6 +72,10 @@ SETTINGS: Mapping[str, Any] = {
     "resume": bool,
     "dry_run": bool,
     "core_minutes": Positive,
+    "mask_tile": Size,
+    "mask_bits": Bits,
+    "mask_sharpness": Positive,
+    "mask_start": Literal["published", "designed"],
     "scale": Name,
     "test_encoders": Mapping[str, Any],
     "finetune": bool,

@@ -37,7 +37,10 @@ NAMES = {"name", "version", "run_name", "experiment_name", "project", "prefix", 
 PLACES = re.compile(r"dir|folder|path|file|uri|url|host", re.ASCII)
 """What settings of those sections that say where something is written have in their names."""
 
-VALUES = ("frames", "size", "crop", "batch_size", "core_minutes", "seed", "precision", "initialisation", "kernels")
+VALUES = (
+    *("frames", "size", "crop", "batch_size", "core_minutes", "seed", "precision", "initialisation", "kernels"),
+    *("mask_tile", "mask_bits", "mask_sharpness", "mask_start"),
+)
 """Settings of the run itself."""
 
 TRAINER = {
