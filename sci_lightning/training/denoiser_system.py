@@ -46,4 +46,4 @@ class DenoiserSystem(System):
         low, high = self.noise
         strength = low + (high - low) * float(torch.rand(()))
         noisy = video + strength * torch.randn_like(video)
-        return self.loss(self.denoise(noisy, strength), video)
+        return self.loss([self.denoise(noisy, strength)], video)

@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import inspect
-import math
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import lightning as L
-import numpy as np
 import torch
 
-from sci_lightning.configuration.arguments import check_arguments
 from sci_lightning.configuration.bounds import NonNegative, Positive, Seed, Share
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.tiling.tile_choice import TileChoice
 from sci_lightning.encoder import Encoder
-from sci_lightning.errors import BadInput, TrainingDiverged
+from sci_lightning.errors import BadInput
 from sci_lightning.measurement import linear_with_mask
 from sci_lightning.metrics import PSNR, SSIM
 from sci_lightning.metrics.frame_metric import FrameMetric, as_frame_metric
 from sci_lightning.pipeline import Pipeline
 from sci_lightning.runs.quiet_libraries import silence_libraries
 from sci_lightning.training.cuda_graph import GraphedStages
+from sci_lightning.training.gradients import gradient_norm, seed_step
 from sci_lightning.training.learning_rates import LearningRates, part_done
-from sci_lightning.training.loss import LOSSES
+from sci_lightning.training.loss import StageLoss
 from sci_lightning.training.scoring import Scoring, as_clips
 from sci_lightning.training.training_position import TrainingPosition
 
@@ -93,24 +90,21 @@ class System(L.LightningModule):
         stage_weights, val_every_n_frames = tuple(stage_weights), dict(val_every_n_frames or {})  # plain, to be saved
         self.save_hyperparameters(ignore=["encoder", "decoder", "camera", "metrics", "tile", "run_config"])
         silence_libraries()
-        if loss not in LOSSES:
-            raise BadInput(f"system.loss={loss}: no such loss; choose one of {', '.join(LOSSES)}")
-        if none := [key for key, n in (val_every_n_frames or {}).items() if n < 1]:
+        if none := [key for key, n in val_every_n_frames.items() if n < 1]:
             raise BadInput(
                 f"system.val_every_n_frames.{none[0]} must be at least 1; metrics.{none[0]}=null leaves it out"
             )
-        if not stage_weights or min(stage_weights) <= 0:
-            raise BadInput(f"system.stage_weights={list(stage_weights)}: give one or more positive numbers, as [0.5,1]")
         if not 0 <= warmup < 1:
             raise BadInput(f"system.warmup={warmup}: a part of the run, from 0 to below 1, as in 0.02")
         self.encoder = encoder
         self.decoder = decoder
         self._camera = camera
-        self.loss = LOSSES[loss]
-        self.stage_weights = tuple(stage_weights)
-        self.stages = torch.compile(decoder.stages) if compile else decoder.stages
-        if cuda_graph:
-            self.stages = GraphedStages(decoder)
+        self.loss = StageLoss(loss, stage_weights)
+        if compile and cuda_graph:
+            raise BadInput("system.compile=true system.cuda_graph=true: compiled stages cannot be replayed; choose one")
+        self.stages = (
+            torch.compile(decoder.stages) if compile else GraphedStages(decoder) if cuda_graph else decoder.stages
+        )
         self.rates = LearningRates(lr, final_lr, mask_lr, muon_lr, muon_decay, warmup)
         self.tile = tile
         self.seed = seed
@@ -118,7 +112,7 @@ class System(L.LightningModule):
         if metrics is None:
             metrics = {"psnr": PSNR()} | ({"ssim": SSIM()} if min(encoder.size) >= SSIM.smallest else {})
         self.metrics = {key: as_frame_metric(key, metric) for key, metric in metrics.items()}
-        self.val_every_n_frames = dict(val_every_n_frames or {})
+        self.val_every_n_frames = val_every_n_frames
         self.scoring: Scoring | None = None
         self.test_name = "test"
         """Under this name the scores of a test are logged."""
@@ -174,14 +168,14 @@ class System(L.LightningModule):
 
     def on_train_batch_start(self, batch: torch.Tensor, batch_idx: int) -> None:
         self.validated = False
-        self._seed_step(self.trainer.fit_loop.total_batch_idx)
+        seed_step(self.seed, self.trainer.fit_loop.total_batch_idx, self.global_rank, self.device)
 
     def training_step(self, batch: Any, batch_idx: int) -> torch.Tensor:
         return self.logged(self.batch_loss(as_clips(batch)))
 
     def batch_loss(self, video: torch.Tensor) -> torch.Tensor:
         """Record a batch of clips ``(N, T, h, w)`` behind a random window of the mask, decode it, return the loss."""
-        return self.stage_loss(self.stages(*self.recorded(video)), video)
+        return self.loss(self.stages(*self.recorded(video)), video)
 
     def recorded(self, video: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return what the decoder gets of clips ``(N, T, h, w)``: measurements and the window of the mask."""
@@ -203,19 +197,8 @@ class System(L.LightningModule):
             return False
         loop = self.trainer.fit_loop.epoch_loop
         every = self.trainer.log_every_n_steps  # type: ignore[attr-defined]  # set by Lightning, not declared
-        due = every > 0 and (loop._batches_that_stepped + 1) % every == 0
+        due = every > 0 and (self.global_step + 1) % every == 0
         return due or loop.batch_progress.is_last_batch or loop.batch_idx == 0
-
-    def stage_loss(self, stages: Sequence[torch.Tensor], video: torch.Tensor) -> torch.Tensor:
-        """Return the weighted sum of the losses of the last stages."""
-        weights = self.stage_weights
-        if len(weights) > len(stages):
-            raise BadInput(
-                f"system.stage_weights={list(weights)}: {len(weights)} weights, but this decoder estimates in "
-                f"{len(stages)} stage{'s' * (len(stages) > 1)}; give at most as many"
-            )
-        losses = [self.loss(stage, video) for stage in stages[-len(weights) :]]
-        return torch.stack([weight * loss for weight, loss in zip(weights, losses, strict=True)]).sum()
 
     def configure_gradient_clipping(
         self,
@@ -229,10 +212,12 @@ class System(L.LightningModule):
             TrainingDiverged: the loss or the norm is not finite.
         """
         parameters = [p for group in optimizer.param_groups for p in group["params"] if p.grad is not None]
-        norm = torch.nn.utils.get_total_norm([p.grad for p in parameters])
-        # under float16 scaling an overflowing gradient is expected: the scaler skips that step by itself
-        if self.trainer.precision != "16-mixed" and not torch.isfinite(norm + self._loss):
-            raise self._diverged(norm)
+        place = f"epoch {self.current_epoch}, batch {self.trainer.fit_loop.batch_idx} (step {self.global_step})"
+        advice = (
+            f"at {place}: stopped; give a smaller {self.rates} or check the data; "
+            "the checkpoints hold the last good (finite) state"
+        )
+        norm = gradient_norm(parameters, self._loss, self.trainer.precision == "16-mixed", advice)
         if self._is_logged():
             self.log("train/gradient_norm", norm)
             self.log("train/lr", optimizer.param_groups[0]["lr"])
@@ -256,24 +241,6 @@ class System(L.LightningModule):
         )
         return self.encoder.transmittance_window(top, left, height, width), (top, left)
 
-    def _seed_step(self, step: int, testing: bool = False) -> None:
-        # torch's generator of a CPU keeps 32 bits of a seed: all parts must be mixed into each bit
-        parts = np.random.SeedSequence((self.seed, int(testing), step, self.global_rank))
-        seed = int(parts.generate_state(1, np.uint64)[0])
-        if self.device.type == "cpu":
-            torch.default_generator.manual_seed(seed)  # torch.manual_seed prints a stack for every other kind of device
-        else:
-            torch.manual_seed(seed)
-
-    def _diverged(self, norm: torch.Tensor) -> TrainingDiverged:
-        loss = float(self._loss)
-        what = f"the gradient's norm became {float(norm)}" if math.isfinite(loss) else f"the loss became {loss}"
-        return TrainingDiverged(
-            f"{what} at epoch {self.current_epoch}, batch {self.trainer.fit_loop.batch_idx} (step {self.global_step}): "
-            f"stopped; give a smaller {self.rates} or check the data; "
-            "the checkpoints hold the last good (finite) state"
-        )
-
     # Validation and test
 
     def on_validation_epoch_start(self) -> None:
@@ -290,7 +257,8 @@ class System(L.LightningModule):
 
     def test_step(self, batch: Any, batch_idx: int) -> dict[str, torch.Tensor]:
         """Add a batch to the scores; return what :meth:`Scoring.add` returns."""
-        self._seed_step(batch_idx, testing=True)  # sensor noise in a test does not depend on the training before it
+        # sensor noise in a test does not depend on the training before it
+        seed_step(self.seed, batch_idx, self.global_rank, self.device, testing=True)
         assert self.scoring is not None  # Lightning calls on_test_epoch_start first
         return self.scoring.add(batch, self.pipeline, self.tile)
 
@@ -327,27 +295,11 @@ class System(L.LightningModule):
         Raises:
             BadInput: the file is missing, damaged or not a checkpoint of this project, or a setting that is none.
         """
-        from sci_lightning.runs.checkpoint import load_file, read_checkpoint  # which need Lightning's, too
+        from sci_lightning.training.load_system import load_system  # which needs Lightning's, too
 
-        settings.pop("weights_only", None)  # of Lightning: never anything else here
-        own = {"encoder", "decoder"} <= settings.keys()
-        if own:
-            content = load_file(Path(checkpoint_path))
-            config, trained = {}, content.get("hyper_parameters", {})
-        else:
-            checkpoint = read_checkpoint(checkpoint_path, trusted)
-            config, trained = checkpoint.config, checkpoint.config.get("system", {})
-            settings = {"encoder": checkpoint.encoder(), "decoder": checkpoint.decoder(trainable=True), **settings}
-        known = inspect.signature(cls).parameters.keys() | inspect.signature(System).parameters.keys()
-        arguments = {**{key: value for key, value in trained.items() if key in known}, **settings}
-        check_arguments(cls, arguments, "system")
-        system = cls(**arguments, run_config=config)
-        if own:
-            try:
-                system.load_state_dict(content["state_dict"])
-            except (RuntimeError, KeyError) as error:
-                raise BadInput(f"{checkpoint_path}: does not fit this encoder and decoder ({error})") from error
-        return system.to(map_location)
+        base = inspect.signature(System).parameters
+        system: System = load_system(cls, base, checkpoint_path, map_location, trusted, settings)
+        return system
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         checkpoint["config"] = self.run_config

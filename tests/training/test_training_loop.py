@@ -12,6 +12,7 @@ from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.mask import LearnedBinary, LearnedStructural, Mask, RandomStructural
 from sci_lightning.encoder.sensor import ClipQuantise
 from sci_lightning.errors import TrainingDiverged
+from sci_lightning.training.gradients import seed_step
 from sci_lightning.training.system import System
 from tests.training.test_training_position import BATCHES, Small, check_chain, scenes, system_and_trainer, train
 
@@ -51,8 +52,7 @@ def test_each_step_of_each_seed_draws_random_numbers_of_its_own() -> None:
     """A generator of torch on a CPU keeps 32 bits of a seed."""
 
     def drawn(seed: int, step: int, testing: bool) -> tuple[float, ...]:
-        system = System(Encoder(LearnedStructural(2, 2, (4, 4)), ClipQuantise()), Small(), seed=seed)
-        system._seed_step(step, testing)
+        seed_step(seed, step, 0, torch.device("cpu"), testing)
         return tuple(torch.rand(4).tolist())
 
     steps = [(seed, step, testing) for seed in (0, 1, 2**40) for step in (0, 7) for testing in (False, True)]
@@ -99,13 +99,13 @@ def test_gradients_are_clipped_as_torch_clips_them(tmp_path: Path, algorithm: st
 @pytest.mark.parametrize(("factor", "what"), [(float("nan"), "the loss became nan"), (1e38, "the gradient's norm")])
 def test_a_loss_or_gradient_that_is_not_finite_ends_the_training(tmp_path: Path, factor: float, what: str) -> None:
     system, trainer, clips = system_and_trainer(tmp_path)
-    plain = system.stage_loss
+    plain = system.loss
 
     def poisoned(stages: Any, video: torch.Tensor) -> torch.Tensor:
         loss = plain(stages, video)
         return loss.detach() * min(factor, 1.0) + (loss - loss.detach()) * factor * 1e10
 
-    system.stage_loss = poisoned  # type: ignore[method-assign]
+    system.loss = poisoned  # type: ignore[assignment]
     with pytest.raises(TrainingDiverged, match=rf"{what}.* smaller system\.lr \(it is "):
         trainer.fit(system, clips)
 
