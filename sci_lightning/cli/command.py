@@ -15,15 +15,15 @@ import hydra
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, open_dict
 
+from sci_lightning.cli.command_line import check_choices, check_words
 from sci_lightning.cli.composition import Composition, from_hydra, group_members
-from sci_lightning.cli.continued_run import continued
 from sci_lightning.cli.encoder_file import PLACES, adapt_to_encoder_files, adopt_encoder_files
 from sci_lightning.cli.failure_line import exit_status, one_line
 from sci_lightning.cli.help import help_text
 from sci_lightning.cli.hydra_callbacks import CommandFailed
+from sci_lightning.cli.resumed_run import continued
 from sci_lightning.cli.settings import check_command_settings
 from sci_lightning.cli.sweep import defer_to_rows, finished_rows, in_sweep, refuse_uncomposed_row
-from sci_lightning.cli.words import check_choices, check_words
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.console import warn
 from sci_lightning.errors import INTERRUPTED, InputWarning

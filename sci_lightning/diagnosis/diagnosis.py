@@ -25,7 +25,7 @@ from sci_lightning.diagnosis.fit.verification import set_aside, verify
 from sci_lightning.diagnosis.model.camera_model import CameraModel
 from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
-from sci_lightning.diagnosis.residual_tests.where import ask
+from sci_lightning.diagnosis.residual_tests.all_tests import ask
 from sci_lightning.diagnosis.result import Assessment, Result
 from sci_lightning.diagnosis.search.evidence import error_correlation, named_effects
 from sci_lightning.diagnosis.search_settings import SearchSettings

@@ -10,7 +10,6 @@ from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.fit.gap import Gap
 from sci_lightning.diagnosis.fit.split import Split
 from sci_lightning.diagnosis.fit.verification import Verification
-from sci_lightning.diagnosis.laboratory import SceneEffect
 from sci_lightning.diagnosis.model.camera_model import CameraModel
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
@@ -18,6 +17,7 @@ from sci_lightning.diagnosis.search.evidence import ErrorCorrelation, NamedEffec
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
 from sci_lightning.diagnosis.search.search import Round
 from sci_lightning.diagnosis.search_settings import SearchSettings
+from sci_lightning.diagnosis.target_effects import SceneEffect
 from sci_lightning.diagnosis.verdict import verdict
 from sci_lightning.encoder.effects import Effect
 

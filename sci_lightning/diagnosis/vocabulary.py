@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pkgutil import resolve_name
 
-from sci_lightning.diagnosis.laboratory import laboratory_effects
+from sci_lightning.diagnosis.target_effects import laboratory_effects
 from sci_lightning.encoder import effects
 from sci_lightning.encoder.effects import Effect, ReadNoise, ShotNoise
 from sci_lightning.errors import BadInput

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sci_lightning.cli.words import check_words
+from sci_lightning.cli.command_line import check_words
 from sci_lightning.configuration.annotation import in_words
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.mask import Mask

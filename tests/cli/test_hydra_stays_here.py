@@ -7,8 +7,8 @@ from pathlib import Path
 
 from hydra._internal.utils import get_args_parser
 
+from sci_lightning.cli.command_line import hydra_options
 from sci_lightning.cli.composition import compose
-from sci_lightning.cli.words import hydra_options
 from sci_lightning.configuration.conf_folder import PACKAGE
 
 

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from sci_lightning.captures import Captures, read_captures, write_captures
-from sci_lightning.diagnosis.laboratory import laboratory_effects
+from sci_lightning.diagnosis.target_effects import laboratory_effects
 from sci_lightning.encoder.effects import Effect
 from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera import Session, VirtualCamera

@@ -120,8 +120,8 @@ def _write_ideal_encoder(prepared: Prepared, path: Path) -> Path:
 
 def _train(words: list[str]) -> Path:
     """Train in this process with the overrides of a command line, and return the last checkpoint."""
-    from sci_lightning.cli.continued_run import continued
     from sci_lightning.cli.notebook import train
+    from sci_lightning.cli.resumed_run import continued
 
     arguments, _ = continued(words, group_members("encoder"))
     return train(arguments).checkpoint

@@ -10,7 +10,7 @@ from omegaconf import OmegaConf
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
-from sci_lightning.cli.continued_run import repeated
+from sci_lightning.cli.resumed_run import repeated
 from sci_lightning.cli.stored_overrides import recorded
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import INTERRUPTED, BadInput

@@ -12,7 +12,7 @@ from sci_lightning.diagnosis.bad_captures.judgement import judge_of, misfit_by_c
 from sci_lightning.diagnosis.bad_captures.robust_screening import suspects
 from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS, CameraModel
 from sci_lightning.diagnosis.model.observation import Observation
-from sci_lightning.diagnosis.search.explained import Explained, explain, ideal_camera
+from sci_lightning.diagnosis.search.camera_explanation import Explained, explain, ideal_camera
 from sci_lightning.diagnosis.search.screening import screen
 from sci_lightning.diagnosis.search.search import OnProgress
 from sci_lightning.diagnosis.search_settings import SearchSettings

@@ -16,7 +16,7 @@ import torch
 
 from sci_lightning.diagnosis.bad_captures.judgement import most_bad
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.search.room import room_for_starts
+from sci_lightning.diagnosis.search.border_choice import room_for_starts
 
 PIXELS = 768
 """Pixels of a capture that are looked at."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import torch
 
-from sci_lightning.diagnosis.blind.cores import on_every_core
+from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from sci_lightning.diagnosis.blind.prior import BLOCK, ScenePrior
 from sci_lightning.diagnosis.blind.sensor_response import SensorResponse
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, effect_key

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import torch
 
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price, price_of
-from sci_lightning.diagnosis.blind.contender import KEPT_Z, MIN_Z, MUCH, Contender, ContenderJudge
-from sci_lightning.diagnosis.blind.cores import on_every_core
+from sci_lightning.diagnosis.blind.candidate import KEPT_Z, MIN_Z, MUCH, Contender, ContenderJudge
 from sci_lightning.diagnosis.blind.displacement import proposed_displacements
 from sci_lightning.diagnosis.blind.first_pose import first_pose
 from sci_lightning.diagnosis.blind.likelihood import spread
 from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
+from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from sci_lightning.diagnosis.blind.undetermined import determined_effects
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 from sci_lightning.diagnosis.search_settings import SearchSettings

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from sci_lightning.diagnosis.blind.prior import LONGEST_VIDEO
-from sci_lightning.diagnosis.laboratory import SceneEffect
 from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.target_effects import SceneEffect
 from sci_lightning.encoder.effects import Effect, OpticsEffect, SensorEffect
 
 UNDETERMINED = {

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 
 import torch
 
-from sci_lightning.diagnosis.laboratory import SceneEffect
 from sci_lightning.diagnosis.model.free_forms import free_forms_for
 from sci_lightning.diagnosis.model.likelihood import LEAST_DEVIATION, ClippedSignal
 from sci_lightning.diagnosis.model.observation import Observation
@@ -16,6 +15,7 @@ from sci_lightning.diagnosis.model.prediction import Prediction
 from sci_lightning.diagnosis.model.recent import Recent
 from sci_lightning.diagnosis.model.scenes import changed_scenes, lit_scenes
 from sci_lightning.diagnosis.model.smooth_basis import quadrants
+from sci_lightning.diagnosis.target_effects import SceneEffect
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import Effect, MapEffect, OpticsEffect, SensorEffect
 from sci_lightning.encoder.effects.parameter import Value

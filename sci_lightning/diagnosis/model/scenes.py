@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.diagnosis.laboratory import SceneEffect
+from sci_lightning.diagnosis.target_effects import SceneEffect
 
 
 def lit_scenes(scenes: list[torch.Tensor]) -> torch.Tensor:

@@ -15,13 +15,13 @@ import torch
 import yaml
 from matplotlib.figure import Figure
 
-from sci_lightning.diagnosis.laboratory import SceneEffect
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Setting
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.report.pictures import figures
 from sci_lightning.diagnosis.report.report_page import Provenance, report_page
 from sci_lightning.diagnosis.report.sentences import class_paths
 from sci_lightning.diagnosis.result import Result
+from sci_lightning.diagnosis.target_effects import SceneEffect
 from sci_lightning.encoder.free_form import Empirical
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.version import installed_version

@@ -10,9 +10,12 @@ from sci_lightning.diagnosis.fit.comparison import judged_by
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, prune
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, datasheet_noise
-from sci_lightning.diagnosis.search.contest import NEAR, hold_contest
+from sci_lightning.diagnosis.search.border_choice import (
+    misfit_outside,
+    with_all_predictable,
+)
+from sci_lightning.diagnosis.search.candidate_comparison import NEAR, hold_contest
 from sci_lightning.diagnosis.search.displacement import far_displacements
-from sci_lightning.diagnosis.search.doubtful_names import names_are_certain, without_doubtful_names
 from sci_lightning.diagnosis.search.remaining_misfit import (
     Unnamed,
     best_free_form,
@@ -20,11 +23,8 @@ from sci_lightning.diagnosis.search.remaining_misfit import (
     quantified,
     unnamed_threshold,
 )
-from sci_lightning.diagnosis.search.room import (
-    misfit_outside,
-    with_all_predictable,
-)
 from sci_lightning.diagnosis.search.screening import rivals
+from sci_lightning.diagnosis.search.spurious_effects import names_are_certain, without_doubtful_names
 
 OnProgress = Callable[[str], None]
 """Called with a one-line message after every step of the search."""

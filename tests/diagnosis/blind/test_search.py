@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price
-from sci_lightning.diagnosis.blind.contender import MUCH, Contender, ContenderJudge
+from sci_lightning.diagnosis.blind.candidate import MUCH, Contender, ContenderJudge
 from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
 from sci_lightning.diagnosis.blind.search import BlindSearch
 from sci_lightning.diagnosis.model.camera_model import Hypothesis

@@ -7,7 +7,7 @@ from typing import Any
 
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis.blind.blind_fit import BlindFitter
-from sci_lightning.diagnosis.blind.contender import Contender
+from sci_lightning.diagnosis.blind.candidate import Contender
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prior import ScenePrior, statistics_for
 from sci_lightning.diagnosis.blind.search import BlindSearch

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.diagnosis.laboratory.scene_shift import SceneShift
 from sci_lightning.diagnosis.model.scenes import changed_scenes
+from sci_lightning.diagnosis.target_effects.scene_shift import SceneShift
 
 
 def test_no_target_shows_negative_light() -> None:

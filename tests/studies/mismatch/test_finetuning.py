@@ -13,8 +13,8 @@ import torch
 from sci_lightning.cli import command as command_frame
 from sci_lightning.cli.commands.mismatch_finetuning import mismatch_finetuning
 from sci_lightning.cli.composition import group_members
-from sci_lightning.cli.continued_run import continued
 from sci_lightning.cli.notebook import train
+from sci_lightning.cli.resumed_run import continued
 from sci_lightning.errors import BadInput
 from tests.cli.test_encoder_file import _store, encoder_file
 from tests.end_to_end.test_train import TINY

@@ -11,8 +11,8 @@ import pytest
 
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.provenance import Provenance
-from sci_lightning.studies.tables.rows.kept import check_recipe, is_kept, keep, kept_files
 from sci_lightning.studies.tables.rows.plan import TableRow
+from sci_lightning.studies.tables.rows.row_results import check_recipe, is_kept, keep, kept_files
 from tests.files.schemas.validation import check
 from tests.studies.tables.conftest import Made
 

@@ -12,9 +12,9 @@ import yaml
 from scipy.ndimage import gaussian_filter, rotate, shift
 
 from sci_lightning.diagnosis.diagnosis import diagnose
-from sci_lightning.diagnosis.laboratory import SceneEffect, laboratory_effects
 from sci_lightning.diagnosis.report.report import describe, write_encoder
 from sci_lightning.diagnosis.report.sentences import headline
+from sci_lightning.diagnosis.target_effects import SceneEffect, laboratory_effects
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput
 from tests.diagnosis.another_camera import Hidden, captures

@@ -9,7 +9,7 @@ from __future__ import annotations
 from importlib import import_module
 from pathlib import Path
 
-from sci_lightning.diagnosis.laboratory.scene_effect import SceneEffect
+from sci_lightning.diagnosis.target_effects.scene_effect import SceneEffect
 
 MODULES = sorted(path.stem for path in Path(__file__).parent.glob("scene_*.py") if path.stem != "scene_effect")
 

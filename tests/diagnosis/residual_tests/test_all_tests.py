@@ -15,7 +15,7 @@ from sci_lightning.diagnosis.fit.split import split
 from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
-from sci_lightning.diagnosis.residual_tests.where import QUESTIONS, ask, residual_tests
+from sci_lightning.diagnosis.residual_tests.all_tests import QUESTIONS, ask, residual_tests
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, VirtualCamera
 

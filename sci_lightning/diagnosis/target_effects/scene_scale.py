@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.diagnosis.laboratory.scene_effect import SceneEffect, from_centre, resampled
+from sci_lightning.diagnosis.target_effects.scene_effect import SceneEffect, from_centre, resampled
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
 

@@ -9,7 +9,7 @@ from threading import get_ident
 import pytest
 import torch
 
-from sci_lightning.diagnosis.blind.cores import on_every_core
+from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from tests.diagnosis.blind.test_likelihood import likelihood_of, snapshots
 
 

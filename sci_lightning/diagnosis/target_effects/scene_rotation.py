@@ -6,7 +6,7 @@ import math
 
 import torch
 
-from sci_lightning.diagnosis.laboratory.scene_effect import SceneEffect, from_centre, resampled
+from sci_lightning.diagnosis.target_effects.scene_effect import SceneEffect, from_centre, resampled
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.relay import radians

@@ -12,7 +12,7 @@ import torch
 from omegaconf import OmegaConf
 
 from sci_lightning.cli.composition import Composition
-from sci_lightning.cli.continued_run import continued, repeated
+from sci_lightning.cli.resumed_run import continued, repeated
 from sci_lightning.cli.stored_overrides import overrides_of, recorded
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.checkpoint_digest import checkpoint_digest

@@ -10,7 +10,7 @@ from functools import cached_property
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain
 from sci_lightning.diagnosis.model.camera_model import Setting
-from sci_lightning.diagnosis.search.room import with_room_for_contenders, with_room_for_starts
+from sci_lightning.diagnosis.search.border_choice import with_room_for_contenders, with_room_for_starts
 from sci_lightning.diagnosis.search.screening import Candidate, screen
 
 NEAR = 0.1

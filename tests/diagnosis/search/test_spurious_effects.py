@@ -8,14 +8,14 @@ import pytest
 import torch
 
 from sci_lightning.diagnosis.diagnosis import diagnose
-from sci_lightning.diagnosis.search.doubtful_names import (
+from sci_lightning.diagnosis.search.border_choice import misfit_outside, with_all_predictable
+from sci_lightning.diagnosis.search.search import complete
+from sci_lightning.diagnosis.search.spurious_effects import (
     Contribution,
     distance_from_nothing,
     doubtful,
     without_doubtful_names,
 )
-from sci_lightning.diagnosis.search.room import misfit_outside, with_all_predictable
-from sci_lightning.diagnosis.search.search import complete
 from sci_lightning.encoder.border import Border
 from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.diagnosis.fit.test_fit import NOISE, fitter
