@@ -11,13 +11,12 @@ from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood, spread
 from sci_lightning.diagnosis.blind.likelihood_comparison import clustered
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from sci_lightning.diagnosis.blind.prior import BLOCK
+from sci_lightning.diagnosis.fit.damping import Damping
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS, Hypothesis, ParameterName
 
 PROGRESS = 0.05
 """Nats below which a fit has converged."""
-ATTEMPTS = 5
-"""Steps that one iteration tries, each more cautious, until one does not lower the likelihood."""
 DIFFERENCE = 0.5
 """Part of a parameter's step over which the likelihood is differentiated."""
 PACE = 0.05
@@ -111,7 +110,7 @@ class BlindFitter:
         constant = tuple((name, parameter) for name in others for parameter in hypothesis.effects[name])
         free = FreeParameters.of(self.model, hypothesis, (*self._fixed, *constant))
         best = self.evaluate(hypothesis, blocks)
-        damping = 1e-3
+        damping = Damping(most=5)
         information, scores = torch.zeros(len(free), len(free)), None
         curvature: torch.Tensor | None = None
         # Mixed second derivatives take most of the time: they are computed at the start, and at the end for the errors.
@@ -119,18 +118,15 @@ class BlindFitter:
             scores, information, curvature = self._differentiate(free, best, curvature, rough=True)
             gradient = scores.sum((1, 2))
             gained = 0.0
-            for _ in range(ATTEMPTS):
-                moved, _ = free.newton_step(best.hypothesis, gradient, information, damping)
+            for _ in damping.attempts():
+                moved, _ = free.newton_step(best.hypothesis, gradient, information, damping.value)
                 trial = self.evaluate(moved, blocks)
                 gained = float((trial.log_likelihood - best.log_likelihood).nansum())
                 lost = best.log_likelihood.isfinite() & ~trial.log_likelihood.isfinite()
                 if lost.any():
                     blocks = blocks & ~lost.any(1)
                 if gained >= 0:
-                    damping = max(damping / 10, 1e-6)
-                    best = trial
-                    break
-                damping = max(damping * 20, 1e-2)
+                    best, damping.accepted = trial, True
             lacking = 0.0 if ahead is None else float((ahead - best.log_likelihood).nansum())
             if gained < max(enough, PACE * lacking):
                 break

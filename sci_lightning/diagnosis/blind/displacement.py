@@ -14,8 +14,7 @@ from torch.nn import functional as F
 
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
-from sci_lightning.encoder.effects.parameter import within
-from sci_lightning.encoder.effects.stage import RelayEffect
+from sci_lightning.diagnosis.model.displacement import beside, displacing_effects, starts_at
 
 NEIGHBOURHOOD = 9
 """Side in pixels of the square over which a mean is taken: what differs from it counts as fine detail."""
@@ -43,11 +42,7 @@ def proposed_displacements(
         border_share: largest part of the field by which the image may be displaced.
     """
     model = likelihood.model
-    effects = {
-        name: effect.displacement
-        for name, effect in model.vocabulary.items()
-        if issubclass(effect, RelayEffect) and effect.displacement and name not in hypothesis.effects
-    }
+    effects = displacing_effects(model, hypothesis)
     if not effects:
         return {}
     peaks = correlated_displacements(likelihood, hypothesis, border_share)
@@ -55,13 +50,8 @@ def proposed_displacements(
         steps = (torch.arange(2 * GRID + 1) - GRID).tolist()
         displacements = [(dx, dy) for dy in steps for dx in steps]
     else:
-        sides = [(right, below) for right in (-ASIDE, ASIDE) for below in (-ASIDE, ASIDE)]
-        displacements = list(dict.fromkeys((dx + right, dy + below) for dx, dy in peaks for right, below in sides))
-    proposed = {}
-    for name, (dx, dy) in effects.items():
-        there: list[Setting] = [{dx: x, dy: y} for x, y in displacements]
-        proposed[name] = [setting for setting in there if within(setting, model.effects[name].about)]
-    return proposed
+        displacements = beside(peaks, ASIDE)
+    return starts_at(displacements, effects, model)
 
 
 def correlated_displacements(

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import torch
 
+from sci_lightning.diagnosis.fit.damping import Damping
 from sci_lightning.diagnosis.fit.newton_system import NewtonSystem
 from sci_lightning.diagnosis.fit.parameters import FINE_DIFFERENCE, FreeParameters
 from sci_lightning.diagnosis.fit.split import Split
@@ -29,8 +30,6 @@ from sci_lightning.diagnosis.model.prediction import Prediction
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.border import Border
 
-ATTEMPTS = 6
-"""Steps that one iteration tries, each more cautious than the one before, until one does not lower the objective."""
 HOPE = 20.0
 """A fit that has to reach some log-likelihood is given up when it lacks more than so many times what its next step, by
 the quadratic approximation, would gain: near the maximum of such a fit every step gains a small part of the one before,
@@ -186,7 +185,7 @@ class Fitter:
             hypothesis = Hypothesis(nearer.effects, hypothesis.maps)
         free = FreeParameters.of(self.model, hypothesis, fixed)
         prediction = self.model.predict(hypothesis)
-        objective, damping = -math.inf, 1e-3
+        objective, damping = -math.inf, Damping(most=6)
         maps: dict[str, FixedPatternMap] = {}
         information = torch.zeros(len(free), len(free))
         likelihood = self.pixel_likelihood(prediction)
@@ -202,16 +201,14 @@ class Fitter:
                 promised = newton.gain(free.movable(hypothesis, newton.gradient))
                 if objective + HOPE * promised < to_reach and self.covers(hypothesis):
                     break
-            for attempt in range(ATTEMPTS):
-                moved = self._step(hypothesis, free, newton, damping, SHORTER**attempt)
+            for attempt in damping.attempts():
+                moved = self._step(hypothesis, free, newton, damping.value, SHORTER**attempt)
                 trial = self.model.predict(moved)
                 judged = self.pixel_likelihood(trial)
                 reached = self._sum(judged.log_likelihood) - self._penalty(moved, trial, maps, likelihood, prediction)
                 if reached >= objective:
                     hypothesis, prediction, likelihood, objective = moved, trial, judged, reached
-                    damping = max(damping / 10, 1e-6)
-                    break
-                damping = max(damping * 20, 1e-2)
+                    damping.accepted = True
             if objective - before < self.settings.min_progress_nats:
                 break
         uncertain = likelihood.log_likelihood

@@ -12,8 +12,7 @@ import torch
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.model.camera_model import Setting
-from sci_lightning.encoder.effects.parameter import within
-from sci_lightning.encoder.effects.stage import RelayEffect
+from sci_lightning.diagnosis.model.displacement import beside, displacing_effects, starts_at
 
 NEAR = 1.5
 """Pixels up to which the effect's own starts lead to a displacement."""
@@ -41,11 +40,7 @@ def far_displacements(fitter: Fitter, base: Fit) -> dict[str, list[Setting]]:
         base: the model without a displacement.
     """
     observation, settings = fitter.model.observation, fitter.settings
-    effects = {
-        name: effect.displacement
-        for name, effect in fitter.model.vocabulary.items()
-        if issubclass(effect, RelayEffect) and effect.displacement and name not in base.hypothesis.effects
-    }
+    effects = displacing_effects(fitter.model, base.hypothesis)
     scenes = fitter.model.scenes(base.hypothesis)
     at_rest = [n for n, scene in enumerate(scenes) if len(scene) == 1 or scene.shape[-2:] == (1, 1)]
     if not effects or not at_rest:
@@ -79,15 +74,5 @@ def far_displacements(fitter: Fitter, base: Fit) -> dict[str, list[Setting]]:
     clear = possible & (nats > LEAST_EXPLAINED * all_nats) & (nats > settings.give_up_nats)
     places = torch.where(clear, nats, -torch.inf).flatten().topk(PEAKS).indices.tolist()
     peaks = [divmod(place, size[1]) for place in places if clear.flatten()[place]]
-    sides = [(right, below) for right in (-ASIDE, ASIDE) for below in (-ASIDE, ASIDE)]
-    displacements = [
-        (float(across[0, column]) + right, float(down[row, 0]) + below)
-        for row, column in peaks
-        for right, below in sides
-    ]
-    starts: dict[str, list[Setting]] = {}
-    for name, (dx, dy) in effects.items():
-        about = fitter.model.effects[name].about
-        there: list[Setting] = [{dx: x, dy: y} for x, y in displacements]
-        starts[name] = [setting for setting in there if within(setting, about)]
-    return starts
+    displacements = beside(((float(across[0, column]), float(down[row, 0])) for row, column in peaks), ASIDE)
+    return starts_at(displacements, effects, fitter.model)
