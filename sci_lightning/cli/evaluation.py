@@ -53,8 +53,8 @@ def evaluate(composition: Composition, console: PlainConsole) -> Evaluation:
     from sci_lightning.runs.precision import describe_precision, device_of_accelerator, resolve_precision
     from sci_lightning.runs.results import with_effects, write_json
     from sci_lightning.training.callbacks import Progress, ScenePictures
-    from sci_lightning.training.metrics import build_metrics
     from sci_lightning.training.run import run_metrics
+    from sci_lightning.training.scoring import build_metrics
     from sci_lightning.training.system import System
 
     cfg = composition.cfg

@@ -13,7 +13,7 @@ from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.attention import weighted_sum_of_positions
 from sci_lightning.decoder.kernels.layout import channels_last
 from sci_lightning.decoder.kernels.switch import are_plain
-from sci_lightning.decoder.layers.last_convolution import LastConv2d
+from sci_lightning.decoder.layers.convolution import LastConv2d
 from sci_lightning.decoder.layers.sequential import named_block
 from sci_lightning.errors import BadInput
 

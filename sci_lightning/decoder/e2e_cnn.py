@@ -10,7 +10,7 @@ from torch import nn
 from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import channels_last
-from sci_lightning.decoder.layers.last_convolution import LastConv2d
+from sci_lightning.decoder.layers.convolution import LastConv2d
 
 
 class ResidualBlock(nn.Module):

@@ -11,8 +11,7 @@ from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import as_one_channel
 from sci_lightning.decoder.kernels.reduced_precision import is_reduced
-from sci_lightning.decoder.layers.convolution import Conv3d, TransposedConv3d
-from sci_lightning.decoder.layers.last_convolution import LastConv3d
+from sci_lightning.decoder.layers.convolution import Conv3d, LastConv3d, TransposedConv3d
 
 
 class ReversibleBlock(nn.Module):

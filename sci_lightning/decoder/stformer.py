@@ -11,8 +11,7 @@ from torch.nn import functional as F
 from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.kernels.layout import as_one_channel
-from sci_lightning.decoder.layers.convolution import Conv3d, TransposedConv3d
-from sci_lightning.decoder.layers.last_convolution import LastConv3d
+from sci_lightning.decoder.layers.convolution import Conv3d, LastConv3d, TransposedConv3d
 from sci_lightning.decoder.layers.sequential import Chain, named_block
 from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.decoder.layers.window_attention import WindowAttention, whole_windows

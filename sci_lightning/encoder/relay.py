@@ -11,9 +11,8 @@ import numpy as np
 import torch
 
 from sci_lightning.encoder.border import TAIL, Border
-from sci_lightning.encoder.footprint import image_by_parts
+from sci_lightning.encoder.footprint import image_by_parts, reach, square_kernel, without_negligible
 from sci_lightning.encoder.modulator_grid import ModulatorGrid
-from sci_lightning.encoder.square_kernel import reach, square_kernel, without_negligible
 
 NEWTON_STEPS = 6
 """Steps after which the inverse of a radial distortion is exact to rounding, for any in range."""

@@ -23,8 +23,7 @@ from sci_lightning.errors import BadInput
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.plain_text import excerpt, with_article
 from sci_lightning.runs.checkpoint_archive import check_archive, check_values
-from sci_lightning.runs.checkpoint_contents import check_run_config, check_state
-from sci_lightning.runs.checkpoint_digest import checkpoint_digest
+from sci_lightning.runs.checkpoint_contents import check_run_config, check_state, checkpoint_digest
 
 NUMPY_NUMBERS = ("f2", "f4", "f8", "i4", "i8", "b1")
 """Types of numpy's numbers in a checkpoint, as pickles call them."""

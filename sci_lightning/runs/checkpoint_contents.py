@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -68,3 +70,20 @@ def check_state(path: Path, state: Mapping[Any, Any]) -> None:
         if not name.isprintable():
             raise BadInput(f"{path}: its state holds the name {excerpt(name)}, expected printable names")
         check_tensor(path, name, tensor)
+
+
+def checkpoint_digest(config: Mapping[str, Any], state: Mapping[str, torch.Tensor]) -> str:
+    """Return the SHA-256 of a configuration and of a state's names, types, shapes and values.
+
+    It tells a damaged file from a whole one. It is no signature: who changes a file on purpose can change it as well.
+
+    Args:
+        config: plain data.
+        state: tensors by name, on any device.
+    """
+    digest = hashlib.sha256(json.dumps(config, sort_keys=True, default=str).encode())
+    for name in sorted(state):
+        tensor = state[name].detach().cpu().contiguous()
+        digest.update(f"\0{name}\0{tensor.dtype}\0{tuple(tensor.shape)}\0".encode())
+        digest.update(tensor.reshape(-1).view(torch.uint8).numpy().data)
+    return digest.hexdigest()

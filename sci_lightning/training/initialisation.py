@@ -9,7 +9,7 @@ from torch import nn
 
 from sci_lightning.data import Clips
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.layers.last_convolution import LastConv2d, LastConv3d
+from sci_lightning.decoder.layers.convolution import LastConv2d, LastConv3d
 from sci_lightning.training.system import System
 
 LAYERS = (nn.Linear, nn.Conv1d, nn.Conv2d, nn.Conv3d, nn.ConvTranspose2d, nn.ConvTranspose3d)

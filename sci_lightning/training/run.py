@@ -26,8 +26,8 @@ from sci_lightning.training.callbacks import LastCheckpoint
 from sci_lightning.training.cuda_graph import check_graphed
 from sci_lightning.training.initialisation import start_at_unit_variance
 from sci_lightning.training.loggers import build_loggers, run_name, with_run_ids
-from sci_lightning.training.metrics import build_metrics
 from sci_lightning.training.processor_time import ProcessorTime
+from sci_lightning.training.scoring import build_metrics
 from sci_lightning.training.stop_signal import StopSignal
 from sci_lightning.training.system import System
 from sci_lightning.training.training_checkpoint import TrainingCheckpointIO, remove_slurm_checkpoints

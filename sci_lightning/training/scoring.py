@@ -10,9 +10,10 @@ from typing import Any
 
 import torch
 
+from sci_lightning.configuration.build import build
 from sci_lightning.decoder.tiling.tile_choice import TileChoice
 from sci_lightning.errors import BadInput
-from sci_lightning.metrics.frame_metric import FrameMetric
+from sci_lightning.metrics.frame_metric import FrameMetric, as_frame_metric
 from sci_lightning.metrics.scene_scores import SceneScores
 from sci_lightning.operator import SnapshotOperator
 from sci_lightning.pipeline import Pipeline
@@ -129,3 +130,28 @@ class Scoring:
         if self.device.type == "cuda":
             torch.cuda.synchronize(self.device)
         return time.perf_counter()
+
+
+def build_metrics(settings: Mapping[str, Any], size: Sequence[int]) -> dict[str, FrameMetric]:
+    """Build the metrics that ``metric=`` names, by their names in ``metrics.json``.
+
+    Args:
+        settings: the plain configuration of each metric by its name; one that is None is left out.
+        size: (H, W) of the frames in pixels.
+
+    Raises:
+        BadInput: PSNR, by which the best checkpoint is chosen, is missing, an entry is no metric, or ``size`` is too
+            small for it.
+    """
+    metrics = {
+        name: as_frame_metric(name, build(metric, f"metrics.{name}")) for name, metric in settings.items() if metric
+    }
+    for name, metric in metrics.items():
+        if min(size) < metric.smallest:
+            raise BadInput(
+                f"size={list(size)}: metrics.{name} needs frames of at least {metric.smallest} x {metric.smallest} "
+                f"pixels; metrics.{name}=null leaves it out"
+            )
+    if "psnr" not in metrics:
+        raise BadInput("metric: psnr is missing, which the best checkpoint is chosen by; add it, as in 'metric=[psnr]'")
+    return metrics

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sci_lightning.cli.plain_words import with_keys
+from sci_lightning.cli.command_line import with_keys
 
 
 @pytest.mark.parametrize(

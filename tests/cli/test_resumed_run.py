@@ -15,7 +15,7 @@ from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.resumed_run import continued, repeated
 from sci_lightning.cli.stored_overrides import overrides_of, recorded
 from sci_lightning.errors import BadInput
-from sci_lightning.runs.checkpoint_digest import checkpoint_digest
+from sci_lightning.runs.checkpoint_contents import checkpoint_digest
 from tests.cli.test_encoder_file import encoder_file
 from tests.end_to_end.test_train import TINY
 

@@ -12,7 +12,7 @@ from omegaconf import DictConfig
 from torch import nn
 
 from sci_lightning.decoder import Decoder
-from sci_lightning.decoder.layers.last_convolution import LastConv2d
+from sci_lightning.decoder.layers.convolution import LastConv2d
 from sci_lightning.training.initialisation import scale_to_unit_variance, start_at_unit_variance
 from tests.training.test_training_position import Noise, system_and_trainer
 

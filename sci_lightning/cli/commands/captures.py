@@ -6,9 +6,9 @@ import sys
 from pathlib import Path
 
 from sci_lightning.cli.command import run
+from sci_lightning.cli.command_line import with_keys
 from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.next_command import invocation, nearest, print_next
-from sci_lightning.cli.plain_words import with_keys
 from sci_lightning.console import PlainConsole, styled, warn
 from sci_lightning.plain_text import one_printable_line
 

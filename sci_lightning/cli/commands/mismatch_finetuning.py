@@ -29,9 +29,9 @@ def mismatch_finetuning(composition: Composition) -> None:
     Args:
         composition: of ``conf/mismatch_finetuning.yaml``.
     """
-    from sci_lightning.studies.mismatch.mean_measurement import MeanMeasurement
     from sci_lightning.studies.mismatch.prepare import prepare, trained_decoder
-    from sci_lightning.studies.mismatch.training_summary import finetuning_table
+    from sci_lightning.studies.mismatch.scenarios import MeanMeasurement
+    from sci_lightning.studies.mismatch.summary import finetuning_table
 
     cfg, out, console = composition.cfg, Path(composition.cfg.out).resolve(), PlainConsole()
     training, protocol, recipe = (_words(cfg, key) for key in ("overrides", "protocol", "recipe"))

@@ -8,9 +8,9 @@ from pathlib import Path
 from rich.table import Table
 
 from sci_lightning.cli.command import run
+from sci_lightning.cli.command_line import with_keys
 from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.next_command import invocation, print_next
-from sci_lightning.cli.plain_words import with_keys
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.virtual_camera.comparison import Estimate, compare, verdict
 from sci_lightning.virtual_camera.hardware.parameter import Value

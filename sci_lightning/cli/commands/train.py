@@ -15,8 +15,7 @@ from sci_lightning.cli.stored_overrides import recorded
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import INTERRUPTED, BadInput
 from sci_lightning.runs.run_folder import is_first_process, undo_if_refused
-from sci_lightning.training.lost_process import lost_process
-from sci_lightning.training.stop_signal import Stopped, StopSignal
+from sci_lightning.training.stop_signal import Stopped, StopSignal, lost_process
 
 if TYPE_CHECKING:
     from sci_lightning.training.run import Run

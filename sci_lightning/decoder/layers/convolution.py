@@ -9,6 +9,7 @@ from torch.nn import functional as F
 from sci_lightning.decoder.kernels.convolution3d import convolution3d, transposed_convolution
 from sci_lightning.decoder.kernels.layout import as_frames, as_video, channels_last
 from sci_lightning.decoder.kernels.switch import are_plain
+from sci_lightning.full_precision import full_precision
 
 
 class Conv3d(nn.Conv3d):
@@ -45,3 +46,19 @@ class TransposedConv3d(nn.ConvTranspose3d):
 def pixel_shuffle(x: torch.Tensor) -> torch.Tensor:
     """Double H and W of every frame by pixel shuffle: ``(N, 4C, T, H, W)`` to ``(N, C, T, 2H, 2W)``."""
     return channels_last(as_video(F.pixel_shuffle(as_frames(x), 2), len(x)))
+
+
+class LastConv2d(nn.Conv2d):
+    """``nn.Conv2d`` in the precision of its weights, whatever ``torch.autocast`` says."""
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        with full_precision():
+            return super().forward(x.to(self.weight.dtype))
+
+
+class LastConv3d(Conv3d):
+    """``Conv3d`` of this package in the precision of its weights, whatever ``torch.autocast`` says."""
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        with full_precision():
+            return super().forward(x.to(self.weight.dtype))

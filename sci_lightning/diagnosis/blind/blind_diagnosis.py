@@ -20,7 +20,7 @@ from sci_lightning.captures import Captures
 from sci_lightning.diagnosis import vocabulary as effects_vocabulary
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter
 from sci_lightning.diagnosis.blind.held_out.block_prediction import judge_by_blocks, snapshots_that_judge
-from sci_lightning.diagnosis.blind.held_out.prediction_verdict import PredictionVerdict
+from sci_lightning.diagnosis.blind.held_out.paired_comparison import PredictionVerdict
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prior import BLOCK, LONGEST_VIDEO, MOST_SLOTS, ScenePrior, statistics_for
 from sci_lightning.diagnosis.blind.search import (

@@ -11,7 +11,7 @@ from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood, spread
 from sci_lightning.diagnosis.blind.likelihood_comparison import clustered
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from sci_lightning.diagnosis.blind.prior import BLOCK
-from sci_lightning.diagnosis.fit.damping import Damping
+from sci_lightning.diagnosis.fit.newton_system import Damping
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS, Hypothesis, ParameterName
 

@@ -7,8 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from sci_lightning.captures import Captures
-from sci_lightning.diagnosis.blind.held_out.paired_comparison import PairedComparison, compare
-from sci_lightning.diagnosis.blind.held_out.prediction_verdict import WITHOUT_MASK, predictor_of
+from sci_lightning.diagnosis.blind.held_out.paired_comparison import (
+    WITHOUT_MASK,
+    PairedComparison,
+    compare,
+    predictor_of,
+)
 from sci_lightning.diagnosis.blind.snapshot_camera import snapshots_of
 from sci_lightning.diagnosis.blind.snapshots import usable_snapshots
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis

@@ -13,8 +13,7 @@ from functools import cached_property
 
 import torch
 
-from sci_lightning.diagnosis.fit.damping import Damping
-from sci_lightning.diagnosis.fit.newton_system import NewtonSystem
+from sci_lightning.diagnosis.fit.newton_system import Damping, NewtonSystem
 from sci_lightning.diagnosis.fit.parameters import FINE_DIFFERENCE, FreeParameters
 from sci_lightning.diagnosis.fit.split import Split
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, ParameterName

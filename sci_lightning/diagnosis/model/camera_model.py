@@ -11,8 +11,7 @@ import torch
 from sci_lightning.diagnosis.model.free_forms import free_forms_for
 from sci_lightning.diagnosis.model.likelihood import LEAST_DEVIATION, ClippedSignal
 from sci_lightning.diagnosis.model.observation import Observation
-from sci_lightning.diagnosis.model.prediction import Prediction
-from sci_lightning.diagnosis.model.recent import Recent
+from sci_lightning.diagnosis.model.prediction import Prediction, Recent
 from sci_lightning.diagnosis.model.scenes import changed_scenes, lit_scenes
 from sci_lightning.diagnosis.model.smooth_basis import quadrants
 from sci_lightning.diagnosis.target_effects import SceneEffect

@@ -8,8 +8,8 @@ from itertools import combinations
 
 import torch
 
-from sci_lightning.diagnosis.fit.comparison import compared_alike
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.information_criterion import compared_alike
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.model.camera_model import Hypothesis
 from sci_lightning.diagnosis.model.observation import Observation

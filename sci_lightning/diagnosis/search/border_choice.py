@@ -10,9 +10,9 @@ from collections.abc import Mapping
 
 import torch
 
-from sci_lightning.diagnosis.fit.comparison import judged_by
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.gap import residuals
+from sci_lightning.diagnosis.fit.information_criterion import judged_by
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 from sci_lightning.encoder.effects.parameter import part_of
 

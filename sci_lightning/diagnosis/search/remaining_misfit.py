@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 import torch
 from scipy.stats import chi2
 
-from sci_lightning.diagnosis.fit.comparison import compared_alike
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.fit.information_criterion import bic_gain, prune
+from sci_lightning.diagnosis.fit.information_criterion import bic_gain, compared_alike, prune
 from sci_lightning.diagnosis.fit.local_gain import LocalGain
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.fit.split import NO_BORDER

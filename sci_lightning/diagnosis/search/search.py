@@ -6,9 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from sci_lightning.diagnosis.fit.comparison import judged_by
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, prune
+from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, judged_by, prune
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, datasheet_noise
 from sci_lightning.diagnosis.search.border_choice import (
     misfit_outside,

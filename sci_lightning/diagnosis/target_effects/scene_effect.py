@@ -12,7 +12,7 @@ import torch
 from torch.nn.functional import embedding_bag
 
 from sci_lightning.encoder.effects.effect import Effect
-from sci_lightning.encoder.square_kernel import without_negligible
+from sci_lightning.encoder.footprint import without_negligible
 
 
 class SceneEffect(Effect):

@@ -24,8 +24,7 @@ from sci_lightning.full_precision import full_precision
 from sci_lightning.metrics.psnr import psnr
 from sci_lightning.operator import SnapshotOperator
 from sci_lightning.runs.precision import mixed_precision
-from sci_lightning.studies.benchmark.machine_speed import machine_speed
-from sci_lightning.studies.benchmark.timing import Call, seconds_in_turns
+from sci_lightning.studies.benchmark.timing import Call, machine_speed, seconds_in_turns
 from sci_lightning.studies.benchmark.training_step import training_step
 
 _said: Any = None

@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import torch
+
+from sci_lightning.decoder.decoder import Decoder
+
 LEAST_LOSS = 0.05
 """Decibels between II and III below which there is nothing to win back, and no recovery is stated."""
 
@@ -50,3 +54,10 @@ def recovery(psnr: Mapping[str, float]) -> dict[str, float]:
     if lost < LEAST_LOSS:
         return {}
     return {kind: (psnr[kind] - psnr["mismatched"]) / lost for kind in ("calibrated", "blind") if kind in psnr}
+
+
+class MeanMeasurement(Decoder):
+    """Every frame of the estimate is the measurement over the sum of the masks."""
+
+    def decode(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        return self.operator(mask).mean_video(measurement)

@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.studies.proving_ground.outcome import LEFT_OUT, Failure, Outcome
-from sci_lightning.studies.proving_ground.proportion import NORMAL, Proportion
+from sci_lightning.studies.proving_ground.summary import NORMAL, Proportion
 from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY
 
 STAGES = ("modulator", "relay", "exposure", "optics", "sensor")

@@ -9,7 +9,6 @@ from statistics import median
 
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE
 from sci_lightning.studies.proving_ground.outcome import Failure, Outcome
-from sci_lightning.studies.proving_ground.proportion import NORMAL, Proportion
 
 EXACT_SUITES = (
     ("single", "single effect, clear: its name and no other, explained", 0.98),
@@ -279,3 +278,36 @@ def memory(outcomes: Sequence[Outcome]) -> Row:
     """The largest memory that a diagnosis took."""
     most = max((outcome.memory_mib for outcome in outcomes), default=0.0)
     return Row("memory", f"at most {most:.0f} MiB", f"below {MEMORY:.0f} MiB", most < MEMORY if outcomes else None)
+
+
+NORMAL = 1.959964
+"""Half the width of the interval that contains 95 % of a normal distribution, in standard deviations."""
+
+
+@dataclass(frozen=True)
+class Proportion:
+    """``count`` of ``total`` cases."""
+
+    count: int
+    total: int
+
+    @classmethod
+    def of(cls, answers: Iterable[bool]) -> Proportion:
+        """Count the answers that are true."""
+        listed = list(answers)
+        return cls(sum(listed), len(listed))
+
+    @property
+    def share(self) -> float:
+        """``count / total``, 0 to 1; NaN without cases."""
+        return self.count / self.total if self.total else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % confidence interval of the probability by Wilson's score (JASA 22, 1927); (0, 1) without cases."""
+        if not self.total:
+            return 0.0, 1.0
+        z, n = NORMAL, self.total
+        middle = (self.share + z**2 / (2 * n)) / (1 + z**2 / n)
+        half = z / (1 + z**2 / n) * math.sqrt(self.share * (1 - self.share) / n + z**2 / (4 * n**2))
+        return max(middle - half, 0.0), min(middle + half, 1.0)

@@ -14,8 +14,7 @@ import pytest
 from sci_lightning.captures import Captures, write_captures
 from sci_lightning.diagnosis.blind import blind_diagnosis, search
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis, diagnose_blind
-from sci_lightning.diagnosis.blind.held_out.paired_comparison import PairedComparison
-from sci_lightning.diagnosis.blind.held_out.prediction_verdict import PredictionVerdict
+from sci_lightning.diagnosis.blind.held_out.paired_comparison import PairedComparison, PredictionVerdict
 from sci_lightning.diagnosis.report.blind_report import blind_headline, write_blind_report
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput

@@ -21,7 +21,7 @@ import numpy as np
 from sci_lightning.captures import Captures
 from sci_lightning.data.reader import find_clips, read_clip
 from sci_lightning.diagnosis.blind.blind_diagnosis import diagnose_blind
-from sci_lightning.studies.proving_ground.proportion import Proportion
+from sci_lightning.studies.proving_ground.summary import Proportion
 from sci_lightning.virtual_camera import Session
 from sci_lightning.virtual_camera.acquisition import Acquisition, World
 from sci_lightning.virtual_camera.hardware.camera import Camera

@@ -9,8 +9,8 @@ import torch
 
 from sci_lightning.encoder import relay
 from sci_lightning.encoder.effects import MaskBlur
+from sci_lightning.encoder.footprint import square_kernel
 from sci_lightning.encoder.relay import Pose
-from sci_lightning.encoder.square_kernel import square_kernel
 from tests.encoder.effects.conftest import seen
 
 

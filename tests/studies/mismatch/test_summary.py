@@ -10,8 +10,7 @@ import pytest
 
 from sci_lightning.errors import BadInput
 from sci_lightning.studies.mismatch.blind_summary import blind_table, diagnosed_blind
-from sci_lightning.studies.mismatch.summary import summary_table
-from sci_lightning.studies.mismatch.training_summary import finetuning_table
+from sci_lightning.studies.mismatch.summary import finetuning_table, summary_table
 from sci_lightning.studies.tables.documented import blind_mismatch, finetuning, mismatch
 from tests.files.schemas.validation import check
 

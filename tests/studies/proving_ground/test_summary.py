@@ -12,9 +12,8 @@ from skimage.io import imread
 
 from sci_lightning.studies.proving_ground.outcome import Failure, Outcome, parse_record
 from sci_lightning.studies.proving_ground.pictures import write_pictures
-from sci_lightning.studies.proving_ground.proportion import Proportion
 from sci_lightning.studies.proving_ground.report import write_report
-from sci_lightning.studies.proving_ground.summary import Row, summarise
+from sci_lightning.studies.proving_ground.summary import Proportion, Row, summarise
 from tests.files.schemas.validation import check
 
 GAIN = {"gain": {"factor": 1.1}}

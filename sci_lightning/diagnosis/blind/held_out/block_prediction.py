@@ -7,9 +7,8 @@ from collections.abc import Callable, Sequence
 import torch
 
 from sci_lightning.diagnosis.blind.held_out.held_out_pixels import blue_noise_folds
-from sci_lightning.diagnosis.blind.held_out.paired_comparison import compare
+from sci_lightning.diagnosis.blind.held_out.paired_comparison import PredictionVerdict, compare
 from sci_lightning.diagnosis.blind.held_out.prediction import HeldOutErrors
-from sci_lightning.diagnosis.blind.held_out.prediction_verdict import PredictionVerdict
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood, SeenBlocks
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from sci_lightning.diagnosis.blind.prior import BLOCK

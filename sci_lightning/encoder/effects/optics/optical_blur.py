@@ -9,8 +9,8 @@ import torch
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import OpticsEffect
+from sci_lightning.encoder.footprint import square_kernel
 from sci_lightning.encoder.signal import Signal
-from sci_lightning.encoder.square_kernel import square_kernel
 
 
 class OpticalBlur(OpticsEffect):

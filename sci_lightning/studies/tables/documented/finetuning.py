@@ -8,7 +8,7 @@ from sci_lightning.errors import BadInput
 from sci_lightning.files.json_fields import Fields
 from sci_lightning.runs.provenance import NOT_YET, joined, read_provenance
 from sci_lightning.studies.mismatch.records import read_records
-from sci_lightning.studies.mismatch.training_summary import finetuning_table
+from sci_lightning.studies.mismatch.summary import finetuning_table
 from sci_lightning.studies.tables.documentation import DocumentedTable
 
 
