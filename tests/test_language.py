@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -79,12 +80,10 @@ def test_docstrings(file: Path) -> None:
 
 def test_no_room_is_crowded() -> None:
     """At most 20 modules in a folder, 24 rooms at the top beside what starts a command, no file above 400 lines."""
-    folders = {file.parent for file in FILES}
-    crowded = {
-        str(folder.relative_to(PACKAGE)): count for folder in folders if (count := len([*folder.glob("*.py")])) > 20
-    }
-    assert not crowded
-    top = {file.relative_to(PACKAGE).parts[0] for file in FILES} - {"__init__.py", "__main__.py"}
     commands = {file.name for file in (PACKAGE / "cli" / "commands").glob("*.py")} | {"tables", "mismatch"}
+    files = [file for file in FILES if file.parent != PACKAGE or file.name not in commands - {"__init__.py"}]
+    folders = Counter(str(file.parent.relative_to(PACKAGE)) for file in files)
+    assert not {folder: count for folder, count in folders.items() if count > 20}
+    top = {file.relative_to(PACKAGE).parts[0] for file in files} - {"__init__.py", "__main__.py"}
     assert len(top - commands) <= 24, sorted(top - commands)
     assert not [str(file) for file in FILES if len(file.read_text().splitlines()) > 400]
