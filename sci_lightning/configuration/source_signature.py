@@ -1,6 +1,7 @@
 """The arguments of our own classes, read from their source: wrong values are refused before torch is loaded.
 
-The annotations of ``__init__`` are the only place where types and ranges stand. Here their text is read and
+The annotations of ``__init__`` are the only place where types and ranges of its
+arguments stand. Here their text is read and
 interpreted with what the module imports from :mod:`sci_lightning.configuration.bounds` and the standard library; an
 annotation that needs anything else, such as a tensor's type, is left to the check when the object is built.
 """

@@ -55,7 +55,7 @@ class FirstVideo(NamedTuple):
 class Decoder(nn.Module):
     """A decoder: ``decoder(measurement, mask) -> video``.
 
-    The measurement ``(N, H, W)`` is what an encoder returned, a :class:`.imaging.measurement.Measurement`, of
+    The measurement ``(N, H, W)`` is what an encoder returned, a :class:`~sci_lightning.measurement.Measurement`, of
     which the decoder undoes the aperture; or, as a plain tensor, the sum over t of M_t x_t. The mask M is ``(T, H, W)``
     in [0, 1], and the video x is ``(N, T, H, W)``. A subclass implements :meth:`decode`, or :meth:`decode_stages` if it
     makes several estimates one after another. The shapes are checked before either is called.
@@ -246,7 +246,7 @@ class Decoder(nn.Module):
         return self
 
     def abridged(self) -> Decoder:
-        """Return a decoder that needs as much memory in less time, by which :mod:`..imaging.decoding_memory` judges."""
+        """Return a decoder that needs as much memory in less time, by which :mod:`.tiling.decoding_memory` judges."""
         return self
 
     def kept_bytes(self, height: int, width: int) -> int:

@@ -33,7 +33,7 @@ def test_both_decode_to_the_same(
     name: str, settings: list[str], make_decoder: Callable[..., Decoder], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for size in ("ATTENTION_TOKENS", "POSITION_WEIGHTS", "TOTAL_VARIATION_PIXELS", "WINOGRAD_TILES"):
-        monkeypatch.setattr(f"sci_lightning.decoder.kernels.layout.{size}", 48)  # several blocks
+        monkeypatch.setattr(f"sci_lightning.decoder.kernels.block_sizes.{size}", 48)  # several blocks
     decoder = make_decoder(name, 4, *settings)
     for parameter in decoder.parameters():
         if parameter.numel() == 1:  # a gain that starts from 0 hides what stands before it

@@ -222,7 +222,12 @@ def test_checkpoints_that_would_execute(refused: Refused, checkpoint: Path, tmp_
         assert "refused" in refused("evaluate", f"ckpt_path={name}", "data=synthetic")
         assert "refused" in refused("reconstruct", f"ckpt_path={name}", "measurement=x.npy")
     content = torch.load(checkpoint, weights_only=True)
-    for target in ("os.system", "pathlib.Path", "sci_lightning.runs.checkpoint.Path.touch", "sci_lightning.train.run"):
+    for target in (
+        "os.system",
+        "pathlib.Path",
+        "sci_lightning.runs.checkpoint.Path.touch",
+        "sci_lightning.cli.command.run",
+    ):
         content["config"]["decoder"] = {"_target_": target, "_args_": [str(tmp_path / "executed")]}
         torch.save(content, tmp_path / "c.ckpt")
         assert "not a module of sci_lightning" in refused("evaluate", "ckpt_path=c.ckpt", "data=synthetic")

@@ -16,7 +16,7 @@ import torch
 
 from sci_lightning.diagnosis.bad_captures.judgement import most_bad
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.search.border_choice import room_for_starts
+from sci_lightning.diagnosis.search.border_choice import border_for_starts
 
 PIXELS = 768
 """Pixels of a capture that are looked at."""
@@ -45,7 +45,7 @@ def suspects(fitter: Fitter, ideal: Fit) -> torch.Tensor:
     nobody = torch.zeros(count, dtype=torch.bool)
     if count < LEAST_CAPTURES:
         return nobody
-    fitter = room_for_starts(fitter, ideal.hypothesis)
+    fitter = border_for_starts(fitter, ideal.hypothesis)
     counted, prediction = fitter.dn[0].numel(), fitter.predicted(ideal)
     inside = torch.randperm(counted, generator=torch.Generator().manual_seed(SEED))[:PIXELS]
     deviation = (prediction.deviation.square() + 1 / 12).sqrt().flatten(1)[:, inside]

@@ -30,7 +30,7 @@ JUDGED = 16
 
 
 @dataclass(frozen=True)
-class Contender:
+class FittedCandidate:
     """An effect that was fitted beside a model.
 
     Attributes:
@@ -66,7 +66,7 @@ class Contender:
         return self.possible and agree and self.gain > 0 and comparison.z > KEPT_Z
 
 
-class ContenderJudge:
+class CandidateJudge:
     """Judges what speaks for an effect of a fitted model against the same model without it.
 
     Args:
@@ -79,7 +79,7 @@ class ContenderJudge:
         self.fitter, self.blocks, self.min_gain_nats = fitter, blocks, min_gain_nats
         self._scores: Recent[torch.Tensor] = Recent(JUDGED)
 
-    def __call__(self, fit: BlindFit, without: BlindFit, name: str) -> Contender:
+    def __call__(self, fit: BlindFit, without: BlindFit, name: str) -> FittedCandidate:
         """Return an effect of a fit with what speaks for it.
 
         Snapshots have to agree about an effect that looks like a scene of another kind, and the few blocks that are
@@ -98,7 +98,7 @@ class ContenderJudge:
             possible = self._is_possible(fit, without, name)
         nats = self.nats(fit, name, comparison)
         gain = nats - price(fit, without) - self.min_gain_nats
-        return Contender(name, fit, comparison, nats, gain, like_a_scene, possible)
+        return FittedCandidate(name, fit, comparison, nats, gain, like_a_scene, possible)
 
     def nats(self, fit: BlindFit, name: str, comparison: Comparison) -> float:
         """Return the calibrated nats that an effect of a fit gains: no more than as snapshots agree about it."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import torch
 
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price, price_of
-from sci_lightning.diagnosis.blind.candidate import KEPT_Z, MIN_Z, MUCH, Contender, ContenderJudge
+from sci_lightning.diagnosis.blind.candidate import KEPT_Z, MIN_Z, MUCH, CandidateJudge, FittedCandidate
 from sci_lightning.diagnosis.blind.displacement import proposed_displacements
 from sci_lightning.diagnosis.blind.first_pose import first_pose
 from sci_lightning.diagnosis.blind.likelihood import spread
@@ -29,7 +29,7 @@ FITTED_BLOCKS = 128
 FINAL_ITERATIONS = 4
 """Iterations of fits that start from a model that was fitted already."""
 ENOUGH = 0.5
-"""Nats below which the fit of a contender has converged: what decides about it are tens."""
+"""Nats below which the fit of a candidate has converged: what decides about it are tens."""
 STARTS_FITTED = 3
 """Starts of a promising candidate that are fitted to the screened blocks."""
 PROMISING = 0.1
@@ -110,8 +110,8 @@ class BlindSearch:
         self.all_blocks = likelihood.usable.any(1)
         self.screened_blocks = spread(self.all_blocks & self._inner(), SCREENED_BLOCKS)
         self.fitted_blocks = spread(self.all_blocks, FITTED_BLOCKS)
-        self.judge = ContenderJudge(fitter, self.all_blocks, settings.min_gain_nats)
-        self._contenders: dict[frozenset[str], list[Contender]] = {}
+        self.judge = CandidateJudge(fitter, self.all_blocks, settings.min_gain_nats)
+        self._fitted_candidates: dict[frozenset[str], list[FittedCandidate]] = {}
         self._promising: set[str] = set()
         self.candidates = list(determined_effects(fitter.model))
 
@@ -129,9 +129,9 @@ class BlindSearch:
         best = self._posed(ideal)
         rounds = []
         for _ in range(self.settings.max_effects):
-            contenders = self.contenders(best)
-            rounds.append({one.name: one.nats for one in contenders})
-            winner = self._winner(contenders)
+            fitted = self.fitted_candidates(best)
+            rounds.append({one.name: one.nats for one in fitted})
+            winner = self._winner(fitted)
             if winner is None or len(self._deviations(best)) >= self.settings.max_effects:
                 break
             self.on_progress(f"{winner.name}: {winner.nats:.0f} nats")
@@ -186,17 +186,17 @@ class BlindSearch:
                 return self.prune(rival.fit)  # what had support beside the one may have none beside the other
         return fit
 
-    def contenders(self, base: BlindFit) -> list[Contender]:
+    def fitted_candidates(self, base: BlindFit) -> list[FittedCandidate]:
         """Screen every candidate beside a model and fit the most promising; the best comes first.
 
         Candidates beside a model with the same effects are remembered, wherever its parameters were.
         """
         key = frozenset(base.hypothesis.effects)
-        if key not in self._contenders:
-            self._contenders[key] = self._fitted(base, self.settings.candidates_fitted, STARTS_FITTED)
-        return self._contenders[key]
+        if key not in self._fitted_candidates:
+            self._fitted_candidates[key] = self._fitted(base, self.settings.candidates_fitted, STARTS_FITTED)
+        return self._fitted_candidates[key]
 
-    def rivals(self, base: BlindFit, least: float, ahead: BlindFit) -> list[Contender]:
+    def rivals(self, base: BlindFit, least: float, ahead: BlindFit) -> list[FittedCandidate]:
         """Return what might stand in the place of an effect that a model lacks: fewer candidates and starts are fitted.
 
         The candidates of a round of the search are taken where there was one with this model, else those that were
@@ -207,7 +207,7 @@ class BlindSearch:
             least: nats on the screened blocks that a rival must gain by itself.
             ahead: the model with the effect, which rivals have to catch up with.
         """
-        known = self._contenders.get(frozenset(base.hypothesis.effects))
+        known = self._fitted_candidates.get(frozenset(base.hypothesis.effects))
         if known is not None:
             return known
         return self._fitted(base, 1 + self.settings.rivals_fitted, 1, least, sorted(self._promising), ahead)
@@ -220,7 +220,7 @@ class BlindSearch:
         least: float = 0.0,
         names: Sequence[str] | None = None,
         ahead: BlindFit | None = None,
-    ) -> list[Contender]:
+    ) -> list[FittedCandidate]:
         """Fit the most promising candidates beside all effects of a model; the best comes first.
 
         Args:
@@ -240,12 +240,14 @@ class BlindSearch:
             return nats >= least and HOPE * more * nats >= cost
 
         kept = [entry for entry in screened if pays(*entry)][:count]
-        contenders = on_every_core(
-            lambda entry: self._contender(base, entry[0], entry[2], ahead), kept, self.fitter.likelihood.at_a_time
+        fitted = on_every_core(
+            lambda entry: self._fitted_candidate(base, entry[0], entry[2], ahead),
+            kept,
+            self.fitter.likelihood.at_a_time,
         )
-        return sorted(contenders, key=lambda one: -one.gain)
+        return sorted(fitted, key=lambda one: -one.gain)
 
-    def _contender(self, base: BlindFit, name: str, start: Setting, ahead: BlindFit | None) -> Contender:
+    def _fitted_candidate(self, base: BlindFit, name: str, start: Setting, ahead: BlindFit | None) -> FittedCandidate:
         hypothesis = base.hypothesis.with_effect(name, start)
         behind = None if ahead is None else ahead.log_likelihood
         fit = self.fitter.fit(hypothesis, self.fitted_blocks, enough=ENOUGH, ahead=behind)
@@ -321,14 +323,14 @@ class BlindSearch:
             screened[name].append((gained, start))
         return {name: sorted(entries, key=lambda entry: -entry[0]) for name, entries in screened.items()}
 
-    def _winner(self, contenders: list[Contender]) -> Contender | None:
+    def _winner(self, fitted: list[FittedCandidate]) -> FittedCandidate | None:
         """Return the effect that is named next; None if there is none.
 
         It is the clear one that all others are compared with in vain, beyond what their parameters cost. Another one
         may make the snapshots likelier, leave nothing to it and have support, if less than a name asks for: what is
         clear is then that one of the two is there, and the likelier one is named.
         """
-        clear = [one for one in contenders if one.clear]
+        clear = [one for one in fitted if one.clear]
         if not clear:
             return None
         best = clear[0]
@@ -337,11 +339,11 @@ class BlindSearch:
             plainer = self.fitter.model.effects[best.name].plainer == other.name
             if direct.nats > price(other.fit, best.fit) or (plainer and direct.z > -SURE_Z):
                 best = other
-        better = [one for one in contenders if one.supported and not one.clear and self._supersedes(one, best)]
+        better = [one for one in fitted if one.supported and not one.clear and self._supersedes(one, best)]
         return max(better, key=lambda one: one.comparison.nats, default=best)
 
-    def _supersedes(self, other: Contender, one: Contender) -> bool:
-        """Return whether another contender makes the snapshots likelier than one, which it makes superfluous."""
+    def _supersedes(self, other: FittedCandidate, one: FittedCandidate) -> bool:
+        """Return whether another candidate makes the snapshots likelier than one, which it makes superfluous."""
         if compare(other.fit.log_likelihood, one.fit.log_likelihood, self.columns).nats <= 0:
             return False
         both = other.fit.hypothesis.with_effect(one.name, one.fit.hypothesis.effects[one.name])

@@ -17,7 +17,7 @@ from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 from sci_lightning.encoder.effects.parameter import part_of
 
 
-def room_for_starts(
+def border_for_starts(
     fitter: Fitter, hypothesis: Hypothesis, further: Mapping[str, list[Setting]] | None = None, part: float = 1.0
 ) -> Fitter:
     """Return a fitter that leaves out what depends on the surround for any candidate at its starts.
@@ -40,7 +40,7 @@ def room_for_starts(
     )
 
 
-def with_room_for_starts(
+def with_border_for_starts(
     fitter: Fitter, base: Fit, further: Mapping[str, list[Setting]] | None = None, part: float = 1.0
 ) -> tuple[Fitter, Fit]:
     """Return a fitter that leaves out what depends on the surround for any candidate at its starts, and its base fit.
@@ -53,21 +53,21 @@ def with_room_for_starts(
         further: starts by effect beside those that the effect always has.
         part: of the starts' distance from doing nothing that is tried.
     """
-    wider = room_for_starts(fitter, base.hypothesis, further, part)
+    wider = border_for_starts(fitter, base.hypothesis, further, part)
     return wider, judged_by(wider, base, fitter)
 
 
-def with_room_for_contenders(fitter: Fitter, base: Fit, fits: dict[str, Fit]) -> tuple[Fitter, Fit, dict[str, Fit]]:
+def with_border_for_candidates(fitter: Fitter, base: Fit, fits: dict[str, Fit]) -> tuple[Fitter, Fit, dict[str, Fit]]:
     """Return the fits of a round compared alike: none is judged by pixels that depend on the surround for another.
 
-    Contenders are the fits that gain at least ``SearchSettings.contender_share`` of what the best one gains; the others
-    may have run away, and the field would be left out for nothing.
+    Candidates here are the fits that gain at least ``SearchSettings.contender_share`` of what the best one gains; the
+    others may have run away, and the field would be left out for nothing.
     """
     while fits:
         gains = {name: fit.log_likelihood - base.log_likelihood for name, fit in fits.items()}
         least = fitter.settings.contender_share * max(gains.values())
-        contenders = [fit.hypothesis for name, fit in fits.items() if gains[name] >= least]
-        wider = fitter.covering(base.hypothesis, *contenders)
+        candidates = [fit.hypothesis for name, fit in fits.items() if gains[name] >= least]
+        wider = fitter.covering(base.hypothesis, *candidates)
         if wider is fitter:
             break
         fitter, base, fits = wider, wider.again(base), {name: wider.again(fit) for name, fit in fits.items()}

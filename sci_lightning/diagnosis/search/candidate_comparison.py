@@ -1,4 +1,4 @@
-"""The contest of one round of the search: candidates are screened, the best are fitted, and all are compared alike."""
+"""One round of the search: candidates are screened, the best are fitted, and all are compared alike."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from functools import cached_property
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain
 from sci_lightning.diagnosis.model.camera_model import Setting
-from sci_lightning.diagnosis.search.border_choice import with_room_for_contenders, with_room_for_starts
+from sci_lightning.diagnosis.search.border_choice import with_border_for_candidates, with_border_for_starts
 from sci_lightning.diagnosis.search.screening import Candidate, screen
 
 NEAR = 0.1
@@ -20,7 +20,7 @@ MUCH = 0.1
 
 
 @dataclass(frozen=True)
-class Contest:
+class CandidateComparison:
     """The candidates of one round, fitted.
 
     Attributes:
@@ -82,9 +82,9 @@ class Contest:
         return {name: self.fitter.settings.indistinct_nats if name in plainer else 0.0 for name in self.fits}
 
 
-def hold_contest(
+def compare_candidates(
     fitter: Fitter, best: Fit, further: Mapping[str, list[Setting]] | None = None, part: float = 1.0
-) -> Contest:
+) -> CandidateComparison:
     """Screen all candidates, fit the most promising ones, and compare them on the same pixels.
 
     Args:
@@ -93,10 +93,10 @@ def hold_contest(
         further: starts by effect beside those that the effect always has.
         part: of the starts' distance from doing nothing that is tried.
     """
-    screener, base = with_room_for_starts(fitter, best, further, part)
+    screener, base = with_border_for_starts(fitter, best, further, part)
     screened = screen(screener, base, further, part)
     fits = fit_candidates(screener, base, screened)
-    return Contest(screener, *with_room_for_contenders(screener, base, fits), tuple(screened))
+    return CandidateComparison(screener, *with_border_for_candidates(screener, base, fits), tuple(screened))
 
 
 def fit_candidates(fitter: Fitter, best: Fit, screened: list[Candidate]) -> dict[str, Fit]:

@@ -13,7 +13,7 @@ from sci_lightning.diagnosis.search.border_choice import (
     misfit_outside,
     with_all_predictable,
 )
-from sci_lightning.diagnosis.search.candidate_comparison import NEAR, hold_contest
+from sci_lightning.diagnosis.search.candidate_comparison import NEAR, compare_candidates
 from sci_lightning.diagnosis.search.displacement import far_displacements
 from sci_lightning.diagnosis.search.remaining_misfit import (
     Unnamed,
@@ -182,26 +182,26 @@ def select_effects(
     rounds, settings = [], fitter.settings
     before_trial: tuple[Fitter, Fit] | None = None
     for _ in range(settings.max_effects):
-        contest = hold_contest(fitter, best, far_displacements(fitter, best))
-        least = settings.formula_error * contest.fitter.explained_nats(contest.best, ideal, contest.best)
-        added = contest.winner(least)
-        if contest.gain_of(added) < settings.on_trial_nats and contest.leaves_out_much(whole):
+        comparison = compare_candidates(fitter, best, far_displacements(fitter, best))
+        least = settings.formula_error * comparison.fitter.explained_nats(comparison.best, ideal, comparison.best)
+        added = comparison.winner(least)
+        if comparison.gain_of(added) < settings.on_trial_nats and comparison.leaves_out_much(whole):
             narrow = whole.covering(best.hypothesis)
-            near = hold_contest(narrow, judged_by(narrow, best, fitter), part=NEAR)
+            near = compare_candidates(narrow, judged_by(narrow, best, fitter), part=NEAR)
             weak = near.winner(least)
             # one that gains more there is a matter of some pixels at the sides, which are localised in the end
-            if contest.gain_of(added) < near.gain_of(weak) < settings.on_trial_nats:
-                contest, added = near, weak
-        fitter, best, fits = contest.fitter, contest.best, contest.fits
+            if comparison.gain_of(added) < near.gain_of(weak) < settings.on_trial_nats:
+                comparison, added = near, weak
+        fitter, best, fits = comparison.fitter, comparison.best, comparison.fits
         if on_trial := added is None and before_trial is None:
-            added = contest.refused(max(least, settings.on_trial_nats))
-        gains = contest.gains()
-        screened_gains = {candidate.name: candidate.gain for candidate in contest.screened}
+            added = comparison.refused(max(least, settings.on_trial_nats))
+        gains = comparison.gains()
+        screened_gains = {candidate.name: candidate.gain for candidate in comparison.screened}
         rounds.append(Round(screened_gains, gains, added, on_trial and added is not None))
         if added is None:
             break
         on_progress(f"{added}: {gains[added][0]:.0f} nats{', on trial' if on_trial else ''}")
-        needed = contest.screener.covering(fits[added].hypothesis)
+        needed = comparison.screener.covering(fits[added].hypothesis)
         larger = judged_by(needed, fits[added], fitter)
         if before_trial is not None:
             maker, untried = before_trial

@@ -1,4 +1,4 @@
-"""The laboratory: effects by which the target differs from what the captures file says.
+"""Effects of the target: ways in which it differs from what the captures file says.
 
 They belong to stage ``scene``, before the camera, and never become part of an encoder. One file each; this package
 finds them by their files.
@@ -14,8 +14,8 @@ from sci_lightning.diagnosis.target_effects.scene_effect import SceneEffect
 MODULES = sorted(path.stem for path in Path(__file__).parent.glob("scene_*.py") if path.stem != "scene_effect")
 
 
-def laboratory_effects() -> dict[str, type[SceneEffect]]:
-    """Return every effect of the laboratory by name."""
+def target_effects() -> dict[str, type[SceneEffect]]:
+    """Return every effect of the target by name."""
     classes = {}
     for module in MODULES:
         effect = getattr(import_module(f"{__name__}.{module}"), "".join(map(str.capitalize, module.split("_"))))
@@ -23,4 +23,4 @@ def laboratory_effects() -> dict[str, type[SceneEffect]]:
     return classes
 
 
-__all__ = ["SceneEffect", "laboratory_effects"]
+__all__ = ["SceneEffect", "target_effects"]

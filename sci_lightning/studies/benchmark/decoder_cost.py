@@ -114,7 +114,7 @@ def measure(
         ``parameters``, ``macs``, ``macs_as_paper``; ``precisions`` with ``seconds`` (median), ``fastest`` of ``calls``,
         ``gflops``, two operations per multiply-accumulate, ``memory`` in bytes, the most that weights, activations and
         scratch took at a time (absent where the system does not tell), and ``psnr`` of the video in dB; ``machine``,
-        see :func:`~.machine_speed.machine_speed`; ``training``, see :mod:`~.training_step`.
+        see :func:`~.timing.machine_speed`; ``training``, see :mod:`~.training_step`.
 
     Raises:
         BadInput: what the decoder finds wrong.

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price
-from sci_lightning.diagnosis.blind.candidate import MUCH, Contender, ContenderJudge
+from sci_lightning.diagnosis.blind.candidate import MUCH, CandidateJudge, FittedCandidate
 from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
 from sci_lightning.diagnosis.blind.search import BlindSearch
 from sci_lightning.diagnosis.model.camera_model import Hypothesis
@@ -33,8 +33,8 @@ def fit_of(search: BlindSearch, name: str, value: float, spread: float = 1.0) ->
     return BlindFit(hypothesis, nothing, blocks, free, spread * one)
 
 
-def contender(search: BlindSearch, name: str, comparison: Comparison) -> Contender:
-    return Contender(name, fit_of(search, name, 0.3), comparison, 32, 25, search.judge.is_like_a_scene(name))
+def contender(search: BlindSearch, name: str, comparison: Comparison) -> FittedCandidate:
+    return FittedCandidate(name, fit_of(search, name, 0.3), comparison, 32, 25, search.judge.is_like_a_scene(name))
 
 
 def test_snapshots_must_agree_about_what_looks_like_another_scene(search: BlindSearch) -> None:
@@ -77,7 +77,7 @@ def test_the_likelier_of_two_is_named(search: BlindSearch, monkeypatch: pytest.M
 def test_more_parameters_have_to_be_paid_for(search: BlindSearch) -> None:
     """Three nats more are not worth a third parameter, ten are."""
 
-    def fitted(name: str, nats: float) -> Contender:
+    def fitted(name: str, nats: float) -> FittedCandidate:
         one = contender(search, name, Comparison(nats, 4.0, 4, 4, 0.0625))
         return replace(one, fit=replace(one.fit, log_likelihood=torch.full((16, 4), nats / 64, dtype=torch.float64)))
 
@@ -91,9 +91,9 @@ def test_what_supersedes_another_effect(search: BlindSearch) -> None:
     """The true leak of a mask leaves nothing to another strength of it, and is not superseded by nothing at all."""
     blocks = search.all_blocks
 
-    def fitted(leak: float) -> Contender:
+    def fitted(leak: float) -> FittedCandidate:
         fit = search.fitter.evaluate(search.noise.with_effect("mask_contrast", {"leak": leak}), blocks)
-        return Contender("mask_contrast", fit, Comparison(1, 9.0, 4, 4), 9, 9)
+        return FittedCandidate("mask_contrast", fit, Comparison(1, 9.0, 4, 4), 9, 9)
 
     assert search._supersedes(fitted(0.0), fitted(0.3)) and not search._supersedes(fitted(0.3), fitted(0.0))
 
@@ -103,7 +103,7 @@ def test_few_blocks_may_tell_much_about_the_mask(search: BlindSearch) -> None:
     comparison, spread = Comparison(268, 2.1, 6, 8, 0.074), 1e-4
     far, black = fit_of(search, "mask_shift", 0.3, spread), fit_of(search, "black_level", 0.3, spread)
     assert search.judge.nats(far, "mask_shift", comparison) == MUCH
-    assert Contender("mask_shift", far, comparison, MUCH, 88).clear
+    assert FittedCandidate("mask_shift", far, comparison, MUCH, 88).clear
     for few in (Comparison(99, 2.1, 6, 8, 0.074), Comparison(268, 1.9, 6, 8, 0.074)):
         assert search.judge.nats(far, "mask_shift", few) == pytest.approx(few.calibrated)
     assert search.judge.nats(black, "black_level", comparison) == pytest.approx(comparison.calibrated)
@@ -117,7 +117,7 @@ def test_a_candidate_that_cannot_pay_is_not_fitted(search: BlindSearch, monkeypa
     starts = {name: dict.fromkeys(search.fitter.model.effects[name].about, 0.1) for name in screened}
     monkeypatch.setattr(search, "screen", lambda *_: [(name, nats, starts[name]) for name, nats in screened.items()])
     monkeypatch.setattr(
-        search, "_contender", lambda base, name, *_: contender(search, name, Comparison(9.0, 9.0, 4, 4))
+        search, "_fitted_candidate", lambda base, name, *_: contender(search, name, Comparison(9.0, 9.0, 4, 4))
     )
     base = search.fitter.evaluate(search.noise, search.fitted_blocks)
     fitted = {one.name for one in search._fitted(base, count=3, starts=1)}
@@ -184,7 +184,7 @@ def test_all_blocks_are_asked_about_what_looks_like_another_scene(
         return replace(fit_of(search, "black_level", 0.3), log_likelihood=torch.full((16, 4), gained))
 
     monkeypatch.setattr(search.fitter, "evaluate", on_all)
-    judge = ContenderJudge(search.fitter, search.all_blocks, search.settings.min_gain_nats)  # remembers nothing yet
+    judge = CandidateJudge(search.fitter, search.all_blocks, search.settings.min_gain_nats)  # remembers nothing yet
     nats = torch.where(fitted[:, None], torch.tensor([[9.0, 9.0, 9.0, -8.0]]), torch.nan)
     for name, agree in (("black_level", 4), ("mask_shift", 3)):
         fit = replace(fit_of(search, name, 1e-3, spread=1e-8), blocks=fitted, log_likelihood=nats)
@@ -224,8 +224,10 @@ def test_what_might_stand_in_the_place_of_an_effect(
     gained = compare(0 * ahead, -ahead, columns=4)
     black_level = replace(fit_of(search, "black_level", 0.3), log_likelihood=-ahead)
     rivals = [
-        Contender("mask_blur", replace(fit_of(search, "mask_blur", 0.3), log_likelihood=0 * ahead), gained, 32, 25),
-        Contender("black_level", black_level, gained, 32, 25, like_a_scene=True, possible=possible),
+        FittedCandidate(
+            "mask_blur", replace(fit_of(search, "mask_blur", 0.3), log_likelihood=0 * ahead), gained, 32, 25
+        ),
+        FittedCandidate("black_level", black_level, gained, 32, 25, like_a_scene=True, possible=possible),
     ]
     monkeypatch.setattr(search, "rivals", lambda *_: rivals)
     (effect,) = search.evidence(named)

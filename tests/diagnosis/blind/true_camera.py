@@ -7,7 +7,7 @@ from typing import Any
 
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis.blind.blind_fit import BlindFitter
-from sci_lightning.diagnosis.blind.candidate import Contender
+from sci_lightning.diagnosis.blind.candidate import FittedCandidate
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prior import ScenePrior, statistics_for
 from sci_lightning.diagnosis.blind.search import BlindSearch
@@ -17,7 +17,7 @@ from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.vocabulary import vocabulary
 
 
-def judged_by_truth(captures: Captures, truth: Mapping[str, Mapping[str, Any]], name: str) -> Contender:
+def judged_by_truth(captures: Captures, truth: Mapping[str, Mapping[str, Any]], name: str) -> FittedCandidate:
     """Return an effect as a search would judge it that begins with the true camera.
 
     All effects are fitted together, from their true values; the effect is judged against the others without it, fitted

@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from sci_lightning.cli.command import run
+from sci_lightning.cli.commands import mask_ranking
 from sci_lightning.cli.composition import compose
 from sci_lightning.errors import BadInput
-from sci_lightning.studies.tables import mask_ranking
 from tests.test_configs import clips
 
 

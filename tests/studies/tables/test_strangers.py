@@ -14,8 +14,9 @@ import torch
 from PIL import Image
 
 from sci_lightning.errors import BadInput
+from sci_lightning.files import folder
 from sci_lightning.files.json_fields import LARGEST_FILE
-from sci_lightning.studies.tables import mosaic, run_files
+from sci_lightning.studies.tables import mosaic
 from sci_lightning.studies.tables.grid import Grid
 from sci_lightning.studies.tables.mosaic import mosaics
 from sci_lightning.studies.tables.run import find_runs, read_run
@@ -139,7 +140,7 @@ def test_deep_and_wide_trees(made: Made, tmp_path: Path, monkeypatch: pytest.Mon
     os.makedirs(tmp_path / "runs" / deep)
     path.rename(tmp_path / "runs" / deep / "metrics.json")
     assert len(find_runs([tmp_path / "runs"])[0]) == 1
-    monkeypatch.setattr(run_files, "MOST_ENTRIES", 100)
+    monkeypatch.setattr(folder, "MOST_ENTRIES", 100)
     with pytest.raises(BadInput, match=r"runs: more than 100 files"):
         find_runs([tmp_path / "runs"])
 

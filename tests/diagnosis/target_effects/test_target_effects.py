@@ -14,13 +14,13 @@ from scipy.ndimage import gaussian_filter, rotate, shift
 from sci_lightning.diagnosis.diagnosis import diagnose
 from sci_lightning.diagnosis.report.report import describe, write_encoder
 from sci_lightning.diagnosis.report.sentences import headline
-from sci_lightning.diagnosis.target_effects import SceneEffect, laboratory_effects
+from sci_lightning.diagnosis.target_effects import SceneEffect, target_effects
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput
 from tests.diagnosis.another_camera import Hidden, captures
 from tests.files.schemas.validation import check
 
-EFFECTS = laboratory_effects()
+EFFECTS = target_effects()
 SCENE = torch.from_numpy(gaussian_filter(np.random.default_rng(0).random((2, 40, 48)), (0, 2, 2))).float()
 SETTINGS: dict[str, dict[str, float]] = {
     "scene_shift": {"dx": 0.6, "dy": -1.3},
