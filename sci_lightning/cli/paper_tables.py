@@ -8,15 +8,14 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import yaml
 from omegaconf import OmegaConf
 
 from sci_lightning.cli.composition import Composition, compose, group_members, plain
-from sci_lightning.configuration.conf_folder import PACKAGE
 from sci_lightning.errors import BadInput
 
 if TYPE_CHECKING:
     from sci_lightning.studies.tables.grid import Grid
+    from sci_lightning.studies.tables.paper_figures import paper_figures
     from sci_lightning.studies.tables.run import Run
 
 
@@ -80,7 +79,7 @@ def make_tables(composition: Composition, on_left_out: Callable[[str], None] = l
         leave_out(line)
     if cfg.dashboard:
         check_dashboard(out / "tensorboard")
-    paper = yaml.safe_load((PACKAGE / "studies" / "tables" / "paper_figures.yaml").read_text())
+    paper = paper_figures()
     ours = [name for name in group_members("decoder") if name in paper["decoders"]]
     cost = costs(paper["decoders"], _members("decoder", ours, "frames=8"))
     encoders = _members("encoder", group_members("encoder"), "frames=8", "size=[32,32]")

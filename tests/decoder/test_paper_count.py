@@ -9,20 +9,19 @@ from pathlib import Path
 
 import pytest
 import torch
-import yaml
 from hydra.utils import instantiate
 from torch import nn
 from torch.nn import functional as F
 
 from sci_lightning.cli.composition import compose
-from sci_lightning.configuration.conf_folder import PACKAGE
 from sci_lightning.decoder import Decoder
 from sci_lightning.decoder.complexity import count_macs, count_parameters
 from sci_lightning.decoder.paper_count import count_as_paper
 from sci_lightning.errors import BadInput
+from sci_lightning.studies.tables.paper_figures import paper_figures
 from tests.conftest import members
 
-PAPER = yaml.safe_load((PACKAGE / "studies" / "tables" / "paper_figures.yaml").read_text())["decoders"]
+PAPER = paper_figures()["decoders"]
 PUBLISHED = {  # parameters, exact multiply-accumulates at 256 x 256 x 8
     "admm_net": (4_213_809, 58_284_048_384),
     "birnat": (4_131_640, 421_051_498_496),

@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import yaml
 from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 from rich.progress import Progress, TaskID
@@ -16,12 +15,13 @@ from rich.progress import Progress, TaskID
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, built, compose, group_members, plain
 from sci_lightning.cli.failure_line import one_line
-from sci_lightning.configuration.conf_folder import CONF, PACKAGE
+from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
 
 if TYPE_CHECKING:
     from sci_lightning.runs.checkpoint import Checkpoint
+    from sci_lightning.studies.tables.paper_figures import paper_figures
 
 SETTINGS = ("frames", "tile", "compile", "warm_up", "repeats", "budget", "product", "training")
 """What is handed to the measurement, and written down, as it is."""
@@ -86,7 +86,7 @@ def benchmark(composition: Composition) -> None:
     }
     settings |= {"threads": torch.get_num_threads(), "plain_kernels": cfg.kernels == "plain", "snapshot": snapshot}
     settings["state"] = None if checkpoint is None else checkpoint.check_fit("decoder", checkpoint.decoder())
-    paper = yaml.safe_load((PACKAGE / "studies" / "tables" / "paper_figures.yaml").read_text())["decoders"]
+    paper = paper_figures()["decoders"]
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("", total=len(names))
         for name in names:

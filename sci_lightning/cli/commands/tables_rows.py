@@ -10,11 +10,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-import yaml
-
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, compose, plain
-from sci_lightning.configuration.conf_folder import PACKAGE
 from sci_lightning.console import PlainConsole
 from sci_lightning.errors import BadInput, MachineFailure
 
@@ -32,6 +29,7 @@ def tables_rows(composition: Composition) -> None:
     from sci_lightning.cli.commands.tables import tables
     from sci_lightning.cli.next_command import override, print_next
     from sci_lightning.runs.provenance import provenance_now
+    from sci_lightning.studies.tables.paper_figures import paper_figures
     from sci_lightning.studies.tables.rows.plan import TableRow, plan
     from sci_lightning.studies.tables.rows.queue import RowQueue
     from sci_lightning.studies.tables.rows.row_results import check_recipe, is_kept, keep
@@ -45,7 +43,7 @@ def tables_rows(composition: Composition) -> None:
         more += shlex.split(cfg.overrides or "")
     except ValueError as error:
         raise BadInput(f"overrides={cfg.overrides}: {str(error).lower()}; give words as on a command line") from error
-    paper = yaml.safe_load((PACKAGE / "studies" / "tables" / "paper_figures.yaml").read_text())["tables"]
+    paper = paper_figures()["tables"]
     rows = plan(paper, cfg.seeds, cfg.only or (), cfg.other_seeds)
     if not rows:
         raise BadInput(f"only={list(cfg.only)}: no row is called so; name tables (table5) or parts of rows (e2e_cnn)")

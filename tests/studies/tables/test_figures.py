@@ -8,22 +8,21 @@ from typing import Any
 
 import pytest
 import torch
-import yaml
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from sci_lightning.configuration.conf_folder import PACKAGE
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.mask import LearnedStructural, RandomBinary
 from sci_lightning.encoder.sensor import ClipQuantise, Ideal
 from sci_lightning.studies.tables.colour_checker import checker, patch_error
 from sci_lightning.studies.tables.cost_figure import cost_figure
 from sci_lightning.studies.tables.dynamic_range import distinguishable_steps, wedge
+from sci_lightning.studies.tables.paper_figures import paper_figures
 from sci_lightning.studies.tables.run import find_runs
 from tests.end_to_end.test_train import TINY
 from tests.studies.tables.conftest import Made
 
-PAPER: dict[str, Any] = yaml.safe_load((PACKAGE / "studies" / "tables" / "paper_figures.yaml").read_text())
+PAPER: dict[str, Any] = paper_figures()
 
 
 def test_told_apart() -> None:

@@ -10,22 +10,22 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 from PIL import Image
 
-from sci_lightning.configuration.conf_folder import CONF, PACKAGE
+from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.console import PlainConsole
 from sci_lightning.studies.tables.claim_table import SCOPES, claim_table, verdict_table
 from sci_lightning.studies.tables.cost import Cost
 from sci_lightning.studies.tables.grid import Grid
 from sci_lightning.studies.tables.line import METRICS, lines_of
+from sci_lightning.studies.tables.paper_figures import paper_figures
 from sci_lightning.studies.tables.run import find_runs
 from sci_lightning.studies.tables.run_table import run_table
 from sci_lightning.studies.tables.score_table import score_table
 from tests.conftest import SHARED
 from tests.studies.tables.conftest import Made
 
-PAPER: dict[str, Any] = yaml.safe_load((PACKAGE / "studies" / "tables" / "paper_figures.yaml").read_text())
+PAPER: dict[str, Any] = paper_figures()
 TABLES = PAPER["tables"]
 
 

@@ -11,9 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from sci_lightning.configuration.conf_folder import PACKAGE
 from sci_lightning.errors import BadInput
 from sci_lightning.files.json_fields import read_json
 from sci_lightning.plain_text import in_markdown
@@ -22,6 +19,7 @@ from sci_lightning.studies.tables.claim_table import claim_table, verdict_table
 from sci_lightning.studies.tables.documentation import DocumentedTable
 from sci_lightning.studies.tables.grid import Grid
 from sci_lightning.studies.tables.line import Line, lines_of
+from sci_lightning.studies.tables.paper_figures import paper_figures
 from sci_lightning.studies.tables.run import Run, find_runs
 from sci_lightning.studies.tables.score_table import HEADING, SCORES, score_table
 
@@ -53,7 +51,7 @@ def build(path: str | Path, part: str) -> DocumentedTable:
         BadInput: another part, or a file of no use.
     """
     path = Path(path)
-    paper = yaml.safe_load((PACKAGE / "studies" / "tables" / "paper_figures.yaml").read_text())
+    paper = paper_figures()
     runs, lines = find_runs([path]) if path.is_dir() else ([], [])
     if lines:
         raise BadInput(lines[0])

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import yaml
-
-from sci_lightning.configuration.conf_folder import PACKAGE
+from sci_lightning.studies.tables.paper_figures import paper_figures
 from sci_lightning.studies.tables.rows.plan import TableRow, plan
 
-TABLES = yaml.safe_load((PACKAGE / "studies" / "tables" / "paper_figures.yaml").read_text())["tables"]
+TABLES = paper_figures()["tables"]
 
 
 def test_every_row_of_the_tables_is_trained_once() -> None:
