@@ -24,7 +24,7 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:  # what type checkers and editors see; at run time FACE says where a name is found
+if TYPE_CHECKING:  # what type checkers and editors see; at run time PUBLIC_NAMES says where a name is found
     from sci_lightning import decoder as decoders
     from sci_lightning import metrics
     from sci_lightning.captures import read_captures
@@ -49,7 +49,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; at run time FACE says w
 
     __version__: str
 
-FACE = {
+PUBLIC_NAMES = {
     "BadInput": "errors:BadInput",
     "Checkpoint": "runs.checkpoint:Checkpoint",
     "Diagnosis": "diagnosis:Diagnosis",
@@ -126,9 +126,9 @@ if not TYPE_CHECKING:  # a type checker would take every name for one that exist
         """Load a public name when it is first used (PEP 562), so that importing the package loads no torch."""
         if name == "__version__":
             return import_module(f"{__name__}.version").installed_version()
-        if name not in FACE:
+        if name not in PUBLIC_NAMES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        module, _, member = FACE[name].partition(":")
+        module, _, member = PUBLIC_NAMES[name].partition(":")
         value = import_module(f"{__name__}.{module}")
         value = getattr(value, member) if member else value
         globals()[name] = value

@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.benchmark``: the command of this name."""
+"""``python -m sci_lightning.benchmark``: what decoding one measurement costs here, beside the paper's figures."""
 
 from sci_lightning.cli.commands.benchmark import main
 

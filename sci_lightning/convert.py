@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.convert``: the command of this name."""
+"""``python -m sci_lightning.convert``: published weights into a checkpoint, or a checkpoint into safetensors."""
 
 from sci_lightning.cli.commands.convert import main
 

@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.diagnose``: the command of this name."""
+"""``python -m sci_lightning.diagnose``: where do captures and model disagree, and which effect is missing?"""
 
 from sci_lightning.cli.commands.diagnose import main
 

@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.evaluate``: the command of this name."""
+"""``python -m sci_lightning.evaluate``: test a trained decoder, or one that needs no training."""
 
 from sci_lightning.cli.commands.evaluate import main
 

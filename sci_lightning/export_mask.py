@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.export_mask``: the command of this name."""
+"""``python -m sci_lightning.export_mask``: a trained mask as the files that a modulator displays."""
 
 from sci_lightning.cli.commands.export_mask import main
 

@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.proving_ground``: the command of this name."""
+"""``python -m sci_lightning.proving_ground``: how often is a diagnosis right?"""
 
 from sci_lightning.cli.commands.proving_ground import main
 

@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.reconstruct``: the command of this name."""
+"""``python -m sci_lightning.reconstruct``: decode a snapshot that a camera took."""
 
 from sci_lightning.cli.commands.reconstruct import main
 

@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.train``: the command of this name."""
+"""``python -m sci_lightning.train``: learn a mask and a decoder together, then test them."""
 
 from sci_lightning.cli.commands.train import main
 

@@ -64,7 +64,7 @@ def test_commands_that_train_nothing_start_without_lightning() -> None:
 def test_every_name_is_there_and_documented(name: str) -> None:
     value = getattr(sci, name)
     assert name in dir(sci) and inspect.getdoc(value)
-    assert not (isinstance(value, ModuleType) and ":" in sci.FACE[name])
+    assert not (isinstance(value, ModuleType) and ":" in sci.PUBLIC_NAMES[name])
 
 
 def test_type_checkers_see_the_same_names() -> None:
@@ -72,7 +72,7 @@ def test_type_checkers_see_the_same_names() -> None:
     block = next(node for node in source.body if isinstance(node, ast.If))
     imports = [node for node in block.body if isinstance(node, ast.ImportFrom)]
     seen = {alias.asname or alias.name for node in imports for alias in node.names}
-    assert seen == set(NAMES) == set(sci.FACE)
+    assert seen == set(NAMES) == set(sci.PUBLIC_NAMES)
     assert (ROOT / "sci_lightning" / "py.typed").is_file()
 
 

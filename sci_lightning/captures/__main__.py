@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.captures``: the command of this name."""
+"""``python -m sci_lightning.captures``: plan a session, pack and register what was recorded, see what is in a file."""
 
 from sci_lightning.cli.commands.captures import main
 

@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.mismatch``: the command of this name."""
+"""``python -m sci_lightning.mismatch``: what a wrong model of the camera costs, and what a diagnosis wins back."""
 
 from sci_lightning.cli.commands.mismatch import main
 

@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.mismatch.finetuning``: the command of this name."""
+"""``python -m sci_lightning.mismatch.finetuning``: what fine-tuning with the diagnosed camera is worth."""
 
 from sci_lightning.cli.commands.mismatch_finetuning import main
 

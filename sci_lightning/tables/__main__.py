@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.tables``: the command of this name."""
+"""``python -m sci_lightning.tables``: the paper's tables, with what our runs found beside each of its figures."""
 
 from sci_lightning.cli.commands.tables import main
 

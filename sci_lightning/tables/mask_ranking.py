@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.tables.mask_ranking``: the command of this name."""
+"""``python -m sci_lightning.tables.mask_ranking``: scores of many masks, and what a network reaches."""
 
 from sci_lightning.cli.commands.mask_ranking import main
 

@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.virtual_camera``: the command of this name."""
+"""``python -m sci_lightning.virtual_camera``: captures of a camera in which effects are hidden."""
 
 from sci_lightning.cli.commands.virtual_camera import main
 

@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.virtual_camera.reveal``: the command of this name."""
+"""``python -m sci_lightning.virtual_camera.reveal``: what was hidden, beside what was found."""
 
 from sci_lightning.cli.commands.reveal import main
 

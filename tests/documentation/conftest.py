@@ -118,8 +118,8 @@ def in_this_process(module: str, *overrides: str) -> None:
         except SystemExit as stop:
             assert not stop.code, f"python -m {shlex.join([module, *overrides])} ended with status {stop.code}"
         finally:
-            for name in sci_lightning.FACE:  # a module of that name would hide the function
-                if isinstance(vars(sci_lightning).get(name), ModuleType) and ":" in sci_lightning.FACE[name]:
+            for name in sci_lightning.PUBLIC_NAMES:  # a module of that name would hide the function
+                if isinstance(vars(sci_lightning).get(name), ModuleType) and ":" in sci_lightning.PUBLIC_NAMES[name]:
                     delattr(sci_lightning, name)
             # what the command added to these groups: an encoder that it read from a file, the benchmark's decoder=all
             for group in ("encoder", "decoder"):
