@@ -114,6 +114,7 @@ def read_settings(text: str) -> list[Setting]:
             above = []
             continue
         indent, key, rest = len(match[1]) // 2, match[2], match[3] or ""
+        rest = re.sub(r"\$\{oc\.select:\w+,(.*?)\}", r"\1", rest)  # what stands where nothing else is set
         value, _, about = (part.strip() for part in rest.partition("#"))
         path = [*path[:indent], key]
         if path[0] != "hydra" and value:

@@ -15,7 +15,6 @@ from sci_lightning.errors import BadInput
 
 if TYPE_CHECKING:
     from sci_lightning.studies.tables.grid import Grid
-    from sci_lightning.studies.tables.paper_figures import paper_figures
     from sci_lightning.studies.tables.run import Run
 
 
@@ -60,6 +59,7 @@ def make_tables(composition: Composition, on_left_out: Callable[[str], None] = l
     from sci_lightning.studies.tables.dynamic_range import dynamic_range_figure, dynamic_range_table, wedges
     from sci_lightning.studies.tables.encoder_table import encoder_table
     from sci_lightning.studies.tables.mosaic import mosaics, retrained_mosaics
+    from sci_lightning.studies.tables.paper_figures import paper_figures
     from sci_lightning.studies.tables.run import find_runs
     from sci_lightning.studies.tables.run_table import run_table
     from sci_lightning.studies.tables.score_table import score_table

@@ -56,8 +56,8 @@ def test_the_commands_of_the_pages(wheel: Path, lab: Path) -> None:
         done = subprocess.run(run, cwd=lab, env=environment, capture_output=True, text=True)
         assert done.returncode == 0, f"{line}\n{done.stderr}"
     report = json.loads((lab / "FOUND" / "report.json").read_text())
-    assert report["considered"]["scratch"] == "my_effect.Scratch" and "mask_blur" not in report["considered"]
-    assert "of your own: scratch (my_effect.Scratch)" in (lab / "FOUND" / "report.html").read_text()
+    assert report["considered"]["shade"] == "my_effect.Shade" and "mask_blur" not in report["considered"]
+    assert "of your own: shade (my_effect.Shade)" in (lab / "FOUND" / "report.html").read_text()
 
 
 def test_the_program_imports_from_the_current_folder(wheel: Path, lab: Path) -> None:

@@ -21,7 +21,6 @@ from sci_lightning.errors import BadInput
 
 if TYPE_CHECKING:
     from sci_lightning.runs.checkpoint import Checkpoint
-    from sci_lightning.studies.tables.paper_figures import paper_figures
 
 SETTINGS = ("frames", "tile", "compile", "warm_up", "repeats", "budget", "product", "training")
 """What is handed to the measurement, and written down, as it is."""
@@ -46,6 +45,7 @@ def benchmark(composition: Composition) -> None:
     from sci_lightning.studies.benchmark.decoder_cost import decoder_cost
     from sci_lightning.studies.benchmark.snapshot import scene_snapshot
     from sci_lightning.studies.benchmark.table import as_markdown, as_tables
+    from sci_lightning.studies.tables.paper_figures import paper_figures
 
     cfg = composition.cfg
     out, console, names = Path(cfg.out), PlainConsole(), _names(composition)

@@ -9,8 +9,9 @@ from numbers import Real
 import torch
 
 from sci_lightning.errors import BadInput
+from sci_lightning.metrics.hdrvdp2.contrast_sensitivity import band_sensitivity, filter_base
 from sci_lightning.metrics.hdrvdp2.display import DISPLAYS, Display
-from sci_lightning.metrics.hdrvdp2.eye import band_sensitivity, filter_base, respond, scatter
+from sci_lightning.metrics.hdrvdp2.eye import respond, scatter
 from sci_lightning.metrics.hdrvdp2.imresize import imresize
 from sci_lightning.metrics.hdrvdp2.masking import masked_differences, pool
 from sci_lightning.metrics.hdrvdp2.steerable_pyramid import SMALLEST, steerable_pyramid

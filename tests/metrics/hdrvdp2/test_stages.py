@@ -9,14 +9,8 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import correlate
 
 from sci_lightning.metrics.hdrvdp2 import sp3_filters
-from sci_lightning.metrics.hdrvdp2.eye import (
-    band_sensitivity,
-    filter_base,
-    modulation_transfer,
-    response,
-    scatter,
-    sensitivity,
-)
+from sci_lightning.metrics.hdrvdp2.contrast_sensitivity import band_sensitivity, filter_base, sensitivity
+from sci_lightning.metrics.hdrvdp2.eye import modulation_transfer, response, scatter
 from sci_lightning.metrics.hdrvdp2.imresize import imresize
 from sci_lightning.metrics.hdrvdp2.masking import pool
 from sci_lightning.metrics.hdrvdp2.steerable_pyramid import levels, steerable_pyramid
