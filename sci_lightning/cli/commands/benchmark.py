@@ -63,6 +63,9 @@ def benchmark(composition: Composition) -> None:
     elif isinstance(cfg.size, int):
         cfg.size = [cfg.size, cfg.size]
     cfg.crop = cfg.crop or list(cfg.size)
+    for count in ("scenes_count", "snapshots_per_scene"):
+        if count in cfg.data:  # of made scenes only what is decoded: large ones take gigabytes
+            cfg.data[count] = 1
     scene, *snapshot = scene_snapshot(built(cfg, "data"), checkpoint, cfg.seed)
     settings = plain(OmegaConf.masked_copy(cfg, list(SETTINGS))) | {"size": tuple(cfg.size), "precisions": precisions}
     command = shlex.join(["python", "-m", "sci_lightning.benchmark", *composition.overrides])
