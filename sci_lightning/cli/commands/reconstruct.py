@@ -57,7 +57,8 @@ def reconstruct(composition: Composition) -> None:
             nonlocal said
             if not console.is_terminal and time.monotonic() - said > LINE_SECONDS:
                 said = time.monotonic()
-                console.print(f"decoding, {done:.0%}: {state}")
+                share = f", {done:.0%}" if done else ""  # of several snapshots, or of tiles
+                console.print(f"decoding{share}: {state}")
             progress.update(bar, completed=done, description=f"Decoding: {state}")
 
         result = decode_snapshots(
