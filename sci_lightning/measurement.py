@@ -7,13 +7,14 @@ encoder returns therefore carries its aperture, and the masks that it gives out 
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
 import torch
 
-from sci_lightning.errors import BadInput
+from sci_lightning.errors import BadInput, InputWarning
 
 UNCHANGED = {
     *("add", "sub", "clamp", "clip", "clamp_min", "clamp_max", "round", "floor", "clone", "detach", "contiguous", "to"),
@@ -22,6 +23,12 @@ UNCHANGED = {
 }
 """Operations, by torch's name without underscores, whose result is in the same units: light added is noise or a dark
 level."""
+
+IN_PLACE = UNCHANGED - {"getitem", "unsqueeze", "squeeze", "flip", "mean", "stack", "cat", "index_select", "narrow"}
+"""Those after which every pixel is where it was, so that the measurement still belongs to its mask."""
+
+ANOTHER_MASK = 0.02
+"""Part of a mask's norm by which its mark differs from that of another mask; rounding changes a thousandth."""
 
 
 class Camera(Protocol):
@@ -64,6 +71,8 @@ class Measurement(torch.Tensor):
     """None: not known, after an operation that leaves it open."""
     camera: Camera | None
     """What undoes its sensor and optics; None where nothing is to be undone."""
+    mask_mark: torch.Tensor | None = None
+    """What :func:`mark_of` says of the mask behind which it was recorded; None: not known."""
     is_linear: bool
     """Whether sensor, optics and aperture have been undone: these are sums of mask times frame."""
 
@@ -84,9 +93,20 @@ class Measurement(torch.Tensor):
         return _measurement(plain.as_subclass(torch.Tensor), aperture, full_scale, None, False)
 
     @classmethod
-    def recorded_by(cls, camera: Camera | None, values: torch.Tensor, aperture: float) -> Measurement:
-        """Return values ``(N, H, W)``, fractions of full scale, with the camera that undoes its own effects."""
-        return _measurement(values, aperture, 1.0, camera, False)
+    def recorded_by(
+        cls, camera: Camera | None, values: torch.Tensor, aperture: float, mask: torch.Tensor | None = None
+    ) -> Measurement:
+        """Return values ``(N, H, W)``, fractions of full scale, with the camera that undoes its own effects.
+
+        Args:
+            camera: see :attr:`camera`.
+            values: of the measurement.
+            aperture: of the camera.
+            mask: ``(T, H, W)`` behind which it was recorded, which decoders then compare with theirs.
+        """
+        measurement = _measurement(values, aperture, 1.0, camera, False)
+        measurement.mask_mark = None if mask is None or mask.is_meta else mark_of(mask)
+        return measurement
 
     @classmethod
     def of_linear(cls, values: torch.Tensor) -> Measurement:
@@ -137,7 +157,10 @@ class Measurement(torch.Tensor):
             return result
         first = known[0]
         scale = _scale_after(func.__name__.strip("_"), operands, known)
-        return _measurement(result, first.aperture, scale, first.camera, first.is_linear)
+        measurement = _measurement(result, first.aperture, scale, first.camera, first.is_linear)
+        if scale is not None and func.__name__.strip("_") in (*IN_PLACE, "mul", "div", "truediv", "rmul"):
+            measurement.mask_mark = first.mask_mark
+        return measurement
 
     def __repr__(self, **_: Any) -> str:  # type: ignore[override]  # torch's argument is for its own use
         scale = "unknown scale" if self.full_scale is None else f"full scale {self.full_scale:g}"
@@ -182,6 +205,19 @@ def _scale_after(name: str, operands: Any, known: list[Measurement]) -> float | 
     return None
 
 
+def _is_another_mask(mask: torch.Tensor, mark: torch.Tensor | None) -> bool:
+    if mark is None or mask.is_meta:
+        return False
+    return bool((mark_of(mask) - mark).abs().max() > ANOTHER_MASK * mask.detach().double().norm().cpu())
+
+
+def mark_of(mask: torch.Tensor) -> torch.Tensor:
+    """Return four numbers by which masks are told from each other: sums of their values with varying weights."""
+    values = mask.detach().double().flatten()
+    places = torch.arange(len(values), dtype=torch.float64, device=values.device)
+    return torch.stack([values @ torch.cos(frequency * places) for frequency in (1.0, 1.7, 2.3, 2.9)]).cpu()
+
+
 def as_float_tensor(values: torch.Tensor | np.ndarray) -> torch.Tensor:
     """Return values as a tensor; floating ones of an array in float32, which the networks compute in."""
     if isinstance(values, torch.Tensor):
@@ -222,6 +258,13 @@ def linear_with_mask(measurement: torch.Tensor, mask: torch.Tensor) -> tuple[tor
         raise BadInput("decoder called with the mask first; the measurement comes first: decoder(y, mask)")
     aperture = getattr(mask, "camera_aperture", None)
     if isinstance(measurement, Measurement):
+        if _is_another_mask(mask, measurement.mask_mark):
+            warnings.warn(
+                "the mask is not the one behind which this measurement was recorded: another camera's, displaced, "
+                "or changed since; give the encoder's own, encoder.transmittance(), unless you mean it",
+                InputWarning,
+                stacklevel=4,
+            )
         measurement = measurement.linear()
     elif aperture is not None:
         raise BadInput(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import io
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import torch
 
 import sci_lightning as sci
 from sci_lightning.data import Synthetic
+from sci_lightning.errors import InputWarning
 from sci_lightning.measurement import Measurement
 from sci_lightning.metrics import psnr
 
@@ -72,7 +74,9 @@ LINES = {
 def test_right_lines(
     line: str, encoder: sci.Encoder, gap_tv: sci.decoders.Decoder, video: torch.Tensor, right: torch.Tensor
 ) -> None:
-    estimate = LINES[line](encoder, gap_tv, video)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", InputWarning)
+        estimate = LINES[line](encoder, gap_tv, video)
     assert type(estimate) is torch.Tensor and estimate.shape == video.shape
     assert quality(right, video) > 20
     torch.testing.assert_close(estimate, right, rtol=0, atol=0.01)
@@ -172,6 +176,26 @@ def test_a_measurement_says_what_it_is(encoder: sci.Encoder, video: torch.Tensor
         Measurement(np.zeros((1, 4, 4), np.uint8))
     with pytest.raises(sci.BadInput, match="positive"):
         Measurement(torch.zeros(1, 4, 4), aperture=0)
+
+
+WARNED = {
+    "another camera's mask": lambda e, d, x: d(
+        e(x), sci.Encoder(sci.masks.RandomBinary(T, SIZE, seed=1), e.sensor).mask()
+    ),
+    "a structural mask": lambda e, d, x: d(e(x), sci.masks.RandomStructural(4, T, SIZE)()),
+    "flipped": lambda e, d, x: d(e(x), e.transmittance().flip(-1)),
+    "displaced": lambda e, d, x: d(e(x), e.transmittance().roll(1, -1)),
+    "in another order": lambda e, d, x: d(0.5 * e(x), e.transmittance().flip(0)),
+}
+
+
+@torch.no_grad()
+@pytest.mark.parametrize("line", WARNED)
+def test_lines_that_may_be_meant_are_done_with_a_word(
+    line: str, encoder: sci.Encoder, gap_tv: sci.decoders.Decoder, video: torch.Tensor
+) -> None:
+    with pytest.warns(InputWarning, match="not the one behind which"):
+        WARNED[line](encoder, gap_tv, video)
 
 
 @torch.no_grad()

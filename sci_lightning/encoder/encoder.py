@@ -179,7 +179,9 @@ class Encoder(nn.Module):
         """
         check_irradiance(video)
         camera = self if self._is_to_be_linearised else None
-        return Measurement.recorded_by(camera, self.record(video, self.transmittance()), self.aperture)
+        mask = self.transmittance()
+        shown = mask if self.path.cells == 1 and self.path.shows_patterns_as_commanded else None
+        return Measurement.recorded_by(camera, self.record(video, mask), self.aperture, shown)
 
     @property
     def _is_to_be_linearised(self) -> bool:
