@@ -103,6 +103,10 @@ def test_training_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     assert again.finished_before and again.metrics.decoder == "e2e_cnn" and again.metrics.mean["psnr"] > 0
     with pytest.raises(BadInput, match="batch_size=0"):
         sci.train(["batch_size=0"])
+    with pytest.raises(BadInput, match="holds an earlier run"):  # as the command says it
+        sci.command("train", {"out": "run"})
+    with pytest.raises(BadInput, match="of another configuration"):
+        sci.command("train", {"out": "run", "resume": True, "dry_run": False})
 
 
 def test_what_a_command_does_one_call_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from sci_lightning.cli import commands
 from sci_lightning.cli.composition import Composition, built, compose, group_members, plain
 from sci_lightning.cli.encoder_file import PLACES, adapt_to_encoder_files, adopt_encoder_files
+from sci_lightning.cli.hydra_callbacks import check_folder
 from sci_lightning.cli.settings import check_command_settings
 from sci_lightning.cli.stored_overrides import recorded
 from sci_lightning.console import PlainConsole
@@ -214,13 +215,13 @@ def command(name: str, configuration: Iterable[str] | Mapping[str, Any] = ()) ->
 
 @contextmanager
 def _in_own_folder(command: str, configuration: Iterable[str] | Mapping[str, Any]) -> Iterator[Composition]:
-    """Compose and check the configuration of a command that is no training, and take the folder that it writes."""
+    """Compose and check the configuration of a command, and take the folder that it writes."""
     composition = _composed(command, _as_overrides(configuration))
     if not composition.writes_folder:
         yield composition
         return
     out = Path(composition.cfg.out)
-    check_nothing_lost(out, training=False)
+    check_folder(out, composition.cfg)
     with run_folder(out):
         yield composition
 

@@ -24,8 +24,8 @@ def load_system(
 
     Args:
         cls: the class to build.
-        base: the settings of its base class.
-        checkpoint_path, map_location, trusted, settings: of that method.
+        base: names of the settings that every system has, which a subclass hands on.
+        checkpoint_path, map_location, trusted, settings: as that method was given them.
     """
     settings.pop("weights_only", None)  # of Lightning: never anything else here
     own = {"encoder", "decoder"} <= settings.keys()
