@@ -1,4 +1,4 @@
-"""The house: rooms in an order, imports that point down in it, no circles; `python -m tests.test_house` counts it.
+"""The layout: packages in an order, imports that point down in it, no circles; `python -m tests.test_house` counts it.
 
 The order is that of the map in docs/explanation/repository-layout.md.
 """
@@ -33,8 +33,8 @@ def starts_a_command(file: Path) -> bool:
     )
 
 
-def floors() -> list[list[str]]:
-    """Return the rooms of each line of the map, from the ground floor up."""
+def levels() -> list[list[str]]:
+    """Return the packages of each line of the map, from those that import nothing up."""
     drawn = re.search(r"^sci_lightning/\n(.*?)^tests/", LAYOUT.read_text(), re.DOTALL | re.MULTILINE)
     assert drawn is not None
     heads = [re.match(r"  ((?:\w+(?:/|\.py) )+)", line) for line in drawn[1].splitlines()]
@@ -65,7 +65,7 @@ def arrows() -> dict[str, set[str]]:
 
 def upward() -> list[str]:
     """Return the imports that point up, file by file."""
-    order = {room: floor for floor, rooms in enumerate(floors()) for room in rooms}
+    order = {package: level for level, packages in enumerate(levels()) for package in packages}
     found = []
     for name, others in arrows().items():
         here = name.split(".")[1]
@@ -104,8 +104,8 @@ def circles(graph: dict[str, set[str]]) -> list[list[str]]:
     return found
 
 
-def rooms() -> dict[str, set[str]]:
-    """Return the rooms that each room imports from."""
+def packages() -> dict[str, set[str]]:
+    """Return the packages that each package imports from."""
     graph: dict[str, set[str]] = defaultdict(set)
     for name, others in arrows().items():
         graph[name.split(".")[1]] |= {other.split(".")[1] for other in others} - {name.split(".")[1]}
@@ -116,8 +116,8 @@ def test_imports_point_down() -> None:
     assert not upward()
 
 
-def test_no_two_rooms_import_each_other() -> None:
-    assert not circles(rooms())
+def test_no_two_packages_import_each_other() -> None:
+    assert not circles(packages())
 
 
 def test_no_circle_of_files() -> None:
@@ -125,7 +125,7 @@ def test_no_circle_of_files() -> None:
 
 
 def count() -> dict[str, float]:
-    """Return the size of the house."""
+    """Return the size of the package."""
     lines = {file: len(file.read_text().splitlines()) for file in FILES}
     other = [file for file in PACKAGE.rglob("*") if file.suffix in (".json", ".yaml", ".html", ".css")]
     return {
@@ -133,10 +133,10 @@ def count() -> dict[str, float]:
         "lines of its data": sum(len(file.read_text().splitlines()) for file in other),
         "files": len(lines),
         "median lines": median(lines.values()),
-        "rooms": len([room for floor in floors() for room in floor]),
-        "floors": len(floors()),
+        "packages": len([package for level in levels() for package in level]),
+        "levels": len(levels()),
         "upward imports": len(upward()),
-        "circles of rooms": len(circles(rooms())),
+        "circles of packages": len(circles(packages())),
         "circles of files": len(circles(arrows())),
         "YAML files under conf/scale": len([*(ROOT / "conf" / "scale").rglob("*.yaml")]),
     }
@@ -145,4 +145,4 @@ def count() -> dict[str, float]:
 if __name__ == "__main__":
     for what, number in count().items():
         print(f"{what}: {number:g}")
-    print(*upward(), *circles(arrows()), *circles(rooms()), sep="\n")
+    print(*upward(), *circles(arrows()), *circles(packages()), sep="\n")

@@ -1,4 +1,4 @@
-"""The words of the house: names say what a thing is, and docstrings are sentences (docs/glossary.md)."""
+"""The words of the code: names say what a thing is, and docstrings are sentences (docs/glossary.md)."""
 
 from __future__ import annotations
 
@@ -78,8 +78,8 @@ def test_docstrings(file: Path) -> None:
     assert not wrong, "\n".join(wrong)
 
 
-def test_no_room_is_crowded() -> None:
-    """At most 20 modules in a folder, 24 rooms at the top beside what starts a command, no file above 400 lines."""
+def test_no_folder_is_crowded() -> None:
+    """At most 20 modules in a folder, 24 packages at the top beside what starts a command, no file above 400 lines."""
     commands = {file.name for file in (PACKAGE / "cli" / "commands").glob("*.py")} | {"tables", "mismatch"}
     files = [file for file in FILES if file.parent != PACKAGE or file.name not in commands - {"__init__.py"}]
     folders = Counter(str(file.parent.relative_to(PACKAGE)) for file in files)

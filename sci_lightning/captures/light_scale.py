@@ -11,11 +11,10 @@ from __future__ import annotations
 import numpy as np
 import torch
 
+from sci_lightning.captures.raw_dn import BIT_DEPTHS
 from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput
 
-BIT_DEPTHS = (8, 10, 12, 14, 16)
-"""Usual bit depths of cameras."""
 LEAST_AT_TOP = 4096
 """Numbers that do not exceed this are taken as they stand, even if all are multiples of a power of two."""
 LARGEST_SUM = 100.0

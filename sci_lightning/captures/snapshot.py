@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from sci_lightning.captures.light_scale import BIT_DEPTHS, LARGEST_SUM, full_scale_of
+from sci_lightning.captures.light_scale import LARGEST_SUM, full_scale_of
+from sci_lightning.captures.raw_dn import BIT_DEPTHS
 from sci_lightning.errors import BadInput
 from sci_lightning.files.packed_file import RawLayout
 from sci_lightning.files.picture_file import read_pictures

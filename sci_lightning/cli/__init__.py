@@ -1,3 +1,3 @@
 """What the commands share: Hydra, the command line, and one clear line when something is wrong.
 
-Only this room and the commands know Hydra."""
+Only this package and the commands know Hydra."""

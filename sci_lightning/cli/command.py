@@ -118,8 +118,8 @@ def _job(name: str, task: Task, files: Mapping[str, EncoderFile], debug: bool) -
         composition = from_hydra(cfg, settings)
         try:
             refuse_uncomposed_row(settings)
-            chosen = {place: composition.choice(place) for place in PLACES.values()}
-            present = {place: files[file] for place, file in chosen.items() if file in files}
+            chosen = {group: composition.choice(group) for group in PLACES.values()}
+            present = {group: files[file] for group, file in chosen.items() if file in files}
             adapt_to_encoder_files(cfg, present, composition.overrides)
             check_command_settings(cfg, name)
             # processes that this one starts begin with the command line that this one was started with

@@ -56,8 +56,8 @@ def adopt_encoder_files(arguments: list[str], taken: Iterable[str] = ()) -> tupl
         key, equals, value = argument.partition("=")
         bare = key.lstrip("+")
         if equals and bare in PLACES:
-            place = key.replace(bare, PLACES[bare])
-            argument = f"{place}={','.join(map(member, _members(value)))}"
+            group = key.replace(bare, PLACES[bare])
+            argument = f"{group}={','.join(map(member, _members(value)))}"
         adopted.append(argument)
     return adopted, files
 
@@ -110,8 +110,8 @@ def adapt_to_encoder_files(cfg: DictConfig, files: Mapping[str, EncoderFile], ov
                 )
             cfg[key] = value
             fitted[key] = (value, file.path)
-    for place, file in files.items():
-        key = place.rpartition("@")[2]
+    for group, file in files.items():
+        key = group.rpartition("@")[2]
         settings = OmegaConf.to_container(cfg[key], resolve=True)
         check_plain_data(file.path, settings)
         check_targets(file.path, settings, cfg.get("trusted") or [])

@@ -71,9 +71,9 @@ def help_text(conf: Path, name: str, arguments: Sequence[str] = ()) -> str:
         ]
         if group in ("effect", "experiment", "scale") or not settings:
             continue
-        place = {"metric": "metrics"}.get(group, group.replace("/", "."))
+        key = {"metric": "metrics"}.get(group, group.replace("/", "."))
         lines += ["", f"with {group}={value}:", ""]
-        lines += [str(Setting(f"{place}.{s.key}", s.value, s.about)) for s in settings]
+        lines += [str(Setting(f"{key}.{s.key}", s.value, s.about)) for s in settings]
     lines += [
         "",
         "-m runs every combination of values with commas: KEY=VALUE,VALUE. --cfg job prints what would run, "

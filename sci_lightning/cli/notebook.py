@@ -239,8 +239,8 @@ def _composed(command: str, overrides: Iterable[str]) -> Composition:
     """Compose and check the configuration of a command; ``encoder=`` may be the path of an encoder file."""
     arguments, files = adopt_encoder_files(list(overrides), group_members("encoder"))
     composition = compose(command, arguments)
-    chosen = {place: composition.choice(place) for place in PLACES.values()}
-    present = {place: files[name] for place, name in chosen.items() if name in files}
+    chosen = {group: composition.choice(group) for group in PLACES.values()}
+    present = {group: files[name] for group, name in chosen.items() if name in files}
     adapt_to_encoder_files(composition.cfg, present, composition.overrides)
     check_command_settings(composition.cfg, command)
     return composition

@@ -182,7 +182,7 @@ def _finetuned(run: StoredRun, arguments: list[str], given: Mapping[str, str]) -
         elif key not in leave_out and re.split(r"[./]", key)[0] not in ("encoder", "effect", "logger", "callbacks"):
             kept.append(override)
     run.check_members(kept, arguments)
-    _check_paths(path, [place for override in kept for place in _paths(override.key_or_group, override.value())])
+    _check_paths(path, [named for override in kept for named in _paths(override.key_or_group, override.value())])
     leave_out |= {override.key_or_group for override in run.overrides}
     leave_out |= {"crop"} if config.get("crop") == config.get("size") else set()
     words = [*(str(override.input_line) for override in kept), *run.values(without=leave_out)]
@@ -214,9 +214,9 @@ def _check_folder(folder: Path) -> None:
     if "${" in str(folder) or "'" in str(folder) or "\\" in str(folder):
         raise BadInput(f"{folder}: a name with ${{, ' or \\ would be obeyed, not read; rename the folder")
     real = folder.resolve()
-    for place, folders, files in os.walk(real):
+    for folder_path, folders, files in os.walk(real):
         for name in (*folders, *files):
-            path = Path(place) / name
+            path = Path(folder_path) / name
             if path.is_symlink() and not path.resolve().is_relative_to(real):
                 raise BadInput(
                     f"{path}: a link that leads out of the run's folder, where other files would be overwritten; to "

@@ -145,7 +145,7 @@ SETTINGS: Mapping[str, Any] = {
     "verification": Sequence[Count],
     "most": Count,
     "search": SearchSettings,
-    "empirical": bool,
+    "free_forms": bool,
     "leave_out": Sequence[Name],
     "candidates": Annotated[Mapping[str, Name], DocInfo("effects of your own, +candidates.mine=my_module.Mine")],
     # captures, virtual_camera.reveal (the number of captures of a kind: see virtual_camera)

@@ -14,7 +14,7 @@ from sci_lightning.errors import BadInput, MachineFailure
 from sci_lightning.plain_text import excerpt
 
 Resolve = Callable[[str, Any], Callable[..., Any]]
-"""From the place of a ``_target_`` and its value to what is to be called."""
+"""From the key of a ``_target_`` and its value to what is to be called."""
 
 
 def build(config: Mapping[str, Any], key: str, **more: Any) -> Any:
@@ -52,7 +52,7 @@ def build_from_file(config: Mapping[str, Any], path: str | Path, key: str, trust
     """
     packages = tuple(trusted)
 
-    def resolve(place: str, target: Any) -> Callable[..., Any]:
+    def resolve(key: str, target: Any) -> Callable[..., Any]:
         return class_for_file(path, target, packages)
 
     try:

@@ -45,15 +45,15 @@ def check_parts(content: Any, key: str) -> None:
     target = content.get("_target_")
     signature = _signature(target) if isinstance(target, str) else None
     for name, value in content.items():
-        place = f"{key}.{name}"
+        entry_key = f"{key}.{name}"
         if _is_built(value) or signature is None:
-            check_parts(value, place)
+            check_parts(value, entry_key)
         elif name not in ("_target_", "_partial_"):
             class_name, known, open_ended = signature
             refuse_unknown([name], known, open_ended, key, class_name)
             of_a_square = name in ("size", "crop") and isinstance(value, int)  # which commands turn into two sides
             if value is not None and value != "???" and not of_a_square:
-                check_value(place, value, known.get(name, Any))
+                check_value(entry_key, value, known.get(name, Any))
 
 
 def _is_built(value: Any) -> bool:
@@ -133,10 +133,10 @@ class _Names(dict[str, Any]):
         self.module = module
 
     def __missing__(self, name: str) -> Any:
-        place = _definition(f"{self.module}.{name}")
-        if place is None:
+        definition = _definition(f"{self.module}.{name}")
+        if definition is None:
             return getattr(builtins, name)
-        module, node = place
+        module, node = definition
         if isinstance(node, ast.ImportFrom):
             original = next(alias.name for alias in node.names if name == (alias.asname or alias.name))
             return getattr(importlib.import_module(module), original)

@@ -56,7 +56,7 @@ def diagnose(
     captures: Captures,
     vocabulary: Mapping[str, type[Effect]] | None = None,
     seed: int = 0,
-    empirical: bool = False,
+    free_forms: bool = False,
     settings: SearchSettings | None = None,
     on_progress: Callable[[str], None] = lambda message: None,
 ) -> Diagnosis:
@@ -67,7 +67,7 @@ def diagnose(
             fitted; they judge the corrected camera once more.
         vocabulary: effects that may be named beside noise, by name; None for every effect of the package.
         seed: of the residuals' randomisation.
-        empirical: whether the corrected camera contains what has no name, in free form.
+        free_forms: whether the corrected camera contains what has no name, in free form.
         settings: thresholds and budgets; None for the defaults.
         on_progress: called with a one-line message after every step of the search.
 
@@ -87,7 +87,7 @@ def diagnose(
     if unseen is not None and settings.find_bad_captures:
         odd, worse = bad_verification_captures(explained, observation, unseen, everything)
         unseen, bad = None if odd.all() else unseen.take(~odd), (*bad, *worse)
-    ideal, corrected = explained.ideal, explained.corrected(empirical)
+    ideal, corrected = explained.ideal, explained.corrected(free_forms)
     before, after = (assess(fitter, fit, seed) for fit in (ideal, corrected))
     names = sorted(explanation.names, key=lambda name: model.vocabulary[name].rank)
     without_noise = [name for name in names if not model.vocabulary[name].noise]

@@ -20,7 +20,7 @@ from sci_lightning.encoder.effects.stage import (
 )
 from sci_lightning.encoder.exposure import Exposure
 from sci_lightning.encoder.modulator_grid import ModulatorGrid
-from sci_lightning.encoder.relay import Pose
+from sci_lightning.encoder.relay import RelayGeometry
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput
 
@@ -86,15 +86,15 @@ class LightPath(nn.Module):
             return sum((effect.border(size) for effect in effects), Border())
         aimed = [relay for relay in self.of(RelayEffect) if type(relay).aim is not RelayEffect.aim]
         others = (effect.border(size) for effect in effects if effect not in aimed)
-        return sum(others, self.pose.border(self.grid))
+        return sum(others, self.geometry.border(self.grid))
 
     @property
-    def pose(self) -> Pose:
+    def geometry(self) -> RelayGeometry:
         """Where the mask's image lies and how sharp it is."""
-        pose = Pose()
+        geometry = RelayGeometry()
         for relay in self.of(RelayEffect):
-            pose = relay.aim(pose)
-        return pose
+            geometry = relay.aim(geometry)
+        return geometry
 
     def of(self, stage: type[StageEffect]) -> list[StageEffect]:
         """Return the effects of one stage, named by its base class, in order."""
@@ -119,15 +119,15 @@ class LightPath(nn.Module):
 
         Args:
             patterns: as commanded.
-            wanted: ``(qH, qW)`` bool, the cells that are asked for, see :meth:`.Pose.image`; None for all.
+            wanted: ``(qH, qW)`` bool, the cells that are asked for, see :meth:`.RelayGeometry.image`; None for all.
         """
         for effect in self.of(ModulatorEffect):
             patterns = effect.show(patterns)
         if self.grid is not None:
-            patterns = self.pose.image(patterns, self.cells, self.grid)
+            patterns = self.geometry.image(patterns, self.cells, self.grid)
         for relay in self.of(RelayEffect):
             patterns = relay.show(patterns) if self.grid is None else relay.show(patterns, self.cells)
-        return self.pose.image(patterns, self.cells, wanted=wanted) if self.grid is None else patterns
+        return self.geometry.image(patterns, self.cells, wanted=wanted) if self.grid is None else patterns
 
     def transmittance(self, patterns: torch.Tensor, sequence: torch.Tensor | None = None) -> torch.Tensor:
         """Modulator, relay and exposure: return what multiplies each frame of the scene.

@@ -39,7 +39,7 @@ magnification changes by 2 % towards an edge (0.0005 divided and without a blur)
 
 
 @dataclass(frozen=True)
-class Pose:
+class RelayGeometry:
     """Where the mask's image lies and how sharp it is; None is the nominal value.
 
     A mirror at m (x, y from the field's centre) is imaged to p = ``scale * R(angle) m + (dx, dy)``. x points right and
@@ -84,7 +84,7 @@ class Pose:
         The integral is exact without rotation, perspective and distortion. With them, a pixel is divided into at least
         ``TURNED_PARTS`` x ``TURNED_PARTS`` parts unless the blur is wide, and the footprint of each on the mirrors is
         taken as an upright rectangle. On a grid of their own, the mirrors are seen where they nominally lie, and the
-        pose is the deviation from there. Turned and distorted images have first derivatives only.
+        geometry is the deviation from there. Turned and distorted images have first derivatives only.
 
         Args:
             patterns: ``(P, H, W)`` transmittance of the mirrors, ``(P, Hm, Wm)`` on a grid of their own.
@@ -249,7 +249,7 @@ class Pose:
         Args:
             y, x: ``(h, 1)`` and ``(1, w)``, or of the same shape.
             size: (H, W) of the field.
-            apart: whether y and x are ``(h,)`` and ``(w,)`` and stay so, for a pose that neither turns nor distorts.
+            apart: whether y and x are ``(h,)`` and ``(w,)`` and stay so, where it neither turns nor distorts.
         """
         height, width = size
         scale = 1 if self.scale is None else self.scale

@@ -163,9 +163,9 @@ def reconstruct(
         aperture = measurement.aperture if aperture is None else aperture
         full_scale = 1.0 if full_scale is None else full_scale
         measurement = measurement.recorded()
-    place = resolve_device(device)
+    torch_device = resolve_device(device)
     networks = count_parameters(decoder) > 0
-    computed_in = resolve_precision(precision, place, networks)
+    computed_in = resolve_precision(precision, torch_device, networks)
     bit_depth = None if encoder is None else getattr(encoder.sensor, "bit_depth", None)
     snapshot = read_snapshot(measurement, key=key, full_scale=full_scale, bit_depth=bit_depth, raw=raw)
     patterns, rows, columns = None, slice(None), slice(None)
@@ -203,8 +203,8 @@ def reconstruct(
     exposure = bit_depth is not None or float(values.max()) <= 1
     doubt = snapshot.doubt(1.0 if exposure else max(1.0, light * float(patterns.sum(0).max())))
 
-    pipeline.to(place)
-    patterns = patterns.to(place)
+    pipeline.to(torch_device)
+    patterns = patterns.to(torch_device)
     done, warnings = 0, []
 
     def show(state: object) -> None:
@@ -218,25 +218,25 @@ def reconstruct(
     def decoded() -> Iterator[np.ndarray]:
         nonlocal done
         for one in linear:
-            yield pipeline.decode(one[None].to(place), patterns, choice)[0].float().cpu().numpy()
+            yield pipeline.decode(one[None].to(torch_device), patterns, choice)[0].float().cpu().numpy()
             done += 1
             show("decoded")
 
     choice = TileChoice(tile, say, None if decoder.global_steps else lambda part, of: show(f"tile {part} of {of}"))
     earlier, decoder.watch = decoder.watch, show
     try:
-        with torch.no_grad(), mixed_precision(computed_in, place):  # refused before anything else takes its time
-            choice.tiling(decoder, values[:1].to(place), patterns)
+        with torch.no_grad(), mixed_precision(computed_in, torch_device):  # refused before anything else takes its time
+            choice.tiling(decoder, values[:1].to(torch_device), patterns)
         with torch.no_grad():
-            linear, patterns = linear_with_mask(pipeline.linearise(values.to(place), light), patterns)
+            linear, patterns = linear_with_mask(pipeline.linearise(values.to(torch_device), light), patterns)
             linear = linear.cpu()
         say(f"full_scale={snapshot.full_scale:g} ({snapshot.chosen or 'as given'}), aperture={light:.4g} ({why})")
         if networks:
-            say(describe_precision(computed_in, place))
+            say(describe_precision(computed_in, torch_device))
         for line in (doubt, mask_warning(linear * light, patterns.cpu())):
             if line:
                 doubted(line)
-        with torch.no_grad(), mixed_precision(computed_in, place):
+        with torch.no_grad(), mixed_precision(computed_in, torch_device):
             video = _kept(decoded(), (len(values), *patterns.shape), None if out is None else Path(out))
     finally:
         decoder.watch = earlier

@@ -26,8 +26,8 @@ def captured(folder: Path, hidden: dict[str, Any], **session: Any) -> Captures:
     return read_captures(folder / "a.h5")
 
 
-def diagnosed(folder: Path, hidden: dict[str, Any], empirical: bool = False, **session: Any) -> Diagnosis:
-    return diagnose(captured(folder, hidden, **session), vocabulary(), empirical=empirical)
+def diagnosed(folder: Path, hidden: dict[str, Any], free_forms: bool = False, **session: Any) -> Diagnosis:
+    return diagnose(captured(folder, hidden, **session), vocabulary(), free_forms=free_forms)
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_what_has_no_name(hidden: dict[str, Any], surround: str, stage: str, tmp
 
 @pytest.mark.slow
 def test_free_form_when_asked(tmp_path: Path) -> None:
-    result = diagnosed(tmp_path, {"short_slot": {"loss": 0.3, "slot": 2}}, empirical=True, surround="dark")
+    result = diagnosed(tmp_path, {"short_slot": {"loss": 0.3, "slot": 2}}, free_forms=True, surround="dark")
     assert result.verdict == "unexplained" and result.unnamed[0].stage == "exposure"
     assert result.after.gap.chi2 < 1.05 < result.before.gap.chi2
     write_encoder(result, tmp_path)

@@ -31,7 +31,7 @@ from tests.files.schemas.validation import check
     [
         *(("most", value) for value in (-1, 1.5, "abc", True, [1])),
         *(("seed", value) for value in (-1, 2**63, 1e30, "abc")),
-        *(("empirical", value) for value in (7, "yes")),
+        *(("free_forms", value) for value in (7, "yes")),
         *(("candidates", value) for value in (5, ["a"], "a", {"a": 5}, {"a": ""})),
         *(("search", value) for value in (5, {"min_gain_nats": -1}, {"probes_fitted": 0}, {"max_map_p_value": 2.0})),
         *(("search", value) for value in ({"significance": True}, {"mistyped": 1}, {"held_out_block": 1.5})),

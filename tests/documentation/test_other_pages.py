@@ -84,14 +84,14 @@ def test_links(page: Path) -> None:
         assert not heading or heading in anchors, f"{name(page)}: no heading #{heading} in {file or 'it'}"
 
 
-def test_every_room_is_on_the_map() -> None:
+def test_every_package_is_on_the_map() -> None:
     """The map of the repository names every folder of the package, and no folder that is not there."""
     drawn = re.search(r"^sci_lightning/\n(.*?)^tests/", LAYOUT.read_text(), re.DOTALL | re.MULTILINE)
     assert drawn is not None
     heads = re.findall(r"^  ((?:\w+/ )+)", drawn[1], re.MULTILINE)
-    rooms = {room for head in heads for room in re.findall(r"\w+", head)}
+    packages = {package for head in heads for package in re.findall(r"\w+", head)}
     there = {folder.parent.name for folder in (ROOT / "sci_lightning").glob("*/__init__.py")}
-    assert rooms == there
+    assert packages == there
 
 
 def test_security_names_files_that_exist() -> None:

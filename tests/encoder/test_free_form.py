@@ -7,7 +7,7 @@ import torch
 
 from sci_lightning.encoder import Encoder, free_form
 from sci_lightning.encoder.effects import Effect, MapEffect
-from sci_lightning.encoder.free_form import Empirical, Ghost, MaskField, PatternMixing
+from sci_lightning.encoder.free_form import FreeForm, Ghost, MaskField, PatternMixing
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.mask import RandomStructural
 from sci_lightning.encoder.sensor import Ideal
@@ -15,7 +15,7 @@ from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput
 
 N, T, SIZE = 5, 4, (18, 16)
-NAMES = [name for name in free_form.__all__ if name != "Empirical"]
+NAMES = [name for name in free_form.__all__ if name != "FreeForm"]
 
 
 def build(name: str, value: float) -> Effect:
@@ -95,4 +95,4 @@ def test_a_ghost_is_looked_for_where_the_residuals_repeat_the_image() -> None:
 def test_numbers_that_do_not_exist() -> None:
     with pytest.raises(BadInput, match="numbers c0 to c2, not 'c3'"):
         Ghost(count=3, c3=0.1)
-    assert not issubclass(Empirical, MapEffect)
+    assert not issubclass(FreeForm, MapEffect)

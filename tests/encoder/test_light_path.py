@@ -90,6 +90,6 @@ def test_a_new_effect_is_found_by_its_file() -> None:
 def test_a_footprint_that_leans_on_the_mirrors(effect: RelayEffect) -> None:
     """The image is that of pixels in many parts, to a thousandth of a pattern's contrast."""
     patterns = (torch.rand(4, 40, 56) < 0.5).float()
-    pose = LightPath([effect]).pose
-    exact = torch.nn.functional.avg_pool2d(pose.image(patterns, 16), 16)
-    assert (pose.image(patterns) - exact).square().mean().sqrt() < 1e-3
+    geometry = LightPath([effect]).geometry
+    exact = torch.nn.functional.avg_pool2d(geometry.image(patterns, 16), 16)
+    assert (geometry.image(patterns) - exact).square().mean().sqrt() < 1e-3

@@ -34,12 +34,12 @@ def read_unregistered(path: str | Path, again: bool = False) -> Captures:
     path = Path(path)
     if path.is_dir():
         captures = assemble_captures(path, registered=False)
-        place, key = path / FILE, KEY
+        written, key = path / FILE, KEY
     else:
         captures = read_captures(path, registered=False)
-        place, key = path, f"attribute '{KEY}'"
+        written, key = path, f"attribute '{KEY}'"
     if captures.sensor_to_modulator is not None and not again:
-        raise BadInput(f"{place}: has a homography already ({key}); again=true finds it anew")
+        raise BadInput(f"{written}: has a homography already ({key}); again=true finds it anew")
     return captures
 
 

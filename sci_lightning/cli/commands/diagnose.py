@@ -152,7 +152,7 @@ def _calibrated(task: Task) -> None:
     cfg = task.cfg
     with search_progress(task.console, cfg.most) as on_progress:
         diagnosis = library.diagnose(
-            task.captures, task.candidates, cfg.seed, cfg.empirical, task.settings, on_progress
+            task.captures, task.candidates, cfg.seed, cfg.free_forms, task.settings, on_progress
         )
         on_progress("writing the report")
         drawn = figures(diagnosis)

@@ -83,10 +83,10 @@ def reconstruct(composition: Composition) -> None:
 def _mask_is_known(composition: Composition) -> bool:
     """Return whether the decoder's encoder reads its mask from a file, or is itself described by a file."""
     cfg = composition.cfg
-    place, settings = ("encoder@camera", cfg.get("camera")) if cfg.get("camera") else ("encoder", cfg.get("encoder"))
+    group, settings = ("encoder@camera", cfg.get("camera")) if cfg.get("camera") else ("encoder", cfg.get("encoder"))
     if not settings or "mask" not in settings:
         return False
-    return composition.choice(place) not in group_members("encoder") or settings.mask.get("file") is not None
+    return composition.choice(group) not in group_members("encoder") or settings.mask.get("file") is not None
 
 
 def main() -> None:

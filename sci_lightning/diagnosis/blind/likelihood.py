@@ -17,7 +17,7 @@ from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import Effect, OpticsEffect
 from sci_lightning.encoder.effects.stage import ExposureEffect, ModulatorEffect, RelayEffect
 from sci_lightning.encoder.light_path import LightPath
-from sci_lightning.encoder.relay import Pose
+from sci_lightning.encoder.relay import RelayGeometry
 from sci_lightning.encoder.signal import Signal
 
 REACH = 2
@@ -372,7 +372,7 @@ class BlindLikelihood:
 
 def _turns(effect: Effect) -> bool:
     """Return whether an effect turns or distorts the image of the mask."""
-    return isinstance(effect, RelayEffect) and effect.aim(Pose()).turned
+    return isinstance(effect, RelayEffect) and effect.aim(RelayGeometry()).turned
 
 
 def spread(blocks: torch.Tensor, count: int) -> torch.Tensor:

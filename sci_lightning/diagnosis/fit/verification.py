@@ -15,7 +15,7 @@ from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.gap import Gap, held_out_gap
 from sci_lightning.diagnosis.fit.split import Split
 from sci_lightning.diagnosis.model.observation import Observation
-from sci_lightning.encoder.free_form import Empirical
+from sci_lightning.encoder.free_form import FreeForm
 from sci_lightning.errors import BadInput
 
 
@@ -97,7 +97,7 @@ def transferred(judge: Fitter, fit: Fit) -> Fit:
     model, hypothesis = judge.model, fit.hypothesis
     for name in fit.hypothesis.effects:
         effect = model.effects[name]
-        if issubclass(effect, Empirical) and effect.of_captures:
+        if issubclass(effect, FreeForm) and effect.of_captures:
             hypothesis = hypothesis.without(name)
     prediction = model.predict(hypothesis)
     maps = {

@@ -36,7 +36,7 @@ from sci_lightning.version import installed_version
 
 COLUMNS = ("effect", "stage", "parameter", "value", "error (1 σ)", "unit", "snapshots that ask for it", "alternatives")
 """Titles of the table of what was found; what stands in none of its rows is left out."""
-UNCERTAINTY = (
+BLIND_UNCERTAINTY = (
     "Uncertainties are one standard deviation, from the differences between blocks and between snapshots, because the "
     "statistics of the scenes are only roughly right. What is the same for all scenes, such as an error of the "
     "patterns, comes on top."
@@ -108,7 +108,7 @@ def _page(diagnosis: BlindDiagnosis, drawn: Mapping[str, Figure], provenance: Pr
         "about": f"{_snapshots(len(observation))}, {height} x {width} pixels, {observation.frames} slots, "
         f"{observation.bit_depth} bits",
         "notes": _further_notes(diagnosis),
-        "uncertainty": UNCERTAINTY,
+        "uncertainty": BLIND_UNCERTAINTY,
         "predicted": [] if judged is None else predicted_errors(judged.gap, judged.without_mask, judged.verification),
         "figures": {CAPTIONS[name]: figure for name, figure in drawn.items()},
         "advice": diagnosis.next_captures,
@@ -151,7 +151,7 @@ def describe_blind(diagnosis: BlindDiagnosis) -> dict[str, Any]:
         "format_version": 2,
         "verdict": diagnosis.verdict,
         "effects": [effect.describe() for effect in diagnosis.effects],
-        "uncertainty": UNCERTAINTY,
+        "uncertainty": BLIND_UNCERTAINTY,
         "gap": {
             "before": _gap(diagnosis.ideal.log_likelihood.numpy()) | predicted["before"],
             "after": _gap(diagnosis.corrected.log_likelihood.numpy()) | predicted["after"],

@@ -22,7 +22,7 @@ from sci_lightning.diagnosis.report.report_page import Provenance, report_page
 from sci_lightning.diagnosis.report.sentences import class_paths
 from sci_lightning.diagnosis.result import Result
 from sci_lightning.diagnosis.target_effects import SceneEffect
-from sci_lightning.encoder.free_form import Empirical
+from sci_lightning.encoder.free_form import FreeForm
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.version import installed_version
 
@@ -134,10 +134,10 @@ def write_corrected_encoder(
     effects: dict[str, Any] = {}
     for name, values in settings.items():
         effect = model.effects[name]
-        if (issubclass(effect, Empirical) and effect.of_captures) or issubclass(effect, SceneEffect):
+        if (issubclass(effect, FreeForm) and effect.of_captures) or issubclass(effect, SceneEffect):
             continue
         effects[name] = {"_target_": f"{effect.__module__}.{effect.__qualname__}", **values}
-        if issubclass(effect, Empirical):
+        if issubclass(effect, FreeForm):
             effects[name]["count"] = effect.count
         if effect.map_kind and name in maps:
             scale = float(values["std"]) if "std" in values else 1.0

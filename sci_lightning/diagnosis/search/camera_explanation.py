@@ -28,10 +28,10 @@ class Explained:
     explanation: Explanation
     stated: tuple[ParameterName, ...]
 
-    def corrected(self, empirical: bool) -> Fit:
-        """Return the corrected camera, with the deviations that have no name if ``empirical``."""
+    def corrected(self, free_forms: bool) -> Fit:
+        """Return the corrected camera, with the deviations that have no name if ``free_forms``."""
         fit, unnamed = self.explanation.fit, self.explanation.unnamed
-        if empirical or not unnamed:
+        if free_forms or not unnamed:
             return fit
         named = fit.hypothesis
         for deviation in unnamed:
@@ -71,7 +71,7 @@ def _without_contradicted_maps(explained: Explained, on_progress: OnProgress) ->
     Beside such a deviation, which takes what does not fit, any map looks right.
     """
     settings = explained.fitter.settings
-    maps = explained.corrected(empirical=False).maps if explained.explanation.unnamed else {}
+    maps = explained.corrected(free_forms=False).maps if explained.explanation.unnamed else {}
     for name in [name for name in explained.explanation.names if name in maps]:
         if map_p_value(maps[name]) < settings.max_map_p_value:
             on_progress(f"{name} is set aside: its map is not what its name says")

@@ -22,7 +22,7 @@ from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 from sci_lightning.diagnosis.model.fixed_pattern_map import estimate_map
 from sci_lightning.diagnosis.search.map_test import map_p_value
 from sci_lightning.encoder.effects import Effect
-from sci_lightning.encoder.free_form import Empirical
+from sci_lightning.encoder.free_form import FreeForm
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Unnamed:
 
 
 @dataclass(frozen=True)
-class FreeForm:
+class FreeFormCandidate:
     """A free-form deviation that the captures ask for.
 
     Attributes:
@@ -91,7 +91,7 @@ def explain_remaining_misfit(
     fit: Fit,
     ideal: Fit,
     noise: Hypothesis,
-    given: Sequence[FreeForm] = (),
+    given: Sequence[FreeFormCandidate] = (),
     on_progress: Callable[[str], None] = lambda message: None,
 ) -> tuple[Fitter, Fit, list[Unnamed]]:
     """Explain what named effects leave by free-form deviations, and drop the names that this makes superfluous.
@@ -157,7 +157,7 @@ def best_free_form(
     least: float,
     maps: Mapping[str, type[Effect]] | None = None,
     only_maps: bool = False,
-) -> tuple[Fitter, Fit, FreeForm | None, Fit]:
+) -> tuple[Fitter, Fit, FreeFormCandidate | None, Fit]:
     """Find the free-form deviation of the largest gain in a joint fit.
 
     Args:
@@ -174,7 +174,7 @@ def best_free_form(
     pixels = float(fitter.pixels)
     screened = screen_free_forms(fitter, fit, maps or {}, only_maps)
     promising = [one for one in screened if one.bic_gain(pixels) > least]
-    best: tuple[Fitter, Fit, FreeForm | None, Fit] = (fitter, fit, None, fit)
+    best: tuple[Fitter, Fit, FreeFormCandidate | None, Fit] = (fitter, fit, None, fit)
     largest = least
     for deviation in promising[: fitter.settings.probes_fitted]:
         start = deviation.added(fitter, fit.hypothesis)
@@ -197,7 +197,7 @@ def best_free_form(
 
 def screen_free_forms(
     fitter: Fitter, base: Fit, maps: Mapping[str, type[Effect]], only_maps: bool = False
-) -> list[FreeForm]:
+) -> list[FreeFormCandidate]:
     """Estimate the gain of every free-form deviation that the model lacks; the most valuable comes first.
 
     Args:
@@ -219,8 +219,10 @@ def screen_free_forms(
         if effect.map_kind:
             one = estimate_map(fitter.model, base.hypothesis, name, base.prediction, likelihood, fitter.fitted)
             p_value = float(chi2.sf(2 * max(one.evidence, 0.0), 1))
-            significant.append(FreeForm(name, one.evidence, 1, p_value, dict.fromkeys(effect.about, one.std), effect))
-        elif issubclass(effect, Empirical):
+            significant.append(
+                FreeFormCandidate(name, one.evidence, 1, p_value, dict.fromkeys(effect.about, one.std), effect)
+            )
+        elif issubclass(effect, FreeForm):
             groups = effect.proposals(*fields)
             if groups:
                 deviation = _screen_proposals(fitter, base, effect, local, groups)
@@ -233,7 +235,7 @@ def screen_free_forms(
     return sorted(significant, key=lambda deviation: -deviation.bic_gain(pixels))
 
 
-def _screen_numbers(fitter: Fitter, base: Fit, effect: type[Empirical], local: LocalGain) -> FreeForm | None:
+def _screen_numbers(fitter: Fitter, base: Fit, effect: type[FreeForm], local: LocalGain) -> FreeFormCandidate | None:
     """Estimate the gain of a deviation with the numbers that differ clearly from 0; None if there are none."""
     settings, count = fitter.settings, effect.count
     if not 0 < count * fitter.fitted.numel() <= settings.probe_max_derivatives:
@@ -252,12 +254,12 @@ def _screen_numbers(fitter: Fitter, base: Fit, effect: type[Empirical], local: L
     kept_gain = gain.of(kept)
     bounded = kept_gain.factors.clamp(effect.number.low, effect.number.high).tolist()
     start: Setting = {f"c{index}": value for index, value in zip(kept.tolist(), bounded, strict=True)}
-    return FreeForm(effect.name, kept_gain.nats, len(kept), p_value, start, effect)
+    return FreeFormCandidate(effect.name, kept_gain.nats, len(kept), p_value, start, effect)
 
 
 def _screen_proposals(
-    fitter: Fitter, base: Fit, effect: type[Empirical], local: LocalGain, groups: list[list[Setting]]
-) -> FreeForm | None:
+    fitter: Fitter, base: Fit, effect: type[FreeForm], local: LocalGain, groups: list[list[Setting]]
+) -> FreeFormCandidate | None:
     """Estimate the gain of a deviation that is not linear in its numbers, at the settings that it proposes itself."""
     best = None
     for settings in groups:
@@ -268,7 +270,7 @@ def _screen_proposals(
             places = math.prod(fitter.model.observation.size)  # a proposal is the best of as many as there are pixels
             p_value = min(1.0, places * float(chi2.sf(2 * float(nats[top]), 1)))
             start = effect.scaled(settings[top], float(factors[top]))
-            best = FreeForm(effect.name, float(nats[top]), len(start), p_value, start, effect)
+            best = FreeFormCandidate(effect.name, float(nats[top]), len(start), p_value, start, effect)
     return best
 
 
@@ -281,7 +283,7 @@ def quantified(fitter: Fitter, fit: Fit, deviation: Unnamed) -> Unnamed:
     return replace(deviation, nats=fit.log_likelihood - without.log_likelihood, picture=change)
 
 
-def _unnamed(fitter: Fitter, fit: Fit, deviation: FreeForm, contradicted: Mapping[str, float]) -> Unnamed:
+def _unnamed(fitter: Fitter, fit: Fit, deviation: FreeFormCandidate, contradicted: Mapping[str, float]) -> Unnamed:
     p_value = min(deviation.p_value, contradicted.get(deviation.name, 1.0))
     nothing = torch.full(fitter.model.observation.size, torch.nan)
     one = Unnamed(deviation.name, deviation.effect.stage, deviation.where, p_value, 0.0, nothing)

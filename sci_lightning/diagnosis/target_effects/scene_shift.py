@@ -6,9 +6,7 @@ import torch
 
 from sci_lightning.diagnosis.target_effects.scene_effect import SceneEffect, resampled
 from sci_lightning.encoder.border import Border
-from sci_lightning.encoder.effects.parameter import Parameter
-
-STARTS = (-1.2, -0.4, 0.0, 0.4, 1.2)
+from sci_lightning.encoder.effects.relay.mask_shift import MaskShift
 
 
 class SceneShift(SceneEffect):
@@ -21,7 +19,7 @@ class SceneShift(SceneEffect):
     name = "scene_shift"
     rank = 5
     displacement = ("dx", "dy")
-    about = {name: Parameter("pixel", 0.0, -32, 32, step=0.1, starts=STARTS) for name in ("dx", "dy")}
+    about = MaskShift.about
     sentence = "the targets are displaced by ({dx}, {dy}) pixel"
     dx: torch.Tensor
     dy: torch.Tensor

@@ -4,7 +4,7 @@ A capture of a scene x with commanded patterns M forms as
 
 .. math::
     D_t &= \sum_s S_{ts}\, \mathrm{show}(M_s)                  && \text{modulator: what is displayed in slot } t \\
-    P_t &= \mathrm{image}(D_t;\, \mathrm{pose})                && \text{relay: its image on the sensor} \\
+    P_t &= \mathrm{image}(D_t;\, \mathrm{geometry})                && \text{relay: its image on the sensor} \\
     A_t &= w_t \odot P_t                                       && \text{exposure: what multiplies frame } t \\
     \mu &= \mathrm{form}\big(a \textstyle\sum_t A_t \odot x_t\big)  && \text{optics: the image on the pixels} \\
     (m, v) &= \mathrm{respond}(\mu, 0)                         && \text{sensor: mean and variance} \\
@@ -22,7 +22,7 @@ import torch
 
 from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.exposure import Exposure
-from sci_lightning.encoder.relay import Pose
+from sci_lightning.encoder.relay import RelayGeometry
 from sci_lightning.encoder.signal import Signal
 
 
@@ -41,7 +41,7 @@ class ModulatorEffect(Effect):
 
 
 class RelayEffect(Effect):
-    r"""How the displayed patterns are imaged onto the sensor: :math:`P_t = \mathrm{image}(D_t; \mathrm{pose})`."""
+    r"""How the displayed patterns are imaged onto the sensor: :math:`P_t = \mathrm{image}(D_t; \mathrm{geometry})`."""
 
     stage = "relay"
 
@@ -49,9 +49,9 @@ class RelayEffect(Effect):
         """Return the patterns ``(P, qH, qW)``, q ``cells`` a pixel, as this effect distorts or smears them."""
         return patterns
 
-    def aim(self, pose: Pose) -> Pose:
+    def aim(self, geometry: RelayGeometry) -> RelayGeometry:
         """Return where the mask's image lies and how sharp it is, from where it lay without this effect."""
-        return pose
+        return geometry
 
 
 class ExposureEffect(Effect):

@@ -9,11 +9,11 @@ import torch
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import ExposureEffect
 from sci_lightning.encoder.exposure import Exposure
-from sci_lightning.encoder.free_form.free_form import Empirical, legendre
+from sci_lightning.encoder.free_form.free_form import FreeForm, legendre
 from sci_lightning.encoder.signal import Signal
 
 
-class SlotWeights(Empirical, ExposureEffect):
+class SlotWeights(FreeForm, ExposureEffect):
     """Slot t collects 1 + c_t times its nominal light.
 
     Args:
@@ -38,7 +38,7 @@ class SlotWeights(Empirical, ExposureEffect):
         )
 
 
-class SourcePower(Empirical, ExposureEffect):
+class SourcePower(FreeForm, ExposureEffect):
     """The light of a capture is multiplied by 1 + a polynomial of its position in the file.
 
     This is a property of the captures and not of the camera.

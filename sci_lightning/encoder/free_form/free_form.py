@@ -13,7 +13,7 @@ from sci_lightning.encoder.effects.parameter import Parameter, Value
 from sci_lightning.errors import BadInput
 
 
-class Empirical(Effect):
+class FreeForm(Effect):
     """A free-form deviation: it shows at which stage something is missing, not what.
 
     A subclass also derives from the base class of its stage. Its parameters are numbers called c0, c1, ..; those that
@@ -47,7 +47,7 @@ class Empirical(Effect):
         super().__init__(**values)
 
     @classmethod
-    def of(cls, count: int) -> type[Empirical]:
+    def of(cls, count: int) -> type[FreeForm]:
         """Return the subclass whose parameters are ``count`` numbers; an object of it has those that it is given."""
         about = {f"c{index}": cls.number for index in range(count)}
         body = {"about": about, "count": count, "__module__": cls.__module__, "__qualname__": cls.__qualname__}
@@ -115,7 +115,7 @@ def piecewise_linear(x: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
     return values[low] * (1 - share) + values[low + 1] * share
 
 
-class NeighbourTaps(Empirical):
+class NeighbourTaps(FreeForm):
     """Light also falls on the neighbours of where it should, by a free kernel of 5 x 5 taps whose middle is 1.
 
     Args:

@@ -7,7 +7,7 @@ import torch
 from sci_lightning.encoder.effects.map_effect import MapEffect
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import ModulatorEffect
-from sci_lightning.encoder.free_form.free_form import Empirical, piecewise_linear
+from sci_lightning.encoder.free_form.free_form import FreeForm, piecewise_linear
 
 
 class LeakMap(MapEffect, ModulatorEffect):
@@ -28,7 +28,7 @@ class LeakMap(MapEffect, ModulatorEffect):
         return patterns + self.std * self.map
 
 
-class LevelCurve(Empirical, ModulatorEffect):
+class LevelCurve(FreeForm, ModulatorEffect):
     """Displayed = commanded + a curve that connects the numbers, at equidistant levels from 0 to 1.
 
     Args:
@@ -49,7 +49,7 @@ class LevelCurve(Empirical, ModulatorEffect):
         return patterns + piecewise_linear(patterns, self.coefficients.to(patterns))
 
 
-class PatternMixing(Empirical, ModulatorEffect):
+class PatternMixing(FreeForm, ModulatorEffect):
     r"""In place of pattern p of n, :math:`M_p + \sum_q c_{p n + q} M_q` is displayed.
 
     Args:

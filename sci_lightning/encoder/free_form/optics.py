@@ -7,7 +7,7 @@ import torch
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter, Value
 from sci_lightning.encoder.effects.stage import OpticsEffect
-from sci_lightning.encoder.free_form.free_form import Empirical, NeighbourTaps, polynomials
+from sci_lightning.encoder.free_form.free_form import FreeForm, NeighbourTaps, polynomials
 from sci_lightning.encoder.signal import Signal
 
 
@@ -32,7 +32,7 @@ NEAR = 2.0
 """Pixels within which a displaced copy cannot be told from a blur."""
 
 
-class Ghost(Empirical, OpticsEffect):
+class Ghost(FreeForm, OpticsEffect):
     """A part c0 of the light forms a second image, displaced by (c1, c2) pixels, +x right and +y down.
 
     Args:
@@ -105,7 +105,7 @@ def _moved(length: int, distance: torch.Tensor) -> torch.Tensor:
 SHADING_DEGREE = 4
 
 
-class Shading(Empirical, OpticsEffect):
+class Shading(FreeForm, OpticsEffect):
     """The light is multiplied by 1 + a polynomial of the position.
 
     Args:
@@ -134,7 +134,7 @@ def smooth(signal: Signal, coefficients: torch.Tensor, degree: int, constant: bo
     return torch.einsum("k,khw->hw", coefficients.to(signal.mean), basis if constant else basis[1:])
 
 
-class StrayLight(Empirical, OpticsEffect):
+class StrayLight(FreeForm, OpticsEffect):
     """The light plus a polynomial of the position that grows with the integration time, in dark captures as well.
 
     Args:

@@ -7,7 +7,7 @@ import torch
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import RelayEffect
-from sci_lightning.encoder.free_form.free_form import Empirical, NeighbourTaps, polynomials
+from sci_lightning.encoder.free_form.free_form import FreeForm, NeighbourTaps, polynomials
 
 
 class MaskTaps(NeighbourTaps, RelayEffect):
@@ -24,7 +24,7 @@ class MaskTaps(NeighbourTaps, RelayEffect):
 FIELD_DEGREE = 3
 
 
-class MaskField(Empirical, RelayEffect):
+class MaskField(FreeForm, RelayEffect):
     """A smooth displacement field: polynomials of the position, half of the numbers for y and half for x.
 
     Args:

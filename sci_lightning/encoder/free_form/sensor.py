@@ -5,7 +5,7 @@ from __future__ import annotations
 from sci_lightning.encoder.effects.map_effect import FixedPatternGain, FixedPatternOffset
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import SensorEffect
-from sci_lightning.encoder.free_form.free_form import Empirical, piecewise_linear
+from sci_lightning.encoder.free_form.free_form import FreeForm, piecewise_linear
 from sci_lightning.encoder.signal import Signal
 
 
@@ -39,7 +39,7 @@ class RowGain(FixedPatternGain):
     map_kind = "row"
 
 
-class ResponseCurve(Empirical, SensorEffect):
+class ResponseCurve(FreeForm, SensorEffect):
     """The signal plus a curve that connects the numbers, at equidistant levels from 0 to 1.
 
     Args:
@@ -60,7 +60,7 @@ class ResponseCurve(Empirical, SensorEffect):
         return signal.with_mean(signal.mean + piecewise_linear(signal.mean, self.coefficients.to(signal.mean)))
 
 
-class CarryOver(Empirical, SensorEffect):
+class CarryOver(FreeForm, SensorEffect):
     """A part c0 of what was recorded is added to the next capture of the file.
 
     Args:

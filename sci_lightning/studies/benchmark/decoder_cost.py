@@ -77,7 +77,7 @@ def measure(
     frames: int,
     size: tuple[int, int],
     rules: int,
-    device: str,
+    device: str | torch.device,
     precisions: Sequence[str],
     compile: bool,
     warm_up: int,
@@ -123,16 +123,16 @@ def measure(
     if threads:
         torch.set_num_threads(threads)
     kernels.use("plain" if plain_kernels else "auto")
-    place = torch.device(device)
-    before = 0 if place.type == "cuda" else _memory("VmRSS")
-    decoder: Decoder = build(config, "decoder").eval().to(place)
+    device = torch.device(device)
+    before = 0 if device.type == "cuda" else _memory("VmRSS")
+    decoder: Decoder = build(config, "decoder").eval().to(device)
     if state is not None:
         decoder.load_state_dict(dict(state))
     if snapshot is None:
         mask = (torch.rand(frames, *size) < 0.5).float()
         video = torch.rand(1, frames, *size)
         snapshot = SnapshotOperator(mask)(video), mask, video
-    measurement, mask, truth = (value.to(place) for value in snapshot)
+    measurement, mask, truth = (value.to(device) for value in snapshot)
     decode = torch.compile(decoder) if compile else decoder
     videos: dict[str, torch.Tensor] = {}
 
@@ -148,7 +148,7 @@ def measure(
     def call_in(precision: str, name: str, function: Any) -> Call:
         def call() -> None:
             _report(name)
-            with torch.inference_mode(), mixed_precision(precision, place):
+            with torch.inference_mode(), mixed_precision(precision, device):
                 videos[name] = function()
 
         return call
@@ -156,14 +156,14 @@ def measure(
     calls = {precision: call_in(precision, precision, decoded) for precision in precisions}
     memory: dict[str, int] = {}
     for precision in reversed(precisions):  # what the allocator keeps of a call would count in the next, smaller one
-        _reset_peak(place)
+        _reset_peak(device)
         calls[precision]()
-        peak = torch.cuda.max_memory_allocated(place) if place.type == "cuda" else _memory("VmHWM")
+        peak = torch.cuda.max_memory_allocated(device) if device.type == "cuda" else _memory("VmHWM")
         memory |= {precision: peak - before} if peak else {}
     # everything has been called once above
-    seconds = seconds_in_turns(calls, place, max(0, warm_up - 1), repeats, budget)
+    seconds = seconds_in_turns(calls, device, max(0, warm_up - 1), repeats, budget)
     _report("the machine's own speed")
-    speeds = machine_speed(precisions, place, product, training > 0)
+    speeds = machine_speed(precisions, device, product, training > 0)
     _report("counting operations")
     macs = count_macs(decoder, frames, *size)  # after the memory was read: counting loads a good part of torch
     result: dict[str, Any] = {
@@ -187,7 +187,9 @@ def measure(
     if speeds:
         result["machine"] = speeds
     if training and count_parameters(decoder):
-        result["training"] = training_step(decoder, frames, size, training, precisions, place, warm_up, repeats, budget)
+        result["training"] = training_step(
+            decoder, frames, size, training, precisions, device, warm_up, repeats, budget
+        )
     return result
 
 
@@ -198,9 +200,9 @@ def _memory(field: str) -> int:
     return 1024 * int(match[1]) if match else 0
 
 
-def _reset_peak(place: torch.device) -> None:
+def _reset_peak(device: torch.device) -> None:
     """Forget the most memory that has been taken so far; where the system cannot, the peak is that of all calls."""
-    if place.type == "cuda":
-        torch.cuda.reset_peak_memory_stats(place)
+    if device.type == "cuda":
+        torch.cuda.reset_peak_memory_stats(device)
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")

@@ -17,13 +17,13 @@ Call = Callable[[], Any]
 
 
 def seconds_in_turns(
-    calls: Mapping[str, Call], place: torch.device, warm_up: int, repeats: int, budget: float = math.inf
+    calls: Mapping[str, Call], device: torch.device, warm_up: int, repeats: int, budget: float = math.inf
 ) -> dict[str, list[float]]:
     """Return the seconds of every timed call, by name: one call of each, then the next one of each.
 
     Args:
         calls: what is timed.
-        place: device whose work is waited for.
+        device: device whose work is waited for.
         warm_up, repeats: number of rounds that are not timed, and that are.
         budget: seconds of all calls after which no further round begins.
     """
@@ -32,17 +32,17 @@ def seconds_in_turns(
         if number > warm_up and sum(map(sum, seconds.values())) >= budget:
             break
         for name, call in calls.items():
-            start = now(place)
+            start = now(device)
             call()
             if number >= warm_up:
-                seconds[name].append(now(place) - start)
+                seconds[name].append(now(device) - start)
     return seconds
 
 
-def now(place: torch.device) -> float:
+def now(device: torch.device) -> float:
     """Return the time in seconds once the device has done its work."""
-    if place.type == "cuda":
-        torch.cuda.synchronize(place)
+    if device.type == "cuda":
+        torch.cuda.synchronize(device)
     return time.perf_counter()
 
 
@@ -59,13 +59,13 @@ CALLS = 5
 
 
 def machine_speed(
-    precisions: Sequence[str], place: torch.device, product: int, training: bool = False
+    precisions: Sequence[str], device: torch.device, product: int, training: bool = False
 ) -> dict[str, dict[str, float]]:
     """Return 10^9 operations a second by precision: ``product_gflops``, ``convolution_gflops``.
 
     Args:
         precisions: by Lightning's names; float32 is what ``32-true`` multiplies, bfloat16 ``bf16-mixed``.
-        place: device.
+        device: device.
         product: n of the n x n matrix product; 0: measure nothing.
         training: whether to measure a convolution with its gradients as well, ``convolution_training_gflops``.
     """
@@ -74,9 +74,9 @@ def machine_speed(
     speeds: dict[str, dict[str, float]] = {}
     for precision in precisions:
         dtype = DTYPES[precision] or torch.float32
-        one, other = torch.rand(2, product, product, device=place).to(dtype)
-        image = torch.rand(1, CHANNELS, SIDE, SIDE, device=place).to(dtype, memory_format=torch.channels_last)
-        weight = torch.rand(CHANNELS, CHANNELS, 3, 3, device=place).to(dtype, memory_format=torch.channels_last)
+        one, other = torch.rand(2, product, product, device=device).to(dtype)
+        image = torch.rand(1, CHANNELS, SIDE, SIDE, device=device).to(dtype, memory_format=torch.channels_last)
+        weight = torch.rand(CHANNELS, CHANNELS, 3, 3, device=device).to(dtype, memory_format=torch.channels_last)
         flops = 2 * 9 * CHANNELS**2 * SIDE**2
         work = {
             "product_gflops": (2 * product**3, lambda one=one, other=other: one @ other),
@@ -86,7 +86,7 @@ def machine_speed(
             x, w = (torch.rand_like(value).requires_grad_() for value in (image, weight))
             work["convolution_training_gflops"] = (3 * flops, lambda x=x, w=w: _with_gradients(x, w))
         with torch.inference_mode(False), torch.set_grad_enabled(training):
-            seconds = seconds_in_turns({name: call for name, (_, call) in work.items()}, place, 1, CALLS)
+            seconds = seconds_in_turns({name: call for name, (_, call) in work.items()}, device, 1, CALLS)
         speeds[precision] = {name: 1e-9 * count / min(seconds[name]) for name, (count, _) in work.items()}
     return speeds
 

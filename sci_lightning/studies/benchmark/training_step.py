@@ -21,7 +21,7 @@ def training_step(
     size: tuple[int, int],
     snapshots: int,
     precisions: Sequence[str],
-    place: torch.device,
+    device: torch.device,
     warm_up: int,
     repeats: int,
     budget: float,
@@ -37,14 +37,14 @@ def training_step(
     """
     decoder.train()
     optimizer = torch.optim.Adam(decoder.parameters(), lr=1e-5, fused=True)
-    video = torch.rand(snapshots, frames, *size, device=place)
-    mask = (torch.rand(frames, *size, device=place) < 0.5).float().requires_grad_()
+    video = torch.rand(snapshots, frames, *size, device=device)
+    mask = (torch.rand(frames, *size, device=device) < 0.5).float().requires_grad_()
 
     def step_in(precision: str) -> Call:
         def step() -> None:
             optimizer.zero_grad(set_to_none=True)
             mask.grad = None
-            with mixed_precision(precision, place):
+            with mixed_precision(precision, device):
                 estimate = decoder(SnapshotOperator(mask)(video), mask)
             (estimate.float() - video).square().mean().backward()
             optimizer.step()
@@ -53,7 +53,7 @@ def training_step(
 
     with torch.inference_mode(False), torch.enable_grad():
         steps = {precision: step_in(precision) for precision in precisions}
-        seconds = seconds_in_turns(steps, place, warm_up, repeats, budget)
+        seconds = seconds_in_turns(steps, device, warm_up, repeats, budget)
     flops = 3 * 2e-9 * snapshots * count_macs(decoder, frames, *size)
     costs = {
         precision: {

@@ -36,12 +36,12 @@ def write_dashboard(runs: Sequence[Run], folder: str | Path) -> None:
 
     taken: Counter[Path] = Counter()
     for run in runs:
-        place = Path(folder, _name(run))
-        taken[place] += 1
-        if taken[place] > 1:  # of another size, or tested behind another encoder
-            place = place.with_name(f"{place.name}_{taken[place]}")
+        path = Path(folder, _name(run))
+        taken[path] += 1
+        if taken[path] > 1:  # of another size, or tested behind another encoder
+            path = path.with_name(f"{path.name}_{taken[path]}")
         scores = _scores(run)
-        with SummaryWriter(str(place)) as writer:
+        with SummaryWriter(str(path)) as writer:
             for summary in hparams(_settings(run), scores):
                 writer.file_writer.add_summary(summary)
             for tag, score in scores.items():

@@ -77,7 +77,7 @@ def judged(path: LightPath, folder: Path, factor: int) -> Judged:
     def seen_at(place: np.ndarray) -> np.ndarray:
         """The mirror (column, row) seen at a place of the photograph."""
         x, y = ((p + 0.5) / factor - side / 2 for p, side in zip(place, (width, height), strict=True))
-        y_, x_ = path.pose.nominal_at(torch.tensor([[y]]).double(), torch.tensor([[x]]).double(), grid.field)
+        y_, x_ = path.geometry.nominal_at(torch.tensor([[y]]).double(), torch.tensor([[x]]).double(), grid.field)
         row, column = grid.mirror_at(y_, x_)
         return np.array([float(column), float(row)])
 

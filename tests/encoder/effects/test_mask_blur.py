@@ -10,7 +10,7 @@ import torch
 from sci_lightning.encoder import relay
 from sci_lightning.encoder.effects import MaskBlur
 from sci_lightning.encoder.footprint import square_kernel
-from sci_lightning.encoder.relay import Pose
+from sci_lightning.encoder.relay import RelayGeometry
 from tests.encoder.effects.conftest import seen
 
 
@@ -39,7 +39,7 @@ def test_a_blurred_image_that_is_turned(sigma: float) -> None:
     pattern = torch.zeros(1, size, size, dtype=torch.float64)
     pattern[0, 12, 14] = 1
     options = {"angle": torch.tensor(angle), "sigma": torch.tensor(sigma, dtype=torch.float64)}
-    image = Pose(**options).image(pattern)[0]
+    image = RelayGeometry(**options).image(pattern)[0]
     place = (torch.arange(2 * size, dtype=torch.float64) + 0.5) / 2 - size / 2
     down = math.cos(angle) * place[:, None] - math.sin(angle) * place
     across = math.cos(angle) * place + math.sin(angle) * place[:, None]
@@ -54,11 +54,13 @@ def test_a_wide_blur_makes_the_footprint_of_a_pixel_irrelevant(monkeypatch: pyte
     pattern = (torch.rand(1, 48, 48, dtype=torch.float64, generator=torch.Generator().manual_seed(0)) > 0.5).double()
     poses = ({"angle": 0.035}, {"tilt_x": 0.02, "tilt_y": 0.01}, {"k": 0.02})
     for values, limit in zip(poses, (1e-4, 5e-4, 5e-4), strict=True):
-        pose = Pose(**{key: torch.tensor(one, dtype=torch.float64) for key, one in (*values.items(), ("sigma", 1.0))})
-        undivided = pose.image(pattern)[0, 8:-8, 8:-8]
+        geometry = RelayGeometry(
+            **{key: torch.tensor(one, dtype=torch.float64) for key, one in (*values.items(), ("sigma", 1.0))}
+        )
+        undivided = geometry.image(pattern)[0, 8:-8, 8:-8]
         monkeypatch.setattr(relay, "SMOOTH_BLUR", 9.0)
         monkeypatch.setattr(relay, "TURNED_PARTS", 8)
-        divided = pose.image(pattern)[0, 8:-8, 8:-8]
+        divided = geometry.image(pattern)[0, 8:-8, 8:-8]
         monkeypatch.undo()
         difference = float((undivided - divided).square().mean().sqrt() / divided.std())
         assert 0 < difference < limit
@@ -69,9 +71,9 @@ def test_a_wide_blur_makes_the_footprint_of_a_pixel_irrelevant(monkeypatch: pyte
 def test_a_part_of_an_image_is_that_of_the_whole(values: dict[str, float], sigma: float) -> None:
     pattern = torch.rand(2, 20, 24)
     wanted = torch.rand(20, 24) > 0.7
-    pose = Pose(**{key: torch.tensor(one) for key, one in (*values.items(), ("sigma", sigma))})
-    whole, part = pose.image(pattern), pose.image(pattern, wanted=wanted)
+    geometry = RelayGeometry(**{key: torch.tensor(one) for key, one in (*values.items(), ("sigma", sigma))})
+    whole, part = geometry.image(pattern), geometry.image(pattern, wanted=wanted)
     torch.testing.assert_close(part[:, wanted], whole[:, wanted])
-    if pose.turned:
+    if geometry.turned:
         assert not part[:, ~wanted].any()
-        assert not pose.image(pattern, wanted=torch.zeros_like(wanted)).any()
+        assert not geometry.image(pattern, wanted=torch.zeros_like(wanted)).any()

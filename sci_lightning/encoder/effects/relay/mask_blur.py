@@ -9,7 +9,7 @@ import torch
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import RelayEffect
-from sci_lightning.encoder.relay import Pose
+from sci_lightning.encoder.relay import RelayGeometry
 
 
 class MaskBlur(RelayEffect):
@@ -28,5 +28,5 @@ class MaskBlur(RelayEffect):
     def border(self, size: tuple[int, int]) -> Border:
         return Border.of_blur(float(self.sigma))
 
-    def aim(self, pose: Pose) -> Pose:
-        return replace(pose, sigma=self.sigma)
+    def aim(self, geometry: RelayGeometry) -> RelayGeometry:
+        return replace(geometry, sigma=self.sigma)

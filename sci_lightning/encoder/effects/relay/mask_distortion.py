@@ -9,7 +9,7 @@ import torch
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter, Value
 from sci_lightning.encoder.effects.stage import RelayEffect
-from sci_lightning.encoder.relay import Pose
+from sci_lightning.encoder.relay import RelayGeometry
 
 MUCH = 0.06
 """Distortion of a lens that distorts much."""
@@ -43,5 +43,5 @@ class MaskDistortion(RelayEffect):
         inwards = min(barrel / max(1 - 3 * barrel, 0.1), 0.5)
         return Border.around(inwards * size[0] / 2, inwards * size[1] / 2)
 
-    def aim(self, pose: Pose) -> Pose:
-        return replace(pose, k=self.k)
+    def aim(self, geometry: RelayGeometry) -> RelayGeometry:
+        return replace(geometry, k=self.k)

@@ -9,7 +9,7 @@ import torch
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter, Value
 from sci_lightning.encoder.effects.stage import RelayEffect
-from sci_lightning.encoder.relay import Pose
+from sci_lightning.encoder.relay import RelayGeometry
 
 
 class MaskKeystone(RelayEffect):
@@ -50,5 +50,5 @@ class MaskKeystone(RelayEffect):
             right=aside + max(-x, 0.0) * width / 2,
         )
 
-    def aim(self, pose: Pose) -> Pose:
-        return replace(pose, tilt_x=self.tilt_x, tilt_y=self.tilt_y)
+    def aim(self, geometry: RelayGeometry) -> RelayGeometry:
+        return replace(geometry, tilt_x=self.tilt_x, tilt_y=self.tilt_y)

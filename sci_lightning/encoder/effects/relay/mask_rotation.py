@@ -10,7 +10,7 @@ import torch
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import RelayEffect
-from sci_lightning.encoder.relay import Pose, radians
+from sci_lightning.encoder.relay import RelayGeometry, radians
 
 
 class MaskRotation(RelayEffect):
@@ -30,5 +30,5 @@ class MaskRotation(RelayEffect):
         slope = abs(math.tan(math.radians(float(self.angle))))
         return Border.around(slope * size[1] / 2, slope * size[0] / 2)
 
-    def aim(self, pose: Pose) -> Pose:
-        return replace(pose, angle=radians(self.angle))
+    def aim(self, geometry: RelayGeometry) -> RelayGeometry:
+        return replace(geometry, angle=radians(self.angle))

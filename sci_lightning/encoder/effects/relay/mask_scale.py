@@ -9,7 +9,7 @@ import torch
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import RelayEffect
-from sci_lightning.encoder.relay import Pose
+from sci_lightning.encoder.relay import RelayGeometry
 
 
 class MaskScale(RelayEffect):
@@ -29,5 +29,5 @@ class MaskScale(RelayEffect):
         smaller = max(1 - float(self.scale), 0.0)
         return Border.around(smaller * size[0] / 2, smaller * size[1] / 2)
 
-    def aim(self, pose: Pose) -> Pose:
-        return replace(pose, scale=self.scale)
+    def aim(self, geometry: RelayGeometry) -> RelayGeometry:
+        return replace(geometry, scale=self.scale)

@@ -9,7 +9,7 @@ import torch
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import RelayEffect
-from sci_lightning.encoder.relay import Pose
+from sci_lightning.encoder.relay import RelayGeometry
 
 STARTS = (-1.2, -0.4, 0.0, 0.4, 1.2)
 
@@ -32,5 +32,5 @@ class MaskShift(RelayEffect):
     def border(self, size: tuple[int, int]) -> Border:
         return Border.of_displacement(float(self.dx), float(self.dy))
 
-    def aim(self, pose: Pose) -> Pose:
-        return replace(pose, dx=self.dx, dy=self.dy)
+    def aim(self, geometry: RelayGeometry) -> RelayGeometry:
+        return replace(geometry, dx=self.dx, dy=self.dy)

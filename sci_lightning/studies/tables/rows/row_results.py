@@ -129,10 +129,10 @@ def _entry(config: Any, key: str) -> Any:
     return config
 
 
-def _flat(value: Any, place: str) -> dict[str, Any]:
+def _flat(value: Any, key: str) -> dict[str, Any]:
     if not isinstance(value, Mapping):
-        return {place: value}
-    return {key: entry for name, part in value.items() for key, entry in _flat(part, f"{place}.{name}").items()}
+        return {key: value}
+    return {inner: entry for name, part in value.items() for inner, entry in _flat(part, f"{key}.{name}").items()}
 
 
 def _without_places(content: Any) -> Any:
