@@ -1,13 +1,77 @@
-"""The eye: light scattered by its optics, and the response of its photoreceptors in just-noticeable steps."""
+"""From pixel values to neurons: the display, the eye's optics, its photoreceptors and its contrast sensitivity."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import torch
 
-from sci_lightning.metrics.hdrvdp2.fourier import frequencies, spectrum, upper_left
-from sci_lightning.metrics.hdrvdp2.tabulated import log_luminances, look_up, precomputed
+from sci_lightning.metrics.hdrvdp2.transforms import (
+    frequencies,
+    log_luminances,
+    look_up,
+    precomputed,
+    spectrum,
+    upper_left,
+)
+
+BLACK, RANGE = 1.0, 99.0
+"""Luminance of the modelled display at pixel value 0, and the difference to that at 1, in cd/m2."""
+
+D65 = ((0.601847152244699, 0.31670829557916946, 0.9046706545995032),)
+CCFL_LCD = (
+    (0.1989961203379287, 0.04100586040758893, 0.01437736862111919),
+    (0.40476260703812544, 0.25492330644134564, 0.4809208410841319),
+    (0.05439061925532116, 0.050012248959300676, 0.45427589566935994),
+)
+"""Light that L cones, M cones and rods absorb of every channel: cone sensitivities of Smith and Pokorny (1975) and the
+CIE's scotopic one (1951) times the emission, integrated from 360 to 780 nm. S cones are not part of the model."""
+
+
+def _luma(x: torch.Tensor) -> torch.Tensor:
+    return RANGE * x**2.2 + BLACK
+
+
+def _srgb(x: torch.Tensor) -> torch.Tensor:
+    return RANGE * torch.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4) + BLACK
+
+
+def _as_given(x: torch.Tensor) -> torch.Tensor:
+    return x
+
+
+@dataclass(frozen=True)
+class Display:
+    """A display: ``luminance`` turns pixel values into cd/m2, ``matrix`` turns channels into L, M and rod light."""
+
+    luminance: Callable[[torch.Tensor], torch.Tensor]
+    matrix: tuple[tuple[float, float, float], ...]
+
+    def receptors(self, light: torch.Tensor) -> torch.Tensor:
+        """Return the light on L cones, M cones and rods, (N, 3, H, W), from that on the retina, (N, C, H, W).
+
+        A single channel stands for equal values of all channels of the display.
+        """
+        matrix = _matrix(light, self.matrix)
+        if light.shape[1] == 1:
+            return light * matrix.sum(0)[:, None, None]
+        return torch.einsum("nchw,cr->nrhw", light, matrix)
+
+
+DISPLAYS = {
+    "luma-display": Display(_luma, D65),
+    "sRGB-display": Display(_srgb, CCFL_LCD),
+    "luminance": Display(_as_given, D65),
+}
+"""Displays by the encoding of their pixel values."""
+
+
+@precomputed
+def _matrix(rows: tuple[tuple[float, float, float], ...]) -> torch.Tensor:
+    return torch.tensor(rows, dtype=torch.float64)
+
 
 SURROUND = 1e-5
 """Luminance around the image, cd/m2."""
@@ -32,7 +96,8 @@ def modulation_transfer(field: tuple[int, int], pixels_per_degree: float) -> tor
     return torch.stack([a * torch.exp(-b * rho) for a, b in zip(WEIGHTS, DECAY, strict=True)]).sum(0)
 
 
-POINTS = 2048
+RESPONSE_POINTS = 2048
+"""Luminances in the table of a photoreceptor's response."""
 CORRECTION = 0.006894596 / 10**-2.4
 """Factor from the thresholds of the sensitivities below to those of the fitted metric."""
 
@@ -48,10 +113,10 @@ def respond(receptors: torch.Tensor) -> torch.Tensor:
 
 @precomputed
 def response(kind: str) -> torch.Tensor:
-    """Return the integral over log luminance of the sensitivity of a ``cone`` or a ``rod``, a table of 2048 values."""
-    log_light = log_luminances(POINTS)
-    sensitivity = (cone_sensitivity if kind == "cone" else rod_sensitivity)(10**log_light)
-    steps = torch.cumulative_trapezoid(sensitivity * math.log(10), log_light)
+    """Return the integral over log luminance of the sensitivity of a ``cone`` or a ``rod``, a table."""
+    log_light = log_luminances(RESPONSE_POINTS)
+    slope = (cone_sensitivity if kind == "cone" else rod_sensitivity)(10**log_light)
+    steps = torch.cumulative_trapezoid(slope * math.log(10), log_light)
     return CORRECTION * torch.cat((torch.zeros(1, dtype=torch.float64), steps))
 
 
@@ -77,3 +142,52 @@ def cone_sensitivity(light: torch.Tensor) -> torch.Tensor:
     above = torch.searchsorted(light, double).clamp(1, len(light) - 1)
     part = (double - light[above - 1]) / (light[above] - light[above - 1])
     return 0.5 * torch.lerp(left[above - 1], left[above], part)
+
+
+SENSITIVITY_POINTS = 256
+"""Luminances in the table of the contrast sensitivity in a band."""
+LUMINANCE = (0.002, 0.02, 0.2, 2.0, 20.0, 150.0)
+PARAMETERS = (
+    (0.991265, 0.800889, 0.476505, 0.405782, 0.334278, 0.394533),
+    (3.74038, 3.54104, 4.37453, 4.40602, 3.79542, 2.7755),
+    (0.50722, 0.682505, 0.750315, 0.935314, 1.07327, 1.16577),
+    (4.46044, 4.94958, 5.28678, 5.61425, 6.4635, 7.45665),
+)
+"""Parameters of the sensitivity at each of these luminances (cd/m2), as fitted by the metric's authors."""
+
+
+def sensitivity(rho: torch.Tensor, log_luminance: torch.Tensor) -> torch.Tensor:
+    """Return the sensitivity at ``rho`` cycles per degree of an eye adapted to ``log_luminance`` (log10 cd/m2)."""
+    knots = torch.tensor(LUMINANCE, dtype=torch.float64).log10().to(log_luminance)
+    luminance = log_luminance.clamp(knots[0], knots[-1])
+    above = torch.searchsorted(knots, luminance.detach().contiguous()).clamp(1, len(knots) - 1)
+    part = (luminance - knots[above - 1]) / (knots[above] - knots[above - 1])
+    p1, p2, p3, p4 = (
+        torch.lerp(values[above - 1], values[above], part)
+        for values in torch.tensor(PARAMETERS, dtype=torch.float64).to(log_luminance)
+    )
+    return p4 * (-torch.expm1(-((rho / 7) ** 2))) ** (p3 / 2) / torch.sqrt(1 + (p1 * rho) ** p2)
+
+
+def band_sensitivity(rho: float, log_luminance: torch.Tensor) -> torch.Tensor:
+    """Return the sensitivity at one frequency and a luminance per pixel, from a table."""
+    return look_up(_table(log_luminance, rho), log_luminance)
+
+
+@precomputed
+def _table(rho: float) -> torch.Tensor:
+    return sensitivity(torch.tensor(rho, dtype=torch.float64), log_luminances(SENSITIVITY_POINTS))
+
+
+def filter_base(base: torch.Tensor, rho: float, luminance: torch.Tensor, padding: torch.Tensor) -> torch.Tensor:
+    """Return the pyramid's base band (N, 1, h, w) filtered with the sensitivity, which is 0 at frequency 0.
+
+    Args:
+        rho: nominal frequency of the band, cycles per degree.
+        luminance: (N, 1, 1, 1), mean adapting luminance of each image in cd/m2.
+        padding: (N, 1, 1, 1), value around the band.
+    """
+    height, width = size = base.shape[-2:]
+    field = (2 * height, 2 * width)
+    passed = sensitivity(frequencies(base, field, 2 * math.sqrt(2) * rho), luminance.log10())
+    return upper_left(spectrum(base - padding, field) * passed, field, size)

@@ -1,4 +1,4 @@
-"""The quality score Q of HDR-VDP-2, from two images to one number."""
+"""The quality score Q of HDR-VDP-2, from two images to one number, and its mean over frames as a metric."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import math
 import warnings
 from numbers import Real
 
+import numpy as np
 import torch
+from torch.nn import functional as F
 
 from sci_lightning.errors import BadInput
-from sci_lightning.metrics.hdrvdp2.contrast_sensitivity import band_sensitivity, filter_base
-from sci_lightning.metrics.hdrvdp2.display import DISPLAYS, Display
-from sci_lightning.metrics.hdrvdp2.eye import respond, scatter
-from sci_lightning.metrics.hdrvdp2.imresize import imresize
-from sci_lightning.metrics.hdrvdp2.masking import masked_differences, pool
+from sci_lightning.metrics.frame_metric import FrameMetric
+from sci_lightning.metrics.hdrvdp2.eye import DISPLAYS, Display, band_sensitivity, filter_base, respond, scatter
 from sci_lightning.metrics.hdrvdp2.steerable_pyramid import SMALLEST, steerable_pyramid
+from sci_lightning.metrics.hdrvdp2.transforms import imresize
 
 TOGETHER = 4 * 256 * 256
 """Pixels of the pairs that are computed together: memory does not grow with the batch, and more of it fits caches."""
@@ -111,3 +111,124 @@ def _check_images(test: torch.Tensor, reference: torch.Tensor, encoding: str, dt
             raise BadInput(f"{name} has values that are NaN or infinite: must be finite")
         if (images < 0).any():
             raise BadInput(f"{name} has negative values, down to {float(images.min()):.4g}: clip them to 0 first")
+
+
+P, Q = 10**0.544068, 10**0.49576
+SELF, ORIENTATIONS, NEIGHBOURS = 10**0.189065, 10**0.449199, 10**1.52512
+"""Weights of masking by the band itself, by the other orientations, and by the neighbouring bands."""
+
+
+def masked_differences(
+    test: list[torch.Tensor], reference: list[torch.Tensor], sensitivity: list[torch.Tensor]
+) -> list[torch.Tensor]:
+    """Return the squared differences in units of their visibility threshold, for every band of two pyramids.
+
+    Args:
+        test, reference: bands (N, orientations, h, w) from fine to coarse.
+        sensitivity: (N, 1, h, w) for every band, the inverse of the neural noise in it.
+    """
+    contrast = [_blur(torch.minimum(t.abs(), r.abs())) for t, r in zip(test, reference, strict=True)]
+    differences = []
+    for band, (t, r, s, own) in enumerate(zip(test, reference, sensitivity, contrast, strict=True)):
+        gain = 2.0**band
+        masking = SELF * (own * s / gain) ** Q
+        if own.shape[1] > 1:
+            masking = masking + ORIENTATIONS * ((own.sum(1, keepdim=True) - own).clamp(min=0) * s / gain) ** Q
+        masking = gain * (masking + NEIGHBOURS * (_neighbours(contrast, band) * s) ** Q)
+        excitation = gain**2 * ((t - r).abs() / gain) ** (2 * P)
+        differences.append(excitation / (s ** (-2 * P) + masking**2))
+    return differences
+
+
+def _neighbours(contrast: list[torch.Tensor], band: int) -> torch.Tensor:
+    """Return the contrast of the bands next to this one, resized to it; the base band masks only itself."""
+    size, orientations = contrast[band].shape[-2:], contrast[band].shape[1]
+    total = torch.zeros_like(contrast[band])
+    for other, gain in ((band - 1, 2.0 ** (band - 1)), (band + 1, 2.0 ** (band + 1))):
+        if 0 <= other < len(contrast) - 1:
+            total = total + imresize(contrast[other][:, :orientations], size).clamp(min=0) / gain
+    return total
+
+
+def _blur(images: torch.Tensor) -> torch.Tensor:
+    """Return the 3 x 3 mean, with zeros around."""
+    return F.avg_pool2d(images, 3, stride=1, padding=1)
+
+
+FREQUENCIES = (0.1172, 0.2344, 0.4688, 0.9375, 1.875, 3.75, 7.5, 15.0, 30.0, 60.0)
+WEIGHTS = (0.0, 0.0, 0.0003, 0.0003, 0.0398, 0.2690, 0.2142, 0.2832, 0.2832, 0.0)
+"""Weights of sub-bands at these frequencies in cycles per degree; linear interpolation in between."""
+EPSILON = 1e-12
+
+
+def pool(squares: list[torch.Tensor], frequencies: list[float]) -> torch.Tensor:
+    """Return Q, (N,), from squared differences in all bands (N, orientations, h, w); 100 where there are none.
+
+    A sub-band contributes the root of its sum, not of its mean, divided by its number of pixels.
+    """
+    q = torch.full((len(squares[0]),), 100.0, dtype=squares[0].dtype, device=squares[0].device)
+    for band, rho in zip(squares, frequencies, strict=True):
+        total = band.sum((-2, -1))
+        root = torch.where(total > 0, total, 1.0).sqrt() * (total > 0)  # so that the gradient at 0 is 0, not undefined
+        pooled = root / band[0, 0].numel()
+        q = q - float(np.interp(rho, FREQUENCIES, WEIGHTS)) * torch.log1p(pooled / EPSILON).sum(1)
+    return q
+
+
+class HDRVDP2(FrameMetric):
+    """The mean over frames of :func:`hdrvdp2_q`.
+
+    Args:
+        encoding, pixels_per_degree, dtype: see :func:`hdrvdp2_q`.
+        clip_negative: whether estimates below 0 count as 0, as on a display; otherwise they are refused.
+
+    Raises:
+        BadInput: unknown encoding or impossible resolution; in ``update``, what :func:`hdrvdp2_q` refuses.
+
+    Example:
+        >>> truth = torch.linspace(0, 1, 8 * 32 * 32).reshape(8, 32, 32)
+        >>> metric = HDRVDP2()
+        >>> metric.update(0.9 * truth, truth)
+        >>> print(f"{metric.compute():.2f}")
+        89.58
+    """
+
+    smallest = SMALLEST
+    plot_upper_bound = 100.0
+
+    def __init__(
+        self,
+        encoding: str = "luma-display",
+        pixels_per_degree: float = 30.0,
+        *,
+        clip_negative: bool = False,
+        dtype: torch.dtype = torch.float64,
+    ) -> None:
+        super().__init__()
+        check_convention(encoding, pixels_per_degree)
+        self.encoding = encoding
+        self.pixels_per_degree = pixels_per_degree
+        self.clip_negative = clip_negative
+        self.computed_in = dtype
+        self.convention = (
+            f"Q of HDR-VDP-2.2.2, {encoding}, {pixels_per_degree:g} pixels per degree, per frame, mean over frames, "
+            f"then over scenes{'; estimates below 0 count as 0' if clip_negative else ''}"
+        )
+
+    def score(self, estimate: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+        """Return Q of every frame, ``(N,)``.
+
+        Args:
+            estimate, truth: ``(..., H, W)``, or with four axes or more ``(..., 3, H, W)`` for ``sRGB-display``.
+        """
+        if self.clip_negative:
+            estimate = estimate.clamp(min=0)
+        colour = self.encoding == "sRGB-display" and truth.dim() > 3
+        test, reference = (x.reshape(-1, *x.shape[-3 if colour else -2 :]) for x in (estimate, truth))
+        return hdrvdp2_q(
+            test,
+            reference,
+            encoding=self.encoding,
+            pixels_per_degree=self.pixels_per_degree,
+            dtype=self.computed_in,
+        )

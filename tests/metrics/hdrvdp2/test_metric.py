@@ -9,7 +9,7 @@ import torch
 
 from sci_lightning.errors import BadInput
 from sci_lightning.metrics import HDRVDP2, hdrvdp2_q
-from sci_lightning.metrics.hdrvdp2 import metric as module
+from sci_lightning.metrics.hdrvdp2 import quality as module
 
 
 def images(*shape: int) -> tuple[torch.Tensor, torch.Tensor]:

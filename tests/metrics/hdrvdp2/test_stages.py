@@ -8,24 +8,28 @@ import torch
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import correlate
 
-from sci_lightning.metrics.hdrvdp2 import sp3_filters
-from sci_lightning.metrics.hdrvdp2.contrast_sensitivity import band_sensitivity, filter_base, sensitivity
-from sci_lightning.metrics.hdrvdp2.eye import modulation_transfer, response, scatter
-from sci_lightning.metrics.hdrvdp2.imresize import imresize
-from sci_lightning.metrics.hdrvdp2.masking import pool
-from sci_lightning.metrics.hdrvdp2.steerable_pyramid import levels, steerable_pyramid
-from sci_lightning.metrics.hdrvdp2.tabulated import precomputed
+from sci_lightning.metrics.hdrvdp2 import steerable_pyramid as pyramid
+from sci_lightning.metrics.hdrvdp2.eye import (
+    band_sensitivity,
+    filter_base,
+    modulation_transfer,
+    response,
+    scatter,
+    sensitivity,
+)
+from sci_lightning.metrics.hdrvdp2.quality import pool
+from sci_lightning.metrics.hdrvdp2.transforms import imresize, precomputed
 
 DOUBLE = torch.zeros((), dtype=torch.float64)
 
 
 def test_filters() -> None:
-    start, high, low = map(sp3_filters.round_filter, (sp3_filters.LOW_START, sp3_filters.HIGH_START, sp3_filters.LOW))
+    start, high, low = map(pyramid.round_filter, (pyramid.LOW_START, pyramid.HIGH_START, pyramid.LOW))
     assert [len(taps) for taps in (start, high, low)] == [9, 15, 17]
     for taps in (start, high, low):
         assert torch.equal(taps, taps.mT) and torch.equal(taps, taps.flip(0))
     assert [float(taps.sum()) for taps in (start, high, low)] == pytest.approx([1, 0, 2], abs=1e-6)
-    oriented = sp3_filters.oriented_filters()
+    oriented = pyramid.oriented_filters()
     assert oriented.shape == (4, 9, 9)
     assert torch.equal(oriented, -oriented.flip(1, 2))
     y, x = torch.meshgrid(*[torch.arange(9.0, dtype=torch.float64) - 4] * 2, indexing="ij")
@@ -37,17 +41,17 @@ def test_filters() -> None:
 @pytest.mark.parametrize("size", [(17, 17), (18, 65), (33, 48), (71, 40)])
 def test_pyramid_is_correlation_with_mirrored_borders(size: tuple[int, int]) -> None:
     image = torch.randn(1, *size, dtype=torch.float64)
-    result = steerable_pyramid(image)
-    assert len(result) == levels(*size) + 2
+    result = pyramid.steerable_pyramid(image)
+    assert len(result) == pyramid.levels(*size) + 2
 
     def correlated(image: np.ndarray, taps: torch.Tensor) -> np.ndarray:
         return correlate(image, taps.numpy(), mode="mirror")
 
-    low = correlated(image[0].numpy(), sp3_filters.round_filter(sp3_filters.LOW_START))
-    expected = [correlated(image[0].numpy(), sp3_filters.round_filter(sp3_filters.HIGH_START))[None]]
-    for _ in range(levels(*size)):
-        expected.append(np.stack([correlated(low, taps) for taps in sp3_filters.oriented_filters()]))
-        low = correlated(low, sp3_filters.round_filter(sp3_filters.LOW))[::2, ::2]
+    low = correlated(image[0].numpy(), pyramid.round_filter(pyramid.LOW_START))
+    expected = [correlated(image[0].numpy(), pyramid.round_filter(pyramid.HIGH_START))[None]]
+    for _ in range(pyramid.levels(*size)):
+        expected.append(np.stack([correlated(low, taps) for taps in pyramid.oriented_filters()]))
+        low = correlated(low, pyramid.round_filter(pyramid.LOW))[::2, ::2]
     for band, other in zip(result, [*expected, low[None]], strict=True):
         torch.testing.assert_close(band[0], torch.from_numpy(np.ascontiguousarray(other)), rtol=0, atol=1e-12)
 
@@ -56,7 +60,7 @@ def test_pyramid_is_correlation_with_mirrored_borders(size: tuple[int, int]) -> 
     ("size", "count"), [((256, 256), 4), ((17, 500), 1), ((33, 33), 1), ((34, 34), 2), ((16, 99), 0)]
 )
 def test_levels(size: tuple[int, int], count: int) -> None:
-    assert levels(*size) == count
+    assert pyramid.levels(*size) == count
 
 
 def test_optics_on_the_doubled_field() -> None:
