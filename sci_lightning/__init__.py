@@ -19,8 +19,6 @@ The modules behind it are ordinary ones and may be imported directly as well; th
 
 from __future__ import annotations
 
-import signal
-import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -137,13 +135,3 @@ if not TYPE_CHECKING:  # a type checker would take every name for one that exist
     def __dir__() -> list[str]:
         """List the public names, loaded or not."""
         return sorted({*globals(), *__all__})
-
-
-def _die_of_interrupts_while_loading() -> None:
-    """Let Ctrl-C end ``python -m sci_lightning...`` without a traceback until its command runs."""
-    is_command = sys.argv[:1] == ["-m"] and any(word.startswith("sci_lightning") for word in sys.orig_argv)
-    if is_command and signal.getsignal(signal.SIGINT) == signal.default_int_handler:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
-_die_of_interrupts_while_loading()

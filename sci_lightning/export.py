@@ -1,6 +1,6 @@
 """``python -m sci_lightning.export``: a decoder as an ONNX graph, compared with torch and timed beside it."""
 
-from sci_lightning.cli.commands.export import main
+from sci_lightning.cli.start import start
 
 if __name__ == "__main__":
-    main()
+    start("export")

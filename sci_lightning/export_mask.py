@@ -1,6 +1,6 @@
 """``python -m sci_lightning.export_mask``: a trained mask as the files that a modulator displays."""
 
-from sci_lightning.cli.commands.export_mask import main
+from sci_lightning.cli.start import start
 
 if __name__ == "__main__":
-    main()
+    start("export_mask")

@@ -1,6 +1,6 @@
 """``python -m sci_lightning.proving_ground``: how often is a diagnosis right?"""
 
-from sci_lightning.cli.commands.proving_ground import main
+from sci_lightning.cli.start import start
 
 if __name__ == "__main__":
-    main()
+    start("proving_ground")

@@ -1,6 +1,6 @@
 """``python -m sci_lightning.reconstruct``: decode a snapshot that a camera took."""
 
-from sci_lightning.cli.commands.reconstruct import main
+from sci_lightning.cli.start import start
 
 if __name__ == "__main__":
-    main()
+    start("reconstruct")

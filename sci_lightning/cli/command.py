@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
 import traceback
 import warnings
@@ -60,8 +59,6 @@ def run(name: str, task: Task) -> None:
     failed: list[tuple[str, int]] = []
     interrupted = False
     try:
-        if signal.getsignal(signal.SIGINT) == signal.SIG_DFL:  # the package's own, while it was loaded
-            signal.signal(signal.SIGINT, signal.default_int_handler)
         words = sorted(sys.argv[1:], key=lambda word: word not in ("-m", "--multirun"))  # wherever among the settings
         arguments, files = _hydra_arguments(name, words)
         job = _job(name, task, files, debug)

@@ -1,6 +1,6 @@
 """``python -m sci_lightning.mismatch.finetuning``: what fine-tuning with the diagnosed camera is worth."""
 
-from sci_lightning.cli.commands.mismatch_finetuning import main
+from sci_lightning.cli.start import start
 
 if __name__ == "__main__":
-    main()
+    start("mismatch_finetuning")

@@ -8,8 +8,8 @@ import sys
 import numpy as np
 import pytest
 
-from sci_lightning.captures import __main__ as command_line
 from sci_lightning.captures import write_captures
+from sci_lightning.cli.commands import captures as command_line
 from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.own_grid_camera import captures, homography
 

@@ -10,12 +10,12 @@ import pytest
 import yaml
 from skimage.io import imread, imsave
 
-from sci_lightning.captures import __main__ as command_line
 from sci_lightning.captures import read_captures
 from sci_lightning.captures.pack import pack_captures
 from sci_lightning.captures.plan import read_coding_patterns
 from sci_lightning.captures.registration import register as find_homography
 from sci_lightning.captures.registration.homography_file import read_unregistered, write_homography
+from sci_lightning.cli.commands import captures as command_line
 from sci_lightning.errors import BadInput
 
 SMALL = ("frames=4", "size=[32,40]")

@@ -123,7 +123,7 @@ def test_completion_in_bash(tmp_path: Path) -> None:
 def test_what_answers_at_once_does_not_load_torch() -> None:
     program = (
         "import sys\n"
-        "import sci_lightning.cli.command, sci_lightning.train, sci_lightning.evaluate, sci_lightning.diagnose\n"
+        "from sci_lightning.cli.commands import train, evaluate, diagnose\n"
         "print([name for name in ('torch', 'lightning', 'scipy', 'matplotlib') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=ROOT)

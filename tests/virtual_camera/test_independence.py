@@ -23,8 +23,8 @@ SHARED = {
 }
 """Captures in memory, how files are read and written, and errors; nothing of the physics."""
 COMMANDS = {
-    "__main__": {"sci_lightning.cli.commands.virtual_camera"},
-    "reveal": {"sci_lightning.cli.commands.reveal"},
+    "__main__": {"sci_lightning.cli.start"},
+    "reveal": {"sci_lightning.cli.start"},
     "reveal_files": {"sci_lightning.files.bounded_file"},
 }
 

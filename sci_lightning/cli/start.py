@@ -1,0 +1,17 @@
+"""The start of a command, which loads nothing before Ctrl-C can end it without a traceback."""
+
+from __future__ import annotations
+
+import signal
+from importlib import import_module
+
+
+def start(command: str) -> None:
+    """Load a command of ``cli/commands`` and run it; while it loads, Ctrl-C ends the process without a word."""
+    mine = signal.getsignal(signal.SIGINT) == signal.default_int_handler  # else somebody ignores it, or handles it
+    if mine:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    module = import_module(f"sci_lightning.cli.commands.{command}")
+    if mine:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    module.main()
