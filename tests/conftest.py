@@ -18,6 +18,7 @@ from hydra.core.plugins import Plugins
 from omegaconf import DictConfig
 
 from sci_lightning.cli import command as command_frame
+from sci_lightning.cli.settings import store_defaults
 from sci_lightning.configuration.conf_folder import CONF
 from tests.warm_process import WarmProcesses
 
@@ -55,6 +56,7 @@ def configuration() -> Callable[..., DictConfig]:
     """``configuration("train", "decoder=e2e_cnn", ..)``: what a command would run with."""
 
     def composed(name: str, *overrides: str) -> DictConfig:
+        store_defaults()
         with initialize_config_dir(str(CONF), version_base="1.3"):
             return compose(name, overrides=list(overrides))
 

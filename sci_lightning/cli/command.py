@@ -21,7 +21,7 @@ from sci_lightning.cli.failure_line import exit_status, one_line
 from sci_lightning.cli.help import help_text
 from sci_lightning.cli.hydra_callbacks import CommandFailed
 from sci_lightning.cli.resumed_run import continued
-from sci_lightning.cli.settings import check_command_settings
+from sci_lightning.cli.settings import check_command_settings, store_defaults
 from sci_lightning.cli.sweep import defer_to_rows, finished_rows, in_sweep, refuse_uncomposed_row
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.console import warn
@@ -61,6 +61,7 @@ def run(name: str, task: Task) -> None:
     try:
         words = sorted(sys.argv[1:], key=lambda word: word not in ("-m", "--multirun"))  # wherever among the settings
         arguments, files = _hydra_arguments(name, words)
+        store_defaults()
         job = _job(name, task, files, debug)
         with _process_state([sys.argv[0], *arguments], full_errors=True):
             hydra.main(version_base="1.3", config_path=str(CONF), config_name=name)(job)()

@@ -18,6 +18,7 @@ from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
 from sci_lightning.cli.failure_line import one_line
+from sci_lightning.cli.settings import store_defaults
 from sci_lightning.configuration.build import build
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.errors import BadInput
@@ -76,6 +77,7 @@ def compose(command: str, overrides: Iterable[str] = ()) -> Composition:
         BadInput: an override that cannot be read, or that chooses or sets what does not exist; with the line that a
             command prints.
     """
+    store_defaults()
     running = GlobalHydra.instance().hydra  # of the command that is running, which Hydra allows one of
     GlobalHydra.instance().clear()
     try:

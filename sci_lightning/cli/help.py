@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import inspect
+import json
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sci_lightning.cli.settings import SETTINGS
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 WIDTH = 22
 """Column at which explanations begin; longer settings push theirs further right."""
@@ -65,6 +73,8 @@ def help_text(conf: Path, name: str, arguments: Sequence[str] = ()) -> str:
                 members.append((part, choice))
     lines += ["", "Settings, KEY=VALUE on the command line (here: the defaults):", ""]
     lines += [str(setting) for setting in own]
+    for default in re.findall(r"^  - (\w+)_defaults\b", text, re.MULTILINE):
+        lines += ["", *map(str, dataclass_settings(default, SETTINGS[default]))]
     for group, value in members:
         settings = [
             s for s in read_settings(_text(conf, group, value)) if "_target_" not in s.key and s.value[:2] != "${"
@@ -121,6 +131,14 @@ def read_settings(text: str) -> list[Setting]:
             own_settings.append(Setting(".".join(path), value, " ".join([*above, about]).strip()))
         above = [about] if about and not value else []
     return own_settings
+
+
+def dataclass_settings(key: str, settings: type[DataclassInstance]) -> list[Setting]:
+    """The settings of a dataclass, with its defaults and the first clause of what its docstring says of each."""
+    text = inspect.cleandoc(settings.__doc__ or "")
+    about = dict(re.findall(r"^    (\w+): (.+(?:\n {8}.+)*)", text, re.MULTILINE))
+    clauses = {name: re.split(r"[;.:](?: |$)", " ".join(words.split()))[0] for name, words in about.items()}
+    return [Setting(f"{key}.{name}", json.dumps(value), clauses[name]) for name, value in asdict(settings()).items()]
 
 
 def _members(conf: Path, group: str, chosen: str) -> list[str]:

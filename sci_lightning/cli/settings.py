@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import is_dataclass
+from dataclasses import asdict, is_dataclass
 from typing import Annotated, Any, Literal
 
 from annotated_types import DocInfo, Interval, Len, MinLen
+from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from pydantic import StringConstraints
@@ -143,7 +144,6 @@ SETTINGS: Mapping[str, Any] = {
     "mask_origin": Offset,
     "mask_slots": Frames,
     "verification": Sequence[Count],
-    "most": Count,
     "search": SearchSettings,
     "free_forms": bool,
     "leave_out": Sequence[Name],
@@ -208,6 +208,13 @@ SETTINGS: Mapping[str, Any] = {
     "protocol": Annotated[str, DocInfo("overrides of the protocol, as one text")],
     "recipe": Annotated[str, DocInfo("overrides of every fine-tuning, as one text")],
 }
+
+
+def store_defaults() -> None:
+    """Let files of ``conf/`` take the defaults of a setting that is a dataclass: ``search_defaults`` in their lists."""
+    for key, annotation in SETTINGS.items():
+        if is_dataclass(annotation) and isinstance(annotation, type):
+            ConfigStore.instance().store(f"{key}_defaults", {key: asdict(annotation())})
 
 
 def check_settings(settings: Mapping[str, Any], nullable: Iterable[str]) -> None:

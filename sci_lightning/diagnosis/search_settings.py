@@ -1,17 +1,30 @@
-"""The settings of a diagnosis: its thresholds and budgets, in one place and with their reasons.
+"""The settings of a diagnosis: its thresholds and budgets, with their defaults and reasons.
 
-What a formula needs to be computed accurately (the step of a finite difference, where an asymptote takes over) is no
-setting and stands beside its formula.
+``conf/diagnose.yaml`` takes its defaults of ``search`` from here, and ``--help`` what they mean. What a formula needs
+to be computed accurately (the step of a finite difference, where an asymptote takes over) is no setting and stands
+beside its formula.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated
 
 from annotated_types import Interval
 
 from sci_lightning.configuration.bounds import NonNegative, Positive, Repeats, Share
+from sci_lightning.errors import BadInput
+
+OF_UNKNOWN_SCENES = (
+    "max_effects",
+    "border_share",
+    "min_progress_nats",
+    "candidates_fitted",
+    "min_gain_nats",
+    "rivals_fitted",
+    "indistinct_nats",
+)
+"""Settings that a diagnosis of unknown scenes reads as well; all others are those of captures of known scenes alone."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +32,7 @@ class SearchSettings:
     """Thresholds and budgets of a diagnosis. One nat is one unit of natural log-likelihood.
 
     Attributes:
-        max_effects: effects that the search may name, a count; it bounds the run time, one round for each.
+        max_effects: effects that the search may name, a count; one round for each bounds the run time.
         held_out_block: side in pixels of the square blocks that are held out, wide enough that blurs and maps fitted
             around a block say little about its middle.
         held_out_one_in: with n = 4, every 4th capture of each kind is held out as a whole, and one in n squared = 16
@@ -29,8 +42,8 @@ class SearchSettings:
         find_bad_captures: whether captures that do not fit the others (mislabelled, moved, saturated) are left out.
         border_share: largest part of the field that may be left out on one side, because what lies beyond the patterns
             is unknown and a hypothesis would need it; with both sides at 3/8 a quarter of the field is left.
-        contender_share: part of the best candidate's gain from which a candidate takes part in the decision how many
-            pixels are left out: a hypothesis that needs the surround gains too little while its border is too narrow.
+        border_gain_share: part of the best candidate's gain from which a candidate's border is respected; a hypothesis
+            that needs the surround gains too little while its border is too narrow.
         min_progress_nats: gain in nats below which a fit has converged; a twentieth of what one standard deviation of
             one parameter changes is far below every threshold of the search.
         coarse_pixels: pixels, a count, on which fits begin and strong candidates are screened if the captures have more
@@ -41,13 +54,13 @@ class SearchSettings:
             because screening is only accurate to second order, and few, because a joint fit takes most of the time.
         screened_share: part of the nats that an effect must gain which screening must promise for a joint fit to be
             made; screening finds at least half of what a fit gains, even between two starts of a flicker.
-        give_up_nats: nats by which a fit may stay behind another one before it is given up as it cannot reach it any
-            more; well above what the criterion's penalty for parameters and held-out pixels make up for.
+        abandon_nats: nats by which a fit may stay behind another one for good before it is abandoned; well above what
+            the criterion's penalty for parameters and held-out pixels make up for.
         min_gain_nats: gain in nats beyond the information criterion's penalty that an effect must bring; 2 nats
             are odds of 7.
-        on_trial_nats: gain in nats beyond that penalty from which an effect is added on trial that held-out pixels do
-            not confirm; small ones are nearly always chance. Below it, effects are compared once more with narrow
-            borders.
+        provisional_nats: gain in nats beyond that penalty from which an effect is added provisionally that held-out
+            pixels do not confirm; small ones are nearly always chance. Below it, effects are compared once more with
+            narrow borders.
         formula_error: part of the log-likelihood that the model explains already which an effect must gain as well;
             formulas are right to a thousandth of what they change, and log-likelihood goes with the square of that.
         rival_nats: nats of an effect's evidence that another effect may leave unexplained and still be fitted in its
@@ -96,15 +109,15 @@ class SearchSettings:
     verification_one_in: Annotated[int, Interval(ge=0, le=10**9)] = 5
     find_bad_captures: bool = True
     border_share: Annotated[float, Interval(ge=0, le=0.45)] = 0.375
-    contender_share: Share = 0.5
+    border_gain_share: Share = 0.5
     min_progress_nats: Positive = 0.05
     coarse_pixels: Repeats = 60_000
     coarse_nats: Positive = 100.0
     candidates_fitted: Repeats = 4
     screened_share: Share = 0.33
-    give_up_nats: NonNegative = 60.0
+    abandon_nats: NonNegative = 60.0
     min_gain_nats: NonNegative = 2.0
-    on_trial_nats: NonNegative = 100.0
+    provisional_nats: NonNegative = 100.0
     formula_error: Share = 1e-6
     rival_nats: NonNegative = 24.0
     rival_fraction: Share = 0.03
@@ -128,3 +141,17 @@ class SearchSettings:
     max_residual_p_value: Share = 1e-4
     significance: Share = 1e-3
     negligible_chi2: Positive = 1.05
+
+    def check_unknown_scenes(self) -> None:
+        """Check that nothing was changed that a diagnosis of unknown scenes does not read.
+
+        Raises:
+            BadInput: such a setting differs from its default.
+        """
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name not in OF_UNKNOWN_SCENES and value != field.default:
+                raise BadInput(
+                    f"search.{field.name}={value}: only captures of known scenes use it, and no scene is known; of "
+                    f"search, unknown scenes use {', '.join(OF_UNKNOWN_SCENES)}"
+                )

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import asdict, fields
 from pathlib import Path
 
 import pytest
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 
 from sci_lightning.__main__ import COMPLETION, PROGRAMS, main
 from sci_lightning.cli.help import first_comment, help_text, read_defaults, read_settings
 from sci_lightning.configuration.conf_folder import CONF
+from sci_lightning.diagnosis.search_settings import SearchSettings
 from tests.conftest import ROOT, members
 
+Configuration = Callable[..., DictConfig]
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
@@ -42,6 +46,13 @@ def test_what_is_read_of_a_file() -> None:
         ("a", "1", "above beside"),
         ("b.c", "[1, 2]", "of b"),
     ]
+
+
+def test_settings_of_a_dataclass_have_their_defaults_and_what_they_mean(configuration: Configuration) -> None:
+    text = help_text(CONF, "diagnose")
+    assert configuration("diagnose", "search.max_effects=2").search == asdict(SearchSettings(max_effects=2))
+    for field in fields(SearchSettings):
+        assert re.search(rf"^  search\.{field.name}=\S+  +\w", text, re.MULTILINE)
 
 
 def test_help_shows_the_choice_that_is_given() -> None:

@@ -75,7 +75,7 @@ def test_a_video_that_no_machine_holds() -> None:
         ("train", ["-m", "out=null", "seed=1,2"]),
         ("reconstruct", ["measurement=x.npy", "fps=0"]),
         ("reconstruct", []),
-        ("diagnose", ["captures=x.h5", "most=-1"]),
+        ("diagnose", ["captures=x.h5", "search.max_effects=-1"]),
         ("tables", ["runs=3"]),
     ],
 )

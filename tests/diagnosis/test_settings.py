@@ -29,7 +29,7 @@ from tests.files.schemas.validation import check
 @pytest.mark.parametrize(
     ("key", "value"),
     [
-        *(("most", value) for value in (-1, 1.5, "abc", True, [1])),
+        *(("search", {"max_effects": value}) for value in (-1, 1.5, "abc", True, [1])),
         *(("seed", value) for value in (-1, 2**63, 1e30, "abc")),
         *(("free_forms", value) for value in (7, "yes")),
         *(("candidates", value) for value in (5, ["a"], "a", {"a": 5}, {"a": ""})),
@@ -45,9 +45,11 @@ def test_a_wrong_value_is_refused_by_its_key(key: str, value: Any) -> None:
 
 def test_the_command_ends_with_one_line(tmp_path: Path, refused: Callable[..., str]) -> None:
     (tmp_path / "a.h5").touch()
-    assert "most=-1: expected a whole number" in refused(
-        "diagnose", f"captures={tmp_path}/a.h5", "most=-1", f"out={tmp_path}/out"
+    assert "search.max_effects=-1: expected a whole number" in refused(
+        "diagnose", f"captures={tmp_path}/a.h5", "search.max_effects=-1", f"out={tmp_path}/out"
     )
+    mistyped = refused("diagnose", f"captures={tmp_path}/a.h5", "search.max_efects=1")
+    assert "search.max_efects: no such setting; did you mean search.max_effects?" in mistyped
     VirtualCamera(Session(size=(16, 16))).write(tmp_path / "a.h5", seed=3)
     with h5py.File(tmp_path / "a.h5", "a") as file:
         file.attrs["name"] = "[/red]\x1b[31m"

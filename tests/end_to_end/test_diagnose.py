@@ -34,7 +34,9 @@ def test_diagnose(hidden: dict[str, dict[str, float]], tmp_path: Path, command: 
 @pytest.mark.slow
 def test_dashboard(tmp_path: Path, command: Callable[..., Any]) -> None:
     VirtualCamera(Session(size=(32, 32)), {"gain": {"factor": 0.9}}).write(tmp_path / "a.h5", seed=3)
-    done = command("diagnose", f"captures={tmp_path}/a.h5", f"out={tmp_path}/out", "most=1", "logger=tensorboard")
+    done = command(
+        "diagnose", f"captures={tmp_path}/a.h5", f"out={tmp_path}/out", "search.max_effects=1", "logger=tensorboard"
+    )
     assert "explained: The sensor's gain is 0." in done.stdout
     events = EventAccumulator(str(tmp_path / "out" / "tensorboard" / "diagnosis"))
     events.Reload()

@@ -92,7 +92,7 @@ def diagnose(composition: Composition) -> None:
     cfg = composition.cfg
     start, out, console = time.perf_counter(), Path(cfg.out), PlainConsole()
     candidates = vocabulary(cfg.candidates, composition.targets("effect"), cfg.leave_out)
-    settings = SearchSettings(max_effects=cfg.most, **cfg.search)
+    settings = SearchSettings(**cfg.search)
     check_no_foreign_report(out)
     given = read_input(cfg)
     captures, snapshots = given.captures, given.snapshots
@@ -150,7 +150,7 @@ def _calibrated(task: Task) -> None:
     from sci_lightning.training.loggers import build_loggers
 
     cfg = task.cfg
-    with search_progress(task.console, cfg.most) as on_progress:
+    with search_progress(task.console, cfg.search.max_effects) as on_progress:
         diagnosis = library.diagnose(
             task.captures, task.candidates, cfg.seed, cfg.free_forms, task.settings, on_progress
         )
@@ -171,10 +171,13 @@ def _blind(task: Task) -> bool:
     from sci_lightning.diagnosis.report.blind_report import print_blind_report, write_blind_report
     from sci_lightning.diagnosis.report.report_folder import report_folder
     from sci_lightning.diagnosis.report.terminal import search_progress
+    from sci_lightning.errors import BadInput
 
     cfg = task.cfg
     task.console.say("no scene is known: the diagnosis is blind")
-    with search_progress(task.console, cfg.most) as on_progress:
+    if cfg.free_forms:
+        raise BadInput("free_forms=true: no scene is known, so that nothing without a name is looked for; leave it out")
+    with search_progress(task.console, cfg.search.max_effects) as on_progress:
         statistics = None if cfg.prior is None else scene_statistics(cfg.prior)
         diagnosis = diagnose_blind(task.captures, task.candidates, cfg.seed, task.settings, on_progress, statistics)
         on_progress("writing the report")

@@ -183,9 +183,11 @@ def diagnose_blind(
 
     Raises:
         BadInput: see :func:`~sci_lightning.diagnosis.blind.snapshots.observe_snapshots`; or nearly every block of the
-            snapshots has a saturated pixel; or there are more than 64 slots.
+            snapshots has a saturated pixel; or there are more than 64 slots; or a setting was changed that only a
+            calibrated diagnosis reads.
     """
     settings = settings or SearchSettings()
+    settings.check_unknown_scenes()
     unknown = [int(number) for number in np.flatnonzero(~captures.known)]
     aside = [number for number in unknown if number in (captures.verification or ())]
     if aside and len(aside) == len(unknown):
@@ -217,7 +219,7 @@ def diagnose_blind(
             f"({observation.full_scale} DN): reduce exposure or aperture"
         )
     noise, stated = datasheet_noise(observation)
-    explanation = BlindSearch(BlindFitter(likelihood), noise, settings, on_progress).run()
+    explanation = BlindSearch(BlindFitter(likelihood, settings.min_progress_nats), noise, settings, on_progress).run()
     judges = [number for number in aside if number in usable_snapshots(captures)]
     prediction = camera = None
     withdrawn: tuple[str, ...] = ()

@@ -14,9 +14,8 @@ from sci_lightning.diagnosis.blind.prior import BLOCK
 from sci_lightning.diagnosis.fit.newton_system import Damping
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS, Hypothesis, ParameterName
+from sci_lightning.diagnosis.search_settings import SearchSettings
 
-PROGRESS = 0.05
-"""Nats below which a fit has converged."""
 DIFFERENCE = 0.5
 """Part of a parameter's step over which the likelihood is differentiated."""
 PACE = 0.05
@@ -60,10 +59,13 @@ class BlindFitter:
 
     Args:
         likelihood: of a hypothesis.
+        min_progress_nats: gain below which a fit has converged, see :class:`.SearchSettings`.
     """
 
-    def __init__(self, likelihood: BlindLikelihood) -> None:
-        self.likelihood = likelihood
+    def __init__(
+        self, likelihood: BlindLikelihood, min_progress_nats: float = SearchSettings.min_progress_nats
+    ) -> None:
+        self.likelihood, self.min_progress_nats = likelihood, min_progress_nats
         self.model = likelihood.model
         self._fixed = tuple((name, parameter) for name, (parameter, _) in NOISE_GUESS.items())
 
@@ -87,7 +89,7 @@ class BlindFitter:
         alone: str | None = None,
         errors: bool = True,
         rough: bool = True,
-        enough: float = PROGRESS,
+        enough: float | None = None,
         ahead: torch.Tensor | None = None,
     ) -> BlindFit:
         """Maximise the likelihood of some blocks over all parameters but choices and the noise.
@@ -102,13 +104,14 @@ class BlindFitter:
             alone: the effect whose parameters alone are fitted; None: those of all effects.
             errors: whether the covariance of the parameters' errors is asked for, which takes as long as an iteration.
             rough: whether a part of the blocks is enough for how the errors depend on each other.
-            enough: nats below which an iteration that gains no more is the last one.
+            enough: nats below which an iteration that gains no more is the last one; None: ``min_progress_nats``.
             ahead: ``(blocks, N)`` log-likelihood of what the fit competes with. An iteration that gains less than
                 :data:`PACE` of what lacks to it is the last one. None: there is nothing.
         """
         others = () if alone is None else [name for name in hypothesis.effects if name != alone]
         constant = tuple((name, parameter) for name in others for parameter in hypothesis.effects[name])
         free = FreeParameters.of(self.model, hypothesis, (*self._fixed, *constant))
+        enough = self.min_progress_nats if enough is None else enough
         best = self.evaluate(hypothesis, blocks)
         damping = Damping(most=5)
         information, scores = torch.zeros(len(free), len(free)), None

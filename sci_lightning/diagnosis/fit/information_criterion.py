@@ -41,7 +41,7 @@ def prune(fitter: Fitter, fit: Fit, keep: Hypothesis, margin: float = 0.0) -> Fi
         margin: nats beyond the parameters' penalty that an effect must be worth.
     """
     for name in [name for name in fit.hypothesis.effects if name not in keep.effects]:
-        to_reach = fit.fitted_log_likelihood - margin - fitter.settings.give_up_nats
+        to_reach = fit.fitted_log_likelihood - margin - fitter.settings.abandon_nats
         without = fitter.fit(fit.hypothesis.without(name), to_reach=to_reach, from_afar=True)
         if not without.given_up and bic_gain(fitter, without, fit) <= margin:
             fit = without

@@ -60,12 +60,12 @@ def with_border_for_starts(
 def with_border_for_candidates(fitter: Fitter, base: Fit, fits: dict[str, Fit]) -> tuple[Fitter, Fit, dict[str, Fit]]:
     """Return the fits of a round compared alike: none is judged by pixels that depend on the surround for another.
 
-    Candidates here are the fits that gain at least ``SearchSettings.contender_share`` of what the best one gains; the
+    Candidates here are the fits that gain at least ``SearchSettings.border_gain_share`` of what the best one gains; the
     others may have run away, and the field would be left out for nothing.
     """
     while fits:
         gains = {name: fit.log_likelihood - base.log_likelihood for name, fit in fits.items()}
-        least = fitter.settings.contender_share * max(gains.values())
+        least = fitter.settings.border_gain_share * max(gains.values())
         candidates = [fit.hypothesis for name, fit in fits.items() if gains[name] >= least]
         wider = fitter.covering(base.hypothesis, *candidates)
         if wider is fitter:

@@ -118,7 +118,7 @@ def fit_candidates(fitter: Fitter, best: Fit, screened: list[Candidate]) -> dict
         price = settings.min_gain_nats + 0.5 * len(candidate.start) * math.log(fitter.pixels)
         if candidate.gain > max(settings.min_gain_nats, settings.screened_share * price):
             start = candidate.added(fitter.model, best.hypothesis)
-            fit = fitter.fit(start, 20, to_reach=reached - settings.give_up_nats, from_afar=True)
+            fit = fitter.fit(start, 20, to_reach=reached - settings.abandon_nats, from_afar=True)
             if not fit.given_up:
                 fits[candidate.name] = fit
                 reached = max(reached, fit.fitted_log_likelihood)

@@ -71,7 +71,7 @@ def far_displacements(fitter: Fitter, base: Fit) -> dict[str, list[Setting]]:
     across = torch.fft.fftfreq(size[1], 1 / size[1])[None]
     farthest = [math.floor(settings.border_share * length) for length in observation.size]
     possible = (down.abs() <= farthest[0]) & (across.abs() <= farthest[1]) & (down.hypot(across) > NEAR)
-    clear = possible & (nats > LEAST_EXPLAINED * all_nats) & (nats > settings.give_up_nats)
+    clear = possible & (nats > LEAST_EXPLAINED * all_nats) & (nats > settings.abandon_nats)
     places = torch.where(clear, nats, -torch.inf).flatten().topk(PEAKS).indices.tolist()
     peaks = [divmod(place, size[1]) for place in places if clear.flatten()[place]]
     displacements = beside(((float(across[0, column]), float(down[row, 0])) for row, column in peaks), ASIDE)

@@ -181,7 +181,7 @@ def best_free_form(
         judge = fitter.covering(start)
         smaller = fit if judge is fitter else judge.again(fit)
         # held-out pixels may gain as much as the fitted ones, but hardly more
-        needed = 0.5 * (largest + deviation.choice_penalty) - fitter.settings.give_up_nats
+        needed = 0.5 * (largest + deviation.choice_penalty) - fitter.settings.abandon_nats
         to_reach = smaller.fitted_log_likelihood + needed
         trial = judge.fit(start, iterations=15, to_reach=to_reach, from_afar=True)
         if trial.given_up:

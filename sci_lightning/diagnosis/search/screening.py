@@ -182,7 +182,7 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
             factor = min(max(float(information[0, 1 + best] / size[best]), 1e-3), 1.0)
             close.append((unexplained, other, part_of(starts[best], effect.about, factor)))
     close.sort(key=lambda rival: rival[0])
-    to_reach = fit.fitted_log_likelihood - settings.give_up_nats
+    to_reach = fit.fitted_log_likelihood - settings.abandon_nats
     same = [rival for rival in close if model.effects[rival[1]].plainer == name]  # takes no other rival's place
     chosen = same + [rival for rival in close if rival not in same][: settings.rivals_fitted]
     added = {other: model.adding(without.hypothesis, other, start) for _, other, start in chosen}

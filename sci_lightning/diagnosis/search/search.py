@@ -185,16 +185,16 @@ def select_effects(
         comparison = compare_candidates(fitter, best, far_displacements(fitter, best))
         least = settings.formula_error * comparison.fitter.explained_nats(comparison.best, ideal, comparison.best)
         added = comparison.winner(least)
-        if comparison.gain_of(added) < settings.on_trial_nats and comparison.leaves_out_much(whole):
+        if comparison.gain_of(added) < settings.provisional_nats and comparison.leaves_out_much(whole):
             narrow = whole.covering(best.hypothesis)
             near = compare_candidates(narrow, judged_by(narrow, best, fitter), part=NEAR)
             weak = near.winner(least)
             # one that gains more there is a matter of some pixels at the sides, which are localised in the end
-            if comparison.gain_of(added) < near.gain_of(weak) < settings.on_trial_nats:
+            if comparison.gain_of(added) < near.gain_of(weak) < settings.provisional_nats:
                 comparison, added = near, weak
         fitter, best, fits = comparison.fitter, comparison.best, comparison.fits
         if on_trial := added is None and before_trial is None:
-            added = comparison.refused(max(least, settings.on_trial_nats))
+            added = comparison.refused(max(least, settings.provisional_nats))
         gains = comparison.gains()
         screened_gains = {candidate.name: candidate.gain for candidate in comparison.screened}
         rounds.append(Round(screened_gains, gains, added, on_trial and added is not None))

@@ -16,6 +16,7 @@ from sci_lightning.diagnosis.blind import blind_diagnosis, search
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis, diagnose_blind
 from sci_lightning.diagnosis.blind.held_out.paired_comparison import PairedComparison, PredictionVerdict
 from sci_lightning.diagnosis.report.blind_report import blind_headline, write_blind_report
+from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera import Session, VirtualCamera
@@ -191,6 +192,11 @@ def test_bad_input(change: dict[str, int], message: str) -> None:
     arrays = {name: np.full_like(getattr(captures, name), value) for name, value in change.items()}
     with pytest.raises(BadInput, match=message):
         diagnosed(replace(captures, **arrays))
+
+
+def test_settings_of_known_scenes_are_refused() -> None:
+    with pytest.raises(BadInput, match=r"search\.name_share=0\.2: .* min_progress_nats"):
+        diagnose_blind(snapshots(count=1), settings=SearchSettings(min_progress_nats=0.1, name_share=0.2))
 
 
 def test_a_weak_delay_is_undetermined_unless_it_is_named() -> None:
