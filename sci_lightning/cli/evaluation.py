@@ -47,8 +47,8 @@ def evaluate(composition: Composition, console: PlainConsole) -> Evaluation:
     import torch
 
     from sci_lightning.cli.encoder_and_decoder import resolve_camera, resolve_checkpoint, resolve_encoder
-    from sci_lightning.decoder import kernels
     from sci_lightning.decoder.complexity import count_parameters
+    from sci_lightning.decoder.layers import kernels
     from sci_lightning.decoder.tiling.tile_choice import TileChoice
     from sci_lightning.runs.precision import describe_precision, device_of_accelerator, resolve_precision
     from sci_lightning.runs.results import with_effects, write_json
@@ -58,12 +58,12 @@ def evaluate(composition: Composition, console: PlainConsole) -> Evaluation:
     from sci_lightning.training.system import System
 
     cfg = composition.cfg
-    kernels.use(cfg.kernels)
     out = Path(cfg.out)
     checkpoint = resolve_checkpoint("evaluate", composition)
     trained = checkpoint.config
     cfg.crop = trained["crop"] if cfg.crop is None else cfg.crop
     decoder = checkpoint.decoder()
+    kernels.use(decoder, cfg.kernels)
     device = device_of_accelerator(cfg.trainer.get("accelerator", "auto"))
     networks = count_parameters(decoder) > 0
     cfg.trainer.precision = resolve_precision(cfg.trainer.get("precision"), device, networks)

@@ -10,16 +10,16 @@ from torch import nn
 
 from sci_lightning.configuration.bounds import Frames, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
-from sci_lightning.decoder.kernels.attention import weighted_sum_of_positions
-from sci_lightning.decoder.kernels.layout import channels_last
-from sci_lightning.decoder.kernels.switch import are_plain
 from sci_lightning.decoder.layers.convolution import LastConv2d
+from sci_lightning.decoder.layers.kernels import channels_last
 from sci_lightning.decoder.layers.sequential import named_block
 from sci_lightning.errors import BadInput
 
 FEATURES_FIELD, FRAME_FIELD, STEP_FIELD = 46, 4, 22
 """Pixels over which inputs act on the features of the first frame before the attention, on that frame behind it, and on
 a step of the recurrence."""
+POSITION_WEIGHTS = 2**20
+"""Weights between positions of the attention that exist at once, for every snapshot; all of them are (H W)^2."""
 
 
 class ResidualPart(nn.Module):
@@ -50,6 +50,8 @@ class PositionAttention(nn.Module):
     ``scaled_dot_product_attention`` those of all keys for one query do.
     """
 
+    plain_formulas = False
+
     def __init__(self, channels: int) -> None:
         super().__init__()
         self.gamma1 = nn.Parameter(torch.zeros(1))
@@ -60,11 +62,25 @@ class PositionAttention(nn.Module):
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         queries, keys, values = (layer(x).flatten(2) for layer in (self.conv2, self.conv1, self.conv3))
-        if are_plain():
+        if self.plain_formulas:
             mixed = values @ torch.softmax(keys.mT @ queries, dim=-1)
         else:
             mixed = weighted_sum_of_positions(keys, queries, values)
         return x + self.gamma1 * self.conv4(mixed.view_as(x))
+
+
+def weighted_sum_of_positions(keys: torch.Tensor, queries: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
+    """Return ``values @ softmax(keys^T @ queries)``, ``(N, C, P)``, without ever holding all P x P weights.
+
+    Args:
+        keys, queries: ``(N, D, P)`` at the P positions; the softmax runs over the queries.
+        values: ``(N, C, P)``.
+    """
+    rows = max(1, POSITION_WEIGHTS // keys.shape[2])
+    total = torch.zeros_like(values)
+    for block, part in zip(keys.split(rows, -1), values.split(rows, -1), strict=True):
+        total = torch.baddbmm(total, part, torch.softmax(block.transpose(1, 2) @ queries, dim=-1))
+    return total
 
 
 class FirstFrame(nn.Sequential):

@@ -10,7 +10,6 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from sci_lightning.decoder.kernels.switch import are_plain
 from sci_lightning.decoder.tiling.tiling import SEAM_TOLERANCE, SeamsDiffer, Tiling
 from sci_lightning.errors import BadInput
 from sci_lightning.full_precision import full_precision
@@ -90,6 +89,8 @@ class Decoder(nn.Module):
     published_unused: ClassVar[tuple[str, ...]] = ()
     """Regular expressions of published state-dict keys that are not used on purpose."""
 
+    plain_formulas: bool = False
+    """Whether it is computed by the formulas as they are written, see :mod:`~sci_lightning.decoder.layers.kernels`."""
     watch: Callable[[Any], object] | None = None
     """Called while a measurement is decoded, with something whose text says how far it is."""
 
@@ -246,7 +247,7 @@ class Decoder(nn.Module):
         return self
 
     def abridged(self) -> Decoder:
-        """Return a decoder that needs as much memory in less time, by which :mod:`.tiling.decoding_memory` judges."""
+        """Return a decoder that needs as much memory in less time, by which :mod:`.tiling.memory` judges."""
         return self
 
     def kept_bytes(self, height: int, width: int) -> int:
@@ -280,10 +281,9 @@ class Decoder(nn.Module):
         """Return the estimate of a decoder that makes only one; the shapes have been checked and padded."""
         raise NotImplementedError
 
-    @staticmethod
-    def operator(mask: torch.Tensor) -> SnapshotOperator:
+    def operator(self, mask: torch.Tensor) -> SnapshotOperator:
         """Return the snapshot operator of a mask ``(T, H, W)``, in the form that is fastest inside a network."""
-        return SnapshotOperator(mask, slot_by_slot=not are_plain())
+        return SnapshotOperator(mask, slot_by_slot=not self.plain_formulas)
 
 
 def check_levels(measurement: torch.Tensor, mask: torch.Tensor) -> None:

@@ -7,8 +7,8 @@ from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
-from sci_lightning.decoder.kernels.layout import channels_last
 from sci_lightning.decoder.layers.convolution import LastConv2d
+from sci_lightning.decoder.layers.kernels import channels_last
 
 
 class ResidualBlock(nn.Module):

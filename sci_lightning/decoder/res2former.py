@@ -10,10 +10,10 @@ from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
-from sci_lightning.decoder.kernels.layout import as_one_channel
+from sci_lightning.decoder.layers.attention import TemporalAttention
 from sci_lightning.decoder.layers.convolution import Conv3d, LastConv3d, pixel_shuffle
+from sci_lightning.decoder.layers.kernels import as_one_channel
 from sci_lightning.decoder.layers.sequential import Chain, saving_memory
-from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
 from sci_lightning.errors import BadInput
 
 PUBLISHED_LEVELS = (("encode", "encoder.0.0"), ("bottleneck", "bottleneck"), ("decode_blocks", "decoder.0.2"))

@@ -9,9 +9,8 @@ from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
-from sci_lightning.decoder.kernels.layout import as_one_channel
-from sci_lightning.decoder.kernels.reduced_precision import is_reduced
 from sci_lightning.decoder.layers.convolution import Conv3d, LastConv3d, TransposedConv3d
+from sci_lightning.decoder.layers.kernels import as_one_channel, is_reduced
 
 
 class ReversibleBlock(nn.Module):

@@ -10,10 +10,8 @@ from torch.nn import functional as F
 
 from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
-from sci_lightning.decoder.kernels.attention import neighbourhood_product
-from sci_lightning.decoder.kernels.layout import channels_last
-from sci_lightning.decoder.kernels.switch import are_plain
 from sci_lightning.decoder.layers.convolution import Conv3d
+from sci_lightning.decoder.layers.kernels import channels_last
 from sci_lightning.decoder.layers.sequential import named_block
 from sci_lightning.operator import SnapshotOperator
 
@@ -57,6 +55,8 @@ class Phase(nn.Module):
         first: whether it is the first phase. Its generators of gates exist, as published, but are neither used nor
             trained.
     """
+
+    plain_formulas = False
 
     def __init__(self, channels: Sequence[int], inner: int, first: bool) -> None:
         super().__init__()
@@ -109,32 +109,38 @@ class Phase(nn.Module):
         full = self.inc(channels_last(inputs))
         half = self.downc0(full)
         quarter = self.downc1(half)
-        up_half = self.upc2(join(quarter, old_quarter, self.generate_kernel1, guide))
-        up_full = self.upc1(join(half + up_half, old_half, self.generate_kernel2, guide))
-        change = self.outc(join(full + up_full, old_full, self.generate_kernel3, guide))
+        up_half = self.upc2(self.join(quarter, old_quarter, self.generate_kernel1, guide))
+        up_full = self.upc1(self.join(half + up_half, old_half, self.generate_kernel2, guide))
+        change = self.outc(self.join(full + up_full, old_full, self.generate_kernel3, guide))
         return video + change[:, 0], (quarter, up_half, up_full)
 
+    def join(
+        self, features: torch.Tensor, old: torch.Tensor | None, generate: nn.Module, guide: torch.Tensor
+    ) -> torch.Tensor:
+        """Return features joined with the map of the phase before, if any, gated by kernels made from ``guide``."""
+        if old is None:
+            return features
+        return torch.cat([features, gated(old, F.relu(generate(guide)), self.plain_formulas)], dim=1)
 
-def join(features: torch.Tensor, old: torch.Tensor | None, generate: nn.Module, guide: torch.Tensor) -> torch.Tensor:
-    """Return features joined with the map ``old`` of the phase before, if any, gated by kernels made from ``guide``."""
-    if old is None:
-        return features
-    return torch.cat([features, gated(old, F.relu(generate(guide)))], dim=1)
 
-
-def gated(features: torch.Tensor, kernels: torch.Tensor) -> torch.Tensor:
+def gated(features: torch.Tensor, kernels: torch.Tensor, plain_formulas: bool) -> torch.Tensor:
     """Return features times the sigmoid of their product with 3 x 3 kernels that differ from pixel to pixel.
 
     Args:
         features: ``(N, C, T, H, W)``.
         kernels: ``(N, 9 C, H, W)``, the nine taps of a channel one after another; the same for all frames.
+        plain_formulas: whether neighbourhoods are copied; else the products are summed in place without copies.
     """
     kernels = kernels.unflatten(1, (-1, 9)).unsqueeze(3)  # (N, C, 9, 1, H, W)
-    if are_plain():
-        neighbours = F.pad(features, (1, 1, 1, 1)).unfold(-2, 3, 1).unfold(-2, 3, 1).flatten(-2)
-        similarity = (kernels.movedim(2, -1) * neighbours).sum(-1)
-    else:
-        similarity = neighbourhood_product(features, kernels)
+    padded = F.pad(features, (1, 1, 1, 1))
+    if plain_formulas:
+        neighbours = padded.unfold(-2, 3, 1).unfold(-2, 3, 1).flatten(-2)
+        return features * torch.sigmoid((kernels.movedim(2, -1) * neighbours).sum(-1))
+    height, width = features.shape[-2:]
+    similarity = torch.zeros_like(features)
+    for number, tap in enumerate(kernels.unbind(2)):
+        row, column = divmod(number, 3)
+        similarity.addcmul_(tap, padded[..., row : row + height, column : column + width])
     return features * torch.sigmoid(similarity)
 
 

@@ -10,11 +10,10 @@ from torch.nn import functional as F
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
-from sci_lightning.decoder.kernels.layout import as_one_channel
+from sci_lightning.decoder.layers.attention import TemporalAttention, WindowAttention, whole_windows
 from sci_lightning.decoder.layers.convolution import Conv3d, LastConv3d, TransposedConv3d
+from sci_lightning.decoder.layers.kernels import as_one_channel
 from sci_lightning.decoder.layers.sequential import Chain, named_block
-from sci_lightning.decoder.layers.temporal_attention import TemporalAttention
-from sci_lightning.decoder.layers.window_attention import WindowAttention, whole_windows
 
 WINDOW = 7
 

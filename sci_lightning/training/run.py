@@ -14,8 +14,8 @@ from lightning.fabric.plugins.environments.slurm import SLURMEnvironment
 from lightning.pytorch.loggers import TensorBoardLogger
 
 from sci_lightning.configuration.build import build
-from sci_lightning.decoder import kernels
 from sci_lightning.decoder.complexity import count_macs, count_parameters
+from sci_lightning.decoder.layers import kernels
 from sci_lightning.encoder.recording_check import check_recording
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.checkpoint import Checkpoint, read_checkpoint
@@ -76,7 +76,6 @@ def run_training(
         BadInput: settings that do not go together, or a checkpoint of another training.
         TrainingDiverged: a loss or a gradient is no longer finite.
     """
-    kernels.use(config["kernels"])
     out = Path(config["out"])
     if any(part > full for part, full in zip(config["crop"], config["size"], strict=True)):
         raise BadInput(
@@ -134,6 +133,7 @@ def _build_system(config: Mapping[str, Any]) -> System:
     names = config["names"]
     torch.manual_seed(config["seed"])  # the decoder's first weights
     encoder, decoder = build(config["encoder"], "encoder"), build(config["decoder"], "decoder")
+    kernels.use(decoder, config["kernels"])
     check_recording(encoder, f"encoder={names['encoder']}")
     if not count_parameters(decoder):
         raise BadInput(f"decoder={names['decoder']} has nothing to learn: evaluate and reconstruct take it untrained")

@@ -15,11 +15,10 @@ from typing import Any
 import torch
 
 from sci_lightning.configuration.build import build
-from sci_lightning.decoder import kernels
 from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.layers import kernels
 from sci_lightning.decoder.layers.sequential import computed_as_larger
-from sci_lightning.decoder.tiling.decoding_memory import LiveBytes
-from sci_lightning.decoder.tiling.free_memory import free_memory
+from sci_lightning.decoder.tiling.memory import LiveBytes, free_memory
 from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput
 from sci_lightning.pipeline import Pipeline
@@ -249,10 +248,10 @@ def measured_step(config: Mapping[str, Any], device: torch.device, precision: st
     calls, so that its slope is that between the last two parts. The last one is the whole clip where that is computed
     soon enough. The first run of all is not counted: libraries set up what they need.
     """
-    kernels.use(config["kernels"])
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config["seed"])
         encoder, decoder = _parts(config)
+        kernels.use(decoder, config["kernels"])
         if any(part > whole for part, whole in zip(config["crop"], encoder.size, strict=True)):
             raise BadInput(
                 f"'crop=[{config['crop'][0]},{config['crop'][1]}]': larger than the mask, {list(encoder.size)} pixels"

@@ -80,7 +80,7 @@ def structural(frames: int, height: int, width: int) -> Tensor:
 @torch.no_grad()
 def test_every_stage_is_the_same(name: str, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     # several blocks, of which the last is smaller
-    monkeypatch.setattr("sci_lightning.decoder.kernels.block_sizes.POSITION_WEIGHTS", 700)
+    monkeypatch.setattr("sci_lightning.decoder.birnat.POSITION_WEIGHTS", 700)
     frames, height, width = 5, 12, 20
     build, plain = NETWORKS[name]
     decoder = build(frames)

@@ -6,9 +6,9 @@ import pytest
 import torch
 from torch.nn import functional as F
 
-from sci_lightning.decoder.kernels.layout import as_one_channel
-from sci_lightning.decoder.kernels.winograd import winograd
 from sci_lightning.decoder.layers.convolution import Conv3d, TransposedConv3d
+from sci_lightning.decoder.layers.kernels import as_one_channel
+from sci_lightning.decoder.layers.winograd import winograd
 
 CASES = {  # channels, outputs, kernel, stride; shape (N, T, H, W)
     "tiles": ((32, 48, 3, 1), (1, 8, 13, 17)),

@@ -9,11 +9,12 @@ import pytest
 import torch
 from torch.nn import functional as F
 
-from sci_lightning.decoder import Decoder, kernels
+from sci_lightning.decoder import Decoder
 from sci_lightning.decoder import decoder as base
 from sci_lightning.decoder.birnat import BIRNAT, FEATURES_FIELD, FRAME_FIELD, STEP_FIELD
 from sci_lightning.decoder.denoiser import WNNM, FastDVDnet, FFDNet, TotalVariation
-from sci_lightning.decoder.kernels.layout import channels_last
+from sci_lightning.decoder.layers import kernels
+from sci_lightning.decoder.layers.kernels import channels_last
 from sci_lightning.decoder.layers.unet import UNet
 from sci_lightning.decoder.tiling.tiling import Tiling
 from sci_lightning.errors import BadInput
@@ -80,8 +81,7 @@ def field_of(function: Callable[..., torch.Tensor], width: int, period: int, fra
     measurement = torch.rand(1, 16, width, dtype=torch.float64, requires_grad=True)
     mask = torch.rand(frames, 16, width, dtype=torch.float64, requires_grad=True)
     middle, far = width // 2 // period * period, 0
-    with kernels.use("plain"):  # convolutions on tiles round a little beyond their field
-        result = function(measurement, mask)
+    result = function(measurement, mask)
     for column in range(middle, middle + period):
         gradients = torch.autograd.grad(result[..., 7, column].sum(), (measurement, mask), retain_graph=True)
         acting = sum(gradient.abs().flatten(0, -2).sum(0) for gradient in gradients).nonzero()
@@ -93,6 +93,7 @@ def field_of(function: Callable[..., torch.Tensor], width: int, period: int, fra
 def test_receptive_fields(name: str, make_decoder: Callable[..., Decoder]) -> None:
     """Nothing beyond the stated field acts, and it is not stated larger than it is by more than one coarse pixel."""
     decoder = make_decoder(name, FRAMES, *FIELD[name]).double().eval()
+    kernels.use(decoder, "plain")  # convolutions on tiles round a little beyond their field
     with torch.no_grad():
         for parameter in decoder.parameters():
             if parameter.numel() == 1:

@@ -10,8 +10,8 @@ import pytest
 import torch
 from torch.nn import functional as F
 
-from sci_lightning.decoder import Decoder, STFormer, kernels
-from sci_lightning.decoder.kernels import switch
+from sci_lightning.decoder import Decoder, STFormer
+from sci_lightning.decoder.layers import kernels
 from sci_lightning.decoder.layers.convolution import Conv3d
 from sci_lightning.errors import BadInput
 from tests.conftest import members
@@ -32,8 +32,13 @@ CASES = [(name, SMALL.get(name, [])) for name in members("decoder")] + list(WIDE
 def test_both_decode_to_the_same(
     name: str, settings: list[str], make_decoder: Callable[..., Decoder], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for size in ("ATTENTION_TOKENS", "POSITION_WEIGHTS", "TOTAL_VARIATION_PIXELS", "WINOGRAD_TILES"):
-        monkeypatch.setattr(f"sci_lightning.decoder.kernels.block_sizes.{size}", 48)  # several blocks
+    for size in (
+        "layers.attention.ATTENTION_TOKENS",
+        "birnat.POSITION_WEIGHTS",
+        "denoiser.total_variation.TOTAL_VARIATION_PIXELS",
+        "layers.winograd.WINOGRAD_TILES",
+    ):
+        monkeypatch.setattr(f"sci_lightning.decoder.{size}", 48)  # several blocks
     decoder = make_decoder(name, 4, *settings)
     for parameter in decoder.parameters():
         if parameter.numel() == 1:  # a gain that starts from 0 hides what stands before it
@@ -41,8 +46,8 @@ def test_both_decode_to_the_same(
     mask = torch.rand(4, 18, 17)
     measurement = (mask * torch.rand(2, 4, 18, 17)).sum(1)
     video = decoder(measurement, mask)
-    with kernels.use("plain"):
-        plain = decoder(measurement, mask)
+    kernels.use(decoder, "plain")
+    plain = decoder(measurement, mask)
     torch.testing.assert_close(video, plain, rtol=0, atol=2e-5 * float(plain.abs().max()))
 
 
@@ -62,7 +67,7 @@ def test_as_exact_in_bfloat16(name: str, make_decoder: Callable[..., Decoder]) -
         gradients = torch.autograd.grad(video.square().mean(), weights, allow_unused=True)
         return [video, torch.cat([gradient.flatten() for gradient in gradients if gradient is not None])]
 
-    with kernels.use("plain"):
+    with kernels.plainly(decoder):
         reference = computed()
         with torch.autocast("cpu", torch.bfloat16):
             plain = computed()
@@ -76,8 +81,8 @@ def test_the_same_gradients() -> None:
     decoder, measurement, mask = STFormer(4, 16, 1), torch.rand(1, 16, 16), torch.rand(4, 16, 16)
     gradients = []
     for name in kernels.KERNELS:
-        with kernels.use(name):
-            loss = decoder(measurement, mask).square().mean()
+        kernels.use(decoder, name)
+        loss = decoder(measurement, mask).square().mean()
         gradients.append(torch.autograd.grad(loss, list(decoder.parameters())))
     for fast, plain in zip(*gradients, strict=True):
         torch.testing.assert_close(fast, plain, rtol=0, atol=1e-5 * float(plain.abs().max()))
@@ -86,29 +91,25 @@ def test_the_same_gradients() -> None:
 def test_plain_takes_no_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
     layer, x = Conv3d(32, 32, 3), torch.rand(1, 32, 4, 8, 8)
     reference = F.conv3d(x, layer.weight, layer.bias, padding=1)
-    with kernels.use("plain"):
+    with kernels.plainly(layer):
         assert torch.equal(layer(x), reference)
 
     def refused(*_: Any) -> torch.Tensor:
         raise AssertionError("a kernel was called")
 
     monkeypatch.setattr("sci_lightning.decoder.layers.convolution.convolution3d", refused)
-    with kernels.use("plain"):
+    with kernels.plainly(layer):
         layer(x)
     with pytest.raises(AssertionError, match="a kernel"):
         layer(x)
 
 
-def test_switch() -> None:
-    assert not kernels.are_plain()
-    with kernels.use("plain"):
-        with kernels.use("auto"):
-            assert not kernels.are_plain()
-        assert kernels.are_plain()
-    kernels.use("plain")
-    assert kernels.are_plain()
-    kernels.use("auto")
-    assert not kernels.are_plain()
-    with pytest.raises(BadInput, match="kernels=fast: choose auto or plain"):
-        kernels.use("fast")
-    assert doctest.testmod(switch).failed == 0
+def test_a_choice_holds_for_one_decoder() -> None:
+    one, other = STFormer(4, 16, 1), STFormer(4, 16, 1)
+    kernels.use(one, "plain")
+    with kernels.plainly(one), kernels.plainly(other):
+        assert one.plain_formulas and other.plain_formulas
+    assert one.plain_formulas and not other.plain_formulas
+    with pytest.raises(BadInput, match="kernels=fast"):
+        kernels.use(one, "fast")
+    assert doctest.testmod(kernels).failed == 0

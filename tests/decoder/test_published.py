@@ -17,7 +17,7 @@ from sci_lightning.decoder import E2ECNN, Decoder, Res2former
 from sci_lightning.decoder.published import authors_keys, load_published, our_state, unpack
 from sci_lightning.errors import BadInput
 from tests.conftest import members
-from tests.decoder.test_paper_count import FILES
+from tests.decoder.test_complexity import FILES
 from tests.decoder.transcriptions import as_published
 
 State = dict[str, torch.Tensor]

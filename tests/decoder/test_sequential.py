@@ -9,7 +9,7 @@ import torch
 
 from sci_lightning.decoder import Decoder, Res2former, STFormer
 from sci_lightning.decoder.layers.sequential import computed_as_larger
-from sci_lightning.decoder.tiling.decoding_memory import LiveBytes
+from sci_lightning.decoder.tiling.memory import LiveBytes
 from sci_lightning.runs.precision import mixed_precision
 from tests.decoder.test_revsci import Peak, gradients
 

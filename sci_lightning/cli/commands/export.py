@@ -30,8 +30,16 @@ def export(composition: Composition) -> None:
     import torch
 
     from sci_lightning.cli.next_command import nearest
-    from sci_lightning.decoder.onnx.comparison import SIZES, OnnxDecoder, largest_difference, seconds_of
-    from sci_lightning.decoder.onnx.graph import SMALLEST_SIDE, onnx_graph, require, with_mask
+    from sci_lightning.decoder.onnx_graph import (
+        SIZES,
+        SMALLEST_SIDE,
+        OnnxDecoder,
+        largest_difference,
+        onnx_graph,
+        require,
+        seconds_of,
+        with_mask,
+    )
     from sci_lightning.files.atomic_file import atomic_write
 
     cfg, console = composition.cfg, PlainConsole()

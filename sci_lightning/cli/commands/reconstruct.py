@@ -31,14 +31,13 @@ def reconstruct(composition: Composition) -> None:
 
     from sci_lightning.cli.encoder_and_decoder import resolve_camera, resolve_checkpoint, resolve_encoder
     from sci_lightning.cli.next_command import browser, print_next
-    from sci_lightning.decoder import kernels
+    from sci_lightning.decoder.layers import kernels
     from sci_lightning.errors import BadInput
     from sci_lightning.files.packed_file import raw_layout
     from sci_lightning.runs.reconstruction import FILES
     from sci_lightning.runs.reconstruction import reconstruct as decode_snapshots
 
     cfg = composition.cfg
-    kernels.use(cfg.kernels)
     out, console, frames = Path(cfg.out), PlainConsole(), cfg.frames
     settings = plain(OmegaConf.masked_copy(cfg, list(SETTINGS)))
     checkpoint = resolve_checkpoint("reconstruct", composition)
@@ -48,6 +47,7 @@ def reconstruct(composition: Composition) -> None:
             "(MAT, NPY, H5), encoder=FOUND/encoder.yaml or ckpt_path=RUN/checkpoints/last.ckpt"
         )
     decoder = checkpoint.decoder()
+    kernels.use(decoder, cfg.kernels)
     encoder, _ = resolve_encoder(composition, checkpoint)
     encoder = resolve_camera(composition, checkpoint) or encoder
     with Progress(console=console, transient=True) as progress:

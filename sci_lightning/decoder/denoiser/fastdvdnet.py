@@ -9,8 +9,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from sci_lightning.configuration.bounds import Depth, Width
-from sci_lightning.decoder.denoiser.denoiser import Denoiser
-from sci_lightning.decoder.denoiser.fixed_norm import FixedNorm, keep_scale
+from sci_lightning.decoder.denoiser.denoiser import Denoiser, FixedNorm, keep_scale
 
 WINDOW = 3
 """Number of frames that each of the two passes takes; together they reach over five."""

@@ -7,8 +7,7 @@ from torch import nn
 from torch.nn import functional as F
 
 from sci_lightning.configuration.bounds import Depth, Width
-from sci_lightning.decoder.denoiser.denoiser import Denoiser
-from sci_lightning.decoder.denoiser.fixed_norm import FixedNorm, keep_scale
+from sci_lightning.decoder.denoiser.denoiser import Denoiser, FixedNorm, keep_scale
 
 
 class FFDNet(Denoiser):

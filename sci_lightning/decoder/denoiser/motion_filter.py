@@ -10,7 +10,6 @@ from torch import nn
 from torch.nn import functional as F
 
 from sci_lightning.configuration.bounds import Pixels, Reach, Repeats
-from sci_lightning.decoder.kernels import block_sizes
 from sci_lightning.errors import BadInput
 
 SMOOTH = 3
@@ -18,6 +17,9 @@ SMOOTH = 3
 
 SAMPLED = 2
 """Blocks are then compared at one in so many rows and columns."""
+
+MOTION_PIXELS = 2**17
+"""Pixels of the frames whose motion is searched for together; more of them need more memory and are no faster."""
 
 
 class Match(NamedTuple):
@@ -140,7 +142,7 @@ class MotionFilter(nn.Module):
         margin = (0, -width % self.block, 0, -height % self.block)
         smooth: dict[int, torch.Tensor] = {}
         matches: list[list[Match]] = [[] for _ in range(t)]
-        together = max(1, block_sizes.MOTION_PIXELS // (n * height * width))
+        together = max(1, MOTION_PIXELS // (n * height * width))
         for first in range(0, t, together):
             last = min(t, first + together)
             for number in range(max(0, first - self.frames), min(t, last + self.frames)):

@@ -8,7 +8,7 @@ import torch
 from torch import nn
 from torch.nn import functional as F
 
-from sci_lightning.decoder.kernels.layout import channels_last
+from sci_lightning.decoder.layers.kernels import channels_last
 
 
 class DoubleConvolution(nn.Module):

@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 import torch
 
 from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.tiling.decoding_memory import DecodingMemory, decoding_memory
-from sci_lightning.decoder.tiling.free_memory import free_memory
+from sci_lightning.decoder.tiling.memory import DecodingMemory, decoding_memory, free_memory
 from sci_lightning.decoder.tiling.tiling import Size, Tiling
 from sci_lightning.errors import BadInput
 from sci_lightning.files.memory_bound import readable_bytes

@@ -1,6 +1,6 @@
 """``python -m sci_lightning.studies.benchmark.convolutions [FILE.json]``: ways of computing a convolution over time.
 
-The results are what :func:`~sci_lightning.decoder.kernels.convolution3d.fastest_way` chooses by. One thread, processor
+The results are what :func:`~sci_lightning.decoder.layers.convolution.fastest_way` chooses by. One thread, processor
 time, the fastest of three calls, in GFLOP/s with two operations per multiply-accumulate of the definition.
 """
 
@@ -15,8 +15,8 @@ from typing import Any
 
 import torch
 
-from sci_lightning.decoder.kernels.convolution3d import WAYS, fastest_way
-from sci_lightning.decoder.kernels.layout import channels_last
+from sci_lightning.decoder.layers.convolution import WAYS, fastest_way
+from sci_lightning.decoder.layers.kernels import channels_last
 from sci_lightning.runs.device import device_name
 from sci_lightning.runs.precision import multiplies_bfloat16
 from sci_lightning.runs.provenance import provenance_now

@@ -15,9 +15,9 @@ from typing import Any
 import torch
 
 from sci_lightning.configuration.build import build
-from sci_lightning.decoder import Decoder, kernels
-from sci_lightning.decoder.complexity import count_macs, count_parameters
-from sci_lightning.decoder.paper_count import count_as_paper
+from sci_lightning.decoder import Decoder
+from sci_lightning.decoder.complexity import count_as_paper, count_macs, count_parameters
+from sci_lightning.decoder.layers import kernels
 from sci_lightning.decoder.tiling.tile_choice import TileChoice
 from sci_lightning.errors import BadInput
 from sci_lightning.full_precision import full_precision
@@ -96,7 +96,7 @@ def measure(
     Args:
         config: plain configuration of the decoder.
         frames, size: T and (H, W) of the measurement.
-        rules: see :func:`~sci_lightning.decoder.paper_count.count_as_paper`.
+        rules: see :func:`~sci_lightning.decoder.complexity.count_as_paper`.
         device: cpu, cuda, ..
         precisions: of networks, by Lightning's names, the most exact first.
         compile: whether torch.compile is applied; its own time is part of the warm-up.
@@ -122,10 +122,10 @@ def measure(
     torch.manual_seed(0)
     if threads:
         torch.set_num_threads(threads)
-    kernels.use("plain" if plain_kernels else "auto")
     device = torch.device(device)
     before = 0 if device.type == "cuda" else _memory("VmRSS")
     decoder: Decoder = build(config, "decoder").eval().to(device)
+    kernels.use(decoder, "plain" if plain_kernels else "auto")
     if state is not None:
         decoder.load_state_dict(dict(state))
     if snapshot is None:

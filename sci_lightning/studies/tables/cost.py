@@ -35,8 +35,7 @@ def _cost(name: str, figures: Mapping[str, Any], config: Mapping[str, Any] | Non
     import torch
 
     from sci_lightning.configuration.build import build
-    from sci_lightning.decoder.complexity import count_parameters
-    from sci_lightning.decoder.paper_count import count_as_paper
+    from sci_lightning.decoder.complexity import count_as_paper, count_parameters
 
     if config is None:
         return Cost(figures)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from sci_lightning.decoder.kernels.convolution3d import WAYS, fastest_way
+from sci_lightning.decoder.layers.convolution import WAYS, fastest_way
 from sci_lightning.studies.benchmark.convolutions import SHAPES, Shape, main, measure
 from tests.conftest import ROOT
 from tests.files.schemas.validation import check

@@ -1,20 +1,30 @@
-"""The ONNX graph of a decoder, for any height and width, with the padding of the decoder's call inside."""
+"""The ONNX graph of a decoder, for any height and width, with the padding of the decoder's call inside.
+
+Beside the decoder that it was made of, a graph is called in the same way: how far do their videos differ, and how long
+do both take?
+"""
 
 from __future__ import annotations
 
 import logging
+import time
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import torch
 from torch import nn
 
-from sci_lightning.decoder import Decoder, kernels
+from sci_lightning.decoder import Decoder
 from sci_lightning.decoder.complexity import count_parameters
 from sci_lightning.decoder.iterative import Iterative
-from sci_lightning.errors import BadInput
+from sci_lightning.decoder.layers import kernels
+from sci_lightning.errors import BadInput, MachineFailure
+from sci_lightning.operator import SnapshotOperator
 
 if TYPE_CHECKING:
     from onnx import ModelProto
@@ -27,6 +37,12 @@ TRACED_SIZE = (48, 64)
 
 LARGEST_FILE = 2**31
 """Bytes of an ONNX file with its weights inside, a limit of its format."""
+
+TOLERANCE = 1e-4
+"""Largest difference of a pixel of the two videos, in units of the video or of its largest value if that is above 1."""
+
+SIZES = ((48, 64), (50, 37), (64, 80))
+"""(H, W) that a graph of any size is compared at: the one that torch was followed on, an odd one, a larger one."""
 
 
 class SingleSnapshot(nn.Module):
@@ -80,7 +96,7 @@ def onnx_graph(decoder: Decoder, frames: int, properties: Mapping[str, str] | No
     shapes = {1: height, 2: width}
     training = decoder.training
     try:
-        with kernels.use("plain"), torch.no_grad(), _quiet():
+        with kernels.plainly(decoder), torch.no_grad(), _quiet():
             module = SingleSnapshot(decoder.eval())
             program = torch.export.export(module, inputs, dynamic_shapes=(shapes, shapes), strict=False)
             exported = torch.onnx.export(
@@ -144,7 +160,6 @@ def _pad_and_crop(model: Any, multiple: int) -> None:
     They are nodes of ONNX rather than of torch, which then follows the network on sides that are multiples by
     construction and need no rounding anywhere.
     """
-    import numpy as np
     from onnx import helper, numpy_helper
 
     graph = model.graph
@@ -198,3 +213,95 @@ def _quiet() -> Iterator[None]:
     finally:
         for logger, level in zip(loggers, levels, strict=True):
             logger.setLevel(level)
+
+
+class OnnxDecoder:
+    """A graph in onnxruntime on the CPU, called as the decoder is.
+
+    Args:
+        path: of the ONNX file.
+        threads: of onnxruntime; None: as many as torch uses.
+        mask: whether the mask is an input of the graph; else it is inside.
+
+    Raises:
+        BadInput: onnxruntime is not installed.
+    """
+
+    def __init__(self, path: Path, threads: int | None = None) -> None:
+        require("onnxruntime")
+        import onnxruntime
+
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = threads or torch.get_num_threads()
+        options.log_severity_level = 3  # errors
+        self.session: Any = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+        self.takes_mask = len(self.session.get_inputs()) > 1
+
+    def __call__(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+        """Return the video ``(1, T, H, W)`` of a measurement ``(1, H, W)`` and a mask ``(T, H, W)``."""
+        inputs: dict[str, np.ndarray] = {"measurement": measurement.numpy()}
+        if self.takes_mask:
+            inputs["mask"] = mask.numpy()
+        return torch.from_numpy(self.session.run(["video"], inputs)[0])
+
+
+def largest_difference(
+    graph: OnnxDecoder, decoder: Decoder, frames: int, sizes: Sequence[Sequence[int]], mask: torch.Tensor | None = None
+) -> float:
+    """Return by how much the videos of a graph and its decoder differ, as :data:`TOLERANCE` counts it.
+
+    Args:
+        graph, decoder: the two.
+        frames: T.
+        sizes: (H, W) of the snapshots, one after another.
+        mask: of all snapshots, if the graph holds it; None: random binary masks.
+
+    Raises:
+        MachineFailure: they differ by more than the tolerance, or in shape.
+    """
+    largest = 0.0
+    for size in sizes:
+        snapshot = random_snapshot(frames, size, mask)
+        with torch.no_grad():
+            video, expected = graph(*snapshot), decoder(*snapshot)
+        if video.shape != expected.shape:
+            raise MachineFailure(
+                f"the graph's video is {tuple(video.shape)}, torch's {tuple(expected.shape)}; nothing was written"
+            )
+        difference = float((video - expected).abs().max() / expected.abs().max().clamp(min=1))
+        if not difference <= TOLERANCE:
+            raise MachineFailure(
+                f"at {size[0]} x {size[1]} the graph's video differs from torch's by {difference:.1e}, more than "
+                f"{TOLERANCE:.0e}; nothing was written"
+            )
+        largest = max(largest, difference)
+    return largest
+
+
+def seconds_of(
+    decoders: Sequence[Callable[[torch.Tensor, torch.Tensor], torch.Tensor]],
+    frames: int,
+    size: Sequence[int],
+    mask: torch.Tensor | None = None,
+    repeats: int = 3,
+) -> list[float]:
+    """Return the median seconds of each decoder for one snapshot; they take turns, after one call each to warm up."""
+    snapshot = random_snapshot(frames, size, mask)
+    seconds: list[list[float]] = [[] for _ in decoders]
+    with torch.no_grad():
+        for _ in range(repeats + 1):
+            for decoder, times in zip(decoders, seconds, strict=True):
+                start = time.perf_counter()
+                decoder(*snapshot)
+                times.append(time.perf_counter() - start)
+    return [median(times[1:]) for times in seconds]
+
+
+def random_snapshot(
+    frames: int, size: Sequence[int], mask: torch.Tensor | None = None
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return measurement ``(1, H, W)`` and mask ``(T, H, W)`` of a random video, always the same for one size."""
+    generator = torch.Generator().manual_seed(0)
+    if mask is None:
+        mask = (torch.rand(frames, *size, generator=generator) < 0.5).float()
+    return SnapshotOperator(mask)(torch.rand(1, *mask.shape, generator=generator)), mask

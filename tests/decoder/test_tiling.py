@@ -9,10 +9,9 @@ import pytest
 import torch
 
 from sci_lightning.decoder import E2ECNN, Decoder, GAPNet, Linear
-from sci_lightning.decoder.tiling import free_memory as free_memory_module
+from sci_lightning.decoder.tiling import memory as memory_module
 from sci_lightning.decoder.tiling import tile_choice
-from sci_lightning.decoder.tiling.decoding_memory import LiveBytes, decoding_memory
-from sci_lightning.decoder.tiling.free_memory import free_memory
+from sci_lightning.decoder.tiling.memory import LiveBytes, decoding_memory, free_memory
 from sci_lightning.decoder.tiling.tile_choice import TileChoice
 from sci_lightning.decoder.tiling.tiling import Tiling
 from sci_lightning.encoder import Encoder
@@ -132,7 +131,7 @@ def test_free_memory_of_a_container(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     for name, text in (("max", "1000"), ("current", "900"), ("stat", "anon 300\nfile 600\ninactive_file 500\n")):
         (tmp_path / f"memory.{name}").write_text(text)
     place = (str(tmp_path), "memory.max", "memory.current", "inactive_file")
-    monkeypatch.setattr(free_memory_module, "CGROUP", (place,))
+    monkeypatch.setattr(memory_module, "CGROUP", (place,))
     assert free_memory(torch.device("cpu")) == 600
     (tmp_path / "memory.max").write_text("max\n")
     assert free_memory(torch.device("cpu")) > 2**24

@@ -13,11 +13,10 @@ from omegaconf import DictConfig
 
 from sci_lightning.cli.composition import plain
 from sci_lightning.decoder import E2ECNN, Decoder
+from sci_lightning.decoder import onnx_graph as graph_module
 from sci_lightning.decoder.complexity import count_parameters
 from sci_lightning.decoder.iterative import Iterative
-from sci_lightning.decoder.onnx import graph as graph_module
-from sci_lightning.decoder.onnx.comparison import OnnxDecoder, largest_difference, random_snapshot
-from sci_lightning.decoder.onnx.graph import onnx_graph, with_mask
+from sci_lightning.decoder.onnx_graph import OnnxDecoder, largest_difference, onnx_graph, random_snapshot, with_mask
 from sci_lightning.encoder.mask import LearnedStructural
 from sci_lightning.errors import BadInput, MachineFailure
 from sci_lightning.runs.checkpoint import write_weights

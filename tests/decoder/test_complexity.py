@@ -15,8 +15,7 @@ from torch.nn import functional as F
 
 from sci_lightning.cli.composition import compose
 from sci_lightning.decoder import Decoder
-from sci_lightning.decoder.complexity import count_macs, count_parameters
-from sci_lightning.decoder.paper_count import count_as_paper
+from sci_lightning.decoder.complexity import count_as_paper, count_macs, count_parameters
 from sci_lightning.errors import BadInput
 from sci_lightning.studies.tables.paper_figures import paper_figures
 from tests.conftest import members
