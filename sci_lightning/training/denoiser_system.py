@@ -39,11 +39,12 @@ class DenoiserSystem(System):
         if len(noise) != 2 or not 0 <= noise[0] < noise[1]:
             raise BadInput(f"system.noise={list(noise)}: give the smallest and the largest deviation, as [0,0.3]")
         super().__init__(encoder.requires_grad_(False), decoder, **others)
-        self.denoise, self.noise = decoder.denoiser.forward, tuple(noise)
+        self.noise = tuple(noise)
+        denoise = decoder.denoiser.forward
+        self.stages = lambda noisy, strength: [denoise(noisy, strength)]
 
-    def batch_loss(self, video: torch.Tensor) -> torch.Tensor:
-        """Return the loss of denoising clips ``(N, T, h, w)`` to which noise of one strength was added."""
+    def observe(self, video: torch.Tensor) -> tuple[torch.Tensor, float]:
+        """Return clips ``(N, T, h, w)`` with noise of one strength, and that strength."""
         low, high = self.noise
         strength = low + (high - low) * float(torch.rand(()))
-        noisy = video + strength * torch.randn_like(video)
-        return self.loss([self.denoise(noisy, strength)], video)
+        return video + strength * torch.randn_like(video), strength

@@ -32,7 +32,7 @@ def start_at_unit_variance(system: System, clips: Clips) -> None:
     video = torch.stack([clips[index] for index in range(min(CLIPS, len(clips)))])
     with torch.random.fork_rng([]), torch.no_grad():
         torch.manual_seed(system.seed)
-        scale_to_unit_variance(system.decoder, *system.recorded(video))
+        scale_to_unit_variance(system.decoder, *System.observe(system, video))  # not what a subclass observes
 
 
 @torch.no_grad()

@@ -1,8 +1,9 @@
-"""Learning rates over a run, and the optimizer that they belong to."""
+"""Learning rates over a run, the optimizer they belong to, and the processor time over which they may fall."""
 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
@@ -10,9 +11,11 @@ from typing import Any
 
 import lightning as L
 import torch
+from lightning.pytorch.callbacks import Timer
 
+from sci_lightning.configuration.bounds import Positive
+from sci_lightning.errors import BadInput
 from sci_lightning.training.muon import Muon, is_large
-from sci_lightning.training.processor_time import time_limits
 
 
 @dataclass(frozen=True)
@@ -39,10 +42,14 @@ class LearningRates:
     muon_decay: float
     warmup: float
 
-    def optimizer(
-        self, mask: Iterable[torch.nn.Parameter], weights: Iterable[torch.nn.Parameter], fused: bool
-    ) -> torch.optim.Optimizer:
-        """Return an optimizer of the mask's parameters, if there are any, and the decoder's weights."""
+    def __post_init__(self) -> None:
+        if not 0 <= self.warmup < 1:
+            raise BadInput(f"system.warmup={self.warmup}: a part of the run, from 0 to below 1, as in 0.02")
+
+    def optimizer_and_schedule(
+        self, trainer: L.Trainer, mask: Iterable[torch.nn.Parameter], weights: Iterable[torch.nn.Parameter]
+    ) -> dict[str, Any]:
+        """Return what ``configure_optimizers`` does, for the mask's parameters, if it has any, and the weights."""
         mask, weights = [p for p in mask if p.requires_grad], list(weights)
         large = [weight for weight in weights if self.muon_lr is not None and is_large(weight)]
         small = [weight for weight in weights if self.muon_lr is None or not is_large(weight)]
@@ -52,8 +59,15 @@ class LearningRates:
         if large:
             groups.append({"params": large, "lr": self.muon_lr, "name": "large weights", "muon": True})
         kind: Any = partial(Muon, decay=self.muon_decay) if large else torch.optim.Adam
-        optimizer: torch.optim.Optimizer = kind(groups, fused=fused)
-        return optimizer
+        # the fused one is twice as fast and differs in the last bits; scaled gradients of float16 it would not clip
+        optimizer = kind(groups, fused=trainer.precision == "bf16-mixed")
+
+        def schedule(step: int) -> float:
+            # asking for the number of steps before the first would set up the loader before its place is restored
+            return self.factor(part_done(trainer, step) if step else 0.0)
+
+        scheduler = torch.optim.lr_scheduler.LambdaLR(optimizer, schedule)
+        return {"optimizer": optimizer, "lr_scheduler": {"scheduler": scheduler, "interval": "step"}}
 
     def factor(self, done: float) -> float:
         """Return a rate's part of its height when the part ``done`` of the run, 0 to 1, is over."""
@@ -78,11 +92,67 @@ def part_done(trainer: L.Trainer, steps: int) -> float:
 
 def _time_spent(trainer: L.Trainer) -> float:
     """Return the part of ``max_time`` or of the processor time that has passed, 0 to 1; 0 in a run without one."""
-    budget, timer = time_limits(trainer)
-    if budget is None and timer is None:
-        return 0.0
-    spent = 0.0 if budget is None else budget.part_spent
-    if timer is not None:
-        elapsed = timer.time_elapsed()
-        spent = max(spent, elapsed / max(elapsed + (timer.time_remaining() or 0.0), 1e-6))
-    return float(trainer.strategy.broadcast(spent))  # clocks differ, learning rates may not
+    spent = []
+    for callback in trainer.callbacks:  # type: ignore[attr-defined]  # set by Lightning, not declared
+        if isinstance(callback, ProcessorTime):
+            spent.append(callback.part_spent)
+        elif isinstance(callback, Timer) and (left := callback.time_remaining()) is not None:
+            elapsed = callback.time_elapsed()
+            spent.append(elapsed / max(elapsed + left, 1e-6))
+    return float(trainer.strategy.broadcast(max(spent))) if spent else 0.0  # clocks differ, learning rates may not
+
+
+class ProcessorTime(L.Callback):
+    """Ends a training after so many minutes of processor time; the learning rate falls over them.
+
+    What counts is the time that all threads of this process have computed for training steps and the loading of clips:
+    neither validation nor the test that follows, nor the time in which other programs had the processor. A resumed
+    training goes on counting from what its checkpoint says.
+
+    Args:
+        minutes: of one core; two threads use them up in half the time.
+    """
+
+    def __init__(self, minutes: Positive) -> None:
+        self.budget = 60.0 * minutes
+        self.seconds = 0.0
+        self._counted_until = 0.0
+
+    @property
+    def part_spent(self) -> float:
+        """The part of the budget that is spent, 0 to 1."""
+        return min(1.0, self.seconds / self.budget)
+
+    def on_train_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        self._counted_until = time.process_time()
+        self._stop_if_spent(trainer)
+
+    def on_train_batch_end(self, trainer: L.Trainer, *args: Any) -> None:
+        self._count()
+        self._stop_if_spent(trainer)
+
+    def on_validation_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        self._count()
+
+    def on_validation_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        self._counted_until = time.process_time()
+
+    def state_dict(self) -> dict[str, Any]:
+        return {"seconds": self.seconds}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        seconds = state_dict["seconds"]
+        if type(seconds) not in (int, float) or not (math.isfinite(seconds) and seconds >= 0):
+            raise BadInput("no time that was spent")
+        self.seconds = float(seconds)
+
+    def _count(self) -> None:
+        now = time.process_time()
+        self.seconds += now - self._counted_until
+        self._counted_until = now
+
+    def _stop_if_spent(self, trainer: L.Trainer) -> None:
+        spent = self.seconds >= self.budget
+        if trainer.world_size > 1:  # clocks differ; all processes end with the same step
+            spent = trainer.strategy.reduce_boolean_decision(spent, all=False)
+        trainer.should_stop = trainer.should_stop or spent

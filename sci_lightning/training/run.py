@@ -25,8 +25,9 @@ from sci_lightning.runs.resume import check_same_run, find_resumable_checkpoint,
 from sci_lightning.training.callbacks import LastCheckpoint
 from sci_lightning.training.cuda_graph import check_graphed
 from sci_lightning.training.initialisation import start_at_unit_variance
+from sci_lightning.training.learning_rates import ProcessorTime
 from sci_lightning.training.loggers import build_loggers, run_name, with_run_ids
-from sci_lightning.training.processor_time import ProcessorTime
+from sci_lightning.training.scored_pipeline import ScoredPipeline
 from sci_lightning.training.scoring import build_metrics
 from sci_lightning.training.stop_signal import StopSignal
 from sci_lightning.training.system import System
@@ -224,7 +225,7 @@ def _test(system: System, trainer: L.Trainer, data: VideoData, config: Mapping[s
     recorded = {key: value for key, value in config.items() if key not in ("names", "overrides")}
     for name, settings in config["test_encoders"].items():
         metrics = build_metrics(config.get("metrics", {}), config["size"])
-        tested = system.with_encoder(build(settings, f"test_encoders.{name}"), metrics, name)
+        tested = system.behind(build(settings, f"test_encoders.{name}"), metrics, name)
         trainer.test(tested, datamodule=data, verbose=False)
         if trainer.is_global_zero:
             tests[name] = run_metrics(tested, {**names, "test_encoder": name}, recorded, steps)
@@ -242,7 +243,7 @@ def _test(system: System, trainer: L.Trainer, data: VideoData, config: Mapping[s
 
 
 def run_metrics(
-    system: System, names: Mapping[str, str], config: Mapping[str, Any], training_steps: int | None = None
+    system: ScoredPipeline, names: Mapping[str, str], config: Mapping[str, Any], training_steps: int | None = None
 ) -> RunMetrics:
     """Return the metrics of a system that has just been tested.
 

@@ -305,7 +305,7 @@ def _step(config: Mapping[str, Any], encoder: Encoder, decoder: Decoder) -> Call
     """Return the function from a clip ``(1, T, h, w)`` to its loss."""
     if config["system"]["_target_"] != PLAIN_SYSTEM:  # which is a LightningModule, and may compute anything
         system = build(config["system"], "system", encoder=encoder, decoder=decoder)
-        return lambda video: system.batch_loss(video)
+        return lambda video: system.training_step(video, 0)
     pipeline = Pipeline(encoder, decoder)
 
     def loss(video: torch.Tensor) -> torch.Tensor:

@@ -10,7 +10,7 @@ import lightning as L
 import pytest
 
 from sci_lightning.errors import BadInput
-from sci_lightning.training.processor_time import ProcessorTime
+from sci_lightning.training.learning_rates import ProcessorTime
 from tests.training.test_training_position import scenes, system_and_trainer
 
 

@@ -13,7 +13,9 @@ import lightning as L
 from sci_lightning.configuration.bounds import Share
 from sci_lightning.console import warn
 from sci_lightning.errors import TrainingFailed
-from sci_lightning.training.system import MEAN_MEASUREMENT, System
+from sci_lightning.training.learning_rates import part_done
+from sci_lightning.training.scored_pipeline import MEAN_MEASUREMENT
+from sci_lightning.training.system import System
 
 RISE = 0.1
 """A validation that is better by less than this, in dB, is no better."""
@@ -73,7 +75,7 @@ class FailedTraining(L.Callback):
         reached, mean = (trainer.callback_metrics.get(key) for key in ("val/psnr", f"{MEAN_MEASUREMENT}/psnr"))
         if reached is None or mean is None:
             return
-        psnr, done = float(reached), pl_module.part_done()
+        psnr, done = float(reached), part_done(trainer, trainer.global_step)
         if psnr >= float(mean) or done < self.after:
             return
         line = f"validation reaches {psnr:.1f} dB, less than the mean measurement ({float(mean):.1f} dB)"

@@ -1,4 +1,4 @@
-"""The progress bar."""
+"""The progress bar, and the speed of a training."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from lightning.pytorch.callbacks import RichProgressBar
 from torch import nn
 
 from sci_lightning.decoder import Decoder
+from sci_lightning.training.scoring import as_clips
 
 PATIENCE = 2.0
 """Seconds within a batch after which the bar moves with its layers."""
@@ -133,3 +134,50 @@ class Progress(RichProgressBar):
         if self.progress is not None and self.test_progress_bar_id is not None:
             self.progress.update(self.test_progress_bar_id, description=f"{self.test_description}: {state}")
             self.refresh()
+
+
+class Throughput(L.Callback):
+    """Logs ``train/clips_per_second`` and ``train/loading_share`` every so many batches, as means over them.
+
+    Clips are counted over all processes; the loading share is the part of the time spent waiting for data.
+
+    Args:
+        every_n_steps: batches between two logs; 0 for none.
+    """
+
+    def __init__(self, every_n_steps: int = 10) -> None:
+        self.every_n_steps = every_n_steps
+        self._restart()
+        self._ended = 0.0
+
+    def _restart(self) -> None:
+        self._clips = 0
+        self._busy = 0.0
+        self._waited = 0.0
+
+    def on_train_epoch_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        self._ended = time.perf_counter()
+
+    def on_train_batch_start(
+        self, trainer: L.Trainer, pl_module: L.LightningModule, batch: Any, batch_idx: int
+    ) -> None:
+        self._started = time.perf_counter()
+        self._waited += self._started - self._ended
+
+    def on_train_batch_end(
+        self, trainer: L.Trainer, pl_module: L.LightningModule, outputs: Any, batch: Any, batch_idx: int
+    ) -> None:
+        self._ended = time.perf_counter()
+        self._busy += self._ended - self._started
+        self._clips += len(as_clips(batch)) * trainer.world_size
+        if self.every_n_steps and (trainer.fit_loop.total_batch_idx + 1) % self.every_n_steps == 0:
+            total = self._busy + self._waited
+            pl_module.log("train/clips_per_second", self._clips / total)
+            pl_module.log("train/loading_share", self._waited / total)
+            self._restart()
+
+    def on_validation_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        self._paused = time.perf_counter()
+
+    def on_validation_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        self._ended += time.perf_counter() - self._paused  # time in validation is not spent waiting for data

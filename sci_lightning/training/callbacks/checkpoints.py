@@ -1,7 +1,14 @@
-"""``checkpoints/last.ckpt``: the state from which an interrupted training resumes."""
+"""Checkpoints of a training: ``last.ckpt``, from which it resumes, and ``best.ckpt``.
+
+Lightning's ``ModelCheckpoint`` breaks three promises. Its state holds paths, which are never taken from a file that may
+be a stranger's, so that a resumed training would not know its best value. It keeps the first validation as the best
+even if that is NaN. And it knows no request to stop, after which the step is finished, the loggers are saved,
+``last.ckpt`` is written and the training ends; nor does it save before a step that takes longer than the interval.
+"""
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 from typing import Any
@@ -108,3 +115,36 @@ class LastCheckpoint(Checkpoint):
     def _agreed(self, trainer: L.Trainer, wish: bool) -> bool:
         """Return whether any process wishes it: clocks differ, and a signal may reach one process only."""
         return wish if trainer.world_size == 1 else trainer.strategy.reduce_boolean_decision(wish, all=False)
+
+
+class BestCheckpoint(Checkpoint):
+    """Writes ``best.ckpt`` after every validation that is better than all before it.
+
+    Its state is the best value, never a path: a resumed training compares with it as long as ``best.ckpt`` exists.
+
+    Args:
+        folder: the folder in which it is written.
+        monitor: the logged metric; larger is better.
+    """
+
+    def __init__(self, folder: str | Path, monitor: str = "val/psnr") -> None:
+        self.path = Path(folder) / "best.ckpt"
+        self.monitor = monitor
+        self.best = -math.inf
+
+    def on_fit_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        if not trainer.strategy.broadcast(self.path.is_file()):
+            self.best = -math.inf
+
+    def on_validation_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        value = trainer.callback_metrics.get(self.monitor)
+        if value is None or trainer.sanity_checking or trainer.state.fn != "fit" or not float(value) > self.best:
+            return
+        self.best = float(value)
+        trainer.save_checkpoint(self.path)
+
+    def state_dict(self) -> dict[str, Any]:
+        return {"best": self.best} if math.isfinite(self.best) else {}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        self.best = float(state_dict["best"])
