@@ -1,8 +1,13 @@
-"""The terminal: whatever a path, a name or a file contributes to a line is shown as it is, and never obeyed."""
+"""The terminal: whatever a path, a name or a file contributes to a line is shown as it is, and never obeyed.
+
+What Lightning and torch say that tells a user nothing is silenced here as well.
+"""
 
 from __future__ import annotations
 
+import logging
 import sys
+import warnings
 from typing import Any
 
 from rich.console import Console
@@ -45,3 +50,23 @@ def styled(text: object, style: str = "bold") -> Text:
 def warn(line: str) -> None:
     """Print one line on standard error that begins with ``warning:``."""
     print(f"warning: {one_printable_line(line)}", file=sys.stderr)
+
+
+def silence_libraries() -> None:
+    """Drop what the libraries say that tells a user of a command nothing."""
+    lightning = (
+        f"lightning.pytorch.{name}"
+        for name in ("utilities.rank_zero", "trainer.connectors.checkpoint_connector", "accelerators.cuda")
+    )
+    for name in (*lightning, "torch._subclasses.fake_tensor", "matplotlib"):
+        logging.getLogger(name).setLevel(logging.WARNING)
+    for message in (
+        r".*does not have many workers.*",
+        r".*LeafSpec.*",
+        r".*`srun` command is available.*",
+        r".*module\(s\) in eval mode.*",
+        r".*smaller than the logging interval.*",
+        r".*Checkpoint directory .* exists and is not empty.*",
+        r".*your dataloader is not resumable.*",  # a training's position does
+    ):
+        warnings.filterwarnings("ignore", message=message)

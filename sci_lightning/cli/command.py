@@ -24,11 +24,10 @@ from sci_lightning.cli.resumed_run import continued
 from sci_lightning.cli.settings import check_command_settings, store_defaults
 from sci_lightning.cli.sweep import defer_to_rows, finished_rows, in_sweep, refuse_uncomposed_row
 from sci_lightning.configuration.conf_folder import CONF
-from sci_lightning.console import warn
+from sci_lightning.console import silence_libraries, warn
 from sci_lightning.errors import INTERRUPTED, InputWarning
 from sci_lightning.plain_text import one_printable_line
 from sci_lightning.runs.encoder_file import EncoderFile
-from sci_lightning.runs.quiet_libraries import silence_libraries
 from sci_lightning.runs.run_folder import is_first_process, run_folder, undo_if_refused
 
 Task = Callable[[Composition], Any]

@@ -15,9 +15,8 @@ from sci_lightning.cli.encoder_file import PLACES, adapt_to_encoder_files, adopt
 from sci_lightning.cli.hydra_callbacks import check_folder
 from sci_lightning.cli.settings import check_command_settings
 from sci_lightning.cli.stored_overrides import recorded
-from sci_lightning.console import PlainConsole
+from sci_lightning.console import PlainConsole, silence_libraries
 from sci_lightning.errors import BadInput
-from sci_lightning.runs.quiet_libraries import silence_libraries
 from sci_lightning.runs.resume import check_nothing_lost
 from sci_lightning.runs.run_folder import run_folder
 

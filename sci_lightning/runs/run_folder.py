@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
-import re
 import socket
 import stat
 from collections.abc import Iterator
@@ -15,9 +14,6 @@ from pathlib import Path
 from typing import IO
 
 from sci_lightning.errors import BadInput
-
-LEFTOVER = re.compile(r"\.(last|best)(-\w{8}|\.[0-9a-f]{8}\.[0-9a-f]{8}-\d+-[0-9a-f]{8}\.part)\.ckpt")
-"""Names of temporary files beside checkpoints: those of an earlier version, and those of ``atomic_file``."""
 
 RANKS = ("RANK", "LOCAL_RANK", "SLURM_PROCID")
 """Variables in which launchers of several processes tell each its number."""
@@ -39,7 +35,7 @@ def is_first_process() -> bool:
 
 @contextmanager
 def run_folder(out: str | Path) -> Iterator[None]:
-    """Keep a folder for this process, and remove what a killed process has left half-written in its checkpoints.
+    """Keep a folder for this process.
 
     The operating system gives the folder free when the process ends, however it ends. The other processes of the same
     run (of several devices) share the first one's.
@@ -53,7 +49,6 @@ def run_folder(out: str | Path) -> Iterator[None]:
     folder = Path(out).resolve()
     lock(folder)
     try:
-        remove_leftovers(folder / "checkpoints")
         yield
     finally:
         unlock(folder)
@@ -163,13 +158,6 @@ def _lock_file(path: Path) -> IO[str]:
             raise BadInput(f"{path}: a link or no file, expected the lock of a run; remove it") from error
         raise
     return os.fdopen(number, "r+")
-
-
-def remove_leftovers(checkpoints: Path) -> None:
-    """Remove temporary files that processes were killed over; their names are those of ``atomic_file``."""
-    for path in checkpoints.glob(".*.ckpt"):
-        if LEFTOVER.fullmatch(path.name) and path.is_file() and not path.is_symlink():
-            path.unlink(missing_ok=True)
 
 
 def make_folder(folder: Path, exist_ok: bool = False) -> None:

@@ -1,17 +1,22 @@
-"""Where a training is logged: ``logger=tensorboard``, ``'logger=[tensorboard,csv]'``, ..."""
+"""Where a training is logged: ``logger=tensorboard``, ``'logger=[tensorboard,csv]'``, and the log in its folder."""
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
+
+from lightning.fabric.loggers.logger import rank_zero_experiment
+from lightning.pytorch.loggers import CSVLogger, Logger
+from lightning.pytorch.loggers import TensorBoardLogger as LightningTensorBoardLogger
+from lightning.pytorch.loggers.csv_logs import ExperimentWriter
 
 from sci_lightning.configuration.build import build
 from sci_lightning.errors import BadInput
+from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.plain_text import with_article
-
-if TYPE_CHECKING:  # a command without a logger starts without Lightning, which takes seconds to import
-    from lightning.pytorch.loggers import Logger
 
 RUN_NAME = {"tensorboard": "version", "wandb": "name", "mlflow": "run_name"}
 """What the loggers call a run's name."""
@@ -60,8 +65,6 @@ def run_name(config: Mapping[str, Any]) -> str:
 
 
 def _built(name: str, settings: Mapping[str, Any], run_name: str, earlier: Mapping[str, Any]) -> Logger:
-    from lightning.pytorch.loggers import Logger
-
     key = RUN_NAME.get(name, "")
     named = {key: run_name} if key in settings and settings[key] is None else {}
     key = RUN_ID.get(name, "")
@@ -79,3 +82,60 @@ def _built(name: str, settings: Mapping[str, Any], run_name: str, earlier: Mappi
     if not isinstance(logger, Logger):
         raise BadInput(f"logger.{name}: its _target_ is {with_article(type(logger).__name__)}, not a Logger")
     return logger
+
+
+CURVES = {"train/loss": "curves/loss", "val/psnr": "curves/psnr"}
+"""What is shown first, and under which tag: TensorBoard sorts groups by name and opens the first two, which are
+``curves`` and ``mask``. The tags name no encoder and no bit depth, so that the runs of a sweep share a chart."""
+
+
+class AppendingCSVLogger(CSVLogger):
+    """Appends to ``metrics.csv``; Lightning's own deletes a file that is there.
+
+    Steps that a killed run has logged after its last checkpoint are computed again, with the same numbers, and stand in
+    the file twice.
+    """
+
+    @property
+    @rank_zero_experiment
+    def experiment(self) -> Any:
+        """The writer of the file, which is not made before something is logged."""
+        if self._experiment is None:
+            self._experiment = _Writer(self.log_dir)
+        return self._experiment
+
+
+class _Writer(ExperimentWriter):
+    """Writes rows below those that are there."""
+
+    def _check_log_dir_exists(self) -> None:
+        """Take the columns from the file; a row that a killed process has half-written is left out of it."""
+        path = Path(self.metrics_file_path)
+        if not path.is_file():
+            return
+        with path.open("rb+") as file:
+            content = file.read()
+            file.truncate(content.rfind(b"\n") + 1)
+        with path.open(newline="") as file:
+            self.metrics_keys = next(csv.reader(file), [])
+        if not self.metrics_keys:
+            path.unlink()
+
+    def _rewrite_with_new_header(self, fieldnames: list[str]) -> None:
+        with open(self.metrics_file_path, newline="") as file:
+            rows = list(csv.DictReader(file))
+        with atomic_write(self.metrics_file_path) as temporary, temporary.open("w", newline="") as file:
+            writer = csv.DictWriter(file, fieldnames)
+            writer.writeheader()
+            writer.writerows(rows)
+
+
+class TensorBoardLogger(LightningTensorBoardLogger):
+    """Lightning's logger, with loss and PSNR repeated in a group of charts that TensorBoard shows first.
+
+    The number of the epoch, which Lightning adds to everything that is logged, is left out.
+    """
+
+    def log_metrics(self, metrics: Mapping[str, Any], step: int | None = None) -> None:
+        values = {tag: value for tag, value in metrics.items() if tag != "epoch"}
+        super().log_metrics(values | {CURVES[tag]: value for tag, value in values.items() if tag in CURVES}, step)

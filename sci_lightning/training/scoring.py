@@ -13,8 +13,7 @@ import torch
 from sci_lightning.configuration.build import build
 from sci_lightning.decoder.tiling.tile_choice import TileChoice
 from sci_lightning.errors import BadInput
-from sci_lightning.metrics.frame_metric import FrameMetric, as_frame_metric
-from sci_lightning.metrics.scene_scores import SceneScores
+from sci_lightning.metrics.frame_metric import FrameMetric, SceneScores, as_frame_metric
 from sci_lightning.operator import SnapshotOperator
 from sci_lightning.pipeline import Pipeline
 from sci_lightning.runs.device import device_name

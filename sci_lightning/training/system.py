@@ -11,13 +11,13 @@ import torch
 
 from sci_lightning.configuration.arguments import check_arguments
 from sci_lightning.configuration.bounds import NonNegative, Positive, Seed, Share
+from sci_lightning.console import silence_libraries
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.tiling.tile_choice import TileChoice
 from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput
 from sci_lightning.measurement import linear_with_mask
 from sci_lightning.runs.checkpoint import load_file, read_checkpoint
-from sci_lightning.runs.quiet_libraries import silence_libraries
 from sci_lightning.training.cuda_graph import GraphedStages
 from sci_lightning.training.gradients import clip_finite_gradients, is_logged, seed_step
 from sci_lightning.training.learning_rates import LearningRates

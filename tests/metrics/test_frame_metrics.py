@@ -15,8 +15,7 @@ from torchmetrics.functional.image import structural_similarity_index_measure
 
 from sci_lightning.errors import BadInput
 from sci_lightning.metrics import HDRVDP2, PSNR, SSIM, hdrvdp2_q, psnr, ssim
-from sci_lightning.metrics.frame_metric import FrameMetric
-from sci_lightning.metrics.scene_scores import SceneScores
+from sci_lightning.metrics.frame_metric import FrameMetric, SceneScores
 
 
 def videos(height: int = 40, width: int = 56) -> tuple[torch.Tensor, torch.Tensor]:

@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from sci_lightning.errors import BadInput
-from sci_lightning.files.atomic_file import atomic_write
-from sci_lightning.runs.run_folder import is_first_process, remove_leftovers, run_folder
+from sci_lightning.runs.run_folder import is_first_process, run_folder
 from tests.conftest import ROOT
 
 Refused = Callable[..., str]
@@ -95,22 +94,6 @@ def test_commands_of_one_second_get_a_folder_each(tmp_path: Path) -> None:
     for process in processes:
         process.communicate()
     assert len(list((tmp_path / "outputs").iterdir())) == 3
-
-
-def test_leftovers_of_killed_writers_are_removed(tmp_path: Path) -> None:
-    checkpoints, elsewhere = tmp_path / "checkpoints", tmp_path / ".last-abcdefgh.ckpt"
-    checkpoints.mkdir()
-    elsewhere.touch()
-    with atomic_write(checkpoints / "last.ckpt") as written:
-        written.write_bytes(b"weights")  # under a temporary name, as any checkpoint
-    kept = ["last.ckpt", ".mine.ckpt", ".last-mine.ckpt", ".last-abcdefgh.txt"]
-    for name in [*kept, ".last-a1_c3f5h.ckpt", ".best-a1_c3f5h.ckpt", written.name]:
-        (checkpoints / name).touch()
-    (checkpoints / ".last-linklink.ckpt").symlink_to(elsewhere)
-    remove_leftovers(checkpoints)
-    assert {path.name for path in checkpoints.iterdir()} == {*kept, ".last-linklink.ckpt"}
-    assert elsewhere.exists()
-    remove_leftovers(tmp_path / "absent")
 
 
 def test_the_lock_is_never_a_link(tmp_path: Path) -> None:

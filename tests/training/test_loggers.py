@@ -14,8 +14,7 @@ from omegaconf import DictConfig
 
 from sci_lightning.cli.composition import plain
 from sci_lightning.errors import BadInput
-from sci_lightning.training.log_files import AppendingCSVLogger
-from sci_lightning.training.loggers import RUN_ID, build_loggers, run_name, with_run_ids
+from sci_lightning.training.loggers import RUN_ID, AppendingCSVLogger, build_loggers, run_name, with_run_ids
 
 Configuration = Callable[..., DictConfig]
 

@@ -147,7 +147,6 @@ def _calibrated(task: Task) -> None:
     from sci_lightning.diagnosis.report.report import write_report
     from sci_lightning.diagnosis.report.report_folder import report_folder
     from sci_lightning.diagnosis.report.terminal import print_report, search_progress
-    from sci_lightning.training.loggers import build_loggers
 
     cfg = task.cfg
     with search_progress(task.console, cfg.search.max_effects) as on_progress:
@@ -159,8 +158,11 @@ def _calibrated(task: Task) -> None:
         with report_folder(cfg.out, task.read) as folder:
             write_report(diagnosis, folder, task.provenance(), drawn)
             task.beside(folder)
-    for logger in build_loggers(plain(cfg.logger) if cfg.get("logger") else None, "diagnosis"):
-        log_diagnosis(logger, diagnosis, drawn)
+    if cfg.get("logger"):
+        from sci_lightning.training.loggers import build_loggers  # and with it Lightning, which takes seconds
+
+        for logger in build_loggers(plain(cfg.logger), "diagnosis"):
+            log_diagnosis(logger, diagnosis, drawn)
     print_report(diagnosis, task.console)
 
 

@@ -13,8 +13,8 @@ import torch
 
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.encoder import Encoder
+from sci_lightning.metrics.frame_metric import SceneScores
 from sci_lightning.metrics.psnr import PSNR
-from sci_lightning.metrics.scene_scores import SceneScores
 from sci_lightning.metrics.ssim import SSIM
 from sci_lightning.pipeline import Pipeline
 from sci_lightning.studies.mismatch.beliefs import diagnosed_camera, ideal_camera, true_camera
