@@ -9,7 +9,8 @@ from torch import nn
 
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.tiling.tile_choice import TileChoice
-from sci_lightning.encoder.encoder import Encoder, check_irradiance
+from sci_lightning.encoder.encoder import Encoder
+from sci_lightning.encoder.irradiance import check_irradiance
 from sci_lightning.measurement import Measurement, linear_with_mask
 
 

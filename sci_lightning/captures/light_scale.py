@@ -70,7 +70,7 @@ def resolve_aperture(
         if isinstance(given, str) or not 0 < given < float("inf"):
             raise BadInput(f"aperture={given}: give a positive number, or auto for an exposure that white fills")
         return given, "as given"
-    states = given is None and (getattr(encoder.sensor, "bit_depth", None) is not None or encoder.aperture != 1)
+    states = given is None and (encoder.sensor.bit_depth is not None or encoder.aperture != 1)
     if states and (own_mask or encoder.aperture != encoder.mask.automatic_aperture):
         return encoder.aperture, "the encoder's"
     if states or given == "auto":

@@ -14,7 +14,7 @@ from sci_lightning.cli.composition import Composition, built, compose, group_mem
 from sci_lightning.configuration.build import build
 from sci_lightning.decoder.complexity import count_parameters
 from sci_lightning.encoder import Encoder
-from sci_lightning.encoder.recording_check import check_recording
+from sci_lightning.encoder.encoder import check_recording
 from sci_lightning.errors import BadInput
 from sci_lightning.plain_text import with_article
 from sci_lightning.runs.checkpoint import Checkpoint, read_checkpoint

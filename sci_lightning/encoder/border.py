@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import astuple, dataclass
 
+import numpy as np
+
 SAFETY = 0.1
 """Pixels by which a border may grow before it has one row more than it was rounded up to."""
 TAIL = 3.7
@@ -39,6 +41,28 @@ class Border:
     def of_blur(sigma: float) -> Border:
         """Return the border of an image that is blurred by a Gaussian of standard deviation ``sigma`` pixels."""
         return Border.around(TAIL * sigma)
+
+    @staticmethod
+    def outside(inside: np.ndarray) -> Border:
+        """Return the border around a rectangle of pixels that are all ``inside`` ``(H, W)``, in whole pixels.
+
+        One side after the other is taken off, always that of which the largest part is not inside.
+        """
+        top, left, bottom, right = 0, 0, *inside.shape
+        while top < bottom and left < right:
+            sides = (
+                inside[top, left:right],
+                inside[top:bottom, right - 1],
+                inside[bottom - 1, left:right],
+                inside[top:bottom, left],
+            )
+            shares = [float(side.mean()) for side in sides]
+            worst = int(np.argmin(shares))
+            if shares[worst] == 1:
+                break
+            top, right = top + (worst == 0), right - (worst == 1)
+            bottom, left = bottom - (worst == 2), left + (worst == 3)
+        return Border(top, inside.shape[1] - right, inside.shape[0] - bottom, left)
 
     def __add__(self, other: Border) -> Border:
         """Return the border of two effects one after the other."""

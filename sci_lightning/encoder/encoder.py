@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -12,16 +11,17 @@ from torch import nn
 from sci_lightning.configuration.bounds import Size
 from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.stage import OpticsEffect, SensorEffect
+from sci_lightning.encoder.irradiance import check_irradiance, misfit
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.mask import Mask, Measured
 from sci_lightning.encoder.modulator_grid import ModulatorGrid
 from sci_lightning.encoder.physics import deepinv_physics
+from sci_lightning.encoder.sensor.sensor import Sensor
 from sci_lightning.encoder.signal import Signal
-from sci_lightning.errors import BadInput
+from sci_lightning.errors import BadInput, MachineFailure
 from sci_lightning.full_precision import full_precision
 from sci_lightning.measurement import Measurement, as_float_tensor, marked
 from sci_lightning.operator import SnapshotOperator
-from sci_lightning.plain_text import with_article
 
 LEAST_VARIANCE = 1e-11
 """Noise of less variance is not drawn: it is a fifth of a 16-bit step, and the size of rounding errors."""
@@ -29,13 +29,6 @@ LEAST_VARIANCE = 1e-11
 LEAST_LIGHT = 0.05
 """Sum of the squared mask over time, as a part of its mean over the field, below which a pixel counts as dark. At the
 dark edge any value from 0.01 to 0.2 gives the same PSNR to 0.04 dB (GAP-TV, moving textures of the virtual camera)."""
-
-
-DARKEST = -0.2
-"""Irradiance that is refused: resampling overshoots a little below 0, a video minus its mean falls further."""
-
-BRIGHTEST = 16.0
-"""Irradiance beyond which a video must be one of gray levels: four stops over white."""
 
 
 class Encoder(nn.Module):
@@ -73,7 +66,7 @@ class Encoder(nn.Module):
     def __init__(
         self,
         mask: Mask | torch.Tensor,
-        sensor: nn.Module,
+        sensor: Sensor,
         aperture: float | str = "auto",
         effects: Mapping[str, Effect | None] | Iterable[Effect | None] | None = (),
         sensor_to_modulator: Sequence[Sequence[float]] | None = None,
@@ -100,8 +93,7 @@ class Encoder(nn.Module):
             )
         self.path = LightPath((effect for effect in given if effect is not None), grid)
         self._refuse_noise_stated_twice()
-        self._bits = getattr(sensor, "bit_depth", None)
-        if self._bits is None and self.path.effective_bits(16) < 16:
+        if sensor.bit_depth is None and self.path.effective_bits(16) < 16:
             raise BadInput(
                 f"an effect leaves {self.path.effective_bits(16)} bits to a sensor that does not round "
                 f"({type(sensor).__name__}); choose one with a bit depth: encoder/sensor=clip_quantise"
@@ -130,7 +122,7 @@ class Encoder(nn.Module):
     @property
     def dn(self) -> float:
         """One DN as a fraction of full scale; a sensor that does not round counts as one of 8 bits."""
-        return 1 / (2 ** (self._bits or 8) - 1)
+        return 1 / (2 ** (self.sensor.bit_depth or 8) - 1)
 
     @full_precision()
     def transmittance(self) -> torch.Tensor:
@@ -204,7 +196,7 @@ class Encoder(nn.Module):
         """
         q = self.path.cells
         if video.ndim != 4 or (video.shape[1], video.shape[2] * q, video.shape[3] * q) != mask.shape:
-            raise _misfit(tuple(video.shape), (len(mask), mask.shape[1] // q, mask.shape[2] // q))
+            raise misfit(tuple(video.shape), (len(mask), mask.shape[1] // q, mask.shape[2] // q))
         image = self.aperture * SnapshotOperator(mask, q)(video)
         if not len(self.path.effects):
             return self.sensor(image)
@@ -271,7 +263,7 @@ class Encoder(nn.Module):
         height, width = self.size
         bits = getattr(self.mask, "bits", None)
         depth = f"{bits} bit{'s' * (bits != 1)}, " if bits else ""
-        response = type(self.sensor).__name__ + (f" of {self._bits} bits" if self._bits else "")
+        response = type(self.sensor).__name__ + (f" of {self.sensor.bit_depth} bits" if self.sensor.bit_depth else "")
         effects = f", effects: {', '.join(self.path.names)}" if self.path.names else ""
         return (
             f"Encoder(T={self.mask.frames}, {height} x {width} pixels, {type(self.mask).__name__} mask, {depth}"
@@ -297,24 +289,9 @@ class Encoder(nn.Module):
         return Signal(light, light.new_zeros(()), light.new_ones(len(light), 1, 1), self.dn, origin, field, cells)
 
     def _convert(self, light: torch.Tensor) -> torch.Tensor:
-        if self._bits is not None and (bits := self.path.effective_bits(self._bits)) < self._bits:
-            return self.sensor(light, bits)
-        return self.sensor(light)
-
-
-def _misfit(video: tuple[int, ...], mask: tuple[int, ...]) -> BadInput:
-    """Return what is wrong with a video of a shape, before a mask ``(T, H, W)`` in pixels, and what would be right."""
-    if video == mask:
-        advice = "the axis N of videos is missing: give video[None]"
-    elif len(video) == 4 and (video[3], *video[1:3]) == mask:
-        advice = "time comes second: give video.permute(0, 3, 1, 2)"
-    elif len(video) == 4 and (video[0], *video[2:]) == mask:
-        advice = "N and T are exchanged: give video.transpose(0, 1)"
-    elif len(video) == 5 and 1 in video:
-        advice = "one axis too many: give a gray video without an axis of colours"
-    else:
-        advice = "T, H and W must agree: crop the video, or make a mask of its size (frames= and size= of a command)"
-    return BadInput(f"the video is {video} (N, T, H, W), the mask {mask} (T, H, W): {advice}")
+        depth = self.sensor.bit_depth
+        bits = None if depth is None else self.path.effective_bits(depth)
+        return self.sensor(light) if bits == depth else self.sensor(light, bits)
 
 
 def _draw(signal: Signal) -> torch.Tensor:
@@ -323,29 +300,26 @@ def _draw(signal: Signal) -> torch.Tensor:
     return signal.mean + torch.where(signal.variance > LEAST_VARIANCE, noise, 0)
 
 
-def check_irradiance(video: torch.Tensor) -> None:
-    """Refuse a video whose values cannot be irradiance, of which 1.0 fills the sensor.
+@torch.no_grad()
+def check_recording(encoder: Encoder, where: str) -> None:
+    """Record and linearise a dark scene: settings can be valid one by one and fail together.
+
+    The state of the random generator does not change.
 
     Args:
-        video: any shape.
+        encoder: the encoder to try.
+        where: the file that configures it, for the message.
 
     Raises:
-        BadInput: no tensor, integers, or floating values that are NaN, negative or reach as far as gray levels do.
+        BadInput: the recording fails, for whatever reason a library gives.
     """
-    if not isinstance(video, torch.Tensor):
-        raise BadInput(f"the video is {with_article(type(video).__name__)}, not a tensor; give torch.as_tensor(video)")
-    if not video.is_floating_point():
-        levels = {torch.uint8: 255, torch.uint16: 65535, torch.int16: 65535}.get(video.dtype)
-        by = f"video.float() / {levels}" if levels else "video.float(), over the value of white"
-        raise BadInput(f"the video is {video.dtype}, but irradiance is floating, 1.0 being white; give {by}")
-    least, most = (float(value) for value in torch.aminmax(video.detach())) if video.numel() else (0.0, 0.0)
-    if not (math.isfinite(least) and math.isfinite(most)):
-        raise BadInput("the video holds NaN or infinite values; irradiance is finite, 1.0 being white")
-    if least < DARKEST:
-        raise BadInput(f"the video's values reach down to {least:.3g}, but irradiance is not negative; 0 is dark")
-    if most > BRIGHTEST or (most > 1.5 and bool((video == video.round()).all())):
-        levels = 255 if most <= 255 else 2 ** math.ceil(math.log2(most + 1)) - 1
-        raise BadInput(
-            f"the video's values reach {most:.4g}, but 1.0 is white and fills the sensor: gray levels? Give "
-            f"video / {levels}"
-        )
+    with torch.random.fork_rng(devices=[]):
+        try:
+            mask = encoder.transmittance()
+            dark = mask.new_zeros(()).expand(1, encoder.mask.frames, *encoder.size)
+            encoder.linearise(encoder.record(dark, mask))
+        except (BadInput, MachineFailure, OSError, MemoryError):
+            raise
+        except Exception as error:  # every library has exceptions of its own
+            reason = " ".join(str(error).split())[:200] or type(error).__name__
+            raise BadInput(f"{where}: cannot record with these settings ({reason})") from error

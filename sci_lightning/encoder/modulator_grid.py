@@ -64,8 +64,8 @@ class ModulatorGrid:
         half = (self.field[0] / 2, self.field[1] / 2)
         leaning = 0.0
         for y, x in ((0.0, 0.0), *((down * half[0], across * half[1]) for down in (-1, 1) for across in (-1, 1))):
-            place = torch.tensor([y, y + 1, y]).double(), torch.tensor([x, x, x + 1]).double()
-            for along in self.mirror_at(*place):
+            points = torch.tensor([y, y + 1, y]).double(), torch.tensor([x, x, x + 1]).double()
+            for along in self.mirror_at(*points):
                 leaning = max(leaning, min(abs(float(along[1] - along[0])), abs(float(along[2] - along[0]))))
         return 1 if leaning < UPRIGHT else min(max(LEAST_PARTS, math.ceil(PARTS_A_MIRROR * leaning)), MOST_PARTS)
 
@@ -73,9 +73,9 @@ class ModulatorGrid:
     def leaning(self) -> float:
         """How much rows and columns of pixels lean against those of mirrors in the field's centre: 0 upright, 1 at 45
         degrees."""
-        place = torch.tensor([0.0, 0.5, -0.5, 0.0, 0.0]).double(), torch.tensor([0.0, 0.0, 0.0, 0.5, -0.5]).double()
+        points = torch.tensor([0.0, 0.5, -0.5, 0.0, 0.0]).double(), torch.tensor([0.0, 0.0, 0.0, 0.5, -0.5]).double()
         ratios = []
-        for along in self.mirror_at(*place):
+        for along in self.mirror_at(*points):
             down, across = abs(float(along[1] - along[2])), abs(float(along[3] - along[4]))
             ratios.append(min(down, across) / max(down, across, 1e-12))
         return max(ratios)

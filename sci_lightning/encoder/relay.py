@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import repeat
-from typing import Any
 
-import numpy as np
 import torch
 
 from sci_lightning.encoder.border import TAIL, Border
-from sci_lightning.encoder.footprint import image_by_parts, reach, square_kernel, without_negligible
+from sci_lightning.encoder.footprint import blurred, image_at, image_by_parts, shares
 from sci_lightning.encoder.modulator_grid import ModulatorGrid
 
 NEWTON_STEPS = 6
@@ -22,11 +19,6 @@ much in either step, 1e-5 of the grid's repeated spectra remain: exp(-2 pi^2 a^2
 the two standard deviations."""
 PARTS_AT_A_TIME = 2**18
 """Parts of pixels whose footprints are computed at a time: a field of them has 2 MiB, their shares of mirrors tens."""
-TAPS_AT_A_TIME = 2**22
-"""Mirrors of pixels whose shares of light are kept at a time: 64 MiB of places and weights."""
-TABULATED = 4096
-"""Places between two mirrors at which the kernel of a blur is computed. Linear interpolation is right to a hundred
-millionth of the light over the blur's standard deviation in mirrors, as single precision is."""
 DIAGONAL = 0.7
 """How much a pixel's edges nominally lean, rows to columns, from where on its parts are of the size that covers evenly:
 35 degrees. At 45 degrees the image of a random binary pattern is then three times as exact, below 35 degrees less."""
@@ -107,39 +99,37 @@ class RelayGeometry:
             divided = wanted if wanted is None else wanted.repeat_interleave(parts, 0).repeat_interleave(parts, 1)
             return torch.nn.functional.avg_pool2d(self.image(patterns, parts * cells, wanted=divided), parts)
         height, width = patterns.shape[-2:]
-        options: Any = {"device": patterns.device, "dtype": patterns.dtype}
-        zero = torch.zeros((), **options)
-        scale = torch.ones((), **options) if self.scale is None else self.scale
+        scale = patterns.new_ones(()) if self.scale is None else self.scale
         sigma = None if self.sigma is None or float(self.sigma.detach()) < 1e-6 else self.sigma / scale
         if self.k is not None or self.tilt_x is not None:
             return self._distorted(patterns, cells, sigma, wanted)
-        y = (_centres(height, cells, options) - (zero if self.dy is None else self.dy)) / scale
-        x = (_centres(width, cells, options) - (zero if self.dx is None else self.dx)) / scale
+        y, x = _centres(height, cells, patterns), _centres(width, cells, patterns)
+        y, x = self.nominal_at(y, x, (height, width), apart=True)
         pixel = 1 / (cells * scale)
         if self.angle is None:
-            down = _shares(y + (height - 1) / 2, sigma, pixel, height)
-            return down @ patterns @ _shares(x + (width - 1) / 2, sigma, pixel, width).T
+            down = shares(y + (height - 1) / 2, sigma, pixel, height)
+            return down @ patterns @ shares(x + (width - 1) / 2, sigma, pixel, width).T
         cos, sin = torch.cos(self.angle), torch.sin(self.angle)
-        y, x = _chosen(y[:, None], x[None], wanted)
+        y, x = _selected(y[:, None], x[None], wanted)
         row = cos * y - sin * x + (height - 1) / 2
         column = cos * x + sin * y + (width - 1) / 2
-        side = pixel * torch.ones((), **options)
-        return _placed(_turned(patterns, row, column, (sigma, sigma), (side, side)), wanted)
+        side = pixel * patterns.new_ones(())
+        return _as_field(image_at(patterns, row, column, (sigma, sigma), (side, side)), wanted)
 
     def _distorted(
         self, patterns: torch.Tensor, cells: int, sigma: torch.Tensor | None, wanted: torch.Tensor | None
     ) -> torch.Tensor:
         """Return the image if its magnification differs from place to place."""
         height, width = patterns.shape[-2:]
-        options: Any = {"device": patterns.device, "dtype": patterns.dtype}
-        y, x = _chosen(_centres(height, cells, options)[:, None], _centres(width, cells, options)[None], wanted)
+        y, x = _centres(height, cells, patterns)[:, None], _centres(width, cells, patterns)[None]
+        y, x = _selected(y, x, wanted)
         row, column = self.nominal_at(y, x, (height, width))
         half = 0.5 / cells
         above, below = (self.nominal_at(y + side, x, (height, width))[0] for side in (-half, half))
         left, right = (self.nominal_at(y, x + side, (height, width))[1] for side in (-half, half))
         row, column = row + (height - 1) / 2, column + (width - 1) / 2
         sides = ((below - above).abs(), (right - left).abs())
-        return _placed(_turned(patterns, row, column, (sigma, sigma), sides), wanted)
+        return _as_field(image_at(patterns, row, column, (sigma, sigma), sides), wanted)
 
     def _on_own_grid(self, patterns: torch.Tensor, cells: int, grid: ModulatorGrid) -> torch.Tensor:
         """Return the image of mirrors on a grid of their own."""
@@ -149,27 +139,26 @@ class RelayGeometry:
             sigma = None
         if grid.upright and not self.turned:
             return self._upright_image(patterns, cells, grid, sigma)
-        options: Any = {"device": patterns.device, "dtype": torch.float64}
-        lines = _centres(grid.field[0], cells, options)
-        blurred: list[torch.Tensor | None] = [None, None]  # what the first step of a wide blur has done
-        room = [0, 0]  # mirrors beyond the edges, into which it spreads light
+        lines = _centres(grid.field[0], cells, patterns.new_empty(0, dtype=torch.float64))
+        steps: list[torch.Tensor | None] = [None, None]  # what the first step of a wide blur has done
+        padding = [0, 0]  # mirrors beyond the edges, into which it spreads light
         if sigma is not None:
             for axis, side in zip((-2, -1), self._footprints(grid, lines, cells)[3], strict=True):
                 least = (sigma * cells * side).amin()
                 if float(least.detach()) > FINE_BLUR * math.sqrt(2):
-                    blurred[axis] = first = least.square() - FINE_BLUR**2
-                    room[axis] = more = math.ceil(5 * float(first.detach().sqrt()))
+                    steps[axis] = first = least.square() - FINE_BLUR**2
+                    padding[axis] = more = math.ceil(5 * float(first.detach().sqrt()))
                     wider = torch.nn.functional.pad(patterns, (0, 0, more, more) if axis == -2 else (more, more))
-                    patterns = _blurred(wider, first.sqrt(), axis)
+                    patterns = blurred(wider, first.sqrt(), axis)
         images = []
         for some in lines.split(max(1, PARTS_AT_A_TIME // (divided**2 * cells * grid.field[1]))):
             row, column, size, pitch = self._footprints(grid, some, cells, divided)
             blur = [None if sigma is None else sigma * cells * divided * side for side in pitch]
             left = [
                 wide if wide is None or first is None else (wide.square() - first).sqrt()
-                for wide, first in zip(blur, blurred, strict=True)
+                for wide, first in zip(blur, steps, strict=True)
             ]
-            places = (row + room[0], column + room[1])
+            places = (row + padding[0], column + padding[1])
             images.append(image_by_parts(patterns, places, (left[0], left[1]), size, divided))
         return torch.cat(images, -2)
 
@@ -177,15 +166,14 @@ class RelayGeometry:
         self, patterns: torch.Tensor, cells: int, grid: ModulatorGrid, sigma: torch.Tensor | None
     ) -> torch.Tensor:
         """Return the image of mirrors whose rows and columns are those of the pixels, one axis after the other."""
-        options: Any = {"device": patterns.device, "dtype": torch.float64}
-        scale = torch.ones((), **options) if self.scale is None else self.scale
-        y, x = (_centres(length, cells, options) for length in grid.field)
+        scale = patterns.new_ones((), dtype=torch.float64) if self.scale is None else self.scale
+        y, x = (_centres(length, cells, patterns.new_empty(0, dtype=torch.float64)) for length in grid.field)
         y, x = self.nominal_at(y, x, grid.field, apart=True)
         kernels = []
-        for place, (pitch, middle), length in zip((y, x), grid.axes(), grid.mirrors, strict=True):
+        for position, (pitch, middle), length in zip((y, x), grid.axes(), grid.mirrors, strict=True):
             blur = None if sigma is None else sigma * abs(pitch) / scale
-            seen = pitch * place + middle
-            kernels.append(_shares(seen, blur, abs(pitch) / (cells * scale), length).to(patterns))
+            seen = pitch * position + middle
+            kernels.append(shares(seen, blur, abs(pitch) / (cells * scale), length).to(patterns))
         return kernels[0] @ patterns @ kernels[1].T
 
     def _footprints(
@@ -205,13 +193,12 @@ class RelayGeometry:
             cells: along either axis of a pixel.
             divided: parts along either axis of a cell.
         """
-        options: Any = {"device": lines.device, "dtype": lines.dtype}
         half = 0.5 / (cells * divided)
-        offsets = _centres(1, divided, options) / cells
+        offsets = _centres(1, divided, lines) / cells
         diagonal = divided > 1 and grid.leaning > DIAGONAL
         if diagonal:
             offsets = offsets * math.sqrt(max(0.0, 1 - grid.leaning**2 / (divided**2 - 1)))
-        y, x = ((one[:, None] + offsets).flatten() for one in (lines, _centres(grid.field[1], cells, options)))
+        y, x = ((one[:, None] + offsets).flatten() for one in (lines, _centres(grid.field[1], cells, lines)))
 
         def seen(down: float, across: float) -> tuple[torch.Tensor, torch.Tensor]:
             return grid.mirror_at(*self.nominal_at(y[:, None] + down, x[None] + across, grid.field))
@@ -232,14 +219,14 @@ class RelayGeometry:
 
         Where the modulator's edge crosses the field, the sides are taken off that see most of what lies beyond it.
         """
-        lines = _centres(grid.field[0], 1, {"dtype": torch.float64})
+        lines = _centres(grid.field[0], 1, torch.empty(0, dtype=torch.float64))
         row, column, (high, wide), _ = self._footprints(grid, lines)
         sigma = 0.0 if self.sigma is None else TAIL * float(self.sigma)
         inside = torch.ones_like(row, dtype=torch.bool)
-        for place, size, length in ((row, high, grid.mirrors[0]), (column, wide, grid.mirrors[1])):
+        for mirror, size, length in ((row, high, grid.mirrors[0]), (column, wide, grid.mirrors[1])):
             reaching = (0.5 + sigma) * size
-            inside &= (place - reaching >= -0.5) & (place + reaching <= length - 0.5)
-        return _cut(inside.numpy())
+            inside &= (mirror - reaching >= -0.5) & (mirror + reaching <= length - 0.5)
+        return Border.outside(inside.numpy())
 
     def nominal_at(
         self, y: torch.Tensor, x: torch.Tensor, size: tuple[int, int], apart: bool = False
@@ -273,112 +260,20 @@ class RelayGeometry:
         return y, x
 
 
-def _centres(length: int, cells: int, options: Any) -> torch.Tensor:
-    """Return the centres of the cells along an axis, in pixels from the centre of the field."""
-    return (torch.arange(length * cells, **options) + 0.5) / cells - length / 2
+def _centres(length: int, cells: int, like: torch.Tensor) -> torch.Tensor:
+    """Return the centres of the cells along an axis, in pixels from the field's centre, in the type of ``like``."""
+    return (torch.arange(length * cells, dtype=like.dtype, device=like.device) + 0.5) / cells - length / 2
 
 
-def _radius(sigma: torch.Tensor | None, pixel: torch.Tensor) -> int:
-    """Return how many mirrors on either side of a pixel's centre may light it."""
-    return reach(0.0 if sigma is None else float(sigma.detach().max()), float(pixel.detach().max()))
-
-
-def _taps(
-    centre: torch.Tensor, sigma: torch.Tensor | None, pixel: torch.Tensor, length: int
-) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return indices and weights ``(.., taps)`` of all the mirrors that may light the pixels around ``centre`` (..)."""
-    radius = _radius(sigma, pixel)
-    steps = torch.arange(1 - radius, radius + 1, device=centre.device)
-    first = torch.floor(centre.detach())
-    index = first.long()[..., None] + steps
-    if sigma is None or pixel.ndim:
-        weight = square_kernel(centre[..., None] - index, sigma, pixel[..., None])
-    else:  # one kernel everywhere, which the blur has made smooth
-        fraction = (centre - first) * TABULATED
-        node = fraction.detach().long().clamp(max=TABULATED - 1)
-        nodes = torch.arange(TABULATED + 1, dtype=torch.float64, device=centre.device) / TABULATED
-        table = square_kernel(nodes[:, None] - steps, sigma, pixel).to(centre.dtype)
-        weight = torch.lerp(table[node], table[node + 1], (fraction - node)[..., None])
-    return index.clamp(0, length - 1), weight * ((index >= 0) & (index < length))
-
-
-def _shares(centre: torch.Tensor, sigma: torch.Tensor | None, pixel: torch.Tensor, length: int) -> torch.Tensor:
-    """Return ``(cells, length)``: how much every mirror lights every cell, along one axis."""
-    return square_kernel(centre[:, None] - torch.arange(length).to(centre), sigma, pixel)
-
-
-def _turned(
-    patterns: torch.Tensor,
-    row: torch.Tensor,
-    column: torch.Tensor,
-    sigma: tuple[torch.Tensor | None, torch.Tensor | None],
-    pixel: tuple[torch.Tensor, torch.Tensor],
-) -> torch.Tensor:
-    """Return the image of mirrors seen at fields of rows and columns, by pixels and blurs of so many mirrors."""
-    height, width = patterns.shape[-2:]
-    values = patterns.flatten(-2).mT.contiguous()  # of a mirror side by side, so that it is read at once
-    field = torch.broadcast_shapes(row.shape, column.shape)
-    across = 2 * max(_radius(blur, side) for blur, side in zip(sigma, pixel, strict=True))
-    at_a_time = max(1, TAPS_AT_A_TIME // across**2)
-    places = [one.expand(field).flatten().split(at_a_time) for one in (row, column)]
-    sides = [side.expand(field).flatten().split(at_a_time) if side.ndim else repeat(side) for side in pixel]
-    parts = []
-    for y, x, *side in zip(*places, *sides, strict=False):
-        index_down, down = _taps(y, sigma[0], side[0], height)
-        index_over, over = _taps(x, sigma[1], side[1], width)
-        index = index_down[:, :, None] * width + index_over[:, None, :]
-        weight = (down[:, :, None] * over[:, None, :]).to(patterns.dtype)
-        parts.append(
-            torch.nn.functional.embedding_bag(
-                index.flatten(1), values, per_sample_weights=weight.flatten(1), mode="sum"
-            )
-        )
-    return torch.cat(parts).mT.reshape(-1, *field)
-
-
-def _chosen(y: torch.Tensor, x: torch.Tensor, wanted: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor]:
+def _selected(y: torch.Tensor, x: torch.Tensor, wanted: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor]:
     """Return places ``(h, 1)`` and ``(1, w)``; those that are ``wanted``, a field of bool, one after another."""
     return (y, x) if wanted is None else (y.expand(wanted.shape)[wanted], x.expand(wanted.shape)[wanted])
 
 
-def _placed(image: torch.Tensor, wanted: torch.Tensor | None) -> torch.Tensor:
-    """Return an image ``(P, n)`` of chosen places as a field, 0 elsewhere; any other one as it is."""
+def _as_field(image: torch.Tensor, wanted: torch.Tensor | None) -> torch.Tensor:
+    """Return an image ``(P, n)`` of selected places as a field, 0 elsewhere; any other one as it is."""
     if wanted is None:
         return image
     field = image.new_zeros(len(image), *wanted.shape)
     field[:, wanted] = image
     return field
-
-
-def _blurred(patterns: torch.Tensor, sigma: torch.Tensor, axis: int) -> torch.Tensor:
-    """Return patterns blurred along an axis by a Gaussian of ``sigma`` mirrors, dark beyond their edges."""
-    distance = torch.arange(patterns.shape[axis], dtype=torch.float64, device=patterns.device)
-    weight = torch.exp(-((distance[:, None] - distance) / sigma).square() / 2) / (sigma * math.sqrt(2 * math.pi))
-    weight = without_negligible(weight).to(patterns.dtype)
-    return weight @ patterns if axis == -2 else patterns @ weight
-
-
-def _cut(inside: np.ndarray) -> Border:
-    """Return the border around a rectangle of which every pixel is inside, in whole pixels.
-
-    One side after the other is taken off, always that of which the largest part is not inside.
-    """
-    top, left, bottom, right = 0, 0, *inside.shape
-    while top < bottom and left < right:
-        sides = (
-            inside[top, left:right],
-            inside[top:bottom, right - 1],
-            inside[bottom - 1, left:right],
-            inside[top:bottom, left],
-        )
-        shares = [float(side.mean()) for side in sides]
-        worst = int(np.argmin(shares))
-        if shares[worst] == 1:
-            break
-        top, right, bottom, left = top + (worst == 0), right - (worst == 1), bottom - (worst == 2), left + (worst == 3)
-    return Border(top, inside.shape[1] - right, inside.shape[0] - bottom, left)
-
-
-def radians(degrees: torch.Tensor) -> torch.Tensor:
-    """Convert degrees to radians."""
-    return degrees * (math.pi / 180)

@@ -17,8 +17,8 @@ from sci_lightning.configuration.build import build_from_file
 from sci_lightning.decoder import Decoder
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.effects import Effect
+from sci_lightning.encoder.encoder import check_recording
 from sci_lightning.encoder.mask import Mask
-from sci_lightning.encoder.recording_check import check_recording
 from sci_lightning.errors import BadInput
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.plain_text import excerpt, with_article

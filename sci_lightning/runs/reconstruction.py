@@ -166,7 +166,7 @@ def reconstruct(
     torch_device = resolve_device(device)
     networks = count_parameters(decoder) > 0
     computed_in = resolve_precision(precision, torch_device, networks)
-    bit_depth = None if encoder is None else getattr(encoder.sensor, "bit_depth", None)
+    bit_depth = None if encoder is None else encoder.sensor.bit_depth
     snapshot = read_snapshot(measurement, key=key, full_scale=full_scale, bit_depth=bit_depth, raw=raw)
     patterns, rows, columns = None, slice(None), slice(None)
     of_mask: dict[str, Any] = {

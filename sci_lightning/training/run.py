@@ -16,7 +16,7 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from sci_lightning.configuration.build import build
 from sci_lightning.decoder.complexity import count_macs, count_parameters
 from sci_lightning.decoder.layers import kernels
-from sci_lightning.encoder.recording_check import check_recording
+from sci_lightning.encoder.encoder import check_recording
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.checkpoint import Checkpoint, read_checkpoint
 from sci_lightning.runs.precision import describe_precision, device_of_accelerator, resolve_precision

@@ -9,7 +9,6 @@ import torch
 from sci_lightning.diagnosis.target_effects.scene_effect import SceneEffect, from_centre, resampled
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
-from sci_lightning.encoder.relay import radians
 
 
 class SceneRotation(SceneEffect):
@@ -33,6 +32,6 @@ class SceneRotation(SceneEffect):
         if scene.shape[-2:] == (1, 1):
             return scene
         y, x = from_centre(scene)
-        cos, sin = torch.cos(radians(self.angle)), torch.sin(radians(self.angle))
+        cos, sin = torch.cos(torch.deg2rad(self.angle)), torch.sin(torch.deg2rad(self.angle))
         height, width = scene.shape[-2:]
         return resampled(scene, cos * y - sin * x + (height - 1) / 2, cos * x + sin * y + (width - 1) / 2)

@@ -1,11 +1,20 @@
 """Free-form deviations: they show at which stage something is missing that no named effect explains."""
 
-from sci_lightning.encoder.free_form.exposure import SlotWeights, SourcePower
 from sci_lightning.encoder.free_form.free_form import FreeForm
-from sci_lightning.encoder.free_form.modulator import LeakMap, LevelCurve, PatternMixing
-from sci_lightning.encoder.free_form.optics import Ghost, ImageTaps, Shading, StrayLight
-from sci_lightning.encoder.free_form.relay import MaskField, MaskTaps
-from sci_lightning.encoder.free_form.sensor import CarryOver, ColumnGain, OffsetMap, ResponseCurve, RowGain
+from sci_lightning.encoder.free_form.light import (
+    CarryOver,
+    ColumnGain,
+    Ghost,
+    ImageTaps,
+    OffsetMap,
+    ResponseCurve,
+    RowGain,
+    Shading,
+    SlotWeights,
+    SourcePower,
+    StrayLight,
+)
+from sci_lightning.encoder.free_form.mask import LeakMap, LevelCurve, MaskField, MaskTaps, PatternMixing
 
 __all__ = [
     "CarryOver",

@@ -20,7 +20,7 @@ class FreeForm(Effect):
     are not given are 0, and with all at 0 the deviation is the identity.
 
     Args:
-        count: how many numbers there are.
+        count: how many numbers there are; None for those of the class.
         values: numbers by name.
 
     Raises:
@@ -34,6 +34,7 @@ class FreeForm(Effect):
     of_captures: ClassVar[bool] = False
     """Whether it belongs to the captures and not to the camera, so that no encoder file keeps it."""
     count: int
+    """How many numbers there are; a class without one says it in :meth:`numbers`."""
     about: ClassVar[dict[str, Parameter]] = {}
 
     def __init__(self, count: Depth | None = None, **values: Any) -> None:
@@ -56,7 +57,7 @@ class FreeForm(Effect):
     @classmethod
     def numbers(cls, captures: int, frames: int) -> int:
         """Return how many numbers there are for N captures of T slots each."""
-        raise NotImplementedError
+        return cls.count
 
     @classmethod
     def proposals(
@@ -109,9 +110,9 @@ def legendre(x: torch.Tensor, degree: int) -> list[torch.Tensor]:
 
 def piecewise_linear(x: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
     """Return the curve at x that connects ``values`` (K,) at K equidistant places from 0 to 1 and is level beyond."""
-    place = x.clamp(0, 1) * (len(values) - 1)
-    low = place.detach().floor().long().clamp(max=len(values) - 2)
-    share = place - low
+    position = x.clamp(0, 1) * (len(values) - 1)
+    low = position.detach().floor().long().clamp(max=len(values) - 2)
+    share = position - low
     return values[low] * (1 - share) + values[low + 1] * share
 
 
@@ -124,10 +125,7 @@ class NeighbourTaps(FreeForm):
     """
 
     number = Parameter("1", 0.0, -1, 1, step=0.005)
-
-    @classmethod
-    def numbers(cls, captures: int, frames: int) -> int:
-        return 24
+    count = 24
 
     def border(self, size: tuple[int, int]) -> Border:
         return Border.around(((self.count + 1) ** 0.5 - 1) / 2 if self.coefficients.any() else 0.0)

@@ -2,5 +2,6 @@
 
 from sci_lightning.encoder.sensor.clip_quantise import ClipQuantise
 from sci_lightning.encoder.sensor.ideal import Ideal
+from sci_lightning.encoder.sensor.sensor import Sensor
 
-__all__ = ["ClipQuantise", "Ideal"]
+__all__ = ["ClipQuantise", "Ideal", "Sensor"]

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import torch
-from torch import nn
 
 from sci_lightning.configuration.bounds import NonNegative, Positive
 from sci_lightning.encoder.rounding import round_half_up, straight_through
+from sci_lightning.encoder.sensor.sensor import Sensor
 from sci_lightning.errors import BadInput
 
 
-class ClipQuantise(nn.Module):
+class ClipQuantise(Sensor):
     r"""Light to numbers: :math:`R(x) = \lfloor (2^d - 1)\, \mathrm{clip}(x + n, 0, 1) + 1/2 \rfloor / (2^d - 1)`.
 
     Clipping has its ordinary gradient (zero outside [0, 1]); rounding passes the gradient through. Shot noise is a
@@ -39,7 +39,7 @@ class ClipQuantise(nn.Module):
             raise BadInput(f"sensor full_well must be a positive number of electrons or null, got {full_well!r}")
         if not read_noise >= 0:
             raise BadInput(f"sensor read_noise must be a standard deviation in DN, 0 or more, got {read_noise!r}")
-        self.bit_depth = bit_depth
+        self.bit_depth: int = bit_depth
         self.full_well = full_well
         self.read_noise = read_noise
 

@@ -10,7 +10,7 @@ import torch
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import RelayEffect
-from sci_lightning.encoder.relay import RelayGeometry, radians
+from sci_lightning.encoder.relay import RelayGeometry
 
 
 class MaskRotation(RelayEffect):
@@ -31,4 +31,4 @@ class MaskRotation(RelayEffect):
         return Border.around(slope * size[1] / 2, slope * size[0] / 2)
 
     def aim(self, geometry: RelayGeometry) -> RelayGeometry:
-        return replace(geometry, angle=radians(self.angle))
+        return replace(geometry, angle=torch.deg2rad(self.angle))

@@ -1,14 +1,71 @@
-"""Free-form deviations of the optics: what happens to the modulated image."""
+"""Free-form deviations of the light: how much is collected, what the lens makes of it, and how the sensor responds."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import torch
 
 from sci_lightning.encoder.border import Border
+from sci_lightning.encoder.effects.map_effect import FixedPatternGain, FixedPatternOffset
 from sci_lightning.encoder.effects.parameter import Parameter, Value
-from sci_lightning.encoder.effects.stage import OpticsEffect
-from sci_lightning.encoder.free_form.free_form import FreeForm, NeighbourTaps, polynomials
+from sci_lightning.encoder.effects.stage import ExposureEffect, OpticsEffect, SensorEffect
+from sci_lightning.encoder.exposure import Exposure
+from sci_lightning.encoder.free_form.free_form import FreeForm, NeighbourTaps, legendre, piecewise_linear, polynomials
 from sci_lightning.encoder.signal import Signal
+
+
+class SlotWeights(FreeForm, ExposureEffect):
+    """Slot t collects 1 + c_t times its nominal light.
+
+    Args:
+        count: T.
+        values: c.
+    """
+
+    name = "slot_weights"
+    rank = 33
+    where = "slots of one exposure collect more or less light than others"
+    number = Parameter("1", 0.0, -1, 4, step=0.005)
+
+    @classmethod
+    def numbers(cls, captures: int, frames: int) -> int:
+        return frames
+
+    def expose(self, exposure: Exposure) -> Exposure:
+        weight = 1 + self.coefficients.to(exposure.power)
+        return replace(
+            exposure,
+            power=exposure.power * weight.repeat(1 + len(exposure.power) // self.count)[: len(exposure.power), None],
+        )
+
+
+class SourcePower(FreeForm, ExposureEffect):
+    """The light of a capture is multiplied by 1 + a polynomial of its position in the file.
+
+    This is a property of the captures and not of the camera.
+
+    Args:
+        count: 3, for Legendre polynomials of degree 1 to 3.
+        values: coefficients of the polynomials.
+    """
+
+    name = "source_power"
+    rank = 34
+    where = "the light drifts from capture to capture"
+    number = Parameter("1", 0.0, -1, 4, step=0.005)
+    of_captures = True
+
+    @classmethod
+    def numbers(cls, captures: int, frames: int) -> int:
+        return min(3, captures - 1)
+
+    def form(self, signal: Signal) -> Signal:
+        if signal.position is None:
+            return signal
+        moment = 2 * signal.position.to(signal.mean) / max(int(signal.position.max()), 1) - 1  # from -1 to 1
+        basis = torch.stack(legendre(moment, 3)[1 : self.count + 1])
+        return signal.with_mean(signal.mean * (1 + self.coefficients.to(signal.mean) @ basis)[:, None, None])
 
 
 class ImageTaps(NeighbourTaps, OpticsEffect):
@@ -44,10 +101,7 @@ class Ghost(FreeForm, OpticsEffect):
     rank = 44
     where = "a second image lies beside the first"
     number = Parameter("part; pixel; pixel", 0.0, -1024, 1024, step=0.01)
-
-    @classmethod
-    def numbers(cls, captures: int, frames: int) -> int:
-        return 3
+    count = 3
 
     @classmethod
     def proposals(
@@ -98,8 +152,8 @@ class Ghost(FreeForm, OpticsEffect):
 
 def _moved(length: int, distance: torch.Tensor) -> torch.Tensor:
     """Return the matrix ``(length, length)`` that displaces along one axis, by linear interpolation, dark beyond."""
-    place = torch.arange(length).to(distance)
-    return (1 - (place[:, None] - place - distance).abs()).clamp(min=0)
+    pixel = torch.arange(length).to(distance)
+    return (1 - (pixel[:, None] - pixel - distance).abs()).clamp(min=0)
 
 
 SHADING_DEGREE = 4
@@ -117,10 +171,7 @@ class Shading(FreeForm, OpticsEffect):
     rank = 45
     where = "parts of the image receive less light than others"
     number = Parameter("1", 0.0, -4, 4, step=0.005)
-
-    @classmethod
-    def numbers(cls, captures: int, frames: int) -> int:
-        return (SHADING_DEGREE + 1) * (SHADING_DEGREE + 2) // 2 - 1
+    count = (SHADING_DEGREE + 1) * (SHADING_DEGREE + 2) // 2 - 1
 
     def form(self, signal: Signal) -> Signal:
         signal = signal.pooled()
@@ -146,11 +197,95 @@ class StrayLight(FreeForm, OpticsEffect):
     rank = 46
     where = "light reaches the sensor that does not come from the scene"
     number = Parameter("1", 0.0, -1, 1, step=0.001)
-
-    @classmethod
-    def numbers(cls, captures: int, frames: int) -> int:
-        return (SHADING_DEGREE + 1) * (SHADING_DEGREE + 2) // 2
+    count = (SHADING_DEGREE + 1) * (SHADING_DEGREE + 2) // 2
 
     def form(self, signal: Signal) -> Signal:
         signal = signal.pooled()
         return signal.with_mean(signal.mean + signal.exposure * smooth(signal, self.coefficients, SHADING_DEGREE, True))
+
+
+class ColumnGain(FixedPatternGain):
+    """The signal of every column is multiplied by 1 + a number of its own.
+
+    Args:
+        std: standard deviation of the numbers, 0 to 1.
+        size, file, seed: see :class:`MapEffect`.
+    """
+
+    name = "column_gain"
+    rank = 51.5
+    where = "columns differ in their gain"
+    about = {"std": Parameter("1", 0.0, 0, 1, step=0.002, starts=(0.01,))}
+    map_kind = "column"
+
+
+class RowGain(FixedPatternGain):
+    """The signal of every row is multiplied by 1 + a number of its own.
+
+    Args:
+        std: standard deviation of the numbers, 0 to 1.
+        size, file, seed: see :class:`MapEffect`.
+    """
+
+    name = "row_gain"
+    rank = 51.6
+    where = "rows differ in their gain"
+    about = {"std": Parameter("1", 0.0, 0, 1, step=0.002, starts=(0.01,))}
+    map_kind = "row"
+
+
+class ResponseCurve(FreeForm, SensorEffect):
+    """The signal plus a curve that connects the numbers, at equidistant levels from 0 to 1.
+
+    Args:
+        count: number of levels.
+        values: the curve at these levels, fraction of full scale.
+    """
+
+    name = "response_curve"
+    rank = 55.5
+    where = "the response to light is curved"
+    number = Parameter("1", 0.0, -1, 1, step=0.002)
+    count = 13
+
+    def respond(self, signal: Signal) -> Signal:
+        return signal.with_mean(signal.mean + piecewise_linear(signal.mean, self.coefficients.to(signal.mean)))
+
+
+class CarryOver(FreeForm, SensorEffect):
+    """A part c0 of what was recorded is added to the next capture of the file.
+
+    Args:
+        count: 1.
+        values: c0.
+    """
+
+    name = "carry_over"
+    rank = 55.7
+    where = "a part of each capture is left over in the next"
+    number = Parameter("1", 0.0, -1, 1, step=0.001)
+    of_captures = True
+
+    @classmethod
+    def numbers(cls, captures: int, frames: int) -> int:
+        return min(1, captures - 1)
+
+    def respond(self, signal: Signal) -> Signal:
+        if signal.recorded_before is None:
+            return signal
+        return signal.with_mean(signal.mean + self.coefficients.to(signal.mean) * signal.recorded_before)
+
+
+class OffsetMap(FixedPatternOffset):
+    """Every pixel's signal plus a number of its own, the same in every capture.
+
+    Args:
+        std: standard deviation of the numbers, fraction of full scale, 0 to 1.
+        size, file, seed: see :class:`MapEffect`.
+    """
+
+    name = "offset_map"
+    rank = 57.5
+    where = "pixels differ in their offset"
+    about = {"std": Parameter("full scale", 0.0, 0, 1, step=0.0005, starts=(0.005,))}
+    map_kind = "pixel"
