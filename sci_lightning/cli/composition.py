@@ -24,6 +24,21 @@ from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.errors import BadInput
 
 
+def _by(key: str, default: Any, cases: Mapping[str, Any], *, _root_: DictConfig) -> Any:
+    """Return what ``${by:scale, 64, {cpu:16, smoke:8}}`` stands for: a setting that depends on another one.
+
+    Args:
+        key: dotted, of the other setting; of a class, the last part of its name counts.
+        default: where the other setting is absent or none of the cases.
+        cases: values by those of the other setting.
+        _root_: the whole configuration, which OmegaConf hands over.
+    """
+    return cases.get(str(OmegaConf.select(_root_, key)).rpartition(".")[2], default)
+
+
+OmegaConf.register_new_resolver("by", _by, replace=True)
+
+
 @dataclass(frozen=True)
 class Composition:
     """A composed configuration and how it came about.

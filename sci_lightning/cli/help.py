@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 WIDTH = 22
 """Column at which explanations begin; longer settings push theirs further right."""
 
-UNLISTED = ("scale/decoder", "hydra/")
+UNLISTED = ("scale/denoiser", "hydra/")
 """Groups that no user chooses from: what ``scale=`` sets, and how Hydra is set up."""
 
 
@@ -125,6 +125,7 @@ def read_settings(text: str) -> list[Setting]:
             continue
         indent, key, rest = len(match[1]) // 2, match[2], match[3] or ""
         rest = re.sub(r"\$\{oc\.select:\w+,(.*?)\}", r"\1", rest)  # what stands where nothing else is set
+        rest = re.sub(r"\$\{by:[\w.]+, (.*), \{[^{}]*\}\}", r"\1", rest)
         value, _, about = (part.strip() for part in rest.partition("#"))
         path = [*path[:indent], key]
         if path[0] != "hydra" and value:

@@ -129,9 +129,7 @@ def checkpoint_of(configuration: Callable[..., DictConfig]) -> Callable[[Path], 
 def test_bad_input(refused: Run) -> None:
     assert "decoder=res3former: no such decoder" in refused("benchmark", "decoder=res3former")
     assert "fp8" in refused("benchmark", "precision=fp8")
-    assert "reduced=tiny: no such scale of networks; choose one of cpu, quickstart" in refused(
-        "benchmark", "reduced=tiny"
-    )
+    assert "reduced=tiny: no such scale of networks; choose one of cpu, gpu30" in refused("benchmark", "reduced=tiny")
     assert "no such file" in refused("benchmark", "ckpt_path=none.ckpt")
     assert "choose auto, cpu" in refused("benchmark", "device=tpu")
     assert "a whole number from 1" in refused("benchmark", "repeats=0")

@@ -15,7 +15,6 @@ from rich.progress import Progress, TaskID
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, built, compose, group_members, plain
 from sci_lightning.cli.failure_line import one_line
-from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
 
@@ -49,7 +48,7 @@ def benchmark(composition: Composition) -> None:
 
     cfg = composition.cfg
     out, console, names = Path(cfg.out), PlainConsole(), _names(composition)
-    scales = sorted(folder.name for folder in (CONF / "scale" / "decoder").iterdir())
+    scales = group_members("scale")
     if cfg.reduced is not None and cfg.reduced not in scales:
         raise BadInput(f"reduced={cfg.reduced}: no such scale of networks; choose one of {', '.join(scales)}")
     device = resolve_device(cfg.device)
