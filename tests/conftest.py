@@ -18,7 +18,7 @@ from hydra.core.plugins import Plugins
 from omegaconf import DictConfig
 
 from sci_lightning.cli import command as command_frame
-from sci_lightning.cli.settings import store_defaults
+from sci_lightning.cli.composition import store_defaults
 from sci_lightning.configuration.conf_folder import CONF
 from tests.warm_process import WarmProcesses
 

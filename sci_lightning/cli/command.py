@@ -6,7 +6,7 @@ import os
 import sys
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from typing import Any
 
@@ -15,19 +15,18 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, open_dict
 
 from sci_lightning.cli.command_line import check_choices, check_words
-from sci_lightning.cli.composition import Composition, from_hydra, group_members
-from sci_lightning.cli.encoder_file import PLACES, adapt_to_encoder_files, adopt_encoder_files
+from sci_lightning.cli.composition import Composition, from_hydra, store_defaults
+from sci_lightning.cli.encoder_file import adopt_encoder_files
 from sci_lightning.cli.failure_line import exit_status, one_line
 from sci_lightning.cli.help import help_text
 from sci_lightning.cli.hydra_callbacks import CommandFailed
-from sci_lightning.cli.resumed_run import continued
-from sci_lightning.cli.settings import check_command_settings, store_defaults
+from sci_lightning.cli.settings import settle
+from sci_lightning.cli.stored_run import with_stored_choices
 from sci_lightning.cli.sweep import defer_to_rows, finished_rows, in_sweep, refuse_uncomposed_row
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.console import silence_libraries, warn
 from sci_lightning.errors import INTERRUPTED, InputWarning
 from sci_lightning.plain_text import one_printable_line
-from sci_lightning.runs.encoder_file import EncoderFile
 from sci_lightning.runs.run_folder import is_first_process, run_folder, undo_if_refused
 
 Task = Callable[[Composition], Any]
@@ -59,9 +58,9 @@ def run(name: str, task: Task) -> None:
     interrupted = False
     try:
         words = sorted(sys.argv[1:], key=lambda word: word not in ("-m", "--multirun"))  # wherever among the settings
-        arguments, files = _hydra_arguments(name, words)
         store_defaults()
-        job = _job(name, task, files, debug)
+        arguments = _hydra_arguments(name, words)
+        job = _job(name, task, debug)
         with _process_state([sys.argv[0], *arguments], full_errors=True):
             hydra.main(version_base="1.3", config_path=str(CONF), config_name=name)(job)()
     except (KeyboardInterrupt, SystemExit) as stop:
@@ -84,25 +83,19 @@ def run(name: str, task: Task) -> None:
         sys.exit(min(status for _, status in failed))
 
 
-def _hydra_arguments(name: str, words: Sequence[str]) -> tuple[list[str], dict[str, EncoderFile]]:
+def _hydra_arguments(name: str, words: Sequence[str]) -> list[str]:
     """Check the words of a command line and translate what Hydra does not know: files of encoders, runs to go on with.
-
-    Returns:
-        the arguments as Hydra takes them, and the encoder files in them by the name that stands there for each.
 
     Raises:
         BadInput: a word that is no setting or option, or a file that cannot be used.
     """
     check_words(name, words)
     check_choices(words)
-    encoders = group_members("encoder")
-    arguments, earlier = continued(list(words), encoders) if name == "train" else (list(words), {})
-    arguments, files = adopt_encoder_files(arguments, [*encoders, *earlier])
-    return defer_to_rows(arguments), {**files, **earlier}
+    return defer_to_rows(adopt_encoder_files(with_stored_choices(words) if name == "train" else words))
 
 
-def _job(name: str, task: Task, files: Mapping[str, EncoderFile], debug: bool) -> Callable[[DictConfig], Any]:
-    """Return what Hydra calls, once or for every row of a sweep: check the settings, take the folder, run the task."""
+def _job(name: str, task: Task, debug: bool) -> Callable[[DictConfig], Any]:
+    """Return what Hydra calls, once or for every row of a sweep: take the folder, run the task."""
     words = sys.argv
 
     def job(cfg: DictConfig) -> Any:
@@ -114,11 +107,9 @@ def _job(name: str, task: Task, files: Mapping[str, EncoderFile], debug: bool) -
         silence_libraries()
         composition = from_hydra(cfg, settings)
         try:
-            refuse_uncomposed_row(settings)
-            chosen = {group: composition.choice(group) for group in PLACES.values()}
-            present = {group: files[file] for group, file in chosen.items() if file in files}
-            adapt_to_encoder_files(cfg, present, composition.overrides)
-            check_command_settings(cfg, name)
+            if in_sweep():  # of a single run, before Hydra made its folder
+                refuse_uncomposed_row(settings)
+                composition = settle(composition, name, row=True)
             # processes that this one starts begin with the command line that this one was started with
             with _process_state(words, full_errors=debug), run_folder(cfg.out) if in_folder else nullcontext():
                 return task(composition)

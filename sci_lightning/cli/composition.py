@@ -6,21 +6,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import hydra
 from hydra.conf import HydraConf
+from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
 from sci_lightning.cli.failure_line import one_line
-from sci_lightning.cli.settings import store_defaults
 from sci_lightning.configuration.build import build
 from sci_lightning.configuration.conf_folder import CONF
+from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.errors import BadInput
 
 
@@ -63,6 +64,10 @@ class Composition:
         """Return which member of a configuration group was chosen, such as ``lsw_sr``; ``none`` for no member."""
         return str(self.choices.get(group, "none"))
 
+    def names(self) -> dict[str, str]:
+        """Return the chosen members of groups at the top, which a training keeps beside its configuration."""
+        return {group: name for group, name in self.choices.items() if "/" not in group}
+
     def own_folders(self) -> list[str]:
         """Return the override that names the user's folders of configurations again; none without such folders."""
         return [f"hydra.searchpath=[{','.join(map(repr, self.search_path))}]"] if self.search_path else []
@@ -71,7 +76,7 @@ class Composition:
         """Return the override with which a checkpoint of the run may name the user's own classes; none without such."""
         nodes = (self.cfg.get(part) for part in ("encoder", "decoder"))
         parts = [OmegaConf.to_container(node) for node in nodes if OmegaConf.is_config(node)]
-        own = {target.partition(".")[0] for target in _targets(parts)} - {"sci_lightning"}
+        own = {target.partition(".")[0] for target in targets_in(parts)} - {"sci_lightning"}
         names = sorted(own.union(self.cfg.get("trusted") or ()))
         return [f"trusted=[{','.join(names)}]"] if names else []  # quoted it would be a text
 
@@ -79,6 +84,11 @@ class Composition:
         """Return the ``_target_`` of every member of a configuration group, those in ``hydra.searchpath`` included."""
         files = [file for folder in self.folders for file in sorted((folder / group).glob("*.yaml"))]
         return [str(target) for file in files if (target := OmegaConf.select(OmegaConf.load(file), "_target_"))]
+
+
+def store_defaults() -> None:
+    """Let files of ``conf/`` take defaults that a class states: ``search_defaults`` in their lists."""
+    ConfigStore.instance().store("search_defaults", {"search": asdict(SearchSettings())})
 
 
 def compose(command: str, overrides: Iterable[str] = ()) -> Composition:
@@ -104,28 +114,29 @@ def compose(command: str, overrides: Iterable[str] = ()) -> Composition:
         GlobalHydra.instance().clear()
         if running is not None:
             GlobalHydra.instance().initialize(running)
-    return from_hydra(cfg, cfg.hydra)
+    composition = from_hydra(cfg, cfg.hydra)
+    with open_dict(cfg):
+        cfg.pop("hydra")
+    return composition
 
 
 def from_hydra(cfg: DictConfig, settings: HydraConf) -> Composition:
-    """Return the composition of a configuration, given Hydra's own settings, which are removed from it."""
+    """Return the composition of a configuration, given Hydra's own settings."""
     choices = {str(group): str(choice) for group, choice in settings.runtime.choices.items()}
     sources = [Path(source.path) for source in settings.runtime.config_sources if source.schema == "file"]
     added = [source for source in settings.runtime.config_sources if source.provider not in ("hydra", "main", "schema")]
     search_path = tuple(f"{source.schema}://{source.path}" for source in added)
     overrides = tuple(str(override) for override in settings.overrides.task)
-    with open_dict(cfg):
-        cfg.pop("hydra", None)
     return Composition(cfg, choices, overrides, tuple(sources), search_path, settings.output_subdir is not None)
 
 
-def _targets(content: Any) -> Iterator[str]:
+def targets_in(content: Any) -> Iterator[str]:
     """Yield every ``_target_`` in plain data."""
     if isinstance(content, Mapping):
         yield from (str(value) for key, value in content.items() if key == "_target_")
     if isinstance(content, (Mapping, list)):
         for value in content.values() if isinstance(content, Mapping) else content:
-            yield from _targets(value)
+            yield from targets_in(value)
 
 
 def group_members(group: str) -> list[str]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from hydra.core.config_store import ConfigStore
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, OmegaConf, open_dict
 
+from sci_lightning.cli.composition import group_members
 from sci_lightning.errors import BadInput
 from sci_lightning.files.memory_bound import check_fields
 from sci_lightning.files.plain_data import check_plain_data
@@ -20,8 +21,11 @@ from sci_lightning.runs.encoder_file import EncoderFile, read_encoder_file
 PLACES = {"encoder": "encoder", "decoder.camera": "encoder@camera"}
 """What the command line says, and what Hydra calls it."""
 
+FROM_FILE = "from_file"
+"""The key under which a node says which file it was read from, until the configuration is adapted to it."""
 
-def adopt_encoder_files(arguments: list[str], taken: Iterable[str] = ()) -> tuple[list[str], dict[str, EncoderFile]]:
+
+def adopt_encoder_files(arguments: Iterable[str]) -> list[str]:
     """Make every encoder file that the arguments name a member of the group ``encoder``, at either of its places.
 
     The member lives in Hydra's store in memory, where multiruns and launchers find it, and is called after its file, or
@@ -29,15 +33,14 @@ def adopt_encoder_files(arguments: list[str], taken: Iterable[str] = ()) -> tupl
 
     Args:
         arguments: of the command line; ``encoder=a.yaml,b.yaml,lsw_sr`` is a sweep.
-        taken: names that members have already.
 
     Returns:
-        the arguments with names in the place of paths, as Hydra takes them, and the file behind each name.
+        the arguments with names in the place of paths, as Hydra takes them.
 
     Raises:
         BadInput: a file that is missing, is no YAML, does not describe one object or holds more than plain data.
     """
-    files: dict[str, EncoderFile] = {}
+    taken = set(group_members("encoder"))
 
     def member(value: str) -> str:
         bare = value.strip().strip("'\"")
@@ -46,9 +49,10 @@ def adopt_encoder_files(arguments: list[str], taken: Iterable[str] = ()) -> tupl
                 _refuse_path(Path(os.path.expanduser(bare)))
             return value
         file = read_encoder_file(Path(os.path.expanduser(bare)))
-        name = _name(file.path.resolve(), {*taken, *files})
-        files[name] = file
-        ConfigStore.instance().store(group="encoder", name=name, node=OmegaConf.create(file.content))
+        name = _name(file.path.resolve(), taken)
+        taken.add(name)
+        node = OmegaConf.create({**file.content, FROM_FILE: str(file.path)})
+        ConfigStore.instance().store(group="encoder", name=name, node=node)
         return f"'{name}'"
 
     adopted = []
@@ -59,7 +63,7 @@ def adopt_encoder_files(arguments: list[str], taken: Iterable[str] = ()) -> tupl
             group = key.replace(bare, PLACES[bare])
             argument = f"{group}={','.join(map(member, _members(value)))}"
         adopted.append(argument)
-    return adopted, files
+    return adopted
 
 
 def _members(value: str) -> list[str]:
@@ -77,20 +81,30 @@ def _refuse_path(path: Path) -> None:
         raise BadInput(f"{path}: is no encoder file, whose name ends with .yaml; give the encoder.yaml of a diagnosis")
 
 
-def adapt_to_encoder_files(cfg: DictConfig, files: Mapping[str, EncoderFile], overrides: Iterable[str]) -> None:
+def adapt_to_encoder_files(cfg: DictConfig, overrides: Iterable[str], trusted: Iterable[str]) -> None:
     """Fit a composed configuration to the encoder files in it.
 
     ``frames`` and ``size`` are the file's unless the command line says otherwise. Then every ``_target_`` is checked,
     and what was checked takes the place of the node, resolved: nothing is left in it that could still change.
 
     Args:
-        cfg: of the command.
-        files: by the place (a value of :data:`PLACES`) where each one stands.
+        cfg: of the command; nodes that come from a file say so, see :data:`FROM_FILE`.
         overrides: of the command line, as Hydra takes them.
+        trusted: packages beside this one whose classes a file may name.
 
     Raises:
         BadInput: files or settings that contradict each other, or a class that the file may not name.
     """
+    files: dict[str, EncoderFile] = {}
+    for group in PLACES.values():
+        key = group.rpartition("@")[2]
+        if OmegaConf.is_config(node := cfg.get(key)) and FROM_FILE in node:
+            with open_dict(node):
+                path = Path(node.pop(FROM_FILE))
+            content = {str(name): value for name, value in cast("dict[Any, Any]", OmegaConf.to_container(node)).items()}
+            files[key] = EncoderFile(path, content)
+    if not files:
+        return
     from sci_lightning.configuration.registry import check_targets
 
     given = {override.lstrip("+").partition("=")[0] for override in overrides}
@@ -110,11 +124,10 @@ def adapt_to_encoder_files(cfg: DictConfig, files: Mapping[str, EncoderFile], ov
                 )
             cfg[key] = value
             fitted[key] = (value, file.path)
-    for group, file in files.items():
-        key = group.rpartition("@")[2]
+    for key, file in files.items():
         settings = OmegaConf.to_container(cfg[key], resolve=True)
         check_plain_data(file.path, settings)
-        check_targets(file.path, settings, cfg.get("trusted") or [])
+        check_targets(file.path, settings, trusted)
         check_fields(settings, f"{file.path}: ")
         cfg[key] = settings
 

@@ -10,9 +10,10 @@ from typing import Any
 
 from hydra.core.hydra_config import HydraConfig
 from hydra.experimental.callback import Callback
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
-from sci_lightning.cli.settings import SETTINGS, check_command_settings, check_settings
+from sci_lightning.cli.composition import from_hydra
+from sci_lightning.cli.settings import SETTINGS, check_settings, settle
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.resume import check_nothing_lost
 from sci_lightning.runs.run_folder import is_first_process, lock, make_folder, unlock
@@ -27,7 +28,7 @@ class CommandFailed(BaseException):
 
 
 class CheckBeforeWriting(Callback):
-    """Check the settings when they are composed; Hydra makes the folder ``out`` only afterwards.
+    """Settle and check the configuration when it is composed; Hydra makes the folder ``out`` only afterwards.
 
     Raises:
         CommandFailed: a setting that is missing, cannot be resolved, or is of another type or out of its range.
@@ -37,7 +38,9 @@ class CheckBeforeWriting(Callback):
         try:
             if missing := [str(key) for key in config if key in SETTINGS and OmegaConf.is_missing(config, key)]:
                 raise BadInput(f"give {missing[0]}=..; --help says what it is")
-            check_command_settings(config, str(config_name))
+            settled = settle(from_hydra(config, config.hydra), str(config_name))
+            with read_write(config.hydra.runtime), open_dict(config.hydra.runtime):
+                config.hydra.runtime.choices = dict(settled.choices)
         except Exception as error:
             raise CommandFailed from error
 

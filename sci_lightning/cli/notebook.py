@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from sci_lightning.cli import commands
 from sci_lightning.cli.composition import Composition, built, compose, group_members, plain
-from sci_lightning.cli.encoder_file import PLACES, adapt_to_encoder_files, adopt_encoder_files
+from sci_lightning.cli.encoder_file import adopt_encoder_files
 from sci_lightning.cli.hydra_callbacks import check_folder
-from sci_lightning.cli.settings import check_command_settings
-from sci_lightning.cli.stored_overrides import recorded
+from sci_lightning.cli.settings import settle
+from sci_lightning.cli.stored_run import with_stored_choices
 from sci_lightning.console import PlainConsole, silence_libraries
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.resume import check_nothing_lost
@@ -99,15 +99,13 @@ def train(configuration: Iterable[str] | Mapping[str, Any]) -> Run:
 
     Source: the method is that of "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Sec. 3.
     """
-    overrides: tuple[str, ...] = ()
     if isinstance(configuration, Mapping) and isinstance(configuration.get("encoder"), Mapping):
         config = dict(configuration)
         classes = {part: str(config[part]["_target_"]).rpartition(".")[2] for part in ("encoder", "decoder")}
         names = config.pop("names", classes)
     else:
         composition = _composed("train", _as_overrides(configuration))
-        config, overrides = plain(composition.cfg), tuple(recorded(composition.overrides))
-        names = {part: composition.choice(part) for part in ("encoder", "decoder")}
+        config, names = plain(composition.cfg), composition.names()
     out = Path(config["out"])
     check_nothing_lost(out, training=True, resume=config["resume"], ckpt_path=config["ckpt_path"])
     silence_libraries()
@@ -118,7 +116,7 @@ def train(configuration: Iterable[str] | Mapping[str, Any]) -> Run:
     with run_folder(out):
         for line in training_plan(config).lines():
             print(line)
-        return run_training(config, names, overrides)
+        return run_training(config, names)
 
 
 def evaluate(configuration: Iterable[str] | Mapping[str, Any]) -> Evaluation:
@@ -236,10 +234,5 @@ def _as_overrides(configuration: Iterable[str] | Mapping[str, Any]) -> list[str]
 
 def _composed(command: str, overrides: Iterable[str]) -> Composition:
     """Compose and check the configuration of a command; ``encoder=`` may be the path of an encoder file."""
-    arguments, files = adopt_encoder_files(list(overrides), group_members("encoder"))
-    composition = compose(command, arguments)
-    chosen = {group: composition.choice(group) for group in PLACES.values()}
-    present = {group: files[name] for group, name in chosen.items() if name in files}
-    adapt_to_encoder_files(composition.cfg, present, composition.overrides)
-    check_command_settings(composition.cfg, command)
-    return composition
+    words = with_stored_choices(list(overrides)) if command == "train" else overrides
+    return settle(compose(command, adopt_encoder_files(words)), command)

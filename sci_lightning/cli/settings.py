@@ -8,15 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, is_dataclass
+from dataclasses import is_dataclass, replace
 from typing import Annotated, Any, Literal
 
 from annotated_types import DocInfo, Interval, Len, MinLen
-from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from pydantic import StringConstraints
 
+from sci_lightning.cli.composition import Composition
+from sci_lightning.cli.encoder_file import adapt_to_encoder_files
+from sci_lightning.cli.stored_run import take_over
 from sci_lightning.configuration.arguments import check_arguments, check_value
 from sci_lightning.configuration.bounds import (
     Bits,
@@ -210,13 +212,6 @@ SETTINGS: Mapping[str, Any] = {
 }
 
 
-def store_defaults() -> None:
-    """Let files of ``conf/`` take the defaults of a setting that is a dataclass: ``search_defaults`` in their lists."""
-    for key, annotation in SETTINGS.items():
-        if is_dataclass(annotation) and isinstance(annotation, type):
-            ConfigStore.instance().store(f"{key}_defaults", {key: asdict(annotation())})
-
-
 def check_settings(settings: Mapping[str, Any], nullable: Iterable[str]) -> None:
     """Check a command's own settings.
 
@@ -235,6 +230,28 @@ def check_settings(settings: Mapping[str, Any], nullable: Iterable[str]) -> None
         elif key in SETTINGS:
             check_value(key, value, SETTINGS[key] | None if key in free and SETTINGS[key] is not Any else SETTINGS[key])
     check_field(settings.get("frames"), settings.get("size"))
+
+
+def settle(composition: Composition, command: str, row: bool = False) -> Composition:
+    """Complete a composed configuration with what files say, and check it: the one check of every command.
+
+    Args:
+        composition: its ``cfg`` is changed: to encoder files in it, and to the training that it goes on with.
+        command: the name of its file in ``conf/``.
+        row: whether it is of a sweep, whose rows are composed in full.
+
+    Returns:
+        the composition, with the names that a stored training has for its parts.
+
+    Raises:
+        BadInput: files or settings that cannot be used, or that contradict each other.
+    """
+    cfg = composition.cfg
+    adapt_to_encoder_files(cfg, composition.overrides, cfg.get("trusted") or ())
+    if command == "train" and not row:
+        composition = replace(composition, choices={**composition.choices, **take_over(composition)})
+    check_command_settings(cfg, command)
+    return composition
 
 
 def check_command_settings(cfg: DictConfig, command: str) -> None:

@@ -20,7 +20,6 @@ FREE = {
     "ckpt_path",
     "finetune",
     "names",
-    "overrides",
     "trusted",
     "workers",
     "callbacks",
@@ -129,7 +128,7 @@ def check_same_run(path: str | Path, earlier: Mapping[str, Any], config: Mapping
                 one, other = names
                 if key.startswith(f"{part}.") and one != other:
                     key, before, now = part, one, other
-            raise BadInput(another_training(path, key, before, now, "overrides" in earlier))
+            raise BadInput(another_training(path, key, before, now))
         changes.append(f"{key}={now} (was {before})")
     for part in ("callbacks", "logger"):  # own classes and servers, which a checkpoint may not ask for
         given = config.get(part) or {}
@@ -142,14 +141,8 @@ def check_same_run(path: str | Path, earlier: Mapping[str, Any], config: Mapping
     return changes + ([f"workers={workers[1]} (was {workers[0]})"] if workers[0] != workers[1] else [])
 
 
-def another_training(path: str | Path, key: str, before: Any, now: Any, known: bool = True) -> str:
-    """The line that refuses to go on with another training; ``known``: the checkpoint holds its overrides."""
-    if not known:
-        folder = Path(path).parent.parent / ".hydra" / "overrides.yaml"
-        return (
-            f"{path}: its training had {key}={before}, now it is {now}; it was written before checkpoints kept their "
-            f"overrides: repeat those in {folder}"
-        )
+def another_training(path: str | Path, key: str, before: Any, now: Any) -> str:
+    """Return the line that refuses to go on with another training."""
     return (
         f"{path}: its training had {key}={before}, now it is {now}: leave that out to go on, or start a new training "
         f"from its weights: convert checkpoint={path} out=weights.ckpt, then ckpt_path=weights.ckpt"

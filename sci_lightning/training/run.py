@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -57,7 +57,6 @@ class Run:
 def run_training(
     config: Mapping[str, Any],
     names: Mapping[str, str],
-    overrides: Sequence[str] = (),
     *,
     stop: StopSignal | None = None,
     on_resume: Callable[[str, list[str]], None] = lambda path, changes: None,
@@ -67,8 +66,7 @@ def run_training(
 
     Args:
         config: ``conf/train.yaml``, composed, resolved and plain.
-        names: what the configuration calls its ``encoder`` and its ``decoder``; kept in checkpoints and results.
-        overrides: of the command line, kept in checkpoints so that the run can be gone on with.
+        names: what was chosen of each group, ``encoder`` and ``decoder`` among them; kept in checkpoints and results.
         stop: asks the training to stop; without it nothing does.
         on_resume: called with the path of the checkpoint that the training goes on from, and what differs from it.
         on_start: called with a line that says in which precision networks are computed.
@@ -91,7 +89,7 @@ def run_training(
         else:
             start_from = start_from or find_resumable_checkpoint(out, config)
     checkpoint = read_checkpoint(start_from) if start_from else None
-    run_config = {**config, "names": dict(names), "overrides": list(overrides)}
+    run_config = {**config, "names": dict(names)}
     run_config, line = _with_precision(run_config, checkpoint)
     on_start(line)
     system = _build_system(run_config)
@@ -222,7 +220,7 @@ def _test(system: System, trainer: L.Trainer, data: VideoData, config: Mapping[s
     """Test behind every encoder of ``test_encoders``, then behind the trained one; write a ``metrics.json`` of each."""
     out, names, tests = Path(config["out"]), config["names"], {}
     steps = trainer.global_step
-    recorded = {key: value for key, value in config.items() if key not in ("names", "overrides")}
+    recorded = {key: value for key, value in config.items() if key != "names"}
     for name, settings in config["test_encoders"].items():
         metrics = build_metrics(config.get("metrics", {}), config["size"])
         tested = system.behind(build(settings, f"test_encoders.{name}"), metrics, name)

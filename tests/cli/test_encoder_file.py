@@ -65,19 +65,17 @@ def test_adopted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         "decoder=x.yaml",
         "encoder.aperture=2",
     ]
-    arguments, names = adopt_encoder_files(told)
+    arguments = adopt_encoder_files(told)
     assert arguments == ["-m", "encoder='camera_1','camera_1_2',rbw_sr", *told[2:]]
-    assert set(names) == {"camera_1", "camera_1_2"}
-    assert names["camera_1"].field() == {"frames": 8, "size": [32, 32]}
     node = ConfigStore.instance().load("encoder/camera_1_2.yaml").node
     assert node.mask.file == str(tmp_path / "b" / "camera 1" / "patterns.npy")
     assert node.effects.prnu.file == str(tmp_path / "b" / "camera 1" / "prnu.npy")
-    assert adopt_encoder_files(["+encoder=lsw_sr.yaml"], ["lsw_sr"])[0] == ["+encoder='lsw_sr_2'"]
-    assert adopt_encoder_files(["encoder=lsw_sr"])[0] == ["encoder=lsw_sr"]
+    assert adopt_encoder_files(["+encoder=lsw_sr.yaml"]) == ["+encoder='lsw_sr_2'"]
+    assert adopt_encoder_files(["encoder=lsw_sr"]) == ["encoder=lsw_sr"]
     comma = encoder_file(tmp_path / "lens a, b")
     for value in (comma, f"'{comma}'"):
-        assert adopt_encoder_files([f"encoder={value}"])[0] == ["encoder='lens_a__b'"]
-    assert adopt_encoder_files([f"encoder='{comma}',lsw_sr"])[0] == ["encoder='lens_a__b',lsw_sr"]
+        assert adopt_encoder_files([f"encoder={value}"]) == ["encoder='lens_a__b'"]
+    assert adopt_encoder_files([f"encoder='{comma}',lsw_sr"]) == ["encoder='lens_a__b',lsw_sr"]
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import yaml
 from rich.table import Table
 
 from sci_lightning.cli.command import run
-from sci_lightning.cli.composition import Composition, compose, group_members, plain
+from sci_lightning.cli.composition import Composition, compose, plain
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
 
@@ -29,6 +29,7 @@ def mismatch_finetuning(composition: Composition) -> None:
     Args:
         composition: of ``conf/mismatch_finetuning.yaml``.
     """
+    from sci_lightning.cli.notebook import train
     from sci_lightning.studies.mismatch.prepare import prepare, trained_decoder
     from sci_lightning.studies.mismatch.scenarios import MeanMeasurement
     from sci_lightning.studies.mismatch.summary import finetuning_table
@@ -67,7 +68,7 @@ def mismatch_finetuning(composition: Composition) -> None:
         }
         for kind, overrides in plans.items():
             console.say(styled(f"seed {seed}"), f": training, {kind}")
-            checkpoint = _train([*overrides, "resume=true", f"out='{folder / kind}'"])
+            checkpoint = train([*overrides, "resume=true", f"out='{folder / kind}'"]).checkpoint
             decoder, described = trained_decoder(checkpoint, name)
             wanted = ["ideal", "mismatched", "calibrated"] if kind == "ideal" else ["calibrated"]
             described = {**described, "training": kind, "training_seed": seed}
@@ -116,15 +117,6 @@ def _write_ideal_encoder(prepared: Prepared, path: Path) -> Path:
     with atomic_write(path) as temporary:
         temporary.write_text(yaml.safe_dump(content, sort_keys=False))
     return path
-
-
-def _train(words: list[str]) -> Path:
-    """Train in this process with the overrides of a command line, and return the last checkpoint."""
-    from sci_lightning.cli.notebook import train
-    from sci_lightning.cli.resumed_run import continued
-
-    arguments, _ = continued(words, group_members("encoder"))
-    return train(arguments).checkpoint
 
 
 def main() -> None:

@@ -10,8 +10,7 @@ from omegaconf import OmegaConf
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
-from sci_lightning.cli.resumed_run import repeated
-from sci_lightning.cli.stored_overrides import recorded
+from sci_lightning.cli.stored_run import to_repeat
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import INTERRUPTED, BadInput
 from sci_lightning.runs.run_folder import is_first_process, undo_if_refused
@@ -35,16 +34,13 @@ def train(composition: Composition) -> float | None:
         undo_if_refused(composition.cfg.out, "train")  # the folder that Hydra has made
         return None
     config = plain(composition.cfg)
-    names = {group: composition.choice(group) for group in ("encoder", "decoder")}
     with StopSignal() as stop:
         try:
             if is_first_process() and not (config["resume"] and (Path(config["out"]) / "metrics.json").is_file()):
                 _print_plan(composition)
             from sci_lightning.training.run import run_training
 
-            done = run_training(
-                config, names, recorded(composition.overrides), stop=stop, on_resume=_say_resumed, on_start=_say
-            )
+            done = run_training(config, composition.names(), stop=stop, on_resume=_say_resumed, on_start=_say)
         except (Stopped, KeyboardInterrupt, SystemExit) as end:
             asked = not isinstance(end, SystemExit) or isinstance(end.__context__, (Stopped, KeyboardInterrupt))
             if not asked:
@@ -108,8 +104,7 @@ def _say_stopped(last: Path, composition: Composition) -> None:
     if not last.is_file():
         print("stopped before the first step was finished; nothing is lost", file=sys.stderr)
         return
-    words = repeated(last, composition, plain(composition.cfg)["encoder"])
-    line = invocation("train", *words, paths={"ckpt_path": last})
+    line = invocation("train", *to_repeat(last, composition), paths={"ckpt_path": last})
     print(f"stopped; go on with:\n  {line}", file=sys.stderr)
 
 

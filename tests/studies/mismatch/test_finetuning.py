@@ -12,9 +12,11 @@ import torch
 
 from sci_lightning.cli import command as command_frame
 from sci_lightning.cli.commands.mismatch_finetuning import mismatch_finetuning
-from sci_lightning.cli.composition import group_members
+from sci_lightning.cli.composition import compose
+from sci_lightning.cli.encoder_file import adopt_encoder_files
 from sci_lightning.cli.notebook import train
-from sci_lightning.cli.resumed_run import continued
+from sci_lightning.cli.settings import settle
+from sci_lightning.cli.stored_run import with_stored_choices
 from sci_lightning.errors import BadInput
 from tests.cli.test_encoder_file import _store, encoder_file
 from tests.end_to_end.test_train import TINY
@@ -82,21 +84,20 @@ def test_an_interrupted_fine_tuning_goes_on(ran: Callable[..., str], trained: Pa
     assert torch.load(path, weights_only=True)["global_step"] == 8  # two epochs of four steps, not three
     before = path.read_bytes()
     again = ["encoder=rbw_sr", f"out={tmp_path / 'TUNED'}"]  # another camera: a new fine-tuning, which has no folder
-    with pytest.raises(BadInput, match="which would be lost; give another out="):
+    with pytest.raises(BadInput, match="encoder=FOUND, now it is rbw_sr"):
         train([*TINY, *QUIET, f"ckpt_path={path}", "finetune=true", *again])
     assert path.read_bytes() == before
 
 
-def test_the_arguments_of_a_fine_tuning(tmp_path: Path) -> None:
+def test_the_configuration_of_a_fine_tuning(tmp_path: Path) -> None:
     words = ["experiment=quickstart", *TINY, *QUIET, "encoder.mask.bits=2", "crop=[16,16]", "trainer.max_epochs=1"]
     path = train([*words, f"out={tmp_path}/RUN"]).checkpoint
-    given = [f"ckpt_path={path}", "encoder=FOUND/encoder.yaml", "experiment=finetune", "batch_size=1"]
-    arguments, files = continued(given, group_members("encoder"))
-    assert arguments[0] == "experiment=[quickstart,finetune]" and files == {}
-    assert "crop=[16,16]" in arguments and "decoder.channels=8" in arguments and "seed=0" in arguments
-    keys = [word.partition("=")[0] for word in arguments]
-    assert not {"size", "frames", "encoder.mask.bits", "trainer.max_epochs", "out"} & set(keys)
-    assert keys.count("batch_size") == keys.count("experiment") == 1
+    found = encoder_file(tmp_path / "FOUND")
+    given = [f"ckpt_path={path}", f"encoder={found}", "experiment=finetune", "batch_size=1"]
+    config = settle(compose("train", adopt_encoder_files(with_stored_choices(given))), "train").cfg
+    assert (config.crop, config.size, config.decoder.channels, config.batch_size) == ([16, 16], [32, 32], 8, 1)
+    assert config.encoder.mask._target_.endswith("Measured") and "RUN" not in config.out
+    assert (config.trainer.max_epochs, config.trainer.accelerator, config.system.lr) == (2, "cpu", 3e-4)
 
 
 def test_bad_input(refused: Callable[..., str], trained: Path, tmp_path: Path) -> None:
@@ -108,11 +109,9 @@ def test_bad_input(refused: Callable[..., str], trained: Path, tmp_path: Path) -
         "train", f"ckpt_path={trained}", f"encoder={result}", "finetune=true"
     )  # it would go on in that folder
     assert "give experiment=finetune in the place of finetune=true" in line and trained.read_bytes() == before
-    for recipe in (["experiment=finetune"], ["+finetune=true"]):  # on top of what it would begin with
-        words = [f"encoder={result}", f"out={trained.parent.parent}"]
-        line = refused("train", f"ckpt_path={trained}", *recipe, *words)
-        assert "which would be lost; give another out=" in line or "give experiment=finetune" in line
-        assert trained.read_bytes() == before
+    words = [f"encoder={result}", f"out={trained.parent.parent}"]  # on top of what it would begin with
+    line = refused("train", f"ckpt_path={trained}", "experiment=finetune", *words)
+    assert "which would be lost; give another out=" in line and trained.read_bytes() == before
     line = refused("train", f"ckpt_path={trained}", "experiment=finetune")
     assert "Give encoder=FOUND/encoder.yaml" in line
     line = refused("train", f"ckpt_path={trained}", f"encoder={result}", "experiment=finetune", "decoder=res2former")
