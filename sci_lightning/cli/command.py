@@ -15,14 +15,14 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, open_dict
 
 from sci_lightning.cli.command_line import check_choices, check_words
-from sci_lightning.cli.composition import Composition, from_hydra, store_defaults
+from sci_lightning.cli.composition import Composition, from_hydra, in_sweep, store_defaults
 from sci_lightning.cli.encoder_file import adopt_encoder_files
 from sci_lightning.cli.failure_line import exit_status, one_line
 from sci_lightning.cli.help import help_text
 from sci_lightning.cli.hydra_callbacks import CommandFailed
 from sci_lightning.cli.settings import settle
 from sci_lightning.cli.stored_run import with_stored_choices
-from sci_lightning.cli.sweep import defer_to_rows, finished_rows, in_sweep, refuse_uncomposed_row
+from sci_lightning.cli.sweep import defer_to_rows, finished_rows, refuse_uncomposed_row
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.console import silence_libraries, warn
 from sci_lightning.errors import INTERRUPTED, InputWarning

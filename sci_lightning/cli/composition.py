@@ -14,7 +14,9 @@ import hydra
 from hydra.conf import HydraConf
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
@@ -158,3 +160,13 @@ def built(cfg: DictConfig, part: str, **more: Any) -> Any:
     if not isinstance(node, DictConfig):
         raise BadInput(f"{part}={node}: expected a mapping with _target_, which names a class")
     return build(plain(node), part, **more)
+
+
+def in_sweep() -> bool:
+    """Return whether this process is running a row of a sweep."""
+    return HydraConfig.initialized() and is_row(HydraConfig.get())
+
+
+def is_row(settings: HydraConf) -> bool:
+    """Return whether Hydra's settings are those of a row of a sweep."""
+    return settings.mode is RunMode.MULTIRUN and not OmegaConf.is_missing(settings.job, "num")

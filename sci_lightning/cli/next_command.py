@@ -55,7 +55,7 @@ def dashboard(folder: str | Path) -> str:
 
 def print_next(console: PlainConsole, *lines: str) -> None:
     """Print command lines under the word ``next``, one a line; nothing in the rows of a sweep."""
-    from sci_lightning.cli.sweep import in_sweep  # loads Hydra, which not every command needs before its end
+    from sci_lightning.cli.composition import in_sweep  # loads Hydra, which not every command needs before its end
 
     if not in_sweep():
         for place, line in enumerate(lines):

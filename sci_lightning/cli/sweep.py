@@ -30,6 +30,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, flag_override, open_dict, read_write
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError
 
+from sci_lightning.cli.composition import is_row
 from sci_lightning.cli.failure_line import exit_status, one_line, root_cause
 from sci_lightning.cli.hydra_callbacks import check_folder, choices_of
 from sci_lightning.errors import BadInput, NoSuchCombination
@@ -93,11 +94,6 @@ class RowFiles:
         return rows
 
 
-def in_sweep() -> bool:
-    """Return whether this process is running a row of a sweep."""
-    return HydraConfig.initialized() and _is_row(HydraConfig.get())
-
-
 def refuse_uncomposed_row(settings: HydraConf) -> None:
     """Raise what was wrong with the configuration of a row that could not be composed; nothing happens to others.
 
@@ -107,7 +103,7 @@ def refuse_uncomposed_row(settings: HydraConf) -> None:
     Raises:
         BadInput: NoSuchCombination where the row is to be skipped.
     """
-    error = settings.callbacks["sweep"]["error"] if _is_row(settings) else None
+    error = settings.callbacks["sweep"]["error"] if is_row(settings) else None
     if error is not None:
         raise (NoSuchCombination if error["skipped"] else BadInput)(error["line"])
 
@@ -122,10 +118,6 @@ def finished_rows() -> list[Row]:
     """Return all rows of the sweep that this process started, in their order; empty if it started none."""
     folder = HydraConfig.get().callbacks.get("sweep", {}).get("folder") if HydraConfig.initialized() else None
     return [] if folder is None else RowFiles(folder).take()
-
-
-def _is_row(settings: HydraConf) -> bool:
-    return settings.mode is RunMode.MULTIRUN and not OmegaConf.is_missing(settings.job, "num")
 
 
 def defer_to_rows(arguments: Sequence[str]) -> list[str]:
@@ -276,7 +268,7 @@ class SweepRows(Callback):
             hydra.config_loader = RowLoader(hydra.config_loader, RowFiles(self.folder))
 
     def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:
-        if self.folder is None or not _is_row(config.hydra):
+        if self.folder is None or not is_row(config.hydra):
             return
         number, overrides = int(config.hydra.job.num), list(config.hydra.overrides.task)
         try:
