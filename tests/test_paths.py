@@ -10,7 +10,7 @@ import torch
 
 from sci_lightning.configuration.conf_folder import PACKAGE
 from sci_lightning.figures.animation import write_frames, write_gif
-from sci_lightning.runs.results import write_json
+from sci_lightning.files.json_file import write_json
 from sci_lightning.studies.tables.grid import Grid
 
 NOTEBOOK = (

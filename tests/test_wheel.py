@@ -31,7 +31,7 @@ def test_wheel(command: Callable[..., subprocess.CompletedProcess[str]], tmp_pat
     site = tmp_path / "site"
     install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(site), str(wheel)]
     assert subprocess.run(install, capture_output=True).returncode == 0
-    carried = ("conf/train.yaml", "studies/tables/paper_figures.yaml", "py.typed", "files/schemas/report.json")
+    carried = ("conf/train.yaml", "studies/tables/paper_figures.yaml", "py.typed")
     assert all((site / "sci_lightning" / path).is_file() for path in carried)
 
     outside = tmp_path / "outside"

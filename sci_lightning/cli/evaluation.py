@@ -50,8 +50,9 @@ def evaluate(composition: Composition, console: PlainConsole) -> Evaluation:
     from sci_lightning.decoder.complexity import count_parameters
     from sci_lightning.decoder.layers import kernels
     from sci_lightning.decoder.tiling.tile_choice import TileChoice
+    from sci_lightning.files.json_file import write_json
     from sci_lightning.runs.precision import describe_precision, device_of_accelerator, resolve_precision
-    from sci_lightning.runs.results import with_effects, write_json
+    from sci_lightning.runs.results import with_effects
     from sci_lightning.training.callbacks import Progress, ScenePictures
     from sci_lightning.training.run import run_metrics
     from sci_lightning.training.scoring import build_metrics
@@ -87,7 +88,7 @@ def evaluate(composition: Composition, console: PlainConsole) -> Evaluation:
         choice.tiling(decoder, place.expand(loader.batch_size or 1, *cfg.size), place.expand(cfg.frames, *cfg.size))
     trainer.test(system, loader, verbose=False)
     scores = run_metrics(system, names, {**trained, "evaluate": plain(cfg)})
-    write_json(scores.to_json(), out / "metrics.json")
+    write_json(scores.as_json(), out / "metrics.json")
     return Evaluation(out, scores, tuple(pictures.written.values()))
 
 

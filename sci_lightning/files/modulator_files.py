@@ -2,27 +2,68 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Literal
 
 import numpy as np
 import torch
-from annotated_types import Interval, MaxLen
 from PIL import Image
+from pydantic import model_validator
 
-from sci_lightning.configuration.arguments import check_value
-from sci_lightning.configuration.bounds import Bits, Frames, Pixels, Size
+from sci_lightning.configuration.bounds import Bits, Frames, Pixels
 from sci_lightning.errors import BadInput
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.folder import is_inside
-from sci_lightning.files.json_fields import read_json
+from sci_lightning.files.json_file import JsonFile, JsonObject, Number, read_json, says, write_json
 from sci_lightning.files.memory_bound import check_memory
 
 SHEET = "planes.json"
+
+
+class Timing(JsonObject):
+    """Whether the modulator is fast enough for the wanted snapshots per second."""
+
+    frame_rate_Hz: Number = says("wanted snapshots per second")
+    slot_s: float = says("duration of a slot")
+    shortest_plane_s: float = says("of the least significant plane where the planes fill the slot")
+    fastest_by_planes_Hz: float = says("most snapshots per second with bit planes")
+    fastest_by_gray_frames_Hz: float = says("most snapshots per second with 8-bit frames")
+    planes_fit: bool
+    gray_frames_fit: bool
+
+
+class Plane(JsonObject):
+    """One bit plane, in the order of display."""
+
+    file: str = says("1-bit PNG, relative to planes.json")
+    slot: int = says("that the plane belongs to, from 0", ge=0)
+    bit: int = says("of the mask value, 0 for the least significant", ge=0, le=7)
+    exposure: float = says("part of the slot for which it is shown", ge=0, le=1)
+
+
+class Planes(JsonFile):
+    """``planes.json`` beside the folders ``planes/`` and ``frames/`` of an exported mask."""
+
+    format: Literal["sci-planes"] = "sci-planes"
+    format_version: Literal[1] = 1
+    frames: Frames = says("T, slots of an exposure")
+    bits: Bits = says("of a mask value")
+    full_level: int = says("level that means a transmittance of 1", ge=1, le=256)
+    size: tuple[Pixels, Pixels] = says("(H, W) of the mask")
+    repeat: Pixels = says("mirrors that each value covers, down and across")
+    canvas: tuple[Pixels, Pixels] = says("(H, W) of the modulator in mirrors")
+    timing: Timing
+    planes: list[Plane] = says("in the order of display", min_length=1)
+
+    @model_validator(mode="after")
+    def _fits(self) -> Planes:
+        if len(self.planes) > self.frames * self.bits or any(
+            plane.slot >= self.frames or plane.bit >= self.bits for plane in self.planes
+        ):
+            raise ValueError("planes: expected one for every bit of every slot")
+        return self
 
 
 @dataclass(frozen=True)
@@ -94,7 +135,7 @@ def levels_of(mask: torch.Tensor, bits: int) -> tuple[torch.Tensor, int]:
     return levels, full
 
 
-def write_planes(mask: torch.Tensor, bits: int, folder: str | Path, layout: Layout, timing: dict[str, Any]) -> None:
+def write_planes(mask: torch.Tensor, bits: int, folder: str | Path, layout: Layout, timing: Timing) -> None:
     """Write 1-bit planes in the order of display, 8-bit frames, and ``planes.json``, which says what they are.
 
     A slot of b bits is b planes, the most significant first; plane k is shown for 2^k shares of the slot.
@@ -111,23 +152,20 @@ def write_planes(mask: torch.Tensor, bits: int, folder: str | Path, layout: Layo
             name = f"planes/slot{slot + 1:02d}_bit{bit}.png"
             shown = layout.lay_out((level >> bit) & 1)
             _write_png(folder / name, Image.fromarray(shown.bool().numpy()))
-            planes.append({"file": name, "slot": slot, "bit": bit, "exposure": 2**bit / full})
+            planes.append(Plane(file=name, slot=slot, bit=bit, exposure=2**bit / full))
         gray = layout.lay_out((level.float() / full * 255).round().to(torch.uint8))
         _write_png(folder / f"frames/slot{slot + 1:02d}.png", Image.fromarray(gray.numpy()))
-    about = {
-        "format": "sci-planes",
-        "format_version": 1,
-        "frames": len(levels),
-        "bits": bits,
-        "full_level": full,
-        "size": list(layout.size),
-        "repeat": layout.repeat,
-        "canvas": list(layout.canvas),
-        "timing": timing,
-        "planes": planes,
-    }
-    with atomic_write(folder / SHEET) as temporary:
-        temporary.write_text(json.dumps(about, indent=1) + "\n")
+    sheet = Planes(
+        frames=len(levels),
+        bits=bits,
+        full_level=full,
+        size=layout.size,
+        repeat=layout.repeat,
+        canvas=layout.canvas,
+        timing=timing,
+        planes=planes,
+    )
+    write_json(sheet.as_json(), folder / SHEET)
 
 
 def read_planes(folder: str | Path) -> torch.Tensor:
@@ -138,23 +176,23 @@ def read_planes(folder: str | Path) -> torch.Tensor:
     """
     folder = Path(folder)
     try:
-        about = _sheet(folder / SHEET)
-        layout = Layout(_pair(about["size"]), about["repeat"], _pair(about["canvas"]))
-        check_memory(f"{about['frames']} slots of {layout.canvas}", 16 * about["frames"] * math.prod(layout.canvas))
-        levels = torch.zeros(about["frames"], *layout.size, dtype=torch.int64)
-        for plane in about["planes"]:
-            path = folder / plane["file"]
+        sheet = read_json(folder / SHEET, Planes)
+        layout = Layout(sheet.size, sheet.repeat, sheet.canvas)
+        check_memory(f"{sheet.frames} slots of {layout.canvas}", 16 * sheet.frames * math.prod(layout.canvas))
+        levels = torch.zeros(sheet.frames, *layout.size, dtype=torch.int64)
+        for plane in sheet.planes:
+            path = folder / plane.file
             if not is_inside(path, folder):
-                raise ValueError(f"{plane['file']} is no file in this folder")
-            levels[plane["slot"]] += layout.cut_out(_read_png(path, layout.canvas)) << plane["bit"]
-        return levels.float() / about["full_level"]
-    except (OSError, ValueError, KeyError, TypeError, IndexError, SyntaxError, Image.DecompressionBombError) as error:
+                raise ValueError(f"{plane.file} is no file in this folder")
+            levels[plane.slot] += layout.cut_out(_read_png(path, layout.canvas)) << plane.bit
+        return levels.float() / sheet.full_level
+    except (OSError, ValueError, TypeError, SyntaxError, Image.DecompressionBombError) as error:
         raise BadInput(
             f"{folder}: not the planes of a mask ({error}); give the folder that export_mask wrote"
         ) from error
 
 
-def timing_of(frames: int, bits: int, frame_rate: float, binary_rate: float, gray_rate: float) -> dict[str, Any]:
+def timing_of(frames: int, bits: int, frame_rate: float, binary_rate: float, gray_rate: float) -> Timing:
     """Whether the modulator is fast enough for the wanted snapshots per second.
 
     Bit planes are weighted by how long they are shown, so a slot of b bits lasts at least 2^b - 1 of the shortest, and
@@ -174,15 +212,15 @@ def timing_of(frames: int, bits: int, frame_rate: float, binary_rate: float, gra
         raise BadInput("frame_rate, binary_rate and gray_rate must be positive (per second)")
     shortest = 1 / (frame_rate * frames * (2**bits - 1))
     fastest = {"planes": binary_rate / (frames * (2**bits - 1)), "gray": gray_rate / frames}
-    return {
-        "frame_rate_Hz": frame_rate,
-        "slot_s": 1 / (frame_rate * frames),
-        "shortest_plane_s": shortest,
-        "fastest_by_planes_Hz": fastest["planes"],
-        "fastest_by_gray_frames_Hz": fastest["gray"],
-        "planes_fit": frame_rate <= fastest["planes"],
-        "gray_frames_fit": frame_rate <= fastest["gray"],
-    }
+    return Timing(
+        frame_rate_Hz=frame_rate,
+        slot_s=1 / (frame_rate * frames),
+        shortest_plane_s=shortest,
+        fastest_by_planes_Hz=fastest["planes"],
+        fastest_by_gray_frames_Hz=fastest["gray"],
+        planes_fit=frame_rate <= fastest["planes"],
+        gray_frames_fit=frame_rate <= fastest["gray"],
+    )
 
 
 def _write_png(path: Path, picture: Image.Image) -> None:
@@ -190,28 +228,8 @@ def _write_png(path: Path, picture: Image.Image) -> None:
         picture.save(temporary)
 
 
-def _sheet(path: Path) -> dict[str, Any]:
-    """``planes.json``, its numbers within the bounds of a modulator."""
-    about: dict[str, Any] = read_json(path).content
-    numbers = {"frames": Frames, "size": Size, "canvas": Size, "repeat": Pixels, "bits": Bits}
-    for name, kind in numbers.items():
-        check_value(name, about.get(name), kind)
-    check_value("full_level", about.get("full_level"), Annotated[int, Interval(ge=1, le=256)])
-    check_value("planes", about.get("planes"), Annotated[list[dict[str, Any]], MaxLen(about["frames"] * about["bits"])])
-    for plane in about["planes"]:
-        check_value("planes.file", plane.get("file"), str)
-        check_value("planes.slot", plane.get("slot"), Annotated[int, Interval(ge=0, lt=about["frames"])])
-        check_value("planes.bit", plane.get("bit"), Annotated[int, Interval(ge=0, lt=about["bits"])])
-    return about
-
-
 def _read_png(path: Path, canvas: tuple[int, int]) -> torch.Tensor:
     with Image.open(path, formats=["PNG"]) as picture:
         if picture.mode != "1" or picture.size != canvas[::-1]:
             raise ValueError(f"{path.name} is {picture.mode} {picture.size}, expected 1-bit {canvas[::-1]}")
         return torch.from_numpy(np.array(picture)).long()
-
-
-def _pair(value: Sequence[int]) -> tuple[int, int]:
-    height, width = value
-    return int(height), int(width)

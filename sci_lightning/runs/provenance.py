@@ -9,39 +9,29 @@ import re
 import subprocess
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from sci_lightning.configuration.conf_folder import PACKAGE
-from sci_lightning.files.json_fields import Fields
+from sci_lightning.files.json_file import JsonObject, says
 
 BETWEEN = " | "
 """Between the machines, scales and commands of several measurements."""
 
 
-@dataclass(frozen=True)
-class Provenance:
-    """The origin of the figures of one table.
+class Provenance(JsonObject):
+    """The origin of the figures of one table, the entry ``provenance`` of a JSON file.
 
     Where several measurements differ in the machine, the scale or the command, :data:`BETWEEN` stands between them.
-
-    Attributes:
-        machine: cores, processor or GPU, memory, and what else ran on it.
-        date: of the measurement, ``2026-11-22``; several days as ``2026-11-22 to 2026-11-24``.
-        commit: of the program, the first digits of its hash; ``+`` behind it means that files had been changed.
-        scale: of ``conf/scale``, or in words what was reduced; ``full`` if nothing was.
-        seeds: of the runs, such as ``0, 1, 2``; ``none`` where nothing is random.
-        command: that makes the measurement again, if one line does.
     """
 
-    machine: str
-    date: str
-    commit: str
-    scale: str
-    seeds: str
-    command: str = ""
+    machine: str = says("cores, processor or GPU, memory, and what else ran on it")
+    date: str = says("of the measurement, 2026-11-22; several days as 2026-11-22 to 2026-11-24")
+    commit: str = says("of the program, the first digits of its hash; + behind it: files had been changed")
+    scale: str = says("of conf/scale, or in words what was reduced; full if nothing was")
+    seeds: str = says("of the runs, such as 0, 1, 2; none where nothing is random")
+    command: str = says("that makes the measurement again, if one line does", default="")
 
     def sentence(self) -> str:
         """Return the line of Markdown that stands below the table."""
@@ -52,24 +42,13 @@ class Provenance:
         commands = " and ".join(f"`{command}`" for command in self.command.split(BETWEEN))
         return "; ".join(parts) + "." + (f" Made by {commands}." if self.command else "")
 
-    def as_json(self) -> dict[str, str]:
-        """Return the entry ``provenance`` of a JSON file."""
-        return {key: value for key, value in asdict(self).items() if value}
+    def as_json(self) -> dict[str, Any]:
+        """Return the entry of a JSON file, without what is empty."""
+        return {key: value for key, value in super().as_json().items() if value}
 
 
-NOT_YET = Provenance("none", "", "", "", "")
+NOT_YET = Provenance(machine="none", date="", commit="", scale="", seeds="")
 """The provenance of a table without figures."""
-
-
-LONGEST_COMMANDS = 5000
-"""Characters of the commands by which one table was measured."""
-
-
-def read_provenance(content: Fields) -> Provenance:
-    """Return the entry ``provenance`` of a JSON file; raises BadInput where a part of it is missing."""
-    part = content.part("provenance")
-    texts = {key: part.text(key) for key in ("machine", "date", "commit", "scale", "seeds")}
-    return Provenance(**texts, command=part.text("command", "", LONGEST_COMMANDS))
 
 
 def provenance_now(device: str, scale: str, seeds: Sequence[int], command: str = "", remark: str = "") -> Provenance:
@@ -85,7 +64,8 @@ def provenance_now(device: str, scale: str, seeds: Sequence[int], command: str =
     machine = f"{device}, {platform.machine()}, PyTorch {torch.__version__.partition('+')[0]}"
     listed = ", ".join(map(str, seeds)) or "none"
     today = datetime.datetime.now(datetime.timezone.utc).date().isoformat()
-    return Provenance(f"{machine}, {remark}" if remark else machine, today, commit(), scale, listed, command)
+    machine = f"{machine}, {remark}" if remark else machine
+    return Provenance(machine=machine, date=today, commit=commit(), scale=scale, seeds=listed, command=command)
 
 
 def machine_name(cores: int | None = None) -> str:

@@ -2,87 +2,56 @@
 
 from __future__ import annotations
 
-import json
-import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal
 
 from rich.table import Table
 
 from sci_lightning.console import PlainConsole
-from sci_lightning.files.atomic_file import atomic_write
+from sci_lightning.files.json_file import JsonFile, says
+from sci_lightning.runs.provenance import Provenance
+
+MOST = 10**18
+"""Parameters and multiply-accumulates of a network."""
 
 UNITS = {"psnr": "PSNR (dB)", "ssim": "SSIM", "qscore": "Q-Score"}
 
 
-@dataclass(frozen=True)
-class RunMetrics:
-    """The content of ``metrics.json``: what a run was, and how well it reconstructs.
+Scores = dict[str, float]
+"""PSNR in dB, SSIM, Q-Score and others by the name of the metric."""
 
-    Attributes:
-        encoder, decoder, test_encoder: as the configuration calls them; it was trained with the first and tested behind
-            the last.
-        scenes: by the scene's name, then by metric: PSNR in dB, SSIM, Q-Score, ..
-        mean: of the scenes, by metric.
-        conventions: how a metric was computed, where it has conventions.
-        baseline: the means of an estimate in which every frame is the mean measurement.
-        seconds_per_measurement: the median time to decode one.
-        device: on which it was decoded.
-        parameters: of the decoder.
-        macs: multiply-accumulates to decode one measurement of the mask's size.
-        config: the run's plain configuration.
-        training_steps: of the optimiser, in the whole training; None where the training did not record them.
-        effects, test_effects: names of the effects of the encoder that was trained and of the one that was tested
-            with; none of a real camera, whose effects nobody knows.
-    """
 
-    encoder: str
-    decoder: str
-    test_encoder: str
-    scenes: Mapping[str, Mapping[str, float]]
-    mean: Mapping[str, float]
-    conventions: Mapping[str, str]
-    baseline: Mapping[str, float]
-    seconds_per_measurement: float
-    device: str
-    parameters: int
-    macs: int
-    config: Mapping[str, Any]
-    training_steps: int | None = None
-    effects: Sequence[str] = ()
-    test_effects: Sequence[str] = ()
+class RunMetrics(JsonFile):
+    """``metrics.json``: what a run was, and how well it reconstructs; written when the run is finished."""
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the dictionary that the file holds; effects and training steps are absent where there are none."""
-        content = {field.name: getattr(self, field.name) for field in fields(self)}
-        order = ("encoder", "decoder", "test_encoder", "effects", "test_effects")
-        first = {key: content.pop(key) for key in order}
-        last = content.pop("config")
-        if content["training_steps"] is None:
-            del content["training_steps"]
-        kept = {key: list(value) if key.endswith("effects") else value for key, value in first.items() if value}
-        return {"format": "sci-metrics", "format_version": 1, **kept, **content, "config": dict(last)}
+    format: Literal["sci-metrics"] = "sci-metrics"
+    format_version: Literal[1] = 1
+    encoder: str = says("that the decoder was trained with, as the configuration calls it")
+    decoder: str = says("as the configuration calls it")
+    test_encoder: str = says("that took the tested measurements")
+    effects: list[str] = says("of the encoder that was trained with, in the order of the light", default=[])
+    test_effects: list[str] = says("of the encoder that was tested with; absent for a real camera", default=[])
+    scenes: dict[str, Scores] = says("metrics of every tested scene by its name, means over its snapshots")
+    mean: Scores = says("means over the scenes")
+    conventions: dict[str, str] = says("how a metric is computed where there is more than one way", default={})
+    baseline: Scores = says("means of an estimate in which every frame is the mean measurement", default={})
+    seconds_per_measurement: float = says("median time to decode one")
+    device: str = says("on which it was decoded")
+    parameters: int = says("that the decoder learned", ge=0, le=MOST)
+    macs: int = says("multiply-accumulates to decode one measurement of the mask's size", ge=0, le=MOST)
+    training_steps: int | None = says("of the optimiser in the whole training, if it recorded them", default=None, ge=0)
+    config: Mapping[str, Any] = says("the run's plain configuration")
+    mask_score: float | None = says("dB expected of a linear decoder behind the mask, in kept rows", default=None)
+    provenance: Provenance | None = says("in rows that are kept for the tables", default=None)
 
-    @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> RunMetrics:
-        """Return the metrics of a file of this program; what an earlier version did not write is empty or 0."""
-        empty = {"scenes": {}, "conventions": {}, "baseline": {}, "parameters": 0, "macs": 0}
-        texts = {"encoder": "", "decoder": "", "test_encoder": "", "device": "", "seconds_per_measurement": math.nan}
-        known = {**empty, **texts, **content}
-        return cls(**{field.name: known[field.name] for field in fields(cls) if field.name in known})
+    def as_json(self) -> dict[str, Any]:
+        """Return the content of the file; effects and training steps are absent where there are none."""
+        return {key: value for key, value in super().as_json().items() if value is not None and value != []}
 
 
 def with_effects(name: str, effects: Iterable[str]) -> str:
     """Return an encoder's name with those of its effects, such as ``lsw_sr + mask_shift``."""
     return " + ".join([name, *effects])
-
-
-def write_json(content: Mapping[str, Any], path: str | Path) -> None:
-    """Write JSON whole or not at all."""
-    with atomic_write(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=1) + "\n")
 
 
 def print_results(metrics: RunMetrics, console: PlainConsole) -> None:

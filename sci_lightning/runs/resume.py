@@ -7,10 +7,14 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sci_lightning.errors import BadInput
+from sci_lightning.files.json_file import read_json
 from sci_lightning.files.plain_data import check_plain_data
+
+if TYPE_CHECKING:
+    from sci_lightning.runs.results import RunMetrics
 
 FREE = {
     "out",
@@ -71,24 +75,24 @@ def check_nothing_lost(out: Path, training: bool, resume: bool = False, ckpt_pat
         )
 
 
-def load_finished_metrics(out: Path, config: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the content of ``metrics.json`` in ``out``, None if there is none.
+def load_finished_metrics(out: Path, config: Mapping[str, Any]) -> RunMetrics | None:
+    """Return what ``metrics.json`` in ``out`` holds, None if there is none.
 
     Raises:
         BadInput: it is damaged, or of another configuration.
     """
+    from sci_lightning.runs.results import RunMetrics
+
     path = out / "metrics.json"
     if not path.is_file():
         return None
     try:
-        present = json.loads(path.read_text())
-        earlier = dict(present["config"])
-        float(present["mean"]["psnr"])
-        check_plain_data(path, earlier)
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise BadInput(f"{path}: not the metrics of a run; remove it, and the run is made again") from error
-    _check_same(path, earlier, config)
-    return dict(present)
+        present = read_json(path, RunMetrics)
+        check_plain_data(path, present.config)
+    except BadInput as error:
+        raise BadInput(f"{error}; not the metrics of a run: remove it, and the run is made again") from error
+    _check_same(path, present.config, config)
+    return present
 
 
 def find_resumable_checkpoint(out: Path, config: Mapping[str, Any]) -> str | None:

@@ -13,10 +13,10 @@ from sci_lightning.encoder.mask.design import design_binary, design_structural
 from sci_lightning.errors import BadInput
 from sci_lightning.figures.figure import write_figure
 from sci_lightning.figures.mask_design import design_figure, write_mask
+from sci_lightning.files.json_file import write_json
 from sci_lightning.prior import MaskScore, SensorNoise
 from sci_lightning.prior.prior import read_prior
 from sci_lightning.prior.score import MOST_SLOTS
-from sci_lightning.runs.results import write_json
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,10 @@ from sci_lightning.decoder.complexity import count_macs, count_parameters
 from sci_lightning.decoder.layers import kernels
 from sci_lightning.encoder.encoder import check_recording
 from sci_lightning.errors import BadInput
+from sci_lightning.files.json_file import write_json
 from sci_lightning.runs.checkpoint import Checkpoint, read_checkpoint
 from sci_lightning.runs.precision import describe_precision, device_of_accelerator, resolve_precision
-from sci_lightning.runs.results import RunMetrics, hparams, write_json
+from sci_lightning.runs.results import RunMetrics, hparams
 from sci_lightning.runs.resume import check_same_run, find_resumable_checkpoint, load_finished_metrics
 from sci_lightning.training.callbacks import LastCheckpoint
 from sci_lightning.training.cuda_graph import check_graphed
@@ -83,7 +84,7 @@ def run_training(
     start_from = config["ckpt_path"]
     if config["resume"]:
         if (done := load_finished_metrics(out, config)) is not None:
-            return Run(out, RunMetrics.from_json(done), out / "checkpoints" / "last.ckpt", finished_before=True)
+            return Run(out, done, out / "checkpoints" / "last.ckpt", finished_before=True)
         if config.get("finetune"):  # what ckpt_path= names is where it began
             start_from = find_resumable_checkpoint(out, config) or start_from
         else:
@@ -227,11 +228,11 @@ def _test(system: System, trainer: L.Trainer, data: VideoData, config: Mapping[s
         trainer.test(tested, datamodule=data, verbose=False)
         if trainer.is_global_zero:
             tests[name] = run_metrics(tested, {**names, "test_encoder": name}, recorded, steps)
-            write_json(tests[name].to_json(), out / f"test_{name}" / "metrics.json")
+            write_json(tests[name].as_json(), out / f"test_{name}" / "metrics.json")
     trainer.test(system, datamodule=data, verbose=False)
     scores = run_metrics(system, {**names, "test_encoder": names["encoder"]}, recorded, steps)
     if trainer.is_global_zero:  # metrics.json last: it says that the run is finished
-        write_json(scores.to_json(), out / "metrics.json")
+        write_json(scores.as_json(), out / "metrics.json")
         for logger in trainer.loggers:
             if isinstance(logger, TensorBoardLogger):
                 logger.log_hyperparams(

@@ -92,16 +92,23 @@ class Simulation:
                 in_vocabulary=name in VOCABULARY,
                 parameters=effect.values,
                 units={parameter: known.unit for parameter, known in effect.parameters().items()},
-                map=MapSummary.of_map(self.fixed_maps[name]) if name in self.fixed_maps else None,
+                **({"map": MapSummary.of_map(self.fixed_maps[name])} if name in self.fixed_maps else {}),
                 log_likelihood_gain=gains[name],
             )
             for name, effect in self.effects.items()
         )
         noise = Noise(
-            self._true_value("shot_noise", "full_well", self.session.full_well_e),
-            self._true_value("read_noise", "std", self.session.read_noise_dn),
+            full_well_e=self._true_value("shot_noise", "full_well", self.session.full_well_e),
+            read_noise_dn=self._true_value("read_noise", "std", self.session.read_noise_dn),
         )
-        return Truth(effects, noise, gain, self.seed, self.session, self.session.also_true)
+        return Truth(
+            effects=effects,
+            noise=noise,
+            log_likelihood_gain=gain,
+            seed=self.seed,
+            session=self.session,
+            also_true=self.session.also_true,
+        )
 
     def write(self, path: str | Path) -> Path:
         """Write the captures file (HDF5, ``sci-captures`` 2) and ``<name>.truth.json`` beside it.

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from pydantic import model_validator
 
-from sci_lightning.virtual_camera.hardware.parameter import Value
+from sci_lightning.files.diagnosis_report import Value
+from sci_lightning.files.json_file import JsonFile, JsonObject, says
 from sci_lightning.virtual_camera.session import Session
 
-FORMAT, FORMAT_VERSION = "sci-captures-truth", 1
 
-
-@dataclass(frozen=True)
-class MapSummary:
+class MapSummary(JsonObject):
     """Statistics of a fixed-pattern map."""
 
-    shape: tuple[int, ...]
+    shape: tuple[int, ...] = says("(H, W), or one value for each row or column")
     mean: float
     std: float
     min: float
@@ -38,63 +35,45 @@ class MapSummary:
         )
 
 
-@dataclass(frozen=True)
-class HiddenEffect:
-    """One effect that is hidden in the captures.
-
-    Attributes:
-        name: of the effect.
-        stage: where it acts on the light.
-        in_vocabulary: whether a diagnosis has a name for it.
-        parameters: the true value of every parameter.
-        units: the unit of every parameter.
-        map: statistics of the camera's own map, None for an effect without one.
-        log_likelihood_gain: nats that the captures gain by knowing this effect when all others are known; None where a
-            file does not state it.
-    """
+class HiddenEffect(JsonObject):
+    """One effect that is hidden in the captures."""
 
     name: str
-    stage: str
-    in_vocabulary: bool
-    parameters: Mapping[str, Value]
-    units: Mapping[str, str]
-    map: MapSummary | None = None
-    log_likelihood_gain: float | None = None
+    stage: str = says("where it acts: capture, scene, modulator, relay, exposure, optics or sensor")
+    in_vocabulary: bool = says("whether a diagnosis has a name for it")
+    parameters: dict[str, Value] = says("true values by name")
+    units: dict[str, str] = says("of every parameter; 1 for a ratio")
+    map: MapSummary | None = says("of the camera's own map, where the effect has one", default=None)
+    log_likelihood_gain: float | None = says("nats by knowing it when all others are known", default=None)
+
+    @model_validator(mode="after")
+    def _has_units(self) -> HiddenEffect:
+        if self.units.keys() != self.parameters.keys():
+            raise ValueError("units: expected one for every parameter")
+        return self
 
 
-@dataclass(frozen=True)
-class Noise:
-    """The camera's true noise: electrons at full scale, and standard deviation of the read noise in DN."""
+class Noise(JsonObject):
+    """The camera's true noise, which a hidden effect may have changed from the datasheet's."""
 
-    full_well_e: float
-    read_noise_dn: float
+    full_well_e: float = says("electrons at full scale")
+    read_noise_dn: float = says("standard deviation of the read noise, DN")
 
 
-@dataclass(frozen=True)
-class Truth:
-    """Everything that is hidden in simulated captures.
+class Truth(JsonFile):
+    """Everything that is hidden in simulated captures."""
 
-    Attributes:
-        effects: in the order in which light meets them.
-        noise: the camera's true noise, which a hidden effect may have changed from the datasheet's.
-        log_likelihood_gain: nats that the captures gain by knowing all effects and their maps.
-        seed: of patterns, scenes, maps and noise.
-        session: how the captures were taken.
-        also_true: names that a diagnosis may rightly give though nothing of the kind was hidden, see
-            :attr:`.Session.also_true`.
-    """
-
-    effects: tuple[HiddenEffect, ...]
+    format: Literal["sci-captures-truth"] = "sci-captures-truth"
+    format_version: Literal[1] = 1
+    effects: tuple[HiddenEffect, ...] = says("in the order in which light meets them")
     noise: Noise
-    log_likelihood_gain: float
-    seed: int
-    session: Session
-    also_true: tuple[str, ...] = ()
+    log_likelihood_gain: float = says("nats that the captures gain by knowing all effects and their maps")
+    seed: int = says("of patterns, scenes, maps and noise", ge=0)
+    session: Session = says("how the captures were taken")
+    also_true: tuple[str, ...] = says("names that are right though nothing of the kind was hidden", default=())
+    captures: str = says("the captures file beside it", default="")
 
     def as_json(self) -> dict[str, Any]:
-        """Return the content of the truth file."""
-        effects = [
-            {key: value for key, value in asdict(effect).items() if value is not None} for effect in self.effects
-        ]
-        content = {"format": FORMAT, "format_version": FORMAT_VERSION, **asdict(self), "effects": effects}
-        return content if self.also_true else {key: value for key, value in content.items() if key != "also_true"}
+        """Return the content of the file; what is empty is absent."""
+        content = super().as_json()
+        return {key: value for key, value in content.items() if value or key not in ("also_true", "captures")}

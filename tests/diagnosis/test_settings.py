@@ -23,7 +23,7 @@ from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera import Session, VirtualCamera
-from tests.files.schemas.validation import check
+from tests.files.formats import check
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from sci_lightning.errors import BadInput
 from sci_lightning.studies.tables.documentation import MARKED, pages, table_sources, updated
 from tests.conftest import ROOT
 from tests.documentation.pages import name
-from tests.files.schemas.validation import check
+from tests.files.formats import check
 from tests.studies.tables.conftest import Made, made
 
 __all__ = ["made"]  # the fixture
@@ -117,7 +117,7 @@ def test_files_of_no_use(clone: Path) -> None:
         ({"format": "sci-metrics"}, "expected format sci-measurements 1"),
         ({"rows": [{"name": "a", "ssim": 1}]}, "rows hold ssim, which no column shows"),
         ({"rows": [{"psnr": [1, 2]}]}, "psnr has 2 values and digits for 1"),
-        ({"provenance": {**ABOUT, "commit": None}}, "provenance.commit is missing"),
+        ({"provenance": {**ABOUT, "commit": None}}, "provenance.commit: "),
     ]:
         path.write_text(json.dumps(CONTENT | change))
         with pytest.raises(BadInput, match=reason):
@@ -142,7 +142,7 @@ def test_tables_of_the_paper_show_the_rows_that_are_kept(clone: Path, made: Made
     assert "seeds: 0, 1." in text
     assert "34.25" not in text and "Rows that have not been trained yet are left out." in text
     kept.write_text("{}")
-    with pytest.raises(BadInput, match=r"seed1\.json: not the metrics of a run"):
+    with pytest.raises(BadInput, match=r"seed1\.json: of another format, expected format sci-metrics 1"):
         updated(page, clone)
     kept.write_text(json.dumps(content))
     page.write_text(MARKER.replace("measurements", "paper.psnr").replace("a.json", "tables/cpu"))

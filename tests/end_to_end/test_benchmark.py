@@ -20,7 +20,7 @@ from sci_lightning.runs import precision
 from sci_lightning.runs.checkpoint import write_weights
 from sci_lightning.studies.benchmark import decoder_cost
 from tests.conftest import members
-from tests.files.schemas.validation import check
+from tests.files.formats import check
 
 Run = Callable[..., str]
 COST = {

@@ -11,7 +11,7 @@ import pytest
 from scipy.io import loadmat, savemat
 
 from tests.conftest import members
-from tests.files.schemas.validation import check
+from tests.files.formats import check
 
 Ran = Callable[..., str]
 Refused = Callable[..., str]

@@ -15,7 +15,7 @@ import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from sci_lightning.runs.checkpoint import read_checkpoint
-from tests.files.schemas.validation import check
+from tests.files.formats import check
 from tests.test_configs import clips
 
 Command = Callable[..., subprocess.CompletedProcess[str]]

@@ -15,7 +15,7 @@ from tifffile import imwrite
 
 from sci_lightning.errors import BadInput, InputWarning
 from sci_lightning.files.mask_file import read_mask_file, transmittance
-from sci_lightning.files.modulator_files import Layout, write_planes
+from sci_lightning.files.modulator_files import Layout, timing_of, write_planes
 
 RANDOM = np.random.default_rng(0)
 BINARY = (RANDOM.random((12, 24, 32)) < 0.5).astype(np.uint8)
@@ -66,7 +66,7 @@ def test_one_name_of_pictures_in_two_formats(tmp_path: Path) -> None:
 
 def test_the_folder_of_export_mask(tmp_path: Path) -> None:
     mask = torch.from_numpy(RANDOM.integers(0, 4, (3, 4, 5))).float() / 4
-    write_planes(mask, 2, tmp_path, Layout((4, 5), 2, (16, 16)), {})
+    write_planes(mask, 2, tmp_path, Layout((4, 5), 2, (16, 16)), timing_of(2, 2, 1.0, 1e4, 1e4))
     np.testing.assert_array_equal(read_mask_file(tmp_path), mask)
 
 

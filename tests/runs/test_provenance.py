@@ -8,7 +8,8 @@ from sci_lightning.runs.provenance import Provenance, joined
 
 
 def made(machine: str, commit: str, date: str = "2026-11-23") -> Provenance:
-    return Provenance(machine, date, commit, "64 x 64", "0", f"python -m sci_lightning.mismatch {commit}")
+    command = f"python -m sci_lightning.mismatch {commit}"
+    return Provenance(machine=machine, date=date, commit=commit, scale="64 x 64", seeds="0", command=command)
 
 
 def test_each_machine_and_command_is_named_once() -> None:

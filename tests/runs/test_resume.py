@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +11,8 @@ from omegaconf import DictConfig
 
 from sci_lightning.cli.composition import plain
 from sci_lightning.errors import BadInput
+from sci_lightning.files.json_file import write_json
+from sci_lightning.runs.results import RunMetrics
 from sci_lightning.runs.resume import (
     check_nothing_lost,
     check_same_run,
@@ -29,11 +30,14 @@ def test_nothing_there(configuration: Configuration, tmp_path: Path) -> None:
 
 def test_finished(configuration: Configuration, tmp_path: Path) -> None:
     earlier = plain(configuration("train", "decoder=e2e_cnn", "out=/somewhere/else"))
-    (tmp_path / "metrics.json").write_text(json.dumps({"config": earlier, "mean": {"psnr": 30.0}}))
+    figures = {"seconds_per_measurement": 1.0, "device": "cpu", "parameters": 1, "macs": 1, "scenes": {}}
+    names = dict.fromkeys(("encoder", "decoder", "test_encoder"), "a")
+    written = RunMetrics(**names, **figures, mean={"psnr": 30.0}, config=earlier)  # type: ignore[arg-type]
+    write_json(written.as_json(), tmp_path / "metrics.json")
     result = load_finished_metrics(
         tmp_path, plain(configuration("train", "decoder=e2e_cnn", f"out={tmp_path}", "workers=3"))
     )
-    assert result is not None and result["mean"]["psnr"] == 30.0
+    assert result is not None and result == written
     with pytest.raises(BadInput, match=r"decoder.blocks is 5, now 4\); give another out="):
         load_finished_metrics(tmp_path, plain(configuration("train", "decoder=e2e_cnn", "decoder.blocks=4")))
     (tmp_path / "metrics.json").write_text("[]")

@@ -12,11 +12,13 @@ import pytest
 import sci_lightning.virtual_camera as package
 
 FILES = sorted(Path(package.__file__).parent.rglob("*.py"))
-LIBRARIES = {"numpy", "scipy", "h5py", "skimage"}
+LIBRARIES = {"numpy", "scipy", "h5py", "skimage", "pydantic"}
 SHARED = {
     "sci_lightning.captures.captures",
     "sci_lightning.errors",
     "sci_lightning.files.atomic_file",
+    "sci_lightning.files.diagnosis_report",
+    "sci_lightning.files.json_file",
     "sci_lightning.files.hdf5_file",
     "sci_lightning.files.mask_file",
     "sci_lightning.files.npy_file",
@@ -25,7 +27,6 @@ SHARED = {
 COMMANDS = {
     "__main__": {"sci_lightning.cli.start"},
     "reveal": {"sci_lightning.cli.start"},
-    "reveal_files": {"sci_lightning.files.bounded_file"},
 }
 
 

@@ -13,11 +13,12 @@ from typing import Any
 import pytest
 
 from sci_lightning.errors import BadInput
+from sci_lightning.files.json_file import read_json
 from sci_lightning.virtual_camera import Session, VirtualCamera
 from sci_lightning.virtual_camera.comparison import Estimate, Report, ReportedEffect, compare, verdict
 from sci_lightning.virtual_camera.hardware.parameter import Value
-from sci_lightning.virtual_camera.reveal_files import read_report, read_truth
-from sci_lightning.virtual_camera.truth import HiddenEffect
+from sci_lightning.virtual_camera.reveal_files import read_report
+from sci_lightning.virtual_camera.truth import HiddenEffect, Truth
 
 STAGES = {"ghost": "optics", "gain": "sensor", "flicker": "exposure", "pattern_order": "modulator"}
 
@@ -100,7 +101,9 @@ def test_sentence(truth: tuple[HiddenEffect, ...], result: Report, sentence: str
 
 
 def report_file(**effects: Mapping[str, tuple[Value, float]]) -> dict[str, Any]:
-    """The entries of ``report.json`` that are read, and one that is not."""
+    """A ``report.json``."""
+    misfit = {"rmse_dn": 1.0, "nll": 1.0, "pixels": 100, "chi2_limit": 1.05, "by_kind": {}}
+    split = {"held_out_captures": [], "fitted_captures": 1, "held_out_blocks": "", "held_out_fraction": 0.1}
     return {
         "format": "sci-diagnosis",
         "format_version": 1,
@@ -108,13 +111,23 @@ def report_file(**effects: Mapping[str, tuple[Value, float]]) -> dict[str, Any]:
         "effects": [
             {
                 "name": name,
+                "stage": STAGES[name],
                 "parameters": {key: {"value": v, "std": s, "unit": "1"} for key, (v, s) in values.items()},
+                "evidence": {},
                 "alternatives": [],
+                "tell_apart": "",
             }
             for name, values in effects.items()
         ],
+        "uncertainty": "",
+        "gap": {"before": {"chi2": 33.0, **misfit}, "after": {"chi2": 1.01, **misfit}},
         "unnamed": [],
-        "gap": {"before": {"chi2": 33.0}, "after": {"chi2": 1.01}},
+        "where": {"before": [], "after": []},
+        "noise": {"stated_by_the_file": []},
+        "next_captures": [],
+        "split": {**split, "held_out": True},
+        "seed": 0,
+        "sci_lightning": "0.1.0",
     }
 
 
@@ -128,8 +141,8 @@ def test_command(tmp_path: Path, command: Callable[..., CompletedProcess[str]]) 
 
     for wrong, message in (
         (["a.truth.json", "none.json"], "none.json: no such file"),
-        (["a.h5", "a.truth.json"], "a.h5: not JSON"),
-        (["a.truth.json"] * 2, "format 'sci-captures-truth', expected 'sci-diagnosis', format_version 1"),
+        (["a.h5", "a.truth.json"], "a.h5: not readable as JSON"),
+        (["a.truth.json"] * 2, "of another format, expected format sci-diagnosis 1 or 2"),
     ):
         done = command("virtual_camera.reveal", *wrong)
         assert done.returncode == 2
@@ -144,21 +157,28 @@ GAIN: dict[str, Any] = {
     "parameters": {"factor": 1.1},
     "units": {"factor": "1"},
 }
-TRUTH: dict[str, Any] = {"format": "sci-captures-truth", "format_version": 1, "effects": [GAIN]}
+TRUTH: dict[str, Any] = {
+    "format": "sci-captures-truth",
+    "format_version": 1,
+    "effects": [GAIN],
+    "noise": {"full_well_e": 1e4, "read_noise_dn": 0.8},
+    "log_likelihood_gain": 100.0,
+    "seed": 0,
+    "session": {},
+}
 
 
 @pytest.mark.parametrize(
     ("content", "line"),
     [
-        ("[" * 100_000, "nested too deeply"),
-        ({**TRUTH, "effects": 5}, "effects: expected a list"),
-        ({**TRUTH, "effects": ["gain"]}, r"effects\[0\]: expected an object"),
-        ({**TRUTH, "effects": [{**GAIN, "name": [1]}]}, r"effects\[0\].name: expected a text"),
+        ("[" * 100_000, "not readable as JSON"),
+        ({**TRUTH, "effects": 5}, r"t\.json: effects: "),
+        ({**TRUTH, "effects": ["gain"]}, r"effects\.0: "),
+        ({**TRUTH, "effects": [{**GAIN, "name": [1]}]}, r"effects\.0\.name: "),
         ({**TRUTH, "effects": [{**GAIN, "units": {}}]}, "one for every parameter"),
-        ({**TRUTH, "effects": [{**GAIN, "parameters": {"factor": float("inf")}}]}, "expected a finite number"),
-        ({**TRUTH, "effects": [{**GAIN, "parameters": {"factor": float("nan")}}]}, "expected a finite number"),
-        ({**TRUTH, "effects": [{**GAIN, "parameters": {"factor": 10**400}}]}, "expected a finite number"),
-        ({**TRUTH, "effects": [GAIN] * 2000}, "at most 1000"),
+        ({**TRUTH, "effects": [{**GAIN, "parameters": {"factor": float("inf")}}]}, r"effects\.0\.parameters\.factor"),
+        ({**TRUTH, "effects": [{**GAIN, "parameters": {"factor": float("nan")}}]}, r"effects\.0\.parameters\.factor"),
+        ({**TRUTH, "effects": [{**GAIN, "parameters": {"factor": 10**400}}]}, r"effects\.0\.parameters\.factor"),
         (" " * 9_000_000, "larger than"),
     ],
 )
@@ -166,7 +186,7 @@ def test_a_truth_of_unknown_origin(tmp_path: Path, content: object, line: str) -
     path = tmp_path / "t.json"
     path.write_text(content if isinstance(content, str) else json.dumps(content))
     with pytest.raises(BadInput, match=line):
-        read_truth(path)
+        read_json(path, Truth)
 
 
 def test_a_report_of_unknown_origin(tmp_path: Path) -> None:

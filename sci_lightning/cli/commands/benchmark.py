@@ -37,10 +37,10 @@ def benchmark(composition: Composition) -> None:
 
     from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.files.atomic_file import atomic_write
+    from sci_lightning.files.json_file import write_json
     from sci_lightning.runs.device import device_name, resolve_device
     from sci_lightning.runs.precision import multiplies_bfloat16, resolve_precision
     from sci_lightning.runs.provenance import provenance_now
-    from sci_lightning.runs.results import write_json
     from sci_lightning.studies.benchmark.decoder_cost import decoder_cost
     from sci_lightning.studies.benchmark.snapshot import scene_snapshot
     from sci_lightning.studies.benchmark.table import as_markdown, as_tables

@@ -37,8 +37,8 @@ def export_mask(composition: Composition) -> None:
         raise MachineFailure(f"{out}: the planes do not read back as the mask; is the disk full?")
     console.print(f"{module.frames} slots of {bits} bit, {height} x {width}, on {canvas[0]} x {canvas[1]} mirrors")
     for way, what in (("planes", "by_planes"), ("gray_frames", "by_gray_frames")):
-        fits = "fits" if timing[f"{way}_fit"] else styled("too fast", "red")
-        most = timing[f"fastest_{what}_Hz"]
+        fits = "fits" if getattr(timing, f"{way}_fit") else styled("too fast", "red")
+        most = getattr(timing, f"fastest_{what}_Hz")
         console.say(f"{cfg.frame_rate:g} snapshots/s by {way}: ", fits, f", at most {most:.1f}")
     console.say(styled(out), ": planes/, frames/, planes.json (exposure of each plane; timing)")
     words = (*composition.trusted(), "measurement=SNAPSHOT.tiff")

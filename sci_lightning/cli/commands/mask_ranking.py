@@ -15,7 +15,7 @@ from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition
 from sci_lightning.console import PlainConsole
 from sci_lightning.errors import BadInput
-from sci_lightning.files.json_fields import read_json
+from sci_lightning.files.json_file import JsonObject, read_json, says
 from sci_lightning.plain_text import excerpt
 
 if TYPE_CHECKING:
@@ -24,8 +24,15 @@ if TYPE_CHECKING:
 FILE = "mask_ranking.json"
 SETTINGS = ("frames", "side", "channels", "blocks", "first_estimate", "seconds", "seed")
 """What all masks of one ranking share."""
-LARGEST = 1e3
-"""Of a score or PSNR, in dB."""
+
+
+class RankedMask(JsonObject):
+    """What is kept of one mask, in a file of its name."""
+
+    mask: str
+    score_dB: float = says("expected of a linear decoder", ge=-1e3, le=1e3)
+    psnr_dB: float = says("that the network reached", ge=-1e3, le=1e3)
+    settings: dict[str, Any] = says("what all masks of one ranking share", default={})
 
 
 def mask_ranking(composition: Composition) -> None:
@@ -37,8 +44,8 @@ def mask_ranking(composition: Composition) -> None:
     from scipy.stats import spearmanr
 
     from sci_lightning.data import Folder
+    from sci_lightning.files.json_file import write_json
     from sci_lightning.prior import MaskScore
-    from sci_lightning.runs.results import write_json
 
     cfg, console, out = composition.cfg, PlainConsole(), Path(composition.cfg.out)
     side = (cfg.side, cfg.side)
@@ -66,13 +73,12 @@ def _row(file: Path, settings: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         BadInput: it is unreadable, or was measured with other settings: one ranking cannot hold both.
     """
-    content = read_json(file)
-    earlier = content.part("settings", optional=True).content
+    content = read_json(file, RankedMask)
+    earlier = content.settings
     if different := [key for key in settings if key in earlier and earlier[key] != settings[key]]:
         were = ", ".join(f"{key}={excerpt(str(earlier[key]))}" for key in different)
         raise BadInput(f"{file}: measured with {were}; give these, or another folder with out=")
-    figures = {key: content.number(key, -LARGEST, LARGEST) for key in ("score_dB", "psnr_dB")}
-    return {"mask": content.text("mask"), **figures}
+    return {"mask": content.mask, "score_dB": content.score_dB, "psnr_dB": content.psnr_dB}
 
 
 def masks(frames: int, side: int, seed: int) -> Iterator[tuple[str, torch.Tensor]]:

@@ -12,9 +12,11 @@ from sci_lightning.cli.command_line import with_keys
 from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.next_command import invocation, print_next
 from sci_lightning.console import PlainConsole, styled
+from sci_lightning.files.json_file import read_json
 from sci_lightning.virtual_camera.comparison import Estimate, compare, verdict
 from sci_lightning.virtual_camera.hardware.parameter import Value
-from sci_lightning.virtual_camera.reveal_files import read_also_true, read_report, read_truth
+from sci_lightning.virtual_camera.reveal_files import read_report
+from sci_lightning.virtual_camera.truth import Truth
 
 GOOD_ANSWERS = ("within 95 %", "right", "true as well")
 
@@ -29,7 +31,8 @@ def reveal(composition: Composition) -> None:
         BadInput: a file that is missing, or is something else.
     """
     cfg = composition.cfg
-    hidden, also_true, reported = read_truth(cfg.truth), read_also_true(cfg.truth), read_report(cfg.report)
+    truth, reported = read_json(cfg.truth, Truth), read_report(cfg.report)
+    hidden, also_true = truth.effects, truth.also_true
     table = Table(title="what was hidden, and what was found", title_justify="left")
     for name in ("effect", "parameter", "hidden", "found", ""):
         table.add_column(name, justify="right" if name in ("hidden", "found") else "left", no_wrap=name != "parameter")

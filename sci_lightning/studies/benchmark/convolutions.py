@@ -17,10 +17,10 @@ import torch
 
 from sci_lightning.decoder.layers.convolution import WAYS, fastest_way
 from sci_lightning.decoder.layers.kernels import channels_last
+from sci_lightning.files.json_file import write_json
 from sci_lightning.runs.device import device_name
 from sci_lightning.runs.precision import multiplies_bfloat16
 from sci_lightning.runs.provenance import provenance_now
-from sci_lightning.runs.results import write_json
 
 Shape = tuple[int, int, tuple[int, int, int], int]
 

@@ -18,11 +18,11 @@ from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.mask import Measured
 from sci_lightning.encoder.sensor import ClipQuantise
 from sci_lightning.errors import BadInput
-from sci_lightning.files.atomic_file import atomic_write
-from sci_lightning.files.json_fields import read_json
+from sci_lightning.files.json_file import read_json, write_json
 from sci_lightning.runs.encoder_file import read_encoder_file
 from sci_lightning.studies.mismatch.bench import Bench
 from sci_lightning.studies.mismatch.cameras import Mismatch, MismatchedCamera
+from sci_lightning.studies.mismatch.records import FoundCamera, KeptDiagnosis
 
 Progress = Callable[[str], None]
 """Is called with a line of news."""
@@ -80,19 +80,19 @@ def diagnosed_camera(
     digest = f"{bench.digest} {json.dumps(camera.mismatch, sort_keys=True)}" + (
         f" {snapshots}" if kind == "blind" else ""
     )
-    kept = read_json(about).content if about.is_file() else {}
-    if kept.get("digest") != digest:
+    kept = read_json(about, KeptDiagnosis) if about.is_file() else None
+    if kept is None or kept.digest != digest:
         if kind == "calibrated":
             captures = bench.calibration(camera.mismatch)
         else:
             captures = bench.snapshots(measurement, snapshots)
         about.unlink(missing_ok=True)
-        kept = {"digest": digest, **_diagnose(kind, captures, folder, on_progress)}
-        with atomic_write(about) as temporary:  # last: it says that the others are whole
-            temporary.write_text(json.dumps(kept, indent=1) + "\n")
+        content = {"digest": digest, **_diagnose(kind, captures, folder, on_progress)}
+        write_json(content, about)  # last: it says that the others are whole
+        kept = KeptDiagnosis(**content)
     path = folder / "encoder.yaml"
     encoder: Encoder = build_from_file(read_encoder_file(path).content, path, "encoder")
-    return encoder, {key: value for key, value in kept.items() if key != "digest"}
+    return encoder, kept.model_dump(include=set(FoundCamera.model_fields), exclude_unset=True)
 
 
 def _diagnose(kind: str, captures: Captures, folder: Path, on_progress: Progress) -> dict[str, Any]:
@@ -105,13 +105,12 @@ def _diagnose(kind: str, captures: Captures, folder: Path, on_progress: Progress
     start, cpu_start = time.perf_counter(), time.process_time()
     if kind == "blind":
         write_blind_report(diagnose_blind(captures, on_progress=on_progress), folder)
-        report: dict[str, Any] = dict(read_json(folder / "report.json").content)
+        report = json.loads((folder / "report.json").read_text())
     else:
         diagnosis = diagnose(captures, on_progress=on_progress)
         report = describe(diagnosis)
         write_encoder(diagnosis, folder)
-        with atomic_write(folder / "report.json") as temporary:
-            temporary.write_text(json.dumps(report, indent=1) + "\n")
+        write_json(report, folder / "report.json")
     return {
         "verdict": report["verdict"],
         "captures": len(captures),

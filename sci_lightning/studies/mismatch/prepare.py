@@ -13,10 +13,9 @@ import torch
 from sci_lightning.configuration.build import build
 from sci_lightning.decoder import Decoder
 from sci_lightning.errors import BadInput
-from sci_lightning.files.json_fields import Fields
 from sci_lightning.runs.checkpoint import read_checkpoint
 from sci_lightning.runs.device import device_name, resolve_device
-from sci_lightning.runs.provenance import commit, joined, machine_name, provenance_now, read_provenance
+from sci_lightning.runs.provenance import Provenance, commit, joined, machine_name, provenance_now
 from sci_lightning.studies.mismatch.beliefs import encoder_effects
 from sci_lightning.studies.mismatch.bench import Bench, prepare_bench
 from sci_lightning.studies.mismatch.cameras import MismatchedCamera, plan_cameras
@@ -83,7 +82,7 @@ class Prepared:
         scale = f"{height} x {width}, {sum(map(len, self.bench.videos))} snapshots of {', '.join(self.bench.names)}"
         made = provenance_now(words, scale, [self.bench.seed], self.command)
         if earlier is not None:  # some scenarios are taken from it
-            made = joined([read_provenance(Fields(path, earlier)), made])
+            made = joined([Provenance(**earlier["provenance"]), made])
         return write_record(path, camera.name, name, digest, settings, {"provenance": made.as_json(), **results}), True
 
 

@@ -6,14 +6,73 @@ import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from sci_lightning.errors import BadInput
-from sci_lightning.files.json_fields import read_json
-from sci_lightning.runs.results import write_json
-from sci_lightning.studies.mismatch.scenarios import SCENARIOS
+from sci_lightning.files.diagnosis_report import Estimate, Value, Verdict
+from sci_lightning.files.json_file import JsonFile, JsonObject, read_json, says, write_json
+from sci_lightning.runs.provenance import Provenance
 
-FORMAT, FORMAT_VERSION = "sci-mismatch", 1
+ScenarioName = Literal["ideal", "ideal_noisy", "mismatched", "known", "calibrated", "blind"]
+"""A key of :data:`~sci_lightning.studies.mismatch.scenarios.SCENARIOS`."""
+DiagnosisKind = Literal["calibrated", "blind"]
+"""Of calibration captures, or of the snapshots alone."""
+
+
+class SceneScores(JsonObject):
+    """Scores of one scene, or their mean."""
+
+    psnr: float = says("dB")
+    ssim: float
+    psnr_up_to_gain: float = says("dB after the best factor common to all reconstructions of a camera", default=0)
+
+
+class ScenarioScores(JsonObject):
+    """Scores of one scenario."""
+
+    mean: SceneScores
+    scenes: dict[str, SceneScores]
+
+
+class FoundEffect(JsonObject):
+    """An effect that a diagnosis named."""
+
+    name: str
+    parameters: dict[str, Estimate]
+
+
+class FoundCamera(JsonObject):
+    """What a diagnosis found."""
+
+    verdict: Verdict
+    captures: int = says("that were diagnosed", ge=1)
+    effects: list[FoundEffect]
+    seconds: float
+    cpu_seconds: float = says("seconds of a processor", default=0)
+
+
+class KeptDiagnosis(FoundCamera):
+    """``diagnosis.json`` beside the report of a diagnosis that is not made again."""
+
+    digest: str = says("of the bench and the camera")
+
+
+class MismatchRecord(JsonFile):
+    """``cases/CAMERA.DECODER.json``: how well a decoder reconstructs, depending on the camera that it believes in."""
+
+    format: Literal["sci-mismatch"] = "sci-mismatch"
+    format_version: Literal[1] = 1
+    camera: str
+    decoder: str
+    digest: str = says("of everything that the results depend on; with another one it is computed anew")
+    provenance: Provenance
+    mismatch: dict[str, dict[str, Value]] = says("what the camera has and its model has not: parameters by effect")
+    scenarios: dict[ScenarioName, ScenarioScores] = says("those that were computed", min_length=1)
+    recovery: dict[DiagnosisKind, float] = says("(IV - II) / (III - II) of the mean PSNR", default={})
+    diagnosis: dict[DiagnosisKind, FoundCamera] = says("what the diagnoses found", default={})
+    seconds: float = says("of all scenarios, diagnoses included", ge=0)
+    sci_lightning: str = says("version of the program")
+    settings: dict[str, Any] = says("what else the results depend on")
 
 
 def record_path(folder: str | Path, camera: str, decoder: str) -> Path:
@@ -32,17 +91,10 @@ def read_record(path: str | Path) -> dict[str, Any]:
     Raises:
         BadInput: the file is no record of this format.
     """
-    content: dict[str, Any] = dict(read_json(path).content)
     try:
-        right = (content["format"], content["format_version"]) == (FORMAT, FORMAT_VERSION)
-        means = [float(scores["mean"]["psnr"]) for scores in content["scenarios"].values()]
-        if not right or not means or not content["scenarios"].keys() <= SCENARIOS.keys():
-            raise KeyError
-        if not all(isinstance(content[key], str) for key in ("camera", "decoder", "digest")):
-            raise KeyError
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise BadInput(f"{path}: not a record of the mismatch protocol, {FORMAT} {FORMAT_VERSION}; move it") from error
-    return content
+        return read_json(path, MismatchRecord).as_json()
+    except BadInput as error:
+        raise BadInput(f"{error}; not a record of the mismatch protocol, move it") from error
 
 
 def read_records(folder: str | Path) -> list[dict[str, Any]]:
@@ -78,7 +130,7 @@ def write_record(
     path: str | Path, camera: str, decoder: str, digest: str, settings: Mapping[str, Any], results: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Write a record whole or not at all, and return it."""
-    about = {"format": FORMAT, "format_version": FORMAT_VERSION, "camera": camera, "decoder": decoder, "digest": digest}
+    about = {"format": "sci-mismatch", "format_version": 1, "camera": camera, "decoder": decoder, "digest": digest}
     record = {**about, **results, "settings": dict(settings)}
     write_json(record, path)
     return record

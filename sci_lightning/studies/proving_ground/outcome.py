@@ -3,131 +3,120 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, Literal
 
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE
+from sci_lightning.files.diagnosis_report import BlindGap, Gap, Gaps, NamedEffect, Unnamed, Verdict, Verification
+from sci_lightning.files.json_file import JsonFile, JsonObject, says
 from sci_lightning.virtual_camera import EFFECTS
+from sci_lightning.virtual_camera.truth import HiddenEffect
 
 LEFT_OUT = "left out"
 """What stands among the answers of a diagnosis that left captures out."""
 
 
-@dataclass(frozen=True)
-class HiddenEffect:
-    """An effect that was hidden in the virtual camera.
+class CaseRecord(JsonFile):
+    """What every line of ``cases.jsonl`` says of its case; of several lines of one case, the last one counts."""
 
-    Attributes:
-        name: of the effect.
-        stage: where it acts on the light.
-        parameters: true values by name.
-        gain: log-likelihood that the effect gains beside the others by the virtual camera's own model, nats.
-    """
-
-    name: str
-    stage: str
-    parameters: Mapping[str, float | str]
-    gain: float
-
-
-@dataclass(frozen=True)
-class NamedEffect:
-    """An effect that the diagnosis named.
-
-    Attributes:
-        name: of the effect.
-        estimates: value and standard deviation of every parameter by name.
-        alternatives: names that the captures cannot tell from this one.
-    """
-
-    name: str
-    estimates: Mapping[str, tuple[float | str, float]]
-    alternatives: tuple[str, ...]
+    format: Literal["sci-proving-ground-case"]
+    format_version: Literal[1]
+    case: str = says("its name")
+    digest: str = says("of all settings of the case; a record with another one is of another case", default="")
+    suite: str = says("that the case belongs to")
+    mask: str = says("structural, binary or a file of coding patterns", default="")
+    bit_depth: int = says("of the converter", ge=1, le=16)
+    size: tuple[int, int] = says("(H, W) of a capture in pixels")
+    frames: int = says("T, slots of a capture", ge=1)
+    datasheet: Literal["stated", "silent", "double", "half"] = says(
+        "what the captures file says of the noise", default="stated"
+    )
+    formulation: Literal["overlap", "rays"] = says("of the virtual camera", default="overlap")
+    captures: str = says("which set of captures was taken")
+    told: list[str] = says("effects that the case asks to be hidden", default=[])
+    seed: int = says("of patterns, scenes, parameters and noise", default=0)
+    command: str = says("that makes the same captures again", default="")
+    sci_lightning: str = says("version of the program", default="")
 
 
-@dataclass(frozen=True)
-class Failure:
-    """A case that did not come to an end.
+class Failure(CaseRecord):
+    """A case that did not come to an end."""
 
-    Attributes:
-        case: its name.
-        suite: the suite that it belongs to.
-        reason: why it failed, in one line.
-        mask: kind of the mask.
-        formulation: of the virtual camera.
-    """
-
-    case: str
-    suite: str
-    reason: str
-    mask: str = ""
-    formulation: str = "overlap"
+    failed: str = says("why, in one line")
+    traceback: str = says("where in the program; absent where the process died", default="")
 
     def __str__(self) -> str:
-        return f"{self.case}: {self.reason}"
+        return f"{self.case}: {self.failed}"
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """A case that came to an end, with the truth beside the diagnosis.
+class TrueNames(JsonObject):
+    """A fit of the hidden effects, begun at the truth, where the names are wrong."""
 
-    Attributes:
-        case: its name.
-        digest: digest of its settings, empty if the record has none.
-        suite: the suite that it belongs to.
-        mask: kind of the mask.
-        bit_depth: bits of the converter.
-        size: (H, W) in pixels.
-        frames: T, slots of a capture.
-        datasheet: what the file says of the noise: ``stated``, ``silent``, ``double`` or ``half``.
-        formulation: of the virtual camera: ``overlap`` or ``rays``.
-        captures: name of the set of captures.
-        hidden: the hidden effects, in the order of the light.
-        also_true: names that are right though nothing of the kind was hidden, such as noise beside a wrong datasheet.
-        named: the effects that the diagnosis named, in the order of the light.
-        unnamed: ``unnamed:<stage>`` of the deviations that no name explains, the strongest first.
-        bad_captures: indices of captures that the diagnosis left out because they contradict the others.
-        verdict: of the diagnosis.
-        chi2_before: held-out reduced chi2 of the ideal camera.
-        chi2_after: held-out reduced chi2 with everything that was named.
-        verified_chi2: reduced chi2 with everything that was named, on captures that nothing has seen; that of held-out
-            pixels where no capture was kept for it.
-        chi2_limit: what ``verified_chi2`` may be by chance; more than 1.05 only where there are few pixels.
-        seconds: time of the diagnosis.
-        cpu_seconds: the same in seconds of a processor.
-        memory_mib: peak of the resident memory.
-        total_cpu_seconds: processor time of the whole case, captures and comparison with the truth included.
-        machine, date, commit: where, when and with which version of the program it was run; empty if not recorded.
-    """
+    nats: float = says("how much likelier the true names make the captures than the named effects do")
+    chi2: float = says("reduced, on held-out pixels")
 
-    case: str
-    digest: str
-    suite: str
-    mask: str
-    bit_depth: int
-    size: tuple[int, int]
-    frames: int
-    datasheet: str
-    formulation: str
-    captures: str
-    hidden: tuple[HiddenEffect, ...]
-    also_true: tuple[str, ...]
-    named: tuple[NamedEffect, ...]
-    unnamed: tuple[str, ...]
-    bad_captures: tuple[int, ...]
-    verdict: str
-    chi2_before: float
-    chi2_after: float
-    verified_chi2: float
-    chi2_limit: float
-    seconds: float
-    cpu_seconds: float
-    memory_mib: float
-    total_cpu_seconds: float
-    machine: str
-    date: str
-    commit: str
+
+class Origin(JsonObject):
+    """Where, when and with which version of the program a case was run."""
+
+    machine: str = ""
+    date: str = ""
+    commit: str = ""
+
+
+class Outcome(CaseRecord):
+    """A case that came to an end, with the truth beside the diagnosis."""
+
+    hidden: list[HiddenEffect]
+    also_true: list[str] = says(
+        "right though nothing of the kind was hidden, as noise beside a wrong datasheet", default=[]
+    )
+    log_likelihood_gain: float = says("of all hidden effects together, nats", default=0)
+    verdict: Verdict
+    found: list[NamedEffect] = says("effects that the diagnosis named, in the order of the light")
+    unnamed: list[Unnamed] = says("deviations that no name explains")
+    bad_captures: list[int] = says("that the diagnosis left out because they contradict the others", default=[])
+    gap: Gaps
+    verification: Verification | None = None
+    seconds: float = says("time of the diagnosis and its report")
+    cpu_seconds: float = says("the same in seconds of a processor")
+    memory_mib: float = says("peak of the resident memory during the diagnosis, MiB")
+    true_names: TrueNames | None = says("null where the names are right or not known", default=None)
+    total_cpu_seconds: float = says("of the whole case, captures and comparison with the truth included", default=0)
+    provenance: Origin = Origin()
+
+    @property
+    def chi2_before(self) -> float:
+        """Held-out reduced chi2 of the ideal camera."""
+        return _known_scenes(self.gap.before).chi2
+
+    @property
+    def chi2_after(self) -> float:
+        """Held-out reduced chi2 with everything that was named."""
+        return _known_scenes(self.gap.after).chi2
+
+    @property
+    def _judged(self) -> Gap | Verification:
+        """The misfit on captures that nothing has seen; that of held-out pixels where no capture was kept for it."""
+        if self.verification is not None and "chi2" in self.verification.model_fields_set:
+            return self.verification
+        return _known_scenes(self.gap.after)
+
+    @property
+    def verified_chi2(self) -> float:
+        """Reduced chi2 with everything that was named, on captures that nothing has seen."""
+        return self._judged.chi2
+
+    @property
+    def chi2_limit(self) -> float:
+        """What ``verified_chi2`` may be by chance; more than 1.05 only where there are few pixels."""
+        return self._judged.chi2_limit if "chi2_limit" in self._judged.model_fields_set else NEGLIGIBLE
+
+    @property
+    def unnamed_stages(self) -> tuple[str, ...]:
+        """``unnamed:<stage>`` of the deviations that no name explains, the strongest first."""
+        ordered = sorted(self.unnamed, key=lambda deviation: -deviation.nats)
+        return tuple(dict.fromkeys(f"unnamed:{deviation.stage}" for deviation in ordered))
 
     @property
     def hidden_names(self) -> tuple[str, ...]:
@@ -138,25 +127,25 @@ class Outcome:
     def answers(self) -> tuple[str, ...]:
         """Everything that the diagnosis reports: names, ``unnamed:<stage>``, and whether it left captures out."""
         left_out = (LEFT_OUT,) if self.bad_captures else ()
-        return (*(effect.name for effect in self.named), *self.unnamed, *left_out)
+        return (*(effect.name for effect in self.found), *self.unnamed_stages, *left_out)
 
     @property
     def exact(self) -> bool:
         """Whether the diagnosis named the hidden effects and no others, except those that are true as well."""
-        return {effect.name for effect in self.named} - (set(self.also_true) - set(self.hidden_names)) == set(
+        return {effect.name for effect in self.found} - (set(self.also_true) - set(self.hidden_names)) == set(
             self.hidden_names
         )
 
     @property
     def smallest_gain(self) -> float:
         """Log-likelihood in nats that the faintest of the hidden effects gains beside the others."""
-        return min((effect.gain for effect in self.hidden), default=math.inf)
+        return min((effect.log_likelihood_gain or 0.0 for effect in self.hidden), default=math.inf)
 
     @property
     def wrong_names(self) -> tuple[str, ...]:
         """Names in the diagnosis that are not true, whatever its verdict and whatever it reports beside them."""
         true_names = {*self.hidden_names, *self.also_true}
-        return tuple(effect.name for effect in self.named if effect.name not in true_names)
+        return tuple(effect.name for effect in self.found if effect.name not in true_names)
 
     @property
     def confidently_wrong(self) -> bool:
@@ -167,7 +156,7 @@ class Outcome:
     def hedged(self) -> bool:
         """Whether every wrong name has a hidden one among its alternatives: the report says that it may be that one."""
         hidden = set(self.hidden_names)
-        return all(set(effect.alternatives) & hidden for effect in self.named if effect.name in self.wrong_names)
+        return all(set(effect.alternatives) & hidden for effect in self.found if effect.name in self.wrong_names)
 
     @property
     def captures_right(self) -> bool:
@@ -188,7 +177,7 @@ class Outcome:
         """
         if self.bad_captures and self.captures_right:
             return True
-        return bool(self.unnamed) and self.unnamed[0] in {f"unnamed:{effect.stage}" for effect in self.hidden}
+        return bool(self.unnamed) and self.unnamed_stages[0] in {f"unnamed:{effect.stage}" for effect in self.hidden}
 
     @property
     def right(self) -> bool:
@@ -215,14 +204,14 @@ class Outcome:
         """``effect.parameter`` and (estimate - truth) / std of every continuous parameter of rightly named effects."""
         truth = {effect.name: effect.parameters for effect in self.hidden}
         errors = []
-        for effect in self.named:
+        for effect in self.found:
             if effect.name not in truth:
                 continue
             for name, parameter in EFFECTS[effect.name].parameters().items():
                 if parameter.choices or parameter.integer:
                     continue
-                value, std = effect.estimates[name]
-                error = float(value) - float(truth[effect.name][name])
+                estimate = effect.parameters[name]
+                error, std = float(estimate.value) - float(truth[effect.name][name]), estimate.std
                 if parameter.unit == "rad":
                     error = math.remainder(error, 2 * math.pi)
                 errors.append((f"{effect.name}.{name}", error / std if std else math.copysign(math.inf, error)))
@@ -247,58 +236,12 @@ def parse_record(record: Mapping[str, Any]) -> Outcome | Failure:
     """Read a record as :func:`~.trial.run_trial` or :func:`~.worker_processes.run_cases` return it.
 
     Raises:
-        ValueError: the record is of another format.
-        KeyError: a field is missing.
+        ValueError: the record is of another format, or an entry is missing or wrong.
     """
-    if record["format"] != "sci-proving-ground-case" or record["format_version"] != 1:
-        raise ValueError(f"format {record['format']}, expected sci-proving-ground-case, format_version 1")
-    if "failed" in record:
-        mask, formulation = record.get("mask", ""), record.get("formulation", "overlap")
-        return Failure(record["case"], record["suite"], record["failed"], mask, formulation)
-    before, after = record["gap"]["before"], record["gap"]["after"]
-    verified = record.get("verification", {})
-    judged = verified if "chi2" in verified else after
-    height, width = record["size"]
-    return Outcome(
-        case=record["case"],
-        digest=record.get("digest", ""),
-        suite=record["suite"],
-        mask=record["mask"],
-        bit_depth=record["bit_depth"],
-        size=(height, width),
-        frames=record["frames"],
-        datasheet=record.get("datasheet", "stated"),
-        formulation=record.get("formulation", "overlap"),
-        captures=record["captures"],
-        hidden=tuple(
-            HiddenEffect(effect["name"], effect["stage"], effect["parameters"], float(effect["log_likelihood_gain"]))
-            for effect in record["hidden"]
-        ),
-        also_true=tuple(record.get("also_true", ())),
-        named=tuple(
-            NamedEffect(
-                effect["name"],
-                {name: (value["value"], float(value["std"])) for name, value in effect["parameters"].items()},
-                tuple(effect["alternatives"]),
-            )
-            for effect in record["found"]
-        ),
-        unnamed=_stages(record["unnamed"]),
-        bad_captures=tuple(record.get("bad_captures", ())),
-        verdict=record["verdict"],
-        chi2_before=float(before["chi2"]),
-        chi2_after=float(after["chi2"]),
-        verified_chi2=float(judged["chi2"]),
-        chi2_limit=float(judged.get("chi2_limit", NEGLIGIBLE)),
-        seconds=float(record["seconds"]),
-        cpu_seconds=float(record["cpu_seconds"]),
-        memory_mib=float(record["memory_mib"]),
-        total_cpu_seconds=float(record.get("total_cpu_seconds", record["cpu_seconds"])),
-        **{key: str(record.get("provenance", {}).get(key, "")) for key in ("machine", "date", "commit")},
-    )
+    return Failure.model_validate(record) if "failed" in record else Outcome.model_validate(record)
 
 
-def _stages(unnamed: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-    """Return ``unnamed:<stage>`` of every stage, in the order of the log-likelihood that its deviations gain."""
-    ordered = sorted(unnamed, key=lambda deviation: -float(deviation.get("nats", 0)))
-    return tuple(dict.fromkeys(f"unnamed:{deviation['stage']}" for deviation in ordered))
+def _known_scenes(gap: Gap | BlindGap) -> Gap:
+    if isinstance(gap, BlindGap):
+        raise ValueError("the gap of a blind diagnosis, which has no chi2")
+    return gap

@@ -65,7 +65,7 @@ class Records:
         for number, line in enumerate(lines, start=1):
             try:
                 record = parse_record(json.loads(line))
-            except (ValueError, KeyError, TypeError, AttributeError) as error:
+            except (ValueError, TypeError) as error:
                 raise BadInput(f"{self.path}, line {number}: {what}") from error
             records[record.case] = record
         if torn[: len(START)] != START[: len(torn)]:

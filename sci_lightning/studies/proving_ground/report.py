@@ -2,18 +2,41 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from sci_lightning.files.atomic_file import atomic_write
+from sci_lightning.files.json_file import JsonFile, JsonObject, says, write_json
 from sci_lightning.runs.provenance import Provenance
 from sci_lightning.studies.proving_ground.outcome import Failure, Outcome
 from sci_lightning.studies.proving_ground.summary import Row
 from sci_lightning.version import installed_version
 
 ANSWERS = {True: "yes", False: "**no**", None: ""}
+
+
+class SummaryRow(JsonObject):
+    """One figure; of a proportion how many of how many."""
+
+    what: str = says("what is measured")
+    found: str = says("the figure, in words")
+    target: str = says("what it should be, in words; absent where there is no target", default="")
+    met: bool | None = says("whether the figure reaches the target; absent without cases or target", default=None)
+    count: int = says("of a proportion: how many of total", ge=0, default=0)
+    total: int = says("of a proportion: number of cases", ge=1, default=1)
+    interval: tuple[float, float] = says("of a proportion: 95 % by Wilson's score", default=(0, 1))
+    missed: list[str] = says("cases that count against the row, a line each")
+
+
+class Summary(JsonFile):
+    """``summary.json``: how often diagnoses are right; ``summary.md`` beside it is the same for people."""
+
+    format: Literal["sci-proving-ground"] = "sci-proving-ground"
+    format_version: Literal[1] = 1
+    provenance: Provenance | None = says("of the cases; absent where their records do not say", default=None)
+    rows: list[SummaryRow]
+    sci_lightning: str = says("version of the program")
 
 
 def write_report(out: str | Path, rows: Sequence[Row], provenance: Provenance | None = None) -> None:
@@ -28,27 +51,24 @@ def write_report(out: str | Path, rows: Sequence[Row], provenance: Provenance | 
     with atomic_write(out / "summary.md") as temporary:
         temporary.write_text(as_markdown(rows))
     content = {
-        "format": "sci-proving-ground",
-        "format_version": 1,
         **({"provenance": provenance.as_json()} if provenance else {}),
         "rows": [as_plain_data(row) for row in rows],
         "sci_lightning": installed_version(),
     }
-    with atomic_write(out / "summary.json") as temporary:
-        temporary.write_text(json.dumps(content, indent=1) + "\n")
+    write_json(Summary.model_validate(content).as_json(), out / "summary.json")
 
 
 def provenance_of(records: Sequence[Outcome | Failure], command: str = "") -> Provenance | None:
     """Return where, when and with which versions of the program the cases were run; None where none of them says so."""
-    outcomes = [record for record in records if isinstance(record, Outcome) and record.date]
+    outcomes = [record for record in records if isinstance(record, Outcome) and record.provenance.date]
     if not outcomes:
         return None
-    dates = sorted({outcome.date for outcome in outcomes})
+    dates = sorted({outcome.provenance.date for outcome in outcomes})
     sizes = " and ".join(f"{height} x {width}" for height, width in sorted({outcome.size for outcome in outcomes}))
     return Provenance(
-        machine=", ".join(dict.fromkeys(outcome.machine for outcome in outcomes)),
+        machine=", ".join(dict.fromkeys(outcome.provenance.machine for outcome in outcomes)),
         date=" to ".join(dict.fromkeys((dates[0], dates[-1]))),
-        commit=", ".join(dict.fromkeys(sorted({outcome.commit for outcome in outcomes}))),
+        commit=", ".join(dict.fromkeys(sorted({outcome.provenance.commit for outcome in outcomes}))),
         scale=f"{len(records)} cases of {sizes} pixels",
         seeds="one of its own in every case",
         command=command,

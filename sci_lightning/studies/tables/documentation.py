@@ -22,7 +22,7 @@ from types import ModuleType
 
 from sci_lightning.errors import BadInput
 from sci_lightning.files.atomic_file import atomic_write
-from sci_lightning.files.json_fields import read_json
+from sci_lightning.files.json_file import read_json
 from sci_lightning.runs.provenance import Provenance
 from sci_lightning.studies.tables import documented
 
@@ -113,8 +113,9 @@ def _filled(match: re.Match[str], page: Path, root: Path) -> str:
 
 def _value(match: re.Match[str], page: Path, root: Path) -> str:
     key, path = match["key"], root / match["path"]
-    rows = _module("measurements", page).build(path, "").rows
-    keys = [column["key"] for column in read_json(path).content["columns"]]  # type: ignore[attr-defined]
+    module = _module("measurements", page)
+    rows = module.build(path, "").rows
+    keys = [column.key for column in read_json(path, module.Measurements).columns]
     if key not in keys or not rows:
         raise BadInput(f"{page}: value {key}: {match['path']} has no row with such a column")
     return f"<!-- value: {key}, from {match['path']} -->{rows[-1][keys.index(key)]}<!-- end -->"

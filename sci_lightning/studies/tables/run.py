@@ -5,11 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from sci_lightning.errors import BadInput
 from sci_lightning.files.folder import files_below
-from sci_lightning.files.json_fields import Fields, read_json
+from sci_lightning.files.json_file import LONGEST_TEXT, check_part, read_json
+from sci_lightning.plain_text import excerpt
+from sci_lightning.runs.provenance import Provenance
+from sci_lightning.runs.results import MOST, RunMetrics
 
 NAMES = ("metrics.json", "seed[0-9]*.json")
 """Files of runs: what a run leaves, and what is kept of the rows of the tables (docs/results/tables/)."""
@@ -17,10 +22,6 @@ MOST_SCENES = 10_000
 MOST_EFFECTS = 64
 SHOWN = 5
 """Files of no use that are named in the one line that says that there are no others."""
-LARGEST_SCORE = 1e6
-LARGEST_COUNT = 10**18
-"""Of parameters and multiply-accumulates."""
-LARGEST_FRAMES = 10_000
 PAPERS_FRAMES = 8
 """T of the paper's tables, which is not repeated in the description of a setting."""
 
@@ -70,6 +71,7 @@ class Run:
         device: on which it was decoded.
         training_steps: of the optimiser; None where the run did not record them.
         mask_score: expected PSNR of the best linear decoder behind the mask, in dB; None where it was not computed.
+        provenance: of a row that is kept; None of others.
     """
 
     path: Path
@@ -85,11 +87,86 @@ class Run:
     device: str
     training_steps: int | None = None
     mask_score: float | None = None
+    provenance: Provenance | None = None
 
     @property
     def group(self) -> tuple[Setting, int]:
         """What runs must have in common to be averaged or compared."""
         return self.setting, self.parameters
+
+
+def _checked_name(name: str) -> str:
+    if not name.isprintable():
+        raise ValueError("a name that is not printable")
+    return name
+
+
+Name = Annotated[str, Field(max_length=LONGEST_TEXT), AfterValidator(_checked_name)]
+Score = Annotated[float, Field(ge=-1e6, le=1e6)]
+Size = Annotated[list[Annotated[int, Field(ge=1, le=100_000)]], Field(min_length=2, max_length=2)]
+
+
+class _Part(BaseModel):
+    """The entries of an object that runs are compared by; others are passed over."""
+
+    model_config = ConfigDict(strict=True)
+
+
+class _Mask(_Part):
+    target: str = Field(alias="_target_", max_length=LONGEST_TEXT)
+    bits: int | None = Field(None, ge=1, le=64)
+
+
+class _Effects(_Part):
+    effects: dict[Name, Any] | None = None
+
+
+class _Encoder(_Effects):
+    mask: _Mask
+
+
+class _Tested(_Part):
+    encoder: _Effects | None = None
+    size: Size | None = None
+    captures: Any = None
+    camera: Any = None
+
+
+class _Trainer(_Part):
+    max_steps: int | None = Field(None, ge=-1, le=MOST)
+
+
+class _Config(_Part):
+    encoder: _Encoder
+    evaluate: _Tested | None = None
+    test_encoders: dict[str, _Effects | None] | None = None
+    trainer: _Trainer | None = None
+    scale: str | None = Field(None, max_length=LONGEST_TEXT)
+    core_minutes: float | None = Field(None, ge=0, le=1e9)
+    frames: int | None = Field(None, ge=1, le=10_000)
+    size: Size
+    seed: int = Field(ge=-(2**63), le=2**64)
+    finetune: Any = None
+
+
+class _Metrics(_Part):
+    """What tables take from a :class:`RunMetrics`, within bounds that a table can show."""
+
+    encoder: Name
+    decoder: Name
+    test_encoder: Name
+    scenes: dict[Name, dict[Name, Score]]
+    mean: dict[Name, Score]
+    conventions: dict[Name, str] = {}
+    baseline: dict[Name, Score] = {}
+    seconds_per_measurement: float = Field(ge=0, le=1e9)
+    device: str
+    parameters: int
+    macs: int
+    training_steps: int | None = None
+    mask_score: Score | None = None
+    provenance: Provenance | None = None
+    config: _Config
 
 
 def read_run(path: str | Path) -> Run:
@@ -99,12 +176,9 @@ def read_run(path: str | Path) -> Run:
         BadInput: unreadable, no JSON, not what ``train`` and ``evaluate`` write, or an entry of another type or out of
             bounds.
     """
-    content = read_json(path)
-    if (content.content.get("format"), content.content.get("format_version")) != ("sci-metrics", 1):
-        raise BadInput(
-            f"{path}: not the metrics of a run: expected format sci-metrics 1, which train and evaluate write"
-        )
-    return _run(content)
+    path = Path(path)
+    metrics = read_json(path, RunMetrics)
+    return _run(path, check_part(path, "", metrics.as_json(), _Metrics))
 
 
 def find_runs(folders: Iterable[str | Path]) -> tuple[list[Run], list[str]]:
@@ -142,70 +216,57 @@ def find_runs(folders: Iterable[str | Path]) -> tuple[list[Run], list[str]]:
     return list(runs.values()), lines
 
 
-def _run(content: Fields) -> Run:
-    config = content.part("config")
-    tested = config.part("evaluate", optional=True)
-    encoder = config.part("encoder")
-    mask = encoder.part("mask")
-    name = content.text("test_encoder")
+def _run(path: Path, metrics: _Metrics) -> Run:
+    config = metrics.config
+    tested = config.evaluate or _Tested()
     fields: dict[str, str | int] = {
-        "encoder": content.text("encoder") + _effects(encoder),
-        "decoder": content.text("decoder") + _departures(config, tested),
-        "test_encoder": name + _tested_effects(config, name),
-        "mask": mask.text("_target_").rpartition(".")[2],
-        "bits": mask.whole("bits", 1, 64, default=1),
+        "encoder": excerpt(metrics.encoder) + _effects(config.encoder),
+        "decoder": excerpt(metrics.decoder)
+        + (" + fine-tuning" if config.finetune is True else "")
+        + (" + assumed camera" if tested.camera else ""),
+        "test_encoder": excerpt(metrics.test_encoder) + _tested_effects(config, tested, metrics.test_encoder),
+        "mask": excerpt(config.encoder.mask.target.rpartition(".")[2]),
+        "bits": config.encoder.mask.bits or 1,
     }
-    conventions = content.part("conventions", optional=True)
-    scale = config.text("scale", "own")
-    if "core_minutes" in config:
-        scale += f", {config.number('core_minutes', 0, 1e9):g} core minutes"
-    elif (steps := config.part("trainer", optional=True).whole("max_steps", -1, LARGEST_COUNT, default=-1)) > 0:
+    scale, steps = excerpt(config.scale or "own"), config.trainer.max_steps if config.trainer else None
+    if config.core_minutes is not None:
+        scale += f", {config.core_minutes:g} core minutes"
+    elif steps is not None and steps > 0:
         scale += f", {steps} steps"
-    scenes = content.part("scenes")
+    height, width = tested.size or config.size
     setting = Setting(
         scale=scale,
-        frames=config.whole("frames", 1, LARGEST_FRAMES, default=PAPERS_FRAMES),
-        size=(tested if "size" in tested else config).size("size"),
-        scenes=tuple(sorted(scenes.names()[:MOST_SCENES])),
-        conventions=tuple(sorted((key, conventions.text(key)) for key in conventions.names())),
+        frames=config.frames or PAPERS_FRAMES,
+        size=(height, width),
+        scenes=tuple(sorted(list(metrics.scenes)[:MOST_SCENES])),
+        conventions=tuple(sorted((key, excerpt(text)) for key, text in metrics.conventions.items())),
     )
     return Run(
-        path=content.path,
+        path=path,
         fields=fields,
         setting=setting,
-        parameters=content.whole("parameters", 0, LARGEST_COUNT),
-        macs=content.whole("macs", 0, LARGEST_COUNT),
-        seed=config.whole("seed", -(2**63), 2**64),
-        scores=_scores(content.part("mean")),
-        scenes={name: _scores(scenes.part(name)) for name in setting.scenes},
-        baseline=_scores(content.part("baseline", optional=True)),
-        seconds=content.number("seconds_per_measurement", 0, 1e9),
-        device=content.text("device"),
-        training_steps=content.whole("training_steps", 0, LARGEST_COUNT) if "training_steps" in content else None,
-        mask_score=content.number("mask_score", -LARGEST_SCORE, LARGEST_SCORE) if "mask_score" in content else None,
+        parameters=metrics.parameters,
+        macs=metrics.macs,
+        seed=config.seed,
+        scores=metrics.mean,
+        scenes={name: metrics.scenes[name] for name in setting.scenes},
+        baseline=metrics.baseline,
+        seconds=metrics.seconds_per_measurement,
+        device=excerpt(metrics.device),
+        training_steps=metrics.training_steps,
+        mask_score=metrics.mask_score,
+        provenance=metrics.provenance,
     )
 
 
-def _scores(part: Fields) -> dict[str, float]:
-    return {key: part.number(key, -LARGEST_SCORE, LARGEST_SCORE) for key in part.names()}
-
-
-def _departures(config: Fields, tested: Fields) -> str:
-    """What was done with a decoder that is not in the paper, as it follows its name."""
-    finetuned = " + fine-tuning" if config.content.get("finetune") is True else ""
-    return finetuned + (" + assumed camera" if tested.content.get("camera") else "")
-
-
-def _effects(encoder: Fields) -> str:
+def _effects(encoder: _Effects) -> str:
     """The effects of an encoder as they follow its name; one that is null is none."""
-    effects = encoder.part("effects", optional=True)
-    return "".join(f" + {name}" for name in effects.names()[:MOST_EFFECTS] if name in effects)
+    names = [name for name, effect in (encoder.effects or {}).items() if effect is not None]
+    return "".join(f" + {name}" for name in names[:MOST_EFFECTS])
 
 
-def _tested_effects(config: Fields, name: str) -> str:
+def _tested_effects(config: _Config, tested: _Tested, name: str) -> str:
     """The effects of the encoder that was tested with: of ``evaluate``, of ``test_encoders``, or the trained one's."""
-    tested, others = config.part("evaluate", optional=True), config.part("test_encoders", optional=True)
-    if "captures" in tested:  # a real camera's, which nobody knows
+    if tested.captures is not None:  # a real camera's, which nobody knows
         return ""
-    places = ((tested, "encoder"), (others, name), (config, "encoder"))
-    return _effects(next(part.part(key) for part, key in places if key in part))
+    return _effects(tested.encoder or (config.test_encoders or {}).get(name) or config.encoder)

@@ -20,7 +20,7 @@ from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.diagnosis import another_camera
-from tests.files.schemas.validation import check, errors
+from tests.files.formats import check, errors
 
 NAMES = ("gain", "black_level", "mask_shift", "mask_contrast", "scene_shift", "shot_noise", "read_noise")
 FEW = {name: vocabulary()[name] for name in NAMES}

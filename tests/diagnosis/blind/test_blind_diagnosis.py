@@ -20,7 +20,7 @@ from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera import Session, VirtualCamera
-from tests.files.schemas.validation import check
+from tests.files.formats import check
 
 NO_CALIBRATION = {"dark": 0, "flat": 0, "all_on": 0, "all_off": 0, "pattern": 0, "static": 0, "dynamic": 0}
 FEW = ("mask_shift", "mask_contrast", "pattern_order")

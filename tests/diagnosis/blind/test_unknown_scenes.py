@@ -11,7 +11,7 @@ import pytest
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, VirtualCamera
-from tests.files.schemas.validation import check
+from tests.files.formats import check
 
 FEW = ("mask_shift", "gain", "shot_noise", "read_noise")
 

@@ -36,7 +36,7 @@ from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
 from sci_lightning.diagnosis.search.search import Round
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, VirtualCamera
-from tests.files.schemas.validation import check
+from tests.files.formats import check
 
 VOID = {"meta", "link", "br", "img", "input"}
 

@@ -14,7 +14,7 @@ from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
 from sci_lightning.diagnosis.report.report import describe, write_encoder
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, VirtualCamera
-from tests.files.schemas.validation import check
+from tests.files.formats import check
 
 NAMES = ("illumination", "vignetting", "prnu", "gain", "veiling_glare", "column_noise", "shot_noise", "read_noise")
 FEW = {name: vocabulary()[name] for name in NAMES}

@@ -18,7 +18,7 @@ from sci_lightning.diagnosis.target_effects import SceneEffect, target_effects
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput
 from tests.diagnosis.another_camera import Hidden, captures
-from tests.files.schemas.validation import check
+from tests.files.formats import check
 
 EFFECTS = target_effects()
 SCENE = torch.from_numpy(gaussian_filter(np.random.default_rng(0).random((2, 40, 48)), (0, 2, 2))).float()

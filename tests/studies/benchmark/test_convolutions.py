@@ -11,7 +11,7 @@ import torch
 from sci_lightning.decoder.layers.convolution import WAYS, fastest_way
 from sci_lightning.studies.benchmark.convolutions import SHAPES, Shape, main, measure
 from tests.conftest import ROOT
-from tests.files.schemas.validation import check
+from tests.files.formats import check
 
 
 def test_what_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

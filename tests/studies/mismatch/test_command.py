@@ -18,7 +18,7 @@ import pytest
 from sci_lightning.cli.commands.mismatch import list_decoders
 from sci_lightning.studies.mismatch import protocol
 from tests.conftest import ROOT
-from tests.files.schemas.validation import check
+from tests.files.formats import check
 
 NAME = "mismatch"
 SMALL = [

@@ -10,11 +10,27 @@ import pytest
 from sci_lightning.virtual_camera import EFFECTS, VOCABULARY
 
 Record = dict[str, Any]
+LOST: Record = {
+    "format": "sci-proving-ground-case",
+    "format_version": 1,
+    "case": "single-bad",
+    "suite": "single",
+    "mask": "structural",
+    "bit_depth": 8,
+    "size": [64, 64],
+    "frames": 8,
+    "captures": "full",
+    "failed": "ValueError: no",
+}
+"""A case that did not come to an end."""
 
 
 @pytest.fixture
 def record() -> Callable[..., Record]:
     """``record("single", {"gain": {"factor": 1.1}}, {"gain": {"factor": (1.12, 0.01)}}, after=1.01)``."""
+
+    def misfit(chi2: float) -> Record:
+        return {"chi2": chi2, "rmse_dn": 1.0, "nll": 1.0, "pixels": 100, "chi2_limit": 1.05, "by_kind": {}}
 
     def made(
         suite: str,
@@ -30,21 +46,16 @@ def record() -> Callable[..., Record]:
         **more: Any,
     ) -> Record:
         return {
-            "format": "sci-proving-ground-case",
-            "format_version": 1,
+            **{key: value for key, value in LOST.items() if key != "failed"},
             "case": f"{suite}-{'+'.join(hidden)}",
             "suite": suite,
-            "mask": "structural",
-            "bit_depth": 8,
-            "size": [64, 64],
-            "frames": 8,
-            "captures": "full",
             "hidden": [
                 {
                     "name": name,
                     "stage": EFFECTS[name].stage,
                     "in_vocabulary": name in VOCABULARY,
                     "parameters": values,
+                    "units": dict.fromkeys(values, "1"),
                     "log_likelihood_gain": nats,
                 }
                 for name, values in hidden.items()
@@ -52,14 +63,17 @@ def record() -> Callable[..., Record]:
             "found": [
                 {
                     "name": name,
-                    "parameters": {key: {"value": value, "std": std} for key, (value, std) in values.items()},
+                    "stage": "sensor",
+                    "parameters": {key: {"value": v, "std": std, "unit": "1"} for key, (v, std) in values.items()},
+                    "evidence": {},
                     "alternatives": list(alternatives),
+                    "tell_apart": "",
                 }
                 for name, values in result.items()
             ],
-            "unnamed": [{"stage": stage, "where": "somewhere", "p_value": 0.0} for stage in unnamed],
+            "unnamed": [{"stage": stage, "where": "somewhere", "p_value": 0.0, "picture": ""} for stage in unnamed],
             "verdict": verdict or ("explained" if result else "consistent"),
-            "gap": {"before": {"chi2": before}, "after": {"chi2": after}},
+            "gap": {"before": misfit(before), "after": misfit(after)},
             "seconds": 5.0,
             "cpu_seconds": 4.0,
             "memory_mib": 400.0,

@@ -22,7 +22,7 @@ from sci_lightning.studies.proving_ground.records import Records
 from sci_lightning.studies.proving_ground.worker_processes import run_cases
 from sci_lightning.virtual_camera import Session
 from tests.conftest import ROOT
-from tests.files.schemas.validation import check
+from tests.files.formats import check
 
 NAME = "proving_ground"
 SMALL = ("size=[32,32]", "slots=[4]", "workers=1", "masks=[structural]", "bit_depths=[8]")

@@ -15,7 +15,7 @@ from sci_lightning.studies.proving_ground.report import as_plain_data, provenanc
 from sci_lightning.studies.proving_ground.summary import summarise
 from sci_lightning.studies.tables.documented.proving_ground import build
 from tests.conftest import ROOT
-from tests.files.schemas.validation import check
+from tests.files.formats import check
 
 WHERE = {"provenance": {"machine": "an abacus", "date": "2026-11-22", "commit": "0123abcd"}}
 KEPT = sorted((ROOT / "docs" / "results" / "proving_ground").glob("*/"))

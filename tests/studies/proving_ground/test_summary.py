@@ -14,7 +14,8 @@ from sci_lightning.studies.proving_ground.outcome import Failure, Outcome, parse
 from sci_lightning.studies.proving_ground.pictures import write_pictures
 from sci_lightning.studies.proving_ground.report import write_report
 from sci_lightning.studies.proving_ground.summary import Proportion, Row, summarise
-from tests.files.schemas.validation import check
+from tests.files.formats import check
+from tests.studies.proving_ground.conftest import LOST
 
 GAIN = {"gain": {"factor": 1.1}}
 
@@ -43,13 +44,12 @@ def test_wilson_interval_of_nothing() -> None:
 
 @pytest.fixture
 def records(record: Callable[..., Any]) -> list[Outcome | Failure]:
-    lost = {"format": "sci-proving-ground-case", "format_version": 1, "case": "single-bad", "suite": "single"}
     ghost = {"ghost": {"fraction": 0.1, "dx": 5.0, "dy": 5.0}}
     contents = [
         *(record("single", GAIN, result(error)) for error in (-2.5, -1, 0, 0.5, 1)),
         record("single", GAIN, result(1.5), verification={"captures": [3], "chi2": 1.2, "chi2_limit": 1.1}),
         record("single", GAIN, {}, nats=10),  # nobody could have seen it
-        {**lost, "failed": "ValueError: no"},
+        LOST,
         record("weak", GAIN, result(0), before=1.01, nats=50),
         record("weak", GAIN, result(0), before=1.2, nats=300),  # not weak
         record("pair", GAIN | {"black_level": {"offset": 0.1}}, result(0), after=2.0, verdict="partly_explained"),
@@ -94,10 +94,9 @@ def test_rows(records: list[Outcome | Failure]) -> None:
 
 
 def test_failed_cases_count_where_they_belong() -> None:
-    lost = {"format": "sci-proving-ground-case", "format_version": 1, "failed": "ValueError: no"}
     contents = [
-        {**lost, "case": "rays-bad", "suite": "single", "formulation": "rays", "mask": "binary"},
-        {**lost, "case": "nothing-bad", "suite": "nothing", "formulation": "overlap", "mask": "binary"},
+        {**LOST, "case": "rays-bad", "suite": "single", "formulation": "rays", "mask": "binary"},
+        {**LOST, "case": "nothing-bad", "suite": "nothing", "formulation": "overlap", "mask": "binary"},
     ]
     rows = summarise([parse_record(content) for content in contents])
     assert row(rows, "single effect, clear").proportion == Proportion(0, 0)

@@ -13,7 +13,7 @@ from sci_lightning.studies.proving_ground import trial
 from sci_lightning.studies.proving_ground.case import Case
 from sci_lightning.studies.proving_ground.outcome import Outcome, parse_record
 from sci_lightning.virtual_camera import Session
-from tests.files.schemas.validation import check
+from tests.files.formats import check
 
 NAMES = ("gain", "black_level", "shot_noise", "read_noise")
 

@@ -63,9 +63,9 @@ def test_what_is_not_in_the_paper_is_a_row_of_its_own(
     ("text", "reason"),
     [
         ("{", "not readable as JSON"),
-        ("[1]", "expected format sci-metrics 1"),
-        ('{"format": "sci-metrics", "format_version": 2}', "expected format sci-metrics 1"),
-        ('{"format": "sci-metrics", "format_version": 1, "config": {}}', "encoder is missing, expected"),
+        ("[1]", "format sci-metrics 1"),
+        ('{"format": "sci-metrics", "format_version": 2}', "format sci-metrics 1"),
+        ('{"format": "sci-metrics", "format_version": 1, "config": {}}', "encoder is missing"),
     ],
 )
 def test_files_of_no_use_are_named_and_the_others_go_on(made: Made, tmp_path: Path, text: str, reason: str) -> None:

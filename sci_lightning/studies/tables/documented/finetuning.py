@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from sci_lightning.errors import BadInput
-from sci_lightning.files.json_fields import Fields
-from sci_lightning.runs.provenance import NOT_YET, joined, read_provenance
+from sci_lightning.runs.provenance import NOT_YET, Provenance, joined
 from sci_lightning.studies.mismatch.records import read_records
 from sci_lightning.studies.mismatch.summary import finetuning_table
 from sci_lightning.studies.tables.documentation import DocumentedTable
@@ -23,5 +22,5 @@ def build(path: str | Path, part: str) -> DocumentedTable:
         raise BadInput(f"finetuning.{part}: this table has no parts")
     records = read_records(path) if path.is_dir() else []
     heading, *rows = finetuning_table(records)
-    origins = [read_provenance(Fields(path, record)) for record in records]
+    origins = [Provenance(**record["provenance"]) for record in records]
     return DocumentedTable(heading, rows, joined(origins) if origins else NOT_YET)

@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from sci_lightning.errors import BadInput
-from sci_lightning.files.json_fields import read_json
 from sci_lightning.plain_text import in_markdown
-from sci_lightning.runs.provenance import NOT_YET, Provenance, joined, read_provenance
+from sci_lightning.runs.provenance import NOT_YET, Provenance, joined
 from sci_lightning.studies.tables.claim_table import claim_table, verdict_table
 from sci_lightning.studies.tables.documentation import DocumentedTable
 from sci_lightning.studies.tables.grid import Grid
@@ -125,4 +124,6 @@ def _cells(grid: Grid) -> tuple[list[str], list[list[str]]]:
 def _provenance(runs: list[Run]) -> Provenance:
     if not runs:
         return NOT_YET
-    return joined([read_provenance(read_json(run.path)) for run in runs])
+    if missing := [run.path for run in runs if run.provenance is None]:
+        raise BadInput(f"{missing[0]}: does not say where, when and with what it was trained (provenance)")
+    return joined([run.provenance for run in runs if run.provenance])

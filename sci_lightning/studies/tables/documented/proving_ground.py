@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from sci_lightning.errors import BadInput
-from sci_lightning.files.json_fields import read_json
-from sci_lightning.runs.provenance import NOT_YET, Provenance, read_provenance
+from sci_lightning.files.json_file import read_json
+from sci_lightning.runs.provenance import NOT_YET, Provenance
 from sci_lightning.studies.proving_ground.outcome import Outcome
 from sci_lightning.studies.proving_ground.records import Records
-from sci_lightning.studies.proving_ground.report import ANSWERS
+from sci_lightning.studies.proving_ground.report import ANSWERS, Summary
 from sci_lightning.studies.proving_ground.summary import summarise
 from sci_lightning.studies.tables.documentation import DocumentedTable
 from sci_lightning.virtual_camera import OTHER_FIELDS
@@ -59,8 +59,8 @@ def build(path: str | Path, part: str) -> DocumentedTable:
 
 
 def _line(outcome: Outcome) -> list[str]:
-    named = ", ".join(f"`{effect.name}`" for effect in outcome.named)
-    unnamed = ", ".join(stage.removeprefix("unnamed:") for stage in outcome.unnamed)
+    named = ", ".join(f"`{effect.name}`" for effect in outcome.found)
+    unnamed = ", ".join(stage.removeprefix("unnamed:") for stage in outcome.unnamed_stages)
     hidden = ", ".join(f"`{name}`" for name in outcome.hidden_names) or "nothing"
     camera = f"{outcome.mask}, {outcome.bit_depth} bits"
     left_out = ", ".join(map(str, outcome.bad_captures)) + (" (right)" if outcome.captures_right else "")
@@ -70,4 +70,7 @@ def _line(outcome: Outcome) -> list[str]:
 
 
 def _provenance(path: Path) -> Provenance:
-    return read_provenance(read_json(path / "summary.json"))
+    provenance = read_json(path / "summary.json", Summary).provenance
+    if provenance is None:
+        raise BadInput(f"{path}: summary.json does not say where it was measured")
+    return provenance

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from sci_lightning.errors import BadInput
-from sci_lightning.files.json_fields import read_json
+from sci_lightning.files.json_file import read_json, write_json
 from sci_lightning.runs.provenance import Provenance
-from sci_lightning.runs.results import write_json
+from sci_lightning.runs.results import RunMetrics
 from sci_lightning.studies.tables.rows.plan import TableRow
 
 RECIPE = (
@@ -111,7 +111,7 @@ def check_recipe(row: TableRow, results: str | Path, config: Mapping[str, Any]) 
     """
     results = Path(results)
     path = kept_files(row, results)[0]
-    earlier, now = read_json(path).part("config").content, _without_places(config)
+    earlier, now = read_json(path, RunMetrics).config, _without_places(config)
     for key in RECIPE:
         before, after = _flat(_entry(earlier, key), key), _flat(_entry(now, key), key)
         for name in sorted(before.keys() & after.keys()):

@@ -13,11 +13,11 @@ from sci_lightning.errors import BadInput
 from sci_lightning.runs.provenance import Provenance
 from sci_lightning.studies.tables.rows.plan import TableRow
 from sci_lightning.studies.tables.rows.row_results import check_recipe, is_kept, keep, kept_files
-from tests.files.schemas.validation import check
+from tests.files.formats import check
 from tests.studies.tables.conftest import Made
 
 ROW = TableRow("table2", "rbw_osr", 1, "e2e_cnn", 2, ("rbw_sr",))
-ORIGIN = Provenance("an abacus", "2026-11-22", "0123abcd", "smoke", "2")
+ORIGIN = Provenance(machine="an abacus", date="2026-11-22", commit="0123abcd", scale="smoke", seeds="2")
 SMOKE = ["row_scale=smoke", "only=[rbw_osr_1bit_e2e_cnn]", "seeds=1", "workers=1", "results=kept"]
 QUICK = 'overrides="metrics.qscore=null data.scenes_count=1 logger=none decoder.channels=4"'
 
