@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import torch
 
 from sci_lightning.captures.slot_order import better_order
-from sci_lightning.files.grey import BAYER
+from sci_lightning.files.tiff_file import BAYER
 from sci_lightning.operator import SnapshotOperator
 
 BLOCK = 8

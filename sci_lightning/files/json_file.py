@@ -41,7 +41,7 @@ class JsonObject(BaseModel):
 
     def as_json(self) -> dict[str, Any]:
         """Return what the file holds: the keys that were given, in the order of the class."""
-        return self.model_dump(exclude_unset=True)
+        return self.model_dump(exclude_unset=True, by_alias=True)
 
 
 class JsonFile(JsonObject):

@@ -12,10 +12,9 @@ import numpy as np
 
 from sci_lightning.errors import BadInput, InputWarning
 from sci_lightning.files.array_file import ENDINGS, read_array, time_first
-from sci_lightning.files.grey import grey_of_colours
 from sci_lightning.files.memory_bound import check_memory
 from sci_lightning.files.packed_file import RawLayout, read_raw
-from sci_lightning.files.tiff_file import read_tiff
+from sci_lightning.files.tiff_file import grey_of_colours, read_tiff
 
 PICTURES = (".png", ".tif", ".tiff", ".bmp", ".pgm", ".jpg", ".jpeg")
 """In the order in which one kind is chosen where a folder holds the same pictures in several."""

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from sci_lightning.errors import BadInput, InputWarning
-from sci_lightning.files.grey import BAYER, grey_of_colours
 from sci_lightning.files.memory_bound import (
     LARGEST_RATIO,
     SMALL,
@@ -41,6 +40,11 @@ REDUCED, TRANSPARENCY = 1, 4
 
 WHOLE_BYTES = (1, 8, 16, 32, 64)
 """Bits of a sample that tifffile reads by itself."""
+
+BAYER = (
+    "a mosaic of colour filters (Bayer), which is decoded as if it were grey: take one colour's pixels of snapshot and "
+    "mask, such as y[0::2, 0::2] and mask[:, 0::2, 0::2], and decode the four one by one"
+)
 
 
 def read_tiff(path: Path) -> np.ndarray:
@@ -142,6 +146,27 @@ def _grey(path: Path, picture: np.ndarray, axes: str, page: Any) -> np.ndarray:
         raise BadInput(f"one grey channel with black as 0 is expected, this picture is {page.shape} ({kind})")
     sides = picture.shape[-2:]
     return picture.reshape(sides) if picture.size == sides[0] * sides[1] else picture.reshape(-1, *sides)
+
+
+def grey_of_colours(colours: np.ndarray, kind: str) -> np.ndarray:
+    """Return the one channel of a picture whose colours are equal, as grey cameras' software writes them.
+
+    Args:
+        colours: ``(..., S)`` of 1 to 4 samples a pixel; of 2 and 4 the last one may be an even opacity, which is left.
+        kind: of the picture, for the message.
+
+    Raises:
+        BadInput: the colours differ, or there are more.
+    """
+    samples = colours.shape[-1]
+    if samples in (2, 4) and (colours[..., -1] == colours.flat[samples - 1]).all():
+        colours = colours[..., :-1]
+    if samples > 4 or not (colours == colours[..., :1]).all():
+        raise BadInput(
+            f"one grey channel is expected, this picture is {kind} of {samples} channels that differ; save the "
+            "camera's raw grey values, or one channel"
+        )
+    return colours[..., 0]
 
 
 def _without_thumbnails(pages: Iterable[Any]) -> list[Any]:

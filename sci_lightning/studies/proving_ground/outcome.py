@@ -33,7 +33,7 @@ class CaseRecord(JsonFile):
     )
     formulation: Literal["overlap", "rays"] = says("of the virtual camera", default="overlap")
     captures: str = says("which set of captures was taken")
-    told: list[str] = says("effects that the case asks to be hidden", default=[])
+    asked: list[str] = says("effects that the case asks to be hidden", default=[], alias="told")
     seed: int = says("of patterns, scenes, parameters and noise", default=0)
     command: str = says("that makes the same captures again", default="")
     sci_lightning: str = says("version of the program", default="")
@@ -73,7 +73,7 @@ class Outcome(CaseRecord):
     )
     log_likelihood_gain: float = says("of all hidden effects together, nats", default=0)
     verdict: Verdict
-    found: list[NamedEffect] = says("effects that the diagnosis named, in the order of the light")
+    named: list[NamedEffect] = says("by the diagnosis, in the order of the light", alias="found")
     unnamed: list[Unnamed] = says("deviations that no name explains")
     bad_captures: list[int] = says("that the diagnosis left out because they contradict the others", default=[])
     gap: Gaps
@@ -127,12 +127,12 @@ class Outcome(CaseRecord):
     def answers(self) -> tuple[str, ...]:
         """Everything that the diagnosis reports: names, ``unnamed:<stage>``, and whether it left captures out."""
         left_out = (LEFT_OUT,) if self.bad_captures else ()
-        return (*(effect.name for effect in self.found), *self.unnamed_stages, *left_out)
+        return (*(effect.name for effect in self.named), *self.unnamed_stages, *left_out)
 
     @property
     def exact(self) -> bool:
         """Whether the diagnosis named the hidden effects and no others, except those that are true as well."""
-        return {effect.name for effect in self.found} - (set(self.also_true) - set(self.hidden_names)) == set(
+        return {effect.name for effect in self.named} - (set(self.also_true) - set(self.hidden_names)) == set(
             self.hidden_names
         )
 
@@ -145,7 +145,7 @@ class Outcome(CaseRecord):
     def wrong_names(self) -> tuple[str, ...]:
         """Names in the diagnosis that are not true, whatever its verdict and whatever it reports beside them."""
         true_names = {*self.hidden_names, *self.also_true}
-        return tuple(effect.name for effect in self.found if effect.name not in true_names)
+        return tuple(effect.name for effect in self.named if effect.name not in true_names)
 
     @property
     def confidently_wrong(self) -> bool:
@@ -156,7 +156,7 @@ class Outcome(CaseRecord):
     def hedged(self) -> bool:
         """Whether every wrong name has a hidden one among its alternatives: the report says that it may be that one."""
         hidden = set(self.hidden_names)
-        return all(set(effect.alternatives) & hidden for effect in self.found if effect.name in self.wrong_names)
+        return all(set(effect.alternatives) & hidden for effect in self.named if effect.name in self.wrong_names)
 
     @property
     def captures_right(self) -> bool:
@@ -204,7 +204,7 @@ class Outcome(CaseRecord):
         """``effect.parameter`` and (estimate - truth) / std of every continuous parameter of rightly named effects."""
         truth = {effect.name: effect.parameters for effect in self.hidden}
         errors = []
-        for effect in self.found:
+        for effect in self.named:
             if effect.name not in truth:
                 continue
             for name, parameter in EFFECTS[effect.name].parameters().items():

@@ -55,7 +55,7 @@ def confusion_figure(outcomes: Sequence[Outcome]) -> Figure:
     hidden = {outcome.hidden_names for outcome in outcomes}
     rows = [name for name in (*VOCABULARY, *OUTSIDE) if (name,) in hidden]
     rows += ["nothing"] if () in hidden else []
-    named = {effect.name for outcome in outcomes for effect in outcome.found}
+    named = {effect.name for outcome in outcomes for effect in outcome.named}
     columns = [*VOCABULARY, *sorted(named - set(VOCABULARY))]
     columns += ["nothing", *(f"unnamed:{stage}" for stage in STAGES), LEFT_OUT]
     share = np.zeros((len(rows), len(columns)))

@@ -20,7 +20,7 @@ class SummaryRow(JsonObject):
     """One figure; of a proportion how many of how many."""
 
     what: str = says("what is measured")
-    found: str = says("the figure, in words")
+    figure: str = says("in words", alias="found")
     target: str = says("what it should be, in words; absent where there is no target", default="")
     met: bool | None = says("whether the figure reaches the target; absent without cases or target", default=None)
     count: int = says("of a proportion: how many of total", ge=0, default=0)

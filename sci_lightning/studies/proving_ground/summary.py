@@ -130,7 +130,7 @@ def with_rays(outcomes: Sequence[Outcome], failures: Sequence[Failure]) -> list[
     hidden = [outcome for suite, _, _ in EXACT_SUITES for outcome in of_suite(outcomes, suite) if visible(outcome)]
     nothing = of_suite(outcomes, "nothing")
     shown = Proportion.of(outcome.verdict not in ("consistent", "explained") for outcome in outcomes)
-    any_name = Proportion.of(bool(outcome.found) for outcome in nothing)
+    any_name = Proportion.of(bool(outcome.named) for outcome in nothing)
     missing = [line for suite, _, _ in EXACT_SUITES for line in failed(failures, suite)]
     rows = [
         wrong_names("rays, nothing hidden: any name but that of its pixels' own PRNU", nothing, 0.05),

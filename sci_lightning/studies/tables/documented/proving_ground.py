@@ -59,7 +59,7 @@ def build(path: str | Path, part: str) -> DocumentedTable:
 
 
 def _line(outcome: Outcome) -> list[str]:
-    named = ", ".join(f"`{effect.name}`" for effect in outcome.found)
+    named = ", ".join(f"`{effect.name}`" for effect in outcome.named)
     unnamed = ", ".join(stage.removeprefix("unnamed:") for stage in outcome.unnamed_stages)
     hidden = ", ".join(f"`{name}`" for name in outcome.hidden_names) or "nothing"
     camera = f"{outcome.mask}, {outcome.bit_depth} bits"
