@@ -20,7 +20,7 @@ from sci_lightning.cli.encoder_file import adopt_encoder_files
 from sci_lightning.cli.failure_line import exit_status, one_line
 from sci_lightning.cli.help import help_text
 from sci_lightning.cli.hydra_callbacks import CommandFailed
-from sci_lightning.cli.settings import settle
+from sci_lightning.cli.settings import complete
 from sci_lightning.cli.stored_run import with_stored_choices
 from sci_lightning.cli.sweep import defer_to_rows, finished_rows, refuse_uncomposed_row
 from sci_lightning.configuration.conf_folder import CONF
@@ -109,7 +109,7 @@ def _job(name: str, task: Task, debug: bool) -> Callable[[DictConfig], Any]:
         try:
             if in_sweep():  # of a single run, before Hydra made its folder
                 refuse_uncomposed_row(settings)
-                composition = settle(composition, name, row=True)
+                composition = complete(composition, name, row=True)
             # processes that this one starts begin with the command line that this one was started with
             with _process_state(words, full_errors=debug), run_folder(cfg.out) if in_folder else nullcontext():
                 return task(composition)

@@ -10,8 +10,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sci_lightning.cli.settings import SETTINGS
-
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
@@ -74,7 +72,7 @@ def help_text(conf: Path, name: str, arguments: Sequence[str] = ()) -> str:
     lines += ["", "Settings, KEY=VALUE on the command line (here: the defaults):", ""]
     lines += [str(setting) for setting in own]
     for default in re.findall(r"^  - (\w+)_defaults\b", text, re.MULTILINE):
-        lines += ["", *map(str, dataclass_settings(default, SETTINGS[default]))]
+        lines += ["", *map(str, dataclass_settings(default, settings_of(name)[default]))]
     for group, value in members:
         settings = [
             s for s in read_settings(_text(conf, group, value)) if "_target_" not in s.key and s.value[:2] != "${"

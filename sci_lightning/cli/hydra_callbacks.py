@@ -13,7 +13,8 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 
 from sci_lightning.cli.composition import from_hydra
-from sci_lightning.cli.settings import SETTINGS, check_settings, settle
+from sci_lightning.cli.settings import Place, complete, settings_of
+from sci_lightning.configuration.arguments import check_value
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.resume import check_nothing_lost
 from sci_lightning.runs.run_folder import is_first_process, lock, make_folder, unlock
@@ -28,7 +29,7 @@ class CommandFailed(BaseException):
 
 
 class CheckBeforeWriting(Callback):
-    """Settle and check the configuration when it is composed; Hydra makes the folder ``out`` only afterwards.
+    """Complete and check the configuration when it is composed; Hydra makes the folder ``out`` only afterwards.
 
     Raises:
         CommandFailed: a setting that is missing, cannot be resolved, or is of another type or out of its range.
@@ -36,17 +37,18 @@ class CheckBeforeWriting(Callback):
 
     def on_run_start(self, config: DictConfig, config_name: str | None = None, **kwargs: Any) -> None:
         try:
-            if missing := [str(key) for key in config if key in SETTINGS and OmegaConf.is_missing(config, key)]:
+            settings = settings_of(str(config_name))
+            if missing := [key for key in settings if OmegaConf.is_missing(config, key)]:
                 raise BadInput(f"give {missing[0]}=..; --help says what it is")
-            settled = settle(from_hydra(config, config.hydra), str(config_name))
+            completed = complete(from_hydra(config, config.hydra), str(config_name))
             with read_write(config.hydra.runtime), open_dict(config.hydra.runtime):
-                config.hydra.runtime.choices = dict(settled.choices)
+                config.hydra.runtime.choices = dict(completed.choices)
         except Exception as error:
             raise CommandFailed from error
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         try:  # every other setting may be one of those that the sweep varies; its runs check themselves
-            check_settings({"out": config.get("out")}, nullable=())
+            check_value("out", config.get("out"), Place)
         except Exception as error:
             raise CommandFailed from error
 

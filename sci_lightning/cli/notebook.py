@@ -13,7 +13,7 @@ from sci_lightning.cli import commands
 from sci_lightning.cli.composition import Composition, built, compose, group_members, plain
 from sci_lightning.cli.encoder_file import adopt_encoder_files
 from sci_lightning.cli.hydra_callbacks import check_folder
-from sci_lightning.cli.settings import settle
+from sci_lightning.cli.settings import complete
 from sci_lightning.cli.stored_run import with_stored_choices
 from sci_lightning.console import PlainConsole, silence_libraries
 from sci_lightning.errors import BadInput
@@ -235,4 +235,4 @@ def _as_overrides(configuration: Iterable[str] | Mapping[str, Any]) -> list[str]
 def _composed(command: str, overrides: Iterable[str]) -> Composition:
     """Compose and check the configuration of a command; ``encoder=`` may be the path of an encoder file."""
     words = with_stored_choices(list(overrides)) if command == "train" else overrides
-    return settle(compose(command, adopt_encoder_files(words)), command)
+    return complete(compose(command, adopt_encoder_files(words)), command)

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from omegaconf import DictConfig, OmegaConf
 
-from sci_lightning.cli.settings import SETTINGS, check_command_settings, check_settings
+from sci_lightning.cli.settings import check_command_settings, settings_of
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.errors import BadInput
 
@@ -24,7 +24,7 @@ def test_every_setting_has_a_type_and_its_default_is_right(
 ) -> None:
     own = OmegaConf.to_container(OmegaConf.load(CONF / f"{command}.yaml"), resolve=False)
     assert isinstance(own, dict)
-    assert set(own) - GROUPS <= set(SETTINGS)
+    assert set(own) - GROUPS <= set(settings_of(command))
     check_command_settings(configuration(command), command)
 
 
@@ -52,18 +52,19 @@ def test_every_setting_has_a_type_and_its_default_is_right(
     ],
 )
 def test_wrong_values(key: str, value: Any, line: str) -> None:
+    command = next(command for command in ("train", "reconstruct", "tables") if key in settings_of(command))
     with pytest.raises(BadInput) as caught:
-        check_settings({key: value}, nullable=())
+        check_command_settings(OmegaConf.create({key: value}), command)
     assert any(part in str(caught.value) for part in line.split("|"))
 
 
 def test_null_where_the_default_is_null() -> None:
-    check_settings({"size": None, "mask": None}, nullable=("size", "mask"))
+    check_command_settings(OmegaConf.create({"size": None, "mask": None}), "reconstruct")
 
 
 def test_a_video_that_no_machine_holds() -> None:
     with pytest.raises(BadInput, match=r"frames=4096 size=\[65536,65536\]: one video takes 65536.0 GiB"):
-        check_settings({"frames": 4096, "size": [65536, 65536]}, nullable=())
+        check_command_settings(OmegaConf.create({"frames": 4096, "size": [65536, 65536]}), "train")
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import torch
 from omegaconf import OmegaConf
 
 from sci_lightning.cli.composition import Composition, compose, plain
-from sci_lightning.cli.settings import settle
+from sci_lightning.cli.settings import complete
 from sci_lightning.cli.stored_run import to_repeat, with_stored_choices
 from sci_lightning.runs.checkpoint_contents import checkpoint_digest
 from tests.cli.test_encoder_file import encoder_file
@@ -200,7 +200,7 @@ def leaves(content: Any) -> Iterator[Any]:
 
 
 def settled(*overrides: str) -> Composition:
-    return settle(compose("train", with_stored_choices(overrides)), "train")
+    return complete(compose("train", with_stored_choices(overrides)), "train")
 
 
 def test_the_folder_of_a_stranger_leads_nowhere_else(refused: Ran, unfinished: Path, tmp_path: Path) -> None:

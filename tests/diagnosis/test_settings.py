@@ -12,9 +12,10 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from omegaconf import OmegaConf
 
 from sci_lightning.captures import read_captures
-from sci_lightning.cli.settings import check_settings
+from sci_lightning.cli.settings import check_command_settings
 from sci_lightning.diagnosis.diagnosis import diagnose
 from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.report.report import describe
@@ -40,7 +41,7 @@ from tests.files.formats import check
 )
 def test_a_wrong_value_is_refused_by_its_key(key: str, value: Any) -> None:
     with pytest.raises(BadInput, match=key):
-        check_settings({key: value}, ())
+        check_command_settings(OmegaConf.create({key: value}), "diagnose")
 
 
 def test_the_command_ends_with_one_line(tmp_path: Path, refused: Callable[..., str]) -> None:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import os
 import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+from annotated_types import Interval
 from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 from rich.progress import Progress, TaskID
@@ -15,6 +18,8 @@ from rich.progress import Progress, TaskID
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, built, compose, group_members, plain
 from sci_lightning.cli.failure_line import one_line
+from sci_lightning.cli.settings import CommandSettings, Count, Kernels, Name, Precision
+from sci_lightning.configuration.bounds import ExistingPath, Frames, NonNegative, Pixels, Repeats, Seed, Size
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
 
@@ -23,6 +28,30 @@ if TYPE_CHECKING:
 
 SETTINGS = ("frames", "tile", "compile", "warm_up", "repeats", "budget", "product", "training")
 """What is handed to the measurement, and written down, as it is."""
+
+
+@dataclass(frozen=True)
+class BenchmarkSettings(CommandSettings):
+    """Types and ranges of ``conf/benchmark.yaml``, which states the defaults and what they mean."""
+
+    ckpt_path: ExistingPath | None
+    trusted: Sequence[Name]
+    reduced: Name | None
+    size: Size | Pixels
+    crop: Size | None
+    frames: Frames
+    seed: Seed
+    tile: Any
+    only: Sequence[Name] | None
+    device: Name
+    precision: Precision
+    training: Annotated[int, Interval(ge=0, le=65536)]
+    compile: bool
+    warm_up: Count
+    repeats: Repeats
+    budget: NonNegative
+    product: Annotated[int, Interval(ge=0, le=65536)]
+    kernels: Kernels
 
 
 def benchmark(composition: Composition) -> None:

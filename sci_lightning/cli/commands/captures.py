@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+from annotated_types import DocInfo, Len
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.command_line import with_keys
 from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.next_command import invocation, nearest, print_next
+from sci_lightning.cli.settings import BitDepth, CommandSettings, Count, NamedOrPath
+from sci_lightning.configuration.bounds import ExistingPath, Frames, NonNegative, Positive, Seed, Size
 from sci_lightning.console import PlainConsole, styled, warn
 from sci_lightning.plain_text import one_printable_line
 
@@ -18,6 +25,51 @@ python -m sci_lightning.captures register PLACE         find where the mirrors l
 python -m sci_lightning.captures info FILE              check a captures file, sum it up and draw its contact sheet
 
 Each takes --help, which lists its settings."""
+
+
+@dataclass(frozen=True)
+class CapturesInfoSettings(CommandSettings):
+    """Types and ranges of ``conf/captures_info.yaml``, which states the defaults and what they mean."""
+
+    captures: ExistingPath
+
+
+@dataclass(frozen=True)
+class CapturesPackSettings(CommandSettings):
+    """Types and ranges of ``conf/captures_pack.yaml``, which states the defaults and what they mean."""
+
+    folder: ExistingPath
+
+
+@dataclass(frozen=True)
+class CapturesPlanSettings(CommandSettings):
+    """Types and ranges of ``conf/captures_plan.yaml``, which states the defaults and what they mean."""
+
+    mask: NamedOrPath | None
+    size: Size
+    frames: Frames
+    field: Size | None
+    seed: Seed
+    bit_depth: BitDepth
+    read_noise_dn: NonNegative | None
+    full_well_e: Positive | None
+    dark: Count
+    long_dark: Count
+    long_exposure: Positive
+    flat: Count
+    all_on: Count
+    all_off: Count
+    target: Count
+
+
+@dataclass(frozen=True)
+class CapturesRegisterSettings(CommandSettings):
+    """Types and ranges of ``conf/captures_register.yaml``, which states the defaults and what they mean."""
+
+    captures: ExistingPath
+    perspective: bool
+    pitch: Annotated[Sequence[Positive], Len(2, 2), DocInfo("two positive numbers [ACROSS,DOWN]")] | None
+    again: bool
 
 
 def plan(composition: Composition) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,20 @@ from omegaconf import open_dict
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, built, compose, plain
+from sci_lightning.cli.settings import CommandSettings
+from sci_lightning.configuration.bounds import ExistingPath, Frames, Seed, Size
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
+
+
+@dataclass(frozen=True)
+class ConvertSettings(CommandSettings):
+    """Types and ranges of ``conf/convert.yaml``, which states the defaults and what they mean."""
+
+    checkpoint: ExistingPath
+    frames: Frames | None
+    size: Size | None
+    seed: Seed
 
 
 def convert(composition: Composition) -> None:

@@ -2,11 +2,35 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any, Literal
+
 from rich.progress import Progress
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
+from sci_lightning.cli.settings import Aperture, BitDepth, CommandSettings, NamedOrPath
+from sci_lightning.configuration.bounds import Bits, Frames, NonNegative, Positive, Repeats, Seed, Share, Size
 from sci_lightning.console import PlainConsole, styled
+
+
+@dataclass(frozen=True)
+class DesignMaskSettings(CommandSettings):
+    """Types and ranges of ``conf/design_mask.yaml``, which states the defaults and what they mean."""
+
+    frames: Frames
+    size: Size
+    kind: Literal["structural", "binary"]
+    bits: Bits
+    density: Share
+    tile: Any
+    steps: Repeats
+    bit_depth: BitDepth
+    read_noise: NonNegative
+    full_well: Positive | None
+    aperture: Aperture | None
+    prior: NamedOrPath | None
+    seed: Seed
 
 
 def design_mask(composition: Composition) -> None:

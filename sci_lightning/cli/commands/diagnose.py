@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import shlex
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from annotated_types import DocInfo
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
+from sci_lightning.cli.settings import BitDepth, CommandSettings, Count, Name, NamedOrPath, Offset
+from sci_lightning.configuration.bounds import ExistingPath, Frames, NonNegative, Positive, Seed, Size, Step
 from sci_lightning.console import PlainConsole, styled
+from sci_lightning.diagnosis.search_settings import SearchSettings
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
@@ -31,6 +36,32 @@ OF_SNAPSHOTS = ("key", "bit_depth", "raw_format", "raw_size", "mask", *OF_MASK)
 """Settings that say how snapshots and masks of separate files are read."""
 FACTS = "snapshots.json"
 """File of what snapshots tell by themselves."""
+
+
+@dataclass(frozen=True)
+class DiagnoseSettings(CommandSettings):
+    """Types and ranges of ``conf/diagnose.yaml``, which states the defaults and what they mean."""
+
+    search: SearchSettings
+    captures: ExistingPath | None
+    measurement: ExistingPath | None
+    key: Name | None
+    raw_format: Name | None
+    raw_size: Size | None
+    bit_depth: BitDepth | None
+    mask: NamedOrPath | None
+    mask_key: Name | None
+    mask_dark: NonNegative | None
+    mask_white: Positive | None
+    mask_step: Step | None
+    mask_origin: Offset | None
+    mask_slots: Frames | None
+    verification: Sequence[Count] | None
+    seed: Seed
+    prior: NamedOrPath | None
+    free_forms: bool
+    candidates: Annotated[Mapping[str, Name], DocInfo("effects of your own, +candidates.mine=my_module.Mine")]
+    leave_out: Sequence[Name]
 
 
 @dataclass(frozen=True)

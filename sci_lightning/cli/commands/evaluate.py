@@ -2,10 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
 from sci_lightning.cli import evaluation
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition
+from sci_lightning.cli.settings import CommandSettings, Count, Kernels, Name, Precision
+from sci_lightning.configuration.bounds import ExistingPath, Frames, Seed, Size
 from sci_lightning.console import PlainConsole, styled
+
+
+@dataclass(frozen=True)
+class EvaluateSettings(CommandSettings):
+    """Types and ranges of ``conf/evaluate.yaml``, which states the defaults and what they mean."""
+
+    ckpt_path: ExistingPath | None
+    captures: ExistingPath | None
+    pictures: Count
+    trusted: Sequence[Name]
+    frames: Frames | None
+    size: Size | None
+    crop: Size | None
+    seed: Seed | None
+    tile: Any
+    precision: Precision
+    kernels: Kernels
 
 
 def evaluate(composition: Composition) -> float:

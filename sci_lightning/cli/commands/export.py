@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, built
+from sci_lightning.cli.settings import CommandSettings, Name, NamedOrPath
+from sci_lightning.configuration.bounds import ExistingPath, Frames, Seed, Size
 from sci_lightning.console import PlainConsole, styled, warn
 from sci_lightning.errors import BadInput
 from sci_lightning.files.atomic_file import check_writable
@@ -19,6 +23,18 @@ if TYPE_CHECKING:
 
 UNTRAINED_FRAMES, UNTRAINED_SIZE = 8, (128, 128)
 """T of the graph and (H, W) of the snapshot that is timed where neither a training nor the user says."""
+
+
+@dataclass(frozen=True)
+class ExportSettings(CommandSettings):
+    """Types and ranges of ``conf/export.yaml``, which states the defaults and what they mean."""
+
+    ckpt_path: ExistingPath | None
+    trusted: Sequence[Name]
+    mask: NamedOrPath
+    frames: Frames | None
+    size: Size | None
+    seed: Seed
 
 
 def export(composition: Composition) -> None:

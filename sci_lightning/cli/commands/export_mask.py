@@ -2,11 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition
+from sci_lightning.cli.settings import CommandSettings, Name
+from sci_lightning.configuration.bounds import ExistingPath, Positive, Repeats, Size
 from sci_lightning.console import PlainConsole, styled
+
+
+@dataclass(frozen=True)
+class ExportMaskSettings(CommandSettings):
+    """Types and ranges of ``conf/export_mask.yaml``, which states the defaults and what they mean."""
+
+    ckpt_path: ExistingPath
+    trusted: Sequence[Name]
+    repeat: Repeats
+    canvas: Size | None
+    frame_rate: Positive
+    binary_rate: Positive
+    gray_rate: Positive
 
 
 def export_mask(composition: Composition) -> None:

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition
+from sci_lightning.cli.settings import CommandSettings
+from sci_lightning.configuration.bounds import Depth, ExistingPath, Frames, Pixels, Positive, Seed, Width
 from sci_lightning.console import PlainConsole
 from sci_lightning.errors import BadInput
 from sci_lightning.files.json_file import JsonObject, read_json, says
@@ -24,6 +27,21 @@ if TYPE_CHECKING:
 FILE = "mask_ranking.json"
 SETTINGS = ("frames", "side", "channels", "blocks", "first_estimate", "seconds", "seed")
 """What all masks of one ranking share."""
+
+
+@dataclass(frozen=True)
+class MaskRankingSettings(CommandSettings):
+    """Types and ranges of ``conf/mask_ranking.yaml``, which states the defaults and what they mean."""
+
+    root: ExistingPath
+    val_root: ExistingPath
+    frames: Frames
+    side: Pixels
+    channels: Width
+    blocks: Depth
+    first_estimate: Literal["published", "linear"]
+    seconds: Positive
+    seed: Seed
 
 
 class RankedMask(JsonObject):

@@ -4,20 +4,51 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+from annotated_types import DocInfo, MinLen
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, built, compose, plain
+from sci_lightning.cli.settings import Aperture, BitDepth, CommandSettings, Count, Name, NamedOrPath, Place
+from sci_lightning.configuration.bounds import Frames, NonNegative, Positive, Repeats, Seed, Size
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
 
 if TYPE_CHECKING:  # --help answers without torch
     from sci_lightning.decoder import Decoder
+
+
+@dataclass(frozen=True)
+class MismatchSettings(CommandSettings):
+    """Types and ranges of ``conf/mismatch.yaml``, which states the defaults and what they mean."""
+
+    decoders: Annotated[Sequence[Name], MinLen(1)] | None
+    weights: Mapping[str, Place]
+    trusted: Sequence[Name]
+    cameras: Sequence[Name]
+    scenarios: Sequence[Literal["ideal", "ideal_noisy", "mismatched", "known", "calibrated", "blind"]]
+    drawn: Count
+    mismatch: Annotated[Mapping[str, Any], DocInfo("effects with their parameters, mismatch.gain.factor=1.05")]
+    ranges: Annotated[Mapping[str, Any], DocInfo("effects with ranges, 'ranges.gain.factor=[0.5,1.5]'")]
+    mask: NamedOrPath | None
+    size: Size
+    crop: Size
+    middle: Size | None
+    frames: Frames
+    seed: Seed
+    bit_depth: BitDepth
+    full_well_e: Positive
+    read_noise_dn: NonNegative
+    aperture: Aperture | None
+    calibration: Annotated[Mapping[str, Any], DocInfo("numbers of captures by kind, calibration.dark=4")]
+    snapshots: Repeats
+    device: Name
 
 
 def mismatch(composition: Composition) -> None:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import yaml
+from annotated_types import DocInfo
 from rich.table import Table
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, compose, plain
+from sci_lightning.cli.settings import CommandSettings
+from sci_lightning.configuration.bounds import Repeats
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
 
@@ -19,6 +23,16 @@ if TYPE_CHECKING:  # --help answers without torch
 
 MEAN = "mean_measurement"
 """What records call the decoder whose estimate has the mean measurement in every frame."""
+
+
+@dataclass(frozen=True)
+class MismatchFinetuningSettings(CommandSettings):
+    """Types and ranges of ``conf/mismatch_finetuning.yaml``, which states the defaults and what they mean."""
+
+    overrides: Annotated[str, DocInfo("overrides of every training, as one text")]
+    protocol: Annotated[str, DocInfo("overrides of the protocol, as one text")]
+    recipe: Annotated[str, DocInfo("overrides of every fine-tuning, as one text")]
+    seeds: Repeats
 
 
 def mismatch_finetuning(composition: Composition) -> None:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
+from sci_lightning.cli.settings import BitDepth, CommandSettings, Name, Workers
+from sci_lightning.configuration.bounds import Frames, Repeats, Size
 from sci_lightning.console import PlainConsole, styled
 
 if TYPE_CHECKING:  # --help answers without torch
@@ -20,6 +24,25 @@ PLANNED = ("suites", "seeds", "cases", "effects", "size", "slots", "masks", "bit
 """Keys of the configuration that :func:`~.plan.plan` takes."""
 PLACES = ("out", "workers", "threads", "run", "debug")
 """Keys that say where and how cases are run, not which ones."""
+
+
+@dataclass(frozen=True)
+class ProvingGroundSettings(CommandSettings):
+    """Types and ranges of ``conf/proving_ground.yaml``, which states the defaults and what they mean."""
+
+    suites: Sequence[Name]
+    seeds: Repeats
+    cases: Repeats | None
+    effects: Any
+    size: Size
+    slots: Sequence[Frames]
+    masks: Sequence[Name]
+    bit_depths: Sequence[BitDepth]
+    datasheets: Sequence[Name]
+    formulations: Sequence[Name]
+    workers: Workers
+    threads: Repeats
+    run: bool
 
 
 def proving_ground(composition: Composition) -> None:

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Any
 
+from annotated_types import Interval
 from rich.progress import Progress
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, group_members, plain
+from sci_lightning.cli.settings import Aperture, CommandSettings, Kernels, Name, NamedOrPath, Offset, Precision
+from sci_lightning.configuration.bounds import ExistingPath, Frames, NonNegative, Positive, Seed, Size, Step
 from sci_lightning.console import PlainConsole, styled, warn
 
 SETTINGS = (
@@ -19,6 +25,35 @@ SETTINGS = (
 
 LINE_SECONDS = 15.0
 """Where the output is no terminal, a line says at least that often how far it is."""
+
+
+@dataclass(frozen=True)
+class ReconstructSettings(CommandSettings):
+    """Types and ranges of ``conf/reconstruct.yaml``, which states the defaults and what they mean."""
+
+    ckpt_path: ExistingPath | None
+    trusted: Sequence[Name]
+    measurement: ExistingPath
+    key: Name | None
+    raw_format: Name | None
+    raw_size: Size | None
+    mask: NamedOrPath | None
+    mask_key: Name | None
+    mask_dark: NonNegative | None
+    mask_white: Positive | None
+    mask_step: Step | None
+    mask_origin: Offset | None
+    mask_slots: Frames | None
+    full_scale: Positive | None
+    aperture: Aperture | None
+    frames: Frames | None
+    size: Size | None
+    seed: Seed | None
+    fps: Annotated[float, Interval(ge=0.1, le=50)]
+    tile: Any
+    device: Name
+    precision: Precision
+    kernels: Kernels
 
 
 def reconstruct(composition: Composition) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.table import Table
@@ -11,6 +12,8 @@ from sci_lightning.cli.command import run
 from sci_lightning.cli.command_line import with_keys
 from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.next_command import invocation, print_next
+from sci_lightning.cli.settings import CommandSettings
+from sci_lightning.configuration.bounds import ExistingPath
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.files.json_file import read_json
 from sci_lightning.virtual_camera.comparison import Estimate, compare, verdict
@@ -19,6 +22,14 @@ from sci_lightning.virtual_camera.reveal_files import read_report
 from sci_lightning.virtual_camera.truth import Truth
 
 GOOD_ANSWERS = ("within 95 %", "right", "true as well")
+
+
+@dataclass(frozen=True)
+class RevealSettings(CommandSettings):
+    """Types and ranges of ``conf/reveal.yaml``, which states the defaults and what they mean."""
+
+    truth: ExistingPath
+    report: ExistingPath
 
 
 def reveal(composition: Composition) -> None:

@@ -3,13 +3,28 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.paper_tables import make_tables
+from sci_lightning.cli.settings import CommandSettings, Count, Place
+from sci_lightning.configuration.bounds import ExistingPath, Positive
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.plain_text import one_printable_line
+
+
+@dataclass(frozen=True)
+class TablesSettings(CommandSettings):
+    """Types and ranges of ``conf/tables.yaml``, which states the defaults and what they mean."""
+
+    runs: ExistingPath | Sequence[ExistingPath] | None
+    documentation: Place | None
+    mosaic: Count
+    dashboard: bool
+    sensor: Mapping[str, Positive | None]
 
 
 def tables(composition: Composition) -> None:

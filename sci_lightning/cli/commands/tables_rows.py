@@ -6,14 +6,36 @@ import json
 import os
 import shlex
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
+from typing import Annotated
+
+from annotated_types import DocInfo
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, compose, plain
+from sci_lightning.cli.settings import CommandSettings, FolderName, Name, Place, Workers
+from sci_lightning.configuration.bounds import Positive, Repeats
 from sci_lightning.console import PlainConsole
 from sci_lightning.errors import BadInput, MachineFailure
+
+
+@dataclass(frozen=True)
+class TablesRowsSettings(CommandSettings):
+    """Types and ranges of ``conf/tables_rows.yaml``, which states the defaults and what they mean."""
+
+    row_scale: Name
+    core_minutes: Positive | None
+    steps: Repeats | None
+    seeds: Repeats
+    other_seeds: Repeats
+    only: Sequence[Name] | None
+    workers: Workers | None
+    overrides: Annotated[str, DocInfo("overrides of every training, as one text")] | None
+    label: FolderName | None
+    results: Place
 
 
 def tables_rows(composition: Composition) -> None:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 from omegaconf import OmegaConf
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
+from sci_lightning.cli.settings import CommandSettings, Kernels, Name, Precision, Workers
 from sci_lightning.cli.stored_run import to_repeat
+from sci_lightning.configuration.bounds import Bits, ExistingPath, Frames, Positive, Repeats, Seed, Size
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import INTERRUPTED, BadInput
 from sci_lightning.runs.run_folder import is_first_process, undo_if_refused
@@ -18,6 +22,33 @@ from sci_lightning.training.stop_signal import Stopped, StopSignal, lost_process
 
 if TYPE_CHECKING:
     from sci_lightning.training.run import Run
+
+
+@dataclass(frozen=True)
+class TrainSettings(CommandSettings):
+    """Types and ranges of ``conf/train.yaml``, which states the defaults and what they mean."""
+
+    frames: Frames
+    size: Size
+    crop: Size
+    batch_size: Repeats
+    workers: Workers
+    core_minutes: Positive | None
+    mask_tile: Size | None
+    mask_bits: Bits
+    mask_sharpness: Positive
+    mask_start: Literal["published", "designed"]
+    seed: Seed
+    dry_run: bool
+    resume: bool
+    test_encoders: Mapping[str, Any]
+    ckpt_path: ExistingPath | None
+    finetune: bool
+    trusted: Sequence[Name]
+    precision: Precision
+    initialisation: Literal["layers", "unit_variance"]
+    kernels: Kernels
+    scale: Name
 
 
 def train(composition: Composition) -> float | None:

@@ -2,12 +2,47 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from typing import Any
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
+from sci_lightning.cli.settings import Aperture, BitDepth, CommandSettings, Count, Name, NamedOrPath
+from sci_lightning.configuration.bounds import Bits, Frames, NonNegative, Positive, Repeats, Seed, Size
 from sci_lightning.console import PlainConsole, styled
+
+
+@dataclass(frozen=True)
+class VirtualCameraSettings(CommandSettings):
+    """Types and ranges of ``conf/virtual_camera.yaml``, which states the defaults and what they mean."""
+
+    seed: Seed
+    effects: Any
+    number: Count
+    magnitude: Name
+    size: Size
+    frames: Frames
+    bit_depth: BitDepth
+    mask: NamedOrPath
+    bits: Bits
+    dark: Count
+    flat: Count
+    all_on: Count
+    all_off: Count
+    pattern: Count | None
+    static: Count
+    dynamic: Count
+    unknown: Count
+    aperture: Aperture
+    dark_exposures: Sequence[Positive]
+    full_well_e: Positive
+    read_noise_dn: NonNegative
+    datasheet: bool
+    oversampling: Repeats
+    datasheet_factor: Positive
+    formulation: Name
+    surround: Name
 
 
 def virtual_camera(composition: Composition) -> None:

@@ -15,7 +15,7 @@ from sci_lightning.cli.commands.mismatch_finetuning import mismatch_finetuning
 from sci_lightning.cli.composition import compose
 from sci_lightning.cli.encoder_file import adopt_encoder_files
 from sci_lightning.cli.notebook import train
-from sci_lightning.cli.settings import settle
+from sci_lightning.cli.settings import complete
 from sci_lightning.cli.stored_run import with_stored_choices
 from sci_lightning.errors import BadInput
 from tests.cli.test_encoder_file import _store, encoder_file
@@ -94,7 +94,7 @@ def test_the_configuration_of_a_fine_tuning(tmp_path: Path) -> None:
     path = train([*words, f"out={tmp_path}/RUN"]).checkpoint
     found = encoder_file(tmp_path / "FOUND")
     given = [f"ckpt_path={path}", f"encoder={found}", "experiment=finetune", "batch_size=1"]
-    config = settle(compose("train", adopt_encoder_files(with_stored_choices(given))), "train").cfg
+    config = complete(compose("train", adopt_encoder_files(with_stored_choices(given))), "train").cfg
     assert (config.crop, config.size, config.decoder.channels, config.batch_size) == ([16, 16], [32, 32], 8, 1)
     assert config.encoder.mask._target_.endswith("Measured") and "RUN" not in config.out
     assert (config.trainer.max_epochs, config.trainer.accelerator, config.system.lr) == (2, "cpu", 3e-4)
