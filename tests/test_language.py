@@ -25,7 +25,7 @@ DIALECT = {
     "held": "held-out",
     "lever": "leverage",
     "worth": "gain",
-    "complete": "prune, converge",
+    "settle": "prune, converge",
     "leftover": "remaining misfit",
     "likeliest": "most likely",
     "whole_file": "atomic_write",

@@ -10,6 +10,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sci_lightning.cli.settings import settings_of
+
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
