@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from sci_lightning.virtual_camera.hardware.parameter import Value
+from sci_lightning.virtual_camera.hardware.effect import Value
 from sci_lightning.virtual_camera.truth import HiddenEffect
 
 

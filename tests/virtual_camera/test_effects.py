@@ -9,7 +9,7 @@ import pytest
 
 from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY
 from sci_lightning.virtual_camera.hardware.camera import Camera
-from sci_lightning.virtual_camera.stream import stream
+from sci_lightning.virtual_camera.random_numbers import stream
 from tests.virtual_camera.conftest import SMALL, Signal, one_capture
 
 STAGES = ("capture", "scene", "modulator", "relay", "exposure", "optics", "sensor")

@@ -11,8 +11,7 @@ import pytest
 from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera import Session, VirtualCamera, choose_effects
 from sci_lightning.virtual_camera.hardware.camera import Camera
-from sci_lightning.virtual_camera.rays.imperfections import FAULTLESS, Imperfections
-from sci_lightning.virtual_camera.rays.ray_camera import RayCamera
+from sci_lightning.virtual_camera.rays.ray_camera import FAULTLESS, Imperfections, RayCamera
 from tests.virtual_camera.conftest import one_capture
 
 SESSION = Session(size=(20, 16), frames=4, mask="binary", dark=0, flat=1, all_on=1, all_off=1, static=1, dynamic=1)

@@ -17,7 +17,7 @@ from sci_lightning.configuration.bounds import ExistingPath
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.files.json_file import read_json
 from sci_lightning.virtual_camera.comparison import Estimate, compare, verdict
-from sci_lightning.virtual_camera.hardware.parameter import Value
+from sci_lightning.virtual_camera.hardware.effect import Value
 from sci_lightning.virtual_camera.reveal_files import read_report
 from sci_lightning.virtual_camera.truth import Truth
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera import EFFECTS
-from sci_lightning.virtual_camera.hardware.parameter import Value
-from sci_lightning.virtual_camera.stream import stream
+from sci_lightning.virtual_camera.hardware.effect import Value
+from sci_lightning.virtual_camera.random_numbers import stream
 
 Mismatch = Mapping[str, Mapping[str, Value]]
 """Values of the parameters by effect: what a camera has and its model has not."""

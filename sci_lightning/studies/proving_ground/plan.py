@@ -12,7 +12,7 @@ import numpy as np
 from sci_lightning.errors import BadInput
 from sci_lightning.studies.proving_ground.case import DATASHEETS, Case
 from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY, Session
-from sci_lightning.virtual_camera.stream import stream
+from sci_lightning.virtual_camera.random_numbers import stream
 
 SUITES = ("single", "weak", "pair", "triple", "nothing", "outside", "fewer")
 CASES_OF_NOTHING = 12

@@ -8,18 +8,17 @@ from typing import TypeVar
 
 import numpy as np
 
-from sci_lightning.virtual_camera.acquisition import Acquisition
 from sci_lightning.virtual_camera.hardware.converter import BitDepth, ReadNoise, ShotNoise
 from sci_lightning.virtual_camera.hardware.effect import Effect
 from sci_lightning.virtual_camera.hardware.exposure import ExposureEffect, Timing
+from sci_lightning.virtual_camera.hardware.laboratory import TargetEffect
 from sci_lightning.virtual_camera.hardware.modulator import ModulatorEffect
 from sci_lightning.virtual_camera.hardware.optics import Image, OpticsEffect
 from sci_lightning.virtual_camera.hardware.relay import Relay, RelayEffect
 from sci_lightning.virtual_camera.hardware.sensor import Readout, SensorEffect
-from sci_lightning.virtual_camera.hardware.target import TargetEffect
 from sci_lightning.virtual_camera.hardware.vocabulary import EFFECTS
-from sci_lightning.virtual_camera.session import Session
-from sci_lightning.virtual_camera.stream import stream
+from sci_lightning.virtual_camera.random_numbers import stream
+from sci_lightning.virtual_camera.session import Acquisition, Session
 
 S = TypeVar("S", bound=Effect)
 

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from sci_lightning.errors import BadInput
-from sci_lightning.virtual_camera.hardware.effect import Effect
-from sci_lightning.virtual_camera.hardware.parameter import parameter
-from sci_lightning.virtual_camera.stream import stream
+from sci_lightning.virtual_camera.hardware.effect import Effect, parameter
+from sci_lightning.virtual_camera.random_numbers import stream
 
 if TYPE_CHECKING:
     from sci_lightning.virtual_camera.session import Session

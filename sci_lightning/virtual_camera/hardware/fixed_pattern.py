@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sci_lightning.errors import BadInput
-from sci_lightning.virtual_camera.hardware.parameter import parameter
-from sci_lightning.virtual_camera.hardware.random_maps import dust_spots, standard_normal
+from sci_lightning.virtual_camera.hardware.effect import parameter
 from sci_lightning.virtual_camera.hardware.sensor import Readout, SensorEffect
+from sci_lightning.virtual_camera.random_numbers import dust_spots, standard_normal
 
 if TYPE_CHECKING:
     from sci_lightning.virtual_camera.session import Session

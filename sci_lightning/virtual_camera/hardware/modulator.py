@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from sci_lightning.errors import BadInput
-from sci_lightning.virtual_camera.hardware.effect import Effect
+from sci_lightning.virtual_camera.hardware.effect import Effect, Maps, choice, parameter
 from sci_lightning.virtual_camera.hardware.overlap import overlap
-from sci_lightning.virtual_camera.hardware.parameter import choice, parameter
-from sci_lightning.virtual_camera.hardware.random_maps import dust_spots
+from sci_lightning.virtual_camera.random_numbers import dust_spots
 
 if TYPE_CHECKING:
-    from sci_lightning.virtual_camera.acquisition import Acquisition
-    from sci_lightning.virtual_camera.session import Session
+    from sci_lightning.virtual_camera.session import Acquisition, Session
 
 
 @dataclass(frozen=True)
@@ -25,7 +22,7 @@ class ModulatorEffect(Effect):
 
     stage: ClassVar[str] = "modulator"
 
-    def display(self, patterns: np.ndarray, fixed_maps: Mapping[str, np.ndarray]) -> np.ndarray:
+    def display(self, patterns: np.ndarray, fixed_maps: Maps) -> np.ndarray:
         """Return the transmittance of every pattern as it is displayed.
 
         Args:
@@ -97,7 +94,7 @@ class MaskOrientation(ModulatorEffect):
                 f"mask_orientation.operation {self.operation} needs square masks, the size is {session.size}"
             )
 
-    def display(self, patterns: np.ndarray, fixed_maps: Mapping[str, np.ndarray]) -> np.ndarray:
+    def display(self, patterns: np.ndarray, fixed_maps: Maps) -> np.ndarray:
         height, width = patterns.shape[1:]
         place = np.indices((height, width)) * 2 - np.array([height - 1, width - 1])[:, None, None]
         turned = np.einsum("ij,jyx->iyx", self.MIRROR[self.operation], place)
@@ -119,7 +116,7 @@ class MaskLevelGamma(ModulatorEffect):
     def is_visible_in(cls, session: Session) -> bool:
         return not session.is_binary
 
-    def display(self, patterns: np.ndarray, fixed_maps: Mapping[str, np.ndarray]) -> np.ndarray:
+    def display(self, patterns: np.ndarray, fixed_maps: Maps) -> np.ndarray:
         return patterns**self.gamma
 
 
@@ -130,7 +127,7 @@ class MaskContrast(ModulatorEffect):
     name = "mask_contrast"
     leak: float = parameter("1", 0, 1, (0.02, 0.15), neutral=0.0)
 
-    def display(self, patterns: np.ndarray, fixed_maps: Mapping[str, np.ndarray]) -> np.ndarray:
+    def display(self, patterns: np.ndarray, fixed_maps: Maps) -> np.ndarray:
         on = patterns  # the part of the slot during which a mirror is on; off, it leaks
         return on * 1.0 + (1 - on) * self.leak
 
@@ -186,7 +183,7 @@ class SwappedPatterns(ModulatorEffect):
         if max(self.first, self.second) >= session.frames:
             raise BadInput(f"swapped_patterns: the coding patterns are 0 to {session.frames - 1}")
 
-    def display(self, patterns: np.ndarray, fixed_maps: Mapping[str, np.ndarray]) -> np.ndarray:
+    def display(self, patterns: np.ndarray, fixed_maps: Maps) -> np.ndarray:
         order = np.arange(len(patterns))
         order[[self.first, self.second]] = self.second, self.first
         return patterns[order]
@@ -206,7 +203,7 @@ class StuckMirrors(ModulatorEffect):
         stuck.flat[chosen] = random.integers(0, 2, len(chosen))
         return stuck
 
-    def display(self, patterns: np.ndarray, fixed_maps: Mapping[str, np.ndarray]) -> np.ndarray:
+    def display(self, patterns: np.ndarray, fixed_maps: Maps) -> np.ndarray:
         stuck = fixed_maps[self.name]
         return np.where(stuck < 0, patterns, stuck)
 
@@ -227,7 +224,7 @@ class ModulatorDust(ModulatorEffect):
         """Return the transmittance (H, W) of the window."""
         return 1 - self.depth * dust_spots(random, size, self.count, self.radius)
 
-    def display(self, patterns: np.ndarray, fixed_maps: Mapping[str, np.ndarray]) -> np.ndarray:
+    def display(self, patterns: np.ndarray, fixed_maps: Maps) -> np.ndarray:
         return patterns * fixed_maps[self.name]
 
 

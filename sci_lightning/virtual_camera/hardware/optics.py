@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from sci_lightning.virtual_camera.hardware.effect import Effect
+from sci_lightning.virtual_camera.hardware.effect import Effect, Maps, choice, parameter
 from sci_lightning.virtual_camera.hardware.overlap import overlap, with_surround
-from sci_lightning.virtual_camera.hardware.parameter import choice, parameter
 
 if TYPE_CHECKING:
     from sci_lightning.virtual_camera.session import Session
@@ -67,9 +65,7 @@ class OpticsEffect(Effect):
         """Return the images with this fault."""
         return images
 
-    def change_irradiance(
-        self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Mapping[str, np.ndarray]
-    ) -> np.ndarray:
+    def change_irradiance(self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Maps) -> np.ndarray:
         """Return the irradiance (N, H, W) of the pixels with this fault.
 
         Args:
@@ -133,9 +129,7 @@ class Vignetting(OpticsEffect):
     name = "vignetting"
     strength: float = parameter("1", 0, 1, (0.08, 0.4), neutral=0.0)
 
-    def change_irradiance(
-        self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Mapping[str, np.ndarray]
-    ) -> np.ndarray:
+    def change_irradiance(self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Maps) -> np.ndarray:
         y, x = (np.arange(length) - (length - 1) / 2 for length in light.shape[1:])
         return light * (1 - self.strength * np.add.outer(y**2, x**2) / (y[-1] ** 2 + x[-1] ** 2))
 
@@ -163,9 +157,7 @@ class Illumination(OpticsEffect):
             field += random.uniform(0.3, 1) * np.outer(down, across)
         return np.maximum(1 + self.std * (field - field.mean()) / field.std(), 0)
 
-    def change_irradiance(
-        self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Mapping[str, np.ndarray]
-    ) -> np.ndarray:
+    def change_irradiance(self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Maps) -> np.ndarray:
         return light * fixed_maps[self.name]
 
 
@@ -176,9 +168,7 @@ class VeilingGlare(OpticsEffect):
     name = "veiling_glare"
     fraction: float = parameter("1", 0, 1, (0.03, 0.2), neutral=0.0)
 
-    def change_irradiance(
-        self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Mapping[str, np.ndarray]
-    ) -> np.ndarray:
+    def change_irradiance(self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Maps) -> np.ndarray:
         stray = self.fraction * light
         return light - stray + stray.mean((1, 2), keepdims=True)
 
@@ -197,9 +187,7 @@ class Flare(OpticsEffect):
     y: float = parameter("image side", 0, 1, (0.2, 0.8), neutral=0.5, magnitude=False)
     radius: float = parameter("image side", 0.02, 2, (0.08, 0.2), neutral=0.1, magnitude=False)
 
-    def change_irradiance(
-        self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Mapping[str, np.ndarray]
-    ) -> np.ndarray:
+    def change_irradiance(self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Maps) -> np.ndarray:
         down, across = (
             np.exp(-0.5 * (((np.arange(length) + 0.5) / length - centre) / self.radius) ** 2)
             for length, centre in zip(light.shape[1:], (self.y, self.x), strict=True)
@@ -221,9 +209,7 @@ class LightLeak(OpticsEffect):
     reach: float = parameter("image side", 0.01, 10, (0.1, 0.4), neutral=0.2, magnitude=False)
     edge: str = choice("top", "bottom", "left", "right", neutral="top")
 
-    def change_irradiance(
-        self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Mapping[str, np.ndarray]
-    ) -> np.ndarray:
+    def change_irradiance(self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Maps) -> np.ndarray:
         axis = 0 if self.edge in ("top", "bottom") else 1
         length = light.shape[1 + axis]
         depth = (np.arange(length) + 0.5) / length
@@ -254,9 +240,7 @@ class DoorLeak(OpticsEffect):
     def captures(self) -> tuple[int, ...]:
         return tuple(range(self.first, self.first + self.count))
 
-    def change_irradiance(
-        self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Mapping[str, np.ndarray]
-    ) -> np.ndarray:
+    def change_irradiance(self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Maps) -> np.ndarray:
         width = light.shape[2]
         open_door = np.isin(np.arange(len(light)), self.captures)
         return light + self.strength * open_door[:, None, None] * (1 - (np.arange(width) + 0.5) / width)
@@ -274,9 +258,7 @@ class EtalonFringes(OpticsEffect):
     period: float = parameter("pixel", 2, 65536, (6, 24), neutral=12.0, magnitude=False)
     angle: float = parameter("degree", -180, 180, (-90, 90), neutral=0.0, magnitude=False)
 
-    def change_irradiance(
-        self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Mapping[str, np.ndarray]
-    ) -> np.ndarray:
+    def change_irradiance(self, light: np.ndarray, exposure: np.ndarray, fixed_maps: Maps) -> np.ndarray:
         row, column = np.ogrid[: light.shape[1], : light.shape[2]]
         direction = np.deg2rad(self.angle)
         turns = (column * np.cos(direction) + row * np.sin(direction)) / self.period

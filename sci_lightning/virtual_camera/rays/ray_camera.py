@@ -1,15 +1,18 @@
-"""The camera of an imperfect set-up: light sampled by rays and instants, in front of a sensor with photon transfer."""
+"""The camera of an imperfect set-up: light sampled by rays and instants, in front of a sensor with photon transfer.
+
+The sensor follows EMVA Standard 1288, release 4.0: characterization of image sensors and cameras.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 from scipy.sparse import csr_matrix
 
-from sci_lightning.virtual_camera.acquisition import Acquisition
 from sci_lightning.virtual_camera.hardware.camera import Camera
 from sci_lightning.virtual_camera.hardware.converter import ReadNoise, ShotNoise
 from sci_lightning.virtual_camera.hardware.effect import Effect
@@ -19,12 +22,90 @@ from sci_lightning.virtual_camera.hardware.modulator import MaskLag, PatternOrde
 from sci_lightning.virtual_camera.hardware.optics import Image, OpticsEffect
 from sci_lightning.virtual_camera.hardware.relay import Relay, RelayEffect
 from sci_lightning.virtual_camera.hardware.sensor import Readout, SensorEffect
-from sci_lightning.virtual_camera.rays.imperfections import Imperfections
-from sci_lightning.virtual_camera.rays.instants import settled, slot_shares
-from sci_lightning.virtual_camera.rays.photon_transfer import PhotonTransfer, blotchy
-from sci_lightning.virtual_camera.rays.tracing import gathered, landing, through_the_relay
-from sci_lightning.virtual_camera.session import BEYOND, Session
-from sci_lightning.virtual_camera.stream import stream
+from sci_lightning.virtual_camera.random_numbers import stream
+from sci_lightning.virtual_camera.rays.tracing import gathered, landing, settled, slot_shares, through_the_relay
+from sci_lightning.virtual_camera.session import BEYOND, Acquisition, Session
+
+
+@dataclass(frozen=True)
+class Imperfections:
+    """What is never quite right, in any camera that has been built.
+
+    Attributes:
+        fill_factor: part of a mirror's cell that reflects; the rest is a dark gap around it.
+        exposure_jitter: relative standard deviation of the light of a capture.
+        print_error: relative standard deviation of a printed target's reflectance from what the file says.
+        prnu: relative standard deviation of the pixels' responses (EMVA 1288 PRNU), half of its variance in blotches.
+        dsnu_e: standard deviation of the pixels' offsets (EMVA 1288 DSNU), electrons; half of its variance in blotches.
+        dark_current_e: electrons that gather in the dark during the nominal exposure. The black clamp takes their mean
+            away, but not their shot noise; the data sheet's read noise contains it.
+        blotch: standard deviation of the Gaussian that makes blotches of independent values, pixel.
+        strata: rays that leave a mirror, and bundles that reach a pixel, are ``strata`` x ``strata``.
+        cells: cells per pixel and axis on which light is gathered where it is blurred afterwards.
+    """
+
+    fill_factor: float = 0.92
+    exposure_jitter: float = 0.005
+    print_error: float = 0.01
+    prnu: float = 0.005
+    dsnu_e: float = 1.0
+    dark_current_e: float = 1.0
+    blotch: float = 1.5
+    strata: int = 32
+    cells: int = 2
+
+
+FAULTLESS = Imperfections(1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""Nothing but the error of sampling, to compare the two formulations with."""
+
+
+@dataclass(frozen=True)
+class PhotonTransfer:
+    """The pixels of one sensor.
+
+    Attributes:
+        response: (H, W) relative response of every pixel to light, mean 1.
+        offset_e: (H, W) offset of every pixel, electrons, mean 0.
+        dark_current_e: electrons that gather in the dark during the nominal exposure, on average.
+    """
+
+    response: np.ndarray
+    offset_e: np.ndarray
+    dark_current_e: float
+
+    def respond(self, signal: np.ndarray, readout: Readout, full_well: float) -> np.ndarray:
+        """Return the signal (N, H, W) after the electrons have been counted and the black clamp applied.
+
+        Args:
+            signal: (N, H, W) light, 1 at full scale.
+            readout: exposures and noise; without a source of noise, the standard deviation is that of the light's
+                electrons, because the data sheet's read noise holds that of the dark current.
+            full_well: electrons at full scale.
+        """
+        light = signal * self.response * full_well
+        dark = self.dark_current_e * readout.exposure[:, None, None]
+        if readout.random is None:
+            electrons = np.maximum(light + readout.shot_noise_sigmas * np.sqrt(light), 0)
+        else:
+            electrons = readout.random.poisson(light + dark) - dark
+        return (electrons + self.offset_e) / full_well
+
+
+def blotchy(random: np.random.Generator, size: tuple[int, int], blotch: float) -> np.ndarray:
+    """Return a map (H, W) of mean 0 and standard deviation 1, half of whose variance is in blotches.
+
+    Args:
+        random: source of the values.
+        size: (H, W).
+        blotch: standard deviation of the Gaussian that makes the blotches, pixel.
+    """
+    maps = []
+    for smoothing in (0.0, blotch):
+        values = gaussian_filter(random.standard_normal(size), smoothing, mode="wrap")
+        maps.append((values - values.mean()) / values.std())
+    both = maps[0] + maps[1]
+    return (both - both.mean()) / both.std()
+
 
 PRINTED = ("static", "dynamic", "unknown")
 """Kinds of captures in front of printed targets; the others look at a lamp."""
@@ -165,3 +246,12 @@ def _farthest(relay: Relay, field: tuple[int, int]) -> int:
     corners = np.array([(y, x) for y in (-0.5, 0.5) for x in (-0.5, 0.5)]).T * np.array(field)[:, None]
     y, x, _ = landing(relay, corners[0], corners[1], field)
     return int(np.ceil(max(np.abs(y - corners[0]).max(), np.abs(x - corners[1]).max()))) + 1
+
+
+CAMERAS: dict[str, type[Camera]] = {"overlap": Camera, "rays": RayCamera}
+"""The camera of every formulation, by the name that a session gives it."""
+
+
+def build_camera(session: Session, effects: Mapping[str, Effect], seed: int) -> Camera:
+    """Return the session's camera with the hidden effects in it and the maps of the seed."""
+    return CAMERAS[session.formulation](session, effects, seed)

@@ -23,9 +23,9 @@ from sci_lightning.data.reader import find_clips, read_clip
 from sci_lightning.diagnosis.blind.blind_diagnosis import diagnose_blind
 from sci_lightning.studies.proving_ground.summary import Proportion
 from sci_lightning.virtual_camera import Session
-from sci_lightning.virtual_camera.acquisition import Acquisition, World
 from sci_lightning.virtual_camera.hardware.camera import Camera
 from sci_lightning.virtual_camera.hidden_effects import choose_effects
+from sci_lightning.virtual_camera.session import Acquisition, World
 from tests.diagnosis.blind.true_camera import judged_by_truth
 from tests.measurements_file import MeasurementsFile
 
