@@ -134,7 +134,7 @@ class MaskContrast(ModulatorEffect):
 
 @dataclass(frozen=True)
 class MaskLag(ModulatorEffect):
-    """Mirrors complete slowly: a part ``lag`` of the light of a slot still follows what was displayed before.
+    """Mirrors settle slowly: a part ``lag`` of the light of a slot still follows what was displayed before.
 
     The recursion displayed_t = (1 - lag) commanded_t + lag displayed_(t-1) starts from the last slot's commanded
     pattern. It is used in its summed form: the pattern commanded k slots ago contributes lag ** k (1 - lag), and the

@@ -1,4 +1,4 @@
-"""Mask lag: mirrors (or liquid crystals) complete slowly."""
+"""Mask lag: mirrors (or liquid crystals) settle slowly."""
 
 from __future__ import annotations
 
