@@ -16,7 +16,7 @@ from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.encoder import Encoder
 from sci_lightning.metrics.frame_metric import FrameMetric
 from sci_lightning.training.loggers import RUN_ID
-from sci_lightning.training.loss import LOSSES
+from sci_lightning.training.step import LOSSES
 from tests.conftest import members
 
 GROUPS = sorted(

@@ -106,7 +106,7 @@ class AppendingCSVLogger(CSVLogger):
 
 
 class _Writer(ExperimentWriter):
-    """Writes rows below those that are there."""
+    """Writes rows below those that are there; Lightning has no public way to keep its own from deleting them."""
 
     def _check_log_dir_exists(self) -> None:
         """Take the columns from the file; a row that a killed process has half-written is left out of it."""

@@ -16,8 +16,8 @@ from sci_lightning.errors import BadInput
 from sci_lightning.metrics import PSNR, SSIM
 from sci_lightning.metrics.frame_metric import FrameMetric, as_frame_metric
 from sci_lightning.pipeline import Pipeline
-from sci_lightning.training.gradients import seed_step
 from sci_lightning.training.scoring import Scoring
+from sci_lightning.training.step import seed_step
 
 MEAN_MEASUREMENT = "val_mean_measurement"
 """Under this name validation logs what the mean measurement in every frame would reach, as a decoder must beat it."""

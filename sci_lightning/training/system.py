@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +20,10 @@ from sci_lightning.errors import BadInput
 from sci_lightning.measurement import linear_with_mask
 from sci_lightning.runs.checkpoint import load_file, read_checkpoint
 from sci_lightning.training.cuda_graph import GraphedStages
-from sci_lightning.training.gradients import clip_finite_gradients, is_logged, seed_step
 from sci_lightning.training.learning_rates import LearningRates
-from sci_lightning.training.loss import StageLoss
 from sci_lightning.training.scored_pipeline import ScoredPipeline
 from sci_lightning.training.scoring import as_clips
+from sci_lightning.training.step import StageLoss, clip_finite_gradients, is_logged, seed_step
 from sci_lightning.training.training_position import TrainingPosition
 
 
@@ -165,7 +165,8 @@ class System(ScoredPipeline):
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         checkpoint["config"] = self.run_config
-        checkpoint["position"] = TrainingPosition.of(self.trainer, self.validated).state()
+        batches = int(self.trainer.num_training_batches)
+        checkpoint["position"] = asdict(TrainingPosition(self.trainer.global_step, batches, self.validated))
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Refuse to go on where the loops' states are missing: Lightning would begin again at the first step."""

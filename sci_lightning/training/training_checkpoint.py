@@ -110,9 +110,7 @@ class TrainingCheckpointIO(TorchCheckpointIO):
 
     def _weights(self, path: Any, state: Any) -> dict[str, torch.Tensor]:
         wanted = self.system.state_dict()
-        if not isinstance(state, dict):
-            raise _damaged(path, "its weights")
-        if state.keys() != wanted.keys():
+        if not isinstance(state, dict) or state.keys() != wanted.keys():
             raise _damaged(path, "its weights")
         if any(not _like(state[key], value.shape) for key, value in wanted.items()):
             raise _damaged(path, "its weights")
@@ -122,26 +120,21 @@ class TrainingCheckpointIO(TorchCheckpointIO):
         """Return the states of a new optimizer and scheduler, with the file's tensors and learning rates in them."""
         fresh = self.system.configure_optimizers()
         optimizer, scheduler = fresh["optimizer"], fresh["lr_scheduler"]["scheduler"]
+        parameters = [(p, group.get("muon")) for group in optimizer.param_groups for p in group["params"]]
         try:
             (saved,) = content["optimizer_states"]
             tensors, rates = saved["state"], [group["lr"] for group in saved["param_groups"]]
-            parameters = [p for group in optimizer.param_groups for p in group["params"]]
-            entries_of = [
-                MUON_TENSORS if group.get("muon") else ADAM_TENSORS
-                for group in optimizer.param_groups
-                for _ in group["params"]
-            ]
             right = len(rates) == len(optimizer.param_groups) and all(_is_number(rate) and rate >= 0 for rate in rates)
             for index, entries in tensors.items():
-                shapes = ((), parameters[index].shape)
-                right &= type(index) is int and index >= 0 and entries.keys() == entries_of[index]
-                right &= all(any(_like(value, shape) for shape in shapes) for value in entries.values())
+                parameter, is_muon = parameters[index]
+                right &= type(index) is int and index >= 0
+                right &= entries.keys() == (MUON_TENSORS if is_muon else ADAM_TENSORS)
+                right &= all(_like(value, ()) or _like(value, parameter.shape) for value in entries.values())
         except (TypeError, ValueError, KeyError, IndexError, AttributeError) as error:
             raise _damaged(path, "its optimizer's state") from error
         if not right:
             raise _damaged(path, "its optimizer's state")
-        state = optimizer.state_dict()
-        groups = [{**group, "lr": rate} for group, rate in zip(state["param_groups"], rates, strict=True)]
+        groups = [{**group, "lr": r} for group, r in zip(optimizer.state_dict()["param_groups"], rates, strict=True)]
         schedule = {**scheduler.state_dict(), "last_epoch": steps, "_step_count": steps + 1, "_last_lr": rates}
         return {"state": tensors, "param_groups": groups}, schedule
 

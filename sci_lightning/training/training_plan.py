@@ -101,7 +101,6 @@ class TrainingPlan:
         step_seconds: of one step on the device, with all its parts.
         device: on which the step was measured, and in which precision.
         memory: bytes that a training takes on that device.
-        free: bytes that were free there.
         core_minutes: limit on the processor time of the training, None for none.
         most_seconds: limit on its duration, None for none.
         busy: threads that compute at a time, on average: processor time over duration.
@@ -115,7 +114,6 @@ class TrainingPlan:
     step_seconds: float
     device: str
     memory: float = 0.0
-    free: float = math.inf
     core_minutes: float | None = None
     most_seconds: float | None = None
     busy: float = 1.0
@@ -233,7 +231,6 @@ def training_plan(config: Mapping[str, Any]) -> TrainingPlan:
         cost.of_step(batch_size, parts),
         f"{device_name(device)}, {precision}",
         cost.memory(batch_size) + _taken(device),
-        free,
         config["core_minutes"],
         most,
         cost.busy,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, TypeGuard
 
 import lightning as L
@@ -34,11 +34,6 @@ class TrainingPosition:
     validated: bool
 
     @classmethod
-    def of(cls, trainer: L.Trainer, validated: bool) -> TrainingPosition:
-        """Return the position of a trainer."""
-        return cls(trainer.global_step, int(trainer.num_training_batches), validated)
-
-    @classmethod
     def read(cls, path: object, content: Mapping[str, Any], batches_per_epoch: int) -> TrainingPosition:
         """Return the position that a checkpoint holds.
 
@@ -61,10 +56,6 @@ class TrainingPosition:
                 "batch_size and number of processes"
             )
         return cls(steps, batches_per_epoch, validated)
-
-    def state(self) -> dict[str, Any]:
-        """Return the entry of a checkpoint."""
-        return asdict(self)
 
     def place(self, accumulate: int = 1) -> tuple[int, int]:
         """Return epoch and batch, from 0, of the next batch; the batch is ``batches_per_epoch`` before a validation.
@@ -94,27 +85,24 @@ class TrainingPosition:
     def loops(self, trainer: L.Trainer) -> dict[str, Any]:
         """Return the states of Lightning's loops with which its trainer continues from this position."""
         epoch, batch = self.place(trainer.accumulate_grad_batches)
-        batches = epoch * self.batches_per_epoch + batch
-        within = _counts(1) if batch else _counts(0)  # counts of an epoch that was begun, beside the finished ones
-        begun = {key: epoch + within[key] * (key in ("ready", "started")) for key in within}
+        ended = batch == self.batches_per_epoch
+        begun = epoch + (batch > 0)
+        epochs = {"ready": begun, "started": begun, "processed": epoch, "completed": epoch}
+        steps = {"ready": self.steps, "completed": self.steps}
         # a batch that was begun and never processed: Lightning runs a validation first, if one is due here
-        pending = _counts(1, processed=0, completed=0) if batch and not self.validated else _counts(0)
-        step = {key: {k: n for k, n in _counts(self.steps).items() if k in ("ready", "completed")} for key in TOTALS}
+        pending = {**_counts(0), **dict.fromkeys(("ready", "started"), int(batch > 0 and not self.validated))}
         return {
             "fit_loop": {
-                "epoch_progress": dict.fromkeys(TOTALS, begun),
-                "epoch_loop.state_dict": {"_batches_that_stepped": self.steps - (batch == self.batches_per_epoch)},
+                "epoch_progress": dict.fromkeys(TOTALS, epochs),
+                # a private name, but the only one of the step under which loggers file a batch
+                "epoch_loop.state_dict": {"_batches_that_stepped": self.steps - ended},
                 "epoch_loop.batch_progress": {
-                    "total": _counts(batches),
+                    "total": _counts(epoch * self.batches_per_epoch + batch),
                     "current": _counts(batch),
-                    "is_last_batch": batch == self.batches_per_epoch,
+                    "is_last_batch": ended,
                 },
-                "epoch_loop.scheduler_progress": step,
                 "epoch_loop.automatic_optimization.optim_progress": {
-                    "optimizer": {
-                        "step": step,
-                        "zero_grad": {key: _counts(self.steps, processed=None) for key in TOTALS},
-                    }
+                    "optimizer": dict.fromkeys(("step", "zero_grad"), dict.fromkeys(TOTALS, steps))
                 },
                 "epoch_loop.val_loop.batch_progress": {
                     "total": pending,
@@ -134,7 +122,6 @@ TOTALS = ("total", "current")
 """Lightning counts everything over the whole training and within an epoch."""
 
 
-def _counts(number: int, **others: int | None) -> dict[str, int]:
-    """Return Lightning's four counters, all at ``number`` except for ``others``; None leaves one out."""
-    counts = {**dict.fromkeys(("ready", "started", "processed", "completed"), number), **others}
-    return {key: value for key, value in counts.items() if value is not None}
+def _counts(number: int) -> dict[str, int]:
+    """Return Lightning's four counters of batches."""
+    return dict.fromkeys(("ready", "started", "processed", "completed"), number)

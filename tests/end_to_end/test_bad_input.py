@@ -16,8 +16,8 @@ from sci_lightning.decoder import E2ECNN
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.checkpoint import read_checkpoint
 from tests.conftest import members
-from tests.end_to_end.test_train import TINY
 from tests.test_configs import clips
+from tests.training.small_training import TINY
 
 Refused = Callable[..., str]
 

@@ -77,7 +77,7 @@ def test_every_printed_command_of_a_decoder_outside_the_package_works(tmp_path: 
         environment = {**os.environ, "PYTHONPATH": str(ROOT)}
         return subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300)
 
-    sender = "+callbacks.sender={_target_: tests.training.test_stop_signal.Sender, number: 15, moment: batch, step: 2}"
+    sender = "+callbacks.sender={_target_: tests.training.small_training.Sender, number: 15, moment: batch, step: 2}"
     more = ["hydra.searchpath=[file://own]", "decoder=mine", "metric=[psnr]", "data.scenes_count=1", "logger=csv"]
     stopped = start(sys.executable, "-m", "sci_lightning.train", *tiny, *more, sender, "out=RUN")
     assert stopped.returncode == 130, stopped.stderr

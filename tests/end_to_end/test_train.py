@@ -17,21 +17,9 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from sci_lightning.runs.checkpoint import read_checkpoint
 from tests.files.formats import check
 from tests.test_configs import clips
+from tests.training.small_training import TINY
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
-
-TINY = [
-    "size=[32,32]",
-    "batch_size=2",
-    "workers=0",
-    "decoder=e2e_cnn",
-    "decoder.channels=8",
-    "decoder.blocks=1",
-    "data.clips_per_epoch=8",
-    "trainer.max_epochs=2",
-    "trainer.accelerator=cpu",
-    "trainer.log_every_n_steps=1",
-]
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import torch
 
 from sci_lightning.decoder import E2ECNN
 from sci_lightning.training.cuda_graph import GraphedStages
-from tests.training.test_training_position import train
+from tests.training.small_training import train
 
 gpu = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
 

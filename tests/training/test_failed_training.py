@@ -11,7 +11,7 @@ import torch
 from sci_lightning.decoder import Decoder
 from sci_lightning.errors import TrainingFailed
 from sci_lightning.training.callbacks import FailedTraining
-from tests.training.test_training_position import BATCHES, scenes, system_and_trainer
+from tests.training.small_training import BATCHES, scenes, system_and_trainer
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 

@@ -14,7 +14,7 @@ from torch import nn
 from sci_lightning.decoder import Decoder
 from sci_lightning.decoder.layers.convolution import LastConv2d
 from sci_lightning.training.initialisation import scale_to_unit_variance, start_at_unit_variance
-from tests.training.test_training_position import Noise, system_and_trainer
+from tests.training.small_training import Noise, system_and_trainer
 
 DEEP = ("metasci", "revsci", "stformer", "birnat")
 """Networks at whose end nothing of the measurement is left, as torch draws their weights."""

@@ -15,7 +15,7 @@ from sci_lightning.errors import BadInput
 from sci_lightning.training import learning_rates
 from sci_lightning.training.muon import Muon, is_large, orthogonalised
 from sci_lightning.training.system import System
-from tests.training.test_training_position import check_chain, system_and_trainer, train
+from tests.training.small_training import check_chain, system_and_trainer, train
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 

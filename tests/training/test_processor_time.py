@@ -11,7 +11,7 @@ import pytest
 
 from sci_lightning.errors import BadInput
 from sci_lightning.training.learning_rates import ProcessorTime
-from tests.training.test_training_position import scenes, system_and_trainer
+from tests.training.small_training import scenes, system_and_trainer
 
 
 class Clock(L.Callback):

@@ -11,54 +11,25 @@ import signal
 import subprocess
 import sys
 import termios
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import lightning as L
 import pytest
 import torch
 
 from sci_lightning.errors import STOPS
-from sci_lightning.training.stop_signal import SAME_REQUEST_SECONDS, StopSignal
+from sci_lightning.training.stop_signal import StopSignal
 from tests.conftest import ROOT
-from tests.end_to_end.test_train import TINY
+from tests.training.small_training import TINY
 
 BOTH = pytest.mark.parametrize("number", STOPS)
-
-
-class Sender(L.Callback):
-    """Sends this process a signal once a moment has come: as somebody at the keyboard, only never too late."""
-
-    def __init__(self, number: int, moment: str, step: int = 3, times: int = 1, group: bool = False) -> None:
-        self.number, self.moment, self.step, self.times = number, moment, step, times
-        self.receiver = 0 if group else os.getpid()
-
-    def _at(self, trainer: L.Trainer, moment: str) -> None:
-        if moment == self.moment and trainer.global_step >= self.step:
-            self.moment = ""  # once
-            for _ in range(self.times):
-                os.kill(self.receiver, self.number)
-                time.sleep(1.1 * SAME_REQUEST_SECONDS if self.times > 1 else 0)
-
-    def on_fit_start(self, trainer: L.Trainer, *others: object) -> None:
-        self._at(trainer, "start")
-
-    def on_train_batch_start(self, trainer: L.Trainer, *others: object) -> None:
-        self._at(trainer, "batch")
-
-    def on_validation_batch_start(self, trainer: L.Trainer, *others: object) -> None:
-        self._at(trainer, "validation")
-
-    def on_test_batch_start(self, trainer: L.Trainer, *others: object) -> None:
-        self._at(trainer, "test")
 
 
 def stopped(
     folder: Path, moment: str, number: int = signal.SIGINT, words: Sequence[str] = (), **more: object
 ) -> subprocess.CompletedProcess[str]:
     options = {"number": int(number), "moment": moment, **more}
-    sender = "+callbacks.sender={_target_: tests.training.test_stop_signal.Sender, %s}"
+    sender = "+callbacks.sender={_target_: tests.training.small_training.Sender, %s}"
     sender %= ", ".join(f"{key}: {value}" for key, value in options.items())
     return subprocess.run(
         [sys.executable, "-m", "sci_lightning.train", *TINY, "metrics.qscore=null", sender, "out=run", *words],
@@ -221,7 +192,7 @@ def test_slurm_queues_the_job_again(
     for key, value in {**slurm, "NODELIST": "localhost", "JOB_NODELIST": "localhost"}.items():
         monkeypatch.setenv(f"SLURM_{key}", value)
     monkeypatch.setenv("PATH", f"{scontrol.parent}:{os.environ['PATH']}")
-    target = "tests.training.test_stop_signal.Sender"
+    target = "tests.training.small_training.Sender"
     sender = f"{{_target_: {target}, number: {int(signal.SIGUSR1)}, moment: batch, step: 3}}"
     one = ["trainer.devices=1", "trainer.max_epochs=1", "metrics.qscore=null"]
     done = command("train", *TINY, *one, f"+callbacks.sender={sender}", "out=run")

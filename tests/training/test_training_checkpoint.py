@@ -13,7 +13,7 @@ from lightning.pytorch.callbacks import EarlyStopping, ModelCheckpoint, Timer
 from sci_lightning.data import Scene
 from sci_lightning.data.loader import scene_loader
 from sci_lightning.errors import BadInput
-from tests.training.test_training_position import system_and_trainer, train
+from tests.training.small_training import system_and_trainer, train
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 

@@ -12,9 +12,9 @@ from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.mask import LearnedBinary, LearnedStructural, Mask, RandomStructural
 from sci_lightning.encoder.sensor import ClipQuantise
 from sci_lightning.errors import TrainingDiverged
-from sci_lightning.training.gradients import seed_step
+from sci_lightning.training.step import seed_step
 from sci_lightning.training.system import System
-from tests.training.test_training_position import BATCHES, Small, check_chain, scenes, system_and_trainer, train
+from tests.training.small_training import BATCHES, Small, check_chain, scenes, system_and_trainer, train
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 

@@ -40,7 +40,7 @@ class Progress(RichProgressBar):
         super().on_fit_start(trainer, pl_module)
         self._batch_begun = time.monotonic()
         decoder = cast(nn.Module, pl_module.decoder)
-        if trainer.strategy.root_device.type != "cpu" or decoder._compiled_call_impl is not None:
+        if trainer.strategy.root_device.type != "cpu" or pl_module.hparams.get("compile"):
             return
         layers = [module for module in decoder.modules() if next(module.parameters(False), None) is not None]
         learned = [parameter for parameter in decoder.parameters() if parameter.requires_grad]
