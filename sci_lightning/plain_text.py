@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Container, Iterable, Sequence
 
 LATEX_SIGNS = {
     "\\": r"\textbackslash{}",
@@ -50,6 +51,17 @@ def in_markdown(text: str) -> str:
     """Return Markdown that shows the text on one line: no emphasis, code, links, HTML or cells of a table in it."""
     text = re.sub(r"[\\`*\[\]|~#!$]|(?<!\w)_|_(?!\w)", lambda sign: f"\\{sign[0]}", one_printable_line(text))
     return re.sub("[&<>]", lambda sign: HTML_SIGNS[sign[0]], text)
+
+
+def markdown_table(heading: Sequence[str], rows: Iterable[Sequence[str]], right: Container[int] = ()) -> str:
+    """Return a table in Markdown, its last line without an end.
+
+    Args:
+        heading, rows: texts that are Markdown already, see :func:`in_markdown`.
+        right: places of the columns that are aligned to the right.
+    """
+    rule = ["---:" if place in right else "---" for place in range(len(heading))]
+    return "\n".join(f"| {' | '.join(row)} |" for row in (heading, rule, *rows))
 
 
 def in_latex(text: str) -> str:

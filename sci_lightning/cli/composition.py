@@ -25,6 +25,7 @@ from sci_lightning.configuration.build import build
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.errors import BadInput
+from sci_lightning.studies.tables.paper_figures import swept
 
 
 def _by(key: str, default: Any, cases: Mapping[str, Any], *, _root_: DictConfig) -> Any:
@@ -40,6 +41,7 @@ def _by(key: str, default: Any, cases: Mapping[str, Any], *, _root_: DictConfig)
 
 
 OmegaConf.register_new_resolver("by", _by, replace=True)
+OmegaConf.register_new_resolver("swept", swept, replace=True)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from sci_lightning.errors import BadInput
 
 if TYPE_CHECKING:
     from sci_lightning.studies.tables.grid import Grid
-    from sci_lightning.studies.tables.run import Run
+    from sci_lightning.studies.tables.run import ScoredRun
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Tables:
     """
 
     folder: Path
-    runs: tuple[Run, ...]
+    runs: tuple[ScoredRun, ...]
     grids: dict[str, Grid]
     figures: dict[str, Path]
     left_out: tuple[str, ...]
@@ -53,16 +53,13 @@ def make_tables(composition: Composition, on_left_out: Callable[[str], None] = l
     from sci_lightning.figures.figure import write_figure
     from sci_lightning.studies.tables.claim_table import claim_table, verdict_table
     from sci_lightning.studies.tables.colour_checker import colour_checkers
-    from sci_lightning.studies.tables.cost import costs
-    from sci_lightning.studies.tables.cost_figure import cost_figure
+    from sci_lightning.studies.tables.cost import cost_figure, costs
     from sci_lightning.studies.tables.dashboard import check_dashboard, write_dashboard
     from sci_lightning.studies.tables.dynamic_range import dynamic_range_figure, dynamic_range_table, wedges
-    from sci_lightning.studies.tables.encoder_table import encoder_table
     from sci_lightning.studies.tables.mosaic import mosaics, retrained_mosaics
     from sci_lightning.studies.tables.paper_figures import paper_figures
     from sci_lightning.studies.tables.run import find_runs
-    from sci_lightning.studies.tables.run_table import run_table
-    from sci_lightning.studies.tables.score_table import score_table
+    from sci_lightning.studies.tables.score_table import encoder_table, run_table, score_table
 
     cfg, out = composition.cfg, Path(composition.cfg.out)
     folders = plain(cfg)["runs"]

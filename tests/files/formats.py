@@ -16,7 +16,7 @@ from sci_lightning.studies.benchmark.benchmark_file import Benchmark
 from sci_lightning.studies.mismatch.records import MismatchRecord
 from sci_lightning.studies.proving_ground.outcome import Failure, Outcome
 from sci_lightning.studies.proving_ground.report import Summary
-from sci_lightning.studies.tables.documented.measurements import Measurements
+from sci_lightning.studies.tables.documented import Measurements
 from sci_lightning.virtual_camera.truth import Truth
 
 MODELS: Mapping[str, Any] = {

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from sci_lightning.files.json_file import read_json
 from sci_lightning.runs.results import RunMetrics
 from sci_lightning.studies.mismatch.records import MismatchRecord
-from sci_lightning.studies.tables.documented.measurements import Measurements
+from sci_lightning.studies.tables.documented import Measurements
 from sci_lightning.virtual_camera import Session, VirtualCamera
 from sci_lightning.virtual_camera.truth import Truth
 from tests.conftest import ROOT

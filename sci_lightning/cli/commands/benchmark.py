@@ -70,8 +70,7 @@ def benchmark(composition: Composition) -> None:
     from sci_lightning.runs.device import device_name, resolve_device
     from sci_lightning.runs.precision import multiplies_bfloat16, resolve_precision
     from sci_lightning.runs.provenance import provenance_now
-    from sci_lightning.studies.benchmark.decoder_cost import decoder_cost
-    from sci_lightning.studies.benchmark.snapshot import scene_snapshot
+    from sci_lightning.studies.benchmark.decoder_cost import decoder_cost, scene_snapshot
     from sci_lightning.studies.benchmark.table import as_markdown, as_tables
     from sci_lightning.studies.tables.paper_figures import paper_figures
 

@@ -10,11 +10,12 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 
 from sci_lightning.configuration.build import build
+from sci_lightning.data.source import Source
 from sci_lightning.decoder import Decoder
 from sci_lightning.decoder.complexity import count_as_paper, count_macs, count_parameters
 from sci_lightning.decoder.layers import kernels
@@ -23,12 +24,45 @@ from sci_lightning.errors import BadInput
 from sci_lightning.full_precision import full_precision
 from sci_lightning.metrics.psnr import psnr
 from sci_lightning.operator import SnapshotOperator
+from sci_lightning.pipeline import Pipeline
 from sci_lightning.runs.precision import mixed_precision
-from sci_lightning.studies.benchmark.timing import Call, machine_speed, seconds_in_turns
-from sci_lightning.studies.benchmark.training_step import training_step
+from sci_lightning.studies.benchmark.timing import Call, machine_speed, seconds_in_turns, training_step
+
+if TYPE_CHECKING:
+    from sci_lightning.runs.checkpoint import Checkpoint
 
 _said: Any = None
 """In the process that measures: the queue of what it says of its progress."""
+
+
+def scene_snapshot(
+    source: Source, checkpoint: Checkpoint | None, seed: int
+) -> tuple[str, torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Return a scene's name, its measurement ``(1, H, W)``, the mask ``(T, H, W)`` and the video ``(1, T, H, W)``.
+
+    Args:
+        source: whose first scene is taken.
+        checkpoint: whose encoder records; None: a random binary mask and no sensor.
+        seed: of the random mask and the sensor's noise.
+
+    Raises:
+        BadInput: a scene of another size than the encoder's mask.
+    """
+    scene = source.scenes()[0]
+    video = scene.video[0][None]
+    torch.manual_seed(seed)
+    if checkpoint is None:
+        mask = (torch.rand(video.shape[1:]) < 0.5).float()
+        return scene.name, SnapshotOperator(mask)(video), mask, video
+    pipeline = Pipeline(checkpoint.encoder(), checkpoint.decoder())
+    with torch.no_grad():
+        mask = pipeline.decoder_mask()
+        if mask.shape != video.shape[1:]:
+            raise BadInput(
+                f"the checkpoint's mask is {tuple(mask.shape)} (T, H, W), the scene {tuple(video.shape[1:])}: leave "
+                "size= out, or give data of that size"
+            )
+        return scene.name, pipeline.linearise(pipeline.record(video)), mask, video
 
 
 def decoder_cost(

@@ -9,8 +9,9 @@ from typing import Any
 from rich import box
 from rich.table import Table
 
-Cost = Mapping[str, Any]
-Column = Callable[[Cost], str]
+from sci_lightning.plain_text import markdown_table
+
+Column = Callable[[Mapping[str, Any]], str]
 Rows = list[list[str]]
 
 SHORT = {"32-true": "float32", "bf16-mixed": "bfloat16", "16-mixed": "float16"}
@@ -78,8 +79,7 @@ def as_markdown(content: Mapping[str, Any]) -> str:
     """Return the tables as Markdown."""
     lines = [title(content), ""]
     for heading, *body in tables(content).values():
-        ruled = [heading, ["---", *["---:"] * (len(heading) - 1)], *body]
-        lines += [*(f"| {' | '.join(row)} |" for row in ruled), ""]
+        lines += [markdown_table(heading, body, right=range(1, len(heading))), ""]
     return "\n".join(lines)
 
 
@@ -95,10 +95,10 @@ def _counts(content: Mapping[str, Any]) -> Rows:
     return [["decoder", *COUNTS], *body]
 
 
-def _forward_columns(content: Mapping[str, Any]) -> Callable[[Cost, str], dict[str, str]]:
+def _forward_columns(content: Mapping[str, Any]) -> Callable[[Mapping[str, Any], str], dict[str, str]]:
     exact = content["precisions"][0]
 
-    def cells(cost: Cost, precision: str) -> dict[str, str]:
+    def cells(cost: Mapping[str, Any], precision: str) -> dict[str, str]:
         own, speed = cost["precisions"][precision], cost.get("machine", {}).get(precision)
         shares = speed if speed and cost["macs"] else {}
         published = cost.get("published", {})
@@ -117,10 +117,10 @@ def _forward_columns(content: Mapping[str, Any]) -> Callable[[Cost, str], dict[s
     return cells
 
 
-def _training_columns(content: Mapping[str, Any]) -> Callable[[Cost, str], dict[str, str]]:
+def _training_columns(content: Mapping[str, Any]) -> Callable[[Mapping[str, Any], str], dict[str, str]]:
     exact = content["precisions"][0]
 
-    def cells(cost: Cost, precision: str) -> dict[str, str]:
+    def cells(cost: Mapping[str, Any], precision: str) -> dict[str, str]:
         if "training" not in cost:
             return {}
         training = cost["training"]
@@ -137,7 +137,7 @@ def _training_columns(content: Mapping[str, Any]) -> Callable[[Cost, str], dict[
     return cells
 
 
-def _by_precision(content: Mapping[str, Any], columns: Callable[[Cost, str], dict[str, str]]) -> Rows:
+def _by_precision(content: Mapping[str, Any], columns: Callable[[Mapping[str, Any], str], dict[str, str]]) -> Rows:
     """Return one row for every decoder and precision that has cells."""
     rows, heading = [], ["decoder", "precision"]
     for name, cost in content["decoders"].items():

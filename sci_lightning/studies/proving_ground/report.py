@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.json_file import JsonFile, JsonObject, says, write_json
+from sci_lightning.plain_text import markdown_table
 from sci_lightning.runs.provenance import Provenance
 from sci_lightning.studies.proving_ground.outcome import Failure, Outcome
 from sci_lightning.studies.proving_ground.summary import Row
@@ -77,8 +78,8 @@ def provenance_of(records: Sequence[Outcome | Failure], command: str = "") -> Pr
 
 def as_markdown(rows: Sequence[Row]) -> str:
     """Return the table, then which targets were missed, then every case that counts against a row."""
-    lines = ["| what | found (95 % interval) | target | reached |", "|---|---|---|---|"]
-    lines += [f"| {row.what} | {row.figure} | {row.target} | {ANSWERS[row.met]} |" for row in rows]
+    cells = [[row.what, row.figure, row.target, ANSWERS[row.met]] for row in rows]
+    lines = [markdown_table(["what", "found (95 % interval)", "target", "reached"], cells)]
     missed = [f"- {row.what}: {row.figure}; the target is {row.target}." for row in rows if row.met is False]
     lines += ["", "## What fell short", "", *(missed or ["Nothing."])]
     if not_tried := [row.what for row in rows if row.figure == "no cases"]:

@@ -12,7 +12,7 @@ from typing import Any
 from sci_lightning.studies.tables.cost import Cost
 from sci_lightning.studies.tables.grid import Grid
 from sci_lightning.studies.tables.line import METRICS, Line, lines_of
-from sci_lightning.studies.tables.run import Run, Setting
+from sci_lightning.studies.tables.run import RunSetting, ScoredRun
 from sci_lightning.studies.tables.score_table import DIGITS, seeds
 from sci_lightning.studies.tables.verdict import CONFIDENCE, ENOUGH_LEARNED, Interval, SeedSpread, interval, seed_spread
 
@@ -46,7 +46,7 @@ Terms = tuple[tuple[float, Line], ...]
 def claim_table(
     claims: Sequence[Mapping[str, Any]],
     tables: Mapping[str, Any],
-    runs: Sequence[Run],
+    runs: Sequence[ScoredRun],
     costs: Mapping[str, Cost] | None = None,
 ) -> Grid:
     """Return every claim, row by row and metric by metric: the difference, its interval, and what it decides.
@@ -77,7 +77,7 @@ def _counted(scope: str, verdicts: Sequence[str]) -> str:
 def verdict_table(
     claims: Sequence[Mapping[str, Any]],
     tables: Mapping[str, Any],
-    runs: Sequence[Run],
+    runs: Sequence[ScoredRun],
     costs: Mapping[str, Cost] | None = None,
 ) -> Grid:
     """Return one row for each claim: for each scope how many comparisons are reproduced, contradicted or undecided.
@@ -101,7 +101,7 @@ def verdict_table(
 def _judged_claims(
     claims: Sequence[Mapping[str, Any]],
     tables: Mapping[str, Any],
-    runs: Sequence[Run],
+    runs: Sequence[ScoredRun],
     costs: Mapping[str, Cost] | None,
 ) -> Iterator[tuple[Mapping[str, Any], list[Judged]]]:
     evidence = Evidence(tables, runs)
@@ -119,7 +119,7 @@ class Evidence:
     """
 
     tables: Mapping[str, Any]
-    runs: Sequence[Run]
+    runs: Sequence[ScoredRun]
 
     def rows(self, claim: Mapping[str, Any]) -> Iterator[Judged]:
         """The cells of a claim about scores: for each comparison and setting, or once where nothing has been run."""
@@ -187,8 +187,8 @@ class Evidence:
         """The spread of the seeds of rows like a line, of its setting, tested through their own encoder or another."""
         return self._pooled(line.runs[0].setting, _is_own_test(line.runs[0]), metric)
 
-    def _pooled(self, setting: Setting, own: bool, metric: str) -> SeedSpread | None:
-        groups: dict[Any, list[Run]] = {}
+    def _pooled(self, setting: RunSetting, own: bool, metric: str) -> SeedSpread | None:
+        groups: dict[Any, list[ScoredRun]] = {}
         for run in self.runs:
             if run.setting == setting and metric in run.scores and _is_own_test(run) == own:
                 groups.setdefault((*sorted(map(str, run.fields.items())), run.parameters), []).append(run)
@@ -210,7 +210,7 @@ class Evidence:
             return f"{line.row}, {line.column}: {mean:.1f} dB beyond the mean measurement"
         return ""
 
-    def _own_test(self, run: Run) -> Run | None:
+    def _own_test(self, run: ScoredRun) -> ScoredRun | None:
         """The test of the same training behind its own encoder."""
         fields = {**run.fields, "test_encoder": run.fields["encoder"]}
         alike = (run.setting, run.parameters, run.seed)
@@ -238,7 +238,7 @@ def _trained_alike(lines: Sequence[Line]) -> list[Line]:
     A processor that makes more steps in the same time must not decide a claim: where the trainings of a network differ
     in their steps, only the seeds are left that all lines have, and within which no network's trainings differ.
     """
-    networks: dict[str, list[Run]] = defaultdict(list)
+    networks: dict[str, list[ScoredRun]] = defaultdict(list)
     for line in lines:
         networks[line.decoder] += line.runs
     if all(_as_many_steps(runs) for runs in networks.values()):
@@ -251,9 +251,9 @@ def _trained_alike(lines: Sequence[Line]) -> list[Line]:
     return [replace(line, runs=tuple(run for run in line.runs if run.seed in seeds)) for line in lines]
 
 
-def _by_steps(runs: Sequence[Run]) -> list[list[Run]]:
+def _by_steps(runs: Sequence[ScoredRun]) -> list[list[ScoredRun]]:
     """Return runs in groups of about as many steps: what differs within a group is the seed and not the processor."""
-    groups: list[list[Run]] = []
+    groups: list[list[ScoredRun]] = []
     for run in sorted(runs, key=lambda run: run.training_steps or 0):
         if groups and _as_many_steps([*groups[-1], run]):
             groups[-1].append(run)
@@ -262,13 +262,13 @@ def _by_steps(runs: Sequence[Run]) -> list[list[Run]]:
     return groups
 
 
-def _as_many_steps(runs: Sequence[Run]) -> bool:
+def _as_many_steps(runs: Sequence[ScoredRun]) -> bool:
     """Whether trainings made about as many steps, as far as that is known."""
     steps = [run.training_steps for run in runs if run.training_steps is not None]
     return not steps or max(steps) <= MOST_STEPS * min(steps)
 
 
-def _is_own_test(run: Run) -> bool:
+def _is_own_test(run: ScoredRun) -> bool:
     """Whether a run was tested behind the encoder with which it was trained."""
     return bool(run.fields["test_encoder"] == run.fields["encoder"])
 

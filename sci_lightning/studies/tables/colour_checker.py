@@ -16,7 +16,7 @@ from sci_lightning.pipeline import Pipeline
 from sci_lightning.plain_text import file_name, in_figure
 from sci_lightning.runs.checkpoint import read_checkpoint
 from sci_lightning.studies.tables.mosaic import usable
-from sci_lightning.studies.tables.run import Run
+from sci_lightning.studies.tables.run import ScoredRun
 
 LUMINANCE = torch.tensor(
     [
@@ -45,7 +45,9 @@ def checker(frames: int, size: tuple[int, int]) -> torch.Tensor:
     return (patches * inside).expand(frames, height, width)
 
 
-def colour_checkers(runs: Sequence[Run], side: int, left_out: Callable[[str], None]) -> Iterator[tuple[str, Figure]]:
+def colour_checkers(
+    runs: Sequence[ScoredRun], side: int, left_out: Callable[[str], None]
+) -> Iterator[tuple[str, Figure]]:
     """A file's name and a figure for every scale and decoder of which two or more encoders were trained.
 
     Every encoder is shown with its mask of most bits. A network that was trained without a sensor response is tested

@@ -9,7 +9,7 @@ from typing import Any
 
 from sci_lightning.errors import BadInput
 from sci_lightning.plain_text import file_name
-from sci_lightning.studies.tables.run import Run
+from sci_lightning.studies.tables.run import ScoredRun
 
 
 def check_dashboard(folder: str | Path) -> None:
@@ -23,7 +23,7 @@ def check_dashboard(folder: str | Path) -> None:
         raise BadInput(f"{folder} is there already, and would show its runs beside these; give another out=")
 
 
-def write_dashboard(runs: Sequence[Run], folder: str | Path) -> None:
+def write_dashboard(runs: Sequence[ScoredRun], folder: str | Path) -> None:
     """Write a TensorBoard log (tab "HParams"): every run is a trial, with its settings, scores and mask's score.
 
     Args:
@@ -48,12 +48,12 @@ def write_dashboard(runs: Sequence[Run], folder: str | Path) -> None:
                 writer.add_scalar(tag, score, run.training_steps or 0)
 
 
-def _name(run: Run) -> Path:
+def _name(run: ScoredRun) -> Path:
     fields = run.fields
     return Path(file_name(f"{fields['encoder']}_{fields['bits']}bit_{fields['decoder']}"), f"seed{run.seed}")
 
 
-def _settings(run: Run) -> dict[str, Any]:
+def _settings(run: ScoredRun) -> dict[str, Any]:
     """Return what tells runs apart; TensorBoard's table shows the first five in the order of the alphabet at once."""
     settings = {
         "decoder": run.fields["decoder"],
@@ -68,6 +68,6 @@ def _settings(run: Run) -> dict[str, Any]:
     return {key: value for key, value in settings.items() if value is not None}
 
 
-def _scores(run: Run) -> dict[str, float]:
+def _scores(run: ScoredRun) -> dict[str, float]:
     scores = {f"test/{metric}": score for metric, score in run.scores.items()}
     return scores if run.mask_score is None else {**scores, "mask_score": run.mask_score}

@@ -5,7 +5,7 @@ A page marks the place of a table with two comments, which Markdown does not sho
     <!-- table: KIND, from docs/results/FILE.json -->
     <!-- end -->
 
-KIND is a module of :mod:`sci_lightning.studies.tables.documented`, or ``MODULE.PART``. A figure in a sentence is marked
+KIND is one of :data:`sci_lightning.studies.tables.documented.KINDS`, or ``KIND.PART``. A figure in a sentence is marked
 likewise: ``<!-- value: KEY, from FILE -->28.36<!-- end -->`` is KEY in the last row of a ``sci-measurements`` file.
 ``python -m sci_lightning.tables documentation=.`` writes what lies between the comments;
 tests/documentation/test_measured_tables.py compares it.
@@ -15,44 +15,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 
 from sci_lightning.errors import BadInput
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.json_file import read_json
-from sci_lightning.runs.provenance import Provenance
-from sci_lightning.studies.tables import documented
+from sci_lightning.studies.tables.documented import KINDS, Measurements, measurements
 
 MARKED = re.compile(r"^<!-- table: (?P<kind>[\w.]+), from (?P<path>\S+) -->\n(?P<body>.*?)^<!-- end -->$", re.M | re.S)
 
 VALUE = re.compile(r"<!-- value: (?P<key>\w+), from (?P<path>\S+) -->[^<\n]*<!-- end -->")
-
-
-@dataclass(frozen=True)
-class DocumentedTable:
-    """One measured table of a page.
-
-    Attributes:
-        heading: one text for each column.
-        rows: as many cells each. Texts are Markdown.
-        provenance: of the figures.
-        notes: sentences below the table.
-    """
-
-    heading: list[str]
-    rows: list[list[str]]
-    provenance: Provenance
-    notes: list[str] = field(default_factory=list)
-
-    def as_markdown(self) -> str:
-        """Return the table, its notes and its provenance; columns of figures are aligned to the right."""
-        right = [all(_is_figure(row[place]) for row in self.rows) for place in range(len(self.heading))]
-        rule = ["---:" if figures else "---" for figures in right]
-        lines = [f"| {' | '.join(row)} |" for row in (self.heading, rule, *self.rows)]
-        return "\n".join([*lines, "", *(f"{note}\n" for note in self.notes), f"*{self.provenance.sentence()}*"]) + "\n"
 
 
 def pages(root: str | Path) -> list[Path]:
@@ -106,28 +78,17 @@ def _filled(match: re.Match[str], page: Path, root: Path) -> str:
     name, _, part = kind.partition(".")
     if not path.exists() and path.suffix:  # folders of results are there as soon as there is a result
         raise BadInput(f"{page}: table {kind}: {match['path']} does not exist")
-    table: DocumentedTable = _module(name, page).build(path, part)
+    if name not in KINDS:
+        raise BadInput(f"{page}: no kind of table is called {name}; choose one of {', '.join(KINDS)}")
+    table = KINDS[name](path, part)
     # a blank line on either side: GitHub takes what follows a comment directly for a part of it
     return f"<!-- table: {kind}, from {match['path']} -->\n\n{table.as_markdown()}\n<!-- end -->"
 
 
 def _value(match: re.Match[str], page: Path, root: Path) -> str:
     key, path = match["key"], root / match["path"]
-    module = _module("measurements", page)
-    rows = module.build(path, "").rows
-    keys = [column.key for column in read_json(path, module.Measurements).columns]
+    rows = measurements(path, "").rows
+    keys = [column.key for column in read_json(path, Measurements).columns]
     if key not in keys or not rows:
         raise BadInput(f"{page}: value {key}: {match['path']} has no row with such a column")
     return f"<!-- value: {key}, from {match['path']} -->{rows[-1][keys.index(key)]}<!-- end -->"
-
-
-def _module(name: str, page: Path) -> ModuleType:
-    folder = Path(documented.__file__).parent
-    names = sorted(file.stem for file in folder.glob("[!_]*.py"))
-    if name not in names:
-        raise BadInput(f"{page}: no kind of table is called {name}; choose one of {', '.join(names)}")
-    return import_module(f"{documented.__name__}.{name}")
-
-
-def _is_figure(cell: str) -> bool:
-    return re.fullmatch(r"[-+±.,%/() \d]*|\*\*[-+±.,%/() \d]*\*\*", cell) is not None

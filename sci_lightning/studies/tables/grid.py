@@ -1,7 +1,8 @@
-"""A table of text: on the terminal, as Markdown, LaTeX and PNG."""
+"""A table of text: on the terminal, as Markdown, LaTeX and PNG, and on a page of the documentation."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,7 +12,8 @@ from rich.table import Table
 
 from sci_lightning.figures.figure import write_figure
 from sci_lightning.files.atomic_file import atomic_write
-from sci_lightning.plain_text import file_name, in_figure, in_latex, in_markdown
+from sci_lightning.plain_text import file_name, in_figure, in_latex, in_markdown, markdown_table
+from sci_lightning.runs.provenance import Provenance
 
 MOST_DRAWN = 150
 """Rows of the PNG; a picture of more could not be looked at. The other formats hold all."""
@@ -72,10 +74,8 @@ class Grid:
     def as_markdown(self) -> str:
         """For a README."""
         heading, *rows = [[in_markdown(cell) for cell in row] for row in (self.heading, *self.rows)]
-        lines = [f"| {' | '.join(row)} |" for row in (heading, ["---"] * len(heading), *rows)]
-        return "\n".join(
-            [f"**{in_markdown(self.title)}**", "", *lines, "", *(f"{in_markdown(note)}\n" for note in self.notes)]
-        )
+        notes = [f"{in_markdown(note)}\n" for note in self.notes]
+        return "\n".join([f"**{in_markdown(self.title)}**", "", markdown_table(heading, rows), "", *notes])
 
     def as_latex(self) -> str:
         """A ``table`` environment that needs no package."""
@@ -116,3 +116,31 @@ class Grid:
                 cell.set_text_props(weight="bold")
         axes.set_title(in_figure(self.title), fontsize=10, y=0.56 + 0.12 * (len(rows) + 1), loc="center")
         return figure
+
+
+@dataclass(frozen=True)
+class DocumentedTable:
+    """One measured table of a page.
+
+    Attributes:
+        heading: one text for each column.
+        rows: as many cells each. Texts are Markdown.
+        provenance: of the figures.
+        notes: sentences below the table.
+    """
+
+    heading: list[str]
+    rows: list[list[str]]
+    provenance: Provenance
+    notes: list[str] = field(default_factory=list)
+
+    def as_markdown(self) -> str:
+        """Return the table, its notes and its provenance; columns of figures are aligned to the right."""
+        right = [place for place in range(len(self.heading)) if all(_is_figure(row[place]) for row in self.rows)]
+        notes = [f"{note}\n" for note in self.notes]
+        lines = [markdown_table(self.heading, self.rows, right), "", *notes, f"*{self.provenance.sentence()}*"]
+        return "\n".join(lines) + "\n"
+
+
+def _is_figure(cell: str) -> bool:
+    return re.fullmatch(r"[-+±.,%/() \d]*|\*\*[-+±.,%/() \d]*\*\*", cell) is not None

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sci_lightning.studies.tables.run import Run, Setting
+from sci_lightning.studies.tables.run import RunSetting, ScoredRun
 
 METRICS = ("psnr", "ssim", "qscore")
 """In the order in which the paper prints them."""
@@ -28,11 +28,11 @@ class Line:
     row: str
     column: str
     paper: Mapping[str, float]
-    runs: tuple[Run, ...] = ()
+    runs: tuple[ScoredRun, ...] = ()
     decoder: str = ""
 
     @property
-    def group(self) -> tuple[Setting, int] | None:
+    def group(self) -> tuple[RunSetting, int] | None:
         """What the runs have in common, setting and parameters; None if there are none."""
         return self.runs[0].group if self.runs else None
 
@@ -56,7 +56,7 @@ class Line:
         return bool(self.runs) and all(metric in run.scores for run in self.runs)
 
 
-def lines_of(table: Mapping[str, Any], runs: Sequence[Run]) -> list[Line]:
+def lines_of(table: Mapping[str, Any], runs: Sequence[ScoredRun]) -> list[Line]:
     """The lines of a table of ``paper_figures.yaml``: one for each row, column and setting, at least an empty one."""
     lines = []
     for name, row in table["rows"].items():
@@ -70,7 +70,7 @@ def lines_of(table: Mapping[str, Any], runs: Sequence[Run]) -> list[Line]:
     return lines
 
 
-def _grouped(runs: Iterable[Run]) -> list[tuple[Run, ...]]:
+def _grouped(runs: Iterable[ScoredRun]) -> list[tuple[ScoredRun, ...]]:
     """Runs that differ in nothing but the seed, together."""
     groups = defaultdict(list)
     for run in sorted(runs, key=lambda run: (str(run.setting), run.seed)):

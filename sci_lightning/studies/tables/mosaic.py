@@ -18,7 +18,7 @@ from sci_lightning.files.folder import is_inside
 from sci_lightning.pipeline import Pipeline
 from sci_lightning.plain_text import file_name, in_figure
 from sci_lightning.runs.checkpoint import read_checkpoint
-from sci_lightning.studies.tables.run import Run
+from sci_lightning.studies.tables.run import ScoredRun
 
 Shown = TypeVar("Shown")
 """What is shown of a checkpoint."""
@@ -27,7 +27,7 @@ PICTURES = 4
 """Of each encoder."""
 
 
-def mosaics(runs: Sequence[Run], side: int, left_out: Callable[[str], None]) -> Iterator[tuple[str, Figure]]:
+def mosaics(runs: Sequence[ScoredRun], side: int, left_out: Callable[[str], None]) -> Iterator[tuple[str, Figure]]:
     """A file's name and a figure for each scale and decoder of ours whose runs left a checkpoint.
 
     Args:
@@ -57,7 +57,7 @@ def mosaics(runs: Sequence[Run], side: int, left_out: Callable[[str], None]) -> 
 
 
 def retrained_mosaics(
-    runs: Sequence[Run], encoder: str, decoders: Sequence[str], side: int, left_out: Callable[[str], None]
+    runs: Sequence[ScoredRun], encoder: str, decoders: Sequence[str], side: int, left_out: Callable[[str], None]
 ) -> Iterator[tuple[str, Figure]]:
     """A file's name and a figure for each scale: reconstructions of networks trained with one encoder, side by side.
 

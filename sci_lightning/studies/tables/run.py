@@ -27,7 +27,7 @@ PAPERS_FRAMES = 8
 
 
 @dataclass(frozen=True)
-class Setting:
+class RunSetting:
     """What runs must share to be averaged or compared.
 
     Attributes:
@@ -51,7 +51,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Run:
+class ScoredRun:
     """One ``metrics.json``.
 
     Attributes:
@@ -60,7 +60,7 @@ class Run:
             ``mask``, and its ``bits`` (1 for masks that have none). An encoder with effects is not the paper's: its
             name carries them, as in ``lsw_sr + mask_shift``; so does the name of a decoder that was fine-tuned to
             another camera or assumes another one in the test. Texts hold no control characters.
-        setting: see :class:`Setting`.
+        setting: see :class:`RunSetting`.
         parameters: of the decoder, which runs of one row must share as well.
         macs: its multiply-accumulates for one measurement of the mask's size.
         seed: of the training.
@@ -76,7 +76,7 @@ class Run:
 
     path: Path
     fields: Mapping[str, str | int]
-    setting: Setting
+    setting: RunSetting
     parameters: int
     macs: int
     seed: int
@@ -90,7 +90,7 @@ class Run:
     provenance: Provenance | None = None
 
     @property
-    def group(self) -> tuple[Setting, int]:
+    def group(self) -> tuple[RunSetting, int]:
         """What runs must have in common to be averaged or compared."""
         return self.setting, self.parameters
 
@@ -169,7 +169,7 @@ class _Metrics(_Part):
     config: _Config
 
 
-def read_run(path: str | Path) -> Run:
+def read_run(path: str | Path) -> ScoredRun:
     """Read a ``metrics.json``, which may come from anybody: every entry is checked, and no path in it is followed.
 
     Raises:
@@ -181,7 +181,7 @@ def read_run(path: str | Path) -> Run:
     return _run(path, check_part(path, "", metrics.as_json(), _Metrics))
 
 
-def find_runs(folders: Iterable[str | Path]) -> tuple[list[Run], list[str]]:
+def find_runs(folders: Iterable[str | Path]) -> tuple[list[ScoredRun], list[str]]:
     """Every ``metrics.json`` below the folders, and a line for each that is of no use.
 
     Of several runs that differ in nothing but their place, the latest counts.
@@ -189,7 +189,7 @@ def find_runs(folders: Iterable[str | Path]) -> tuple[list[Run], list[str]]:
     Raises:
         BadInput: none is of use.
     """
-    runs: dict[Any, Run] = {}
+    runs: dict[Any, ScoredRun] = {}
     lines: list[str] = []
     paths: list[Path] = []
     empty: list[str] = []
@@ -216,7 +216,7 @@ def find_runs(folders: Iterable[str | Path]) -> tuple[list[Run], list[str]]:
     return list(runs.values()), lines
 
 
-def _run(path: Path, metrics: _Metrics) -> Run:
+def _run(path: Path, metrics: _Metrics) -> ScoredRun:
     config = metrics.config
     tested = config.evaluate or _Tested()
     fields: dict[str, str | int] = {
@@ -234,14 +234,14 @@ def _run(path: Path, metrics: _Metrics) -> Run:
     elif steps is not None and steps > 0:
         scale += f", {steps} steps"
     height, width = tested.size or config.size
-    setting = Setting(
+    setting = RunSetting(
         scale=scale,
         frames=config.frames or PAPERS_FRAMES,
         size=(height, width),
         scenes=tuple(sorted(list(metrics.scenes)[:MOST_SCENES])),
         conventions=tuple(sorted((key, excerpt(text)) for key, text in metrics.conventions.items())),
     )
-    return Run(
+    return ScoredRun(
         path=path,
         fields=fields,
         setting=setting,

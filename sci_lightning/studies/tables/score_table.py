@@ -1,16 +1,18 @@
-"""Tables 2 to 5: our scores beside the paper's."""
+"""The tables out of runs: Table 1, Tables 2 to 5 with our scores beside the paper's, and a table of all runs."""
 
 from __future__ import annotations
 
 import math
+import re
 import statistics
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sci_lightning.studies.tables.cost import Cost
 from sci_lightning.studies.tables.grid import Grid
 from sci_lightning.studies.tables.line import METRICS, Line, lines_of
-from sci_lightning.studies.tables.run import Run
+from sci_lightning.studies.tables.run import ScoredRun
 
 SCORES = "PSNR (dB), SSIM, Q-Score"
 HEADING = ["row", "column", f"ours: {SCORES}", "the paper's", "difference", "scale", "seeds"]
@@ -34,8 +36,34 @@ DIGITS = {"psnr": 2, "ssim": 3, "qscore": 2}
 Scores = Mapping[str, float]
 
 
+def encoder_table(paper: Mapping[str, Mapping[str, str]], encoders: Mapping[str, Mapping[str, Any]]) -> Grid:
+    """Return a row for each encoder, the paper's first and in its order.
+
+    Args:
+        paper: ``encoders`` of ``paper_figures.yaml``.
+        encoders: plain configurations of ours by name.
+    """
+    others = [name for name in encoders if name not in paper]
+    rows = [_encoder_row(name, encoders[name], paper.get(name, {})) for name in (*paper, *others)]
+    heading = ["encoder", "mask", "sensor", "aperture", "in the paper", "the paper's definition"]
+    return Grid("table1", "Table 1: definition of the encoders", heading, rows)
+
+
+def _encoder_row(name: str, encoder: Mapping[str, Any], paper: Mapping[str, str]) -> list[str]:
+    mask, sensor = (_words(encoder[part]) for part in ("mask", "sensor"))
+    return [name, mask, sensor, str(encoder["aperture"]), paper.get("row", ""), paper.get("configuration", "")]
+
+
+def _words(part: Mapping[str, Any]) -> str:
+    """The class of a mask or a sensor in words, with its bits."""
+    kind = str(part["_target_"]).rpartition(".")[2]
+    words = re.sub(r"(?<!^)(?=[A-Z])", " ", kind).lower()
+    bits = part.get("bits") or part.get("bit_depth")
+    return f"{words}, {bits} bits" if bits else words
+
+
 def score_table(
-    name: str, table: Mapping[str, Any], runs: Sequence[Run], costs: Mapping[str, Cost] | None = None
+    name: str, table: Mapping[str, Any], runs: Sequence[ScoredRun], costs: Mapping[str, Cost] | None = None
 ) -> Grid:
     """One of the paper's tables with our runs in it; what has not been run is empty.
 
@@ -81,6 +109,25 @@ def score_table(
     return Grid(name, table["title"], heading, rows, notes)
 
 
+def run_table(runs: Sequence[ScoredRun]) -> Grid:
+    """Return a row for all runs that differ in nothing but the seed; effects stand beside the encoder's name.
+
+    Those that belong to none of the paper's tables are among them.
+    """
+    heading = ["encoder", "bits", "decoder", "tested on", SCORES, "parameters", "scale", "seeds"]
+    groups: dict[tuple[str, ...], list[ScoredRun]] = defaultdict(list)
+    for run in runs:
+        named = tuple(str(run.fields[key]) for key in ("encoder", "bits", "decoder", "test_encoder", "mask"))
+        alike = (str(run.setting), str(run.setting.conventions), str(run.setting.scenes), str(run.parameters))
+        groups[named + alike].append(run)
+    rows = []
+    for (encoder, bits, decoder, tested, *_), group in sorted(groups.items()):
+        line = Line("", "", {}, tuple(group))
+        cells = [encoder, bits, decoder, "itself" if tested == encoder else tested, scores(line.mean(), line.spread())]
+        rows.append([*cells, f"{group[0].parameters:,}", str(group[0].setting), str(len(group))])
+    return Grid("runs", "All runs", heading, rows)
+
+
 def scores(mean: Scores, spread: Scores | None = None, sign: str = "") -> str:
     """Scores as one text in the paper's order, a dash for a metric that is missing among others."""
     if not mean:
@@ -103,7 +150,7 @@ def partner(line: Line, lines: Sequence[Line]) -> Line | None:
     return next((other for other in lines if other.runs and other.group == line.group), None)
 
 
-def seeds(*groups: Sequence[Run]) -> str:
+def seeds(*groups: Sequence[ScoredRun]) -> str:
     """How many seeds, of each group when they differ."""
     return " / ".join(dict.fromkeys(str(len(group)) for group in groups))
 
@@ -121,11 +168,11 @@ def _cells(mean: Scores, spread: Scores, paper: Scores, sign: str = "") -> list[
     return [scores(mean, spread, sign), scores(paper, sign=sign), scores(less(mean, paper), sign="+")]
 
 
-def _origin(runs: Sequence[Run]) -> list[str]:
+def _origin(runs: Sequence[ScoredRun]) -> list[str]:
     return [str(runs[0].setting), seeds(runs)] if runs else ["", ""]
 
 
-def _steps(runs: Sequence[Run]) -> str:
+def _steps(runs: Sequence[ScoredRun]) -> str:
     """The training steps of the runs that recorded them, and of how many these are where some did not."""
     steps = [run.training_steps for run in runs if run.training_steps is not None]
     if not steps:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from sci_lightning.errors import BadInput
-from sci_lightning.studies.tables.documented.benchmark import build
+from sci_lightning.studies.tables.documented import benchmark as build
 
 STEP = {"seconds": 0.5, "fastest": 0.4, "gflops": 60.0}
 SPEED = {"product_gflops": 100.0, "convolution_gflops": 90.0, "convolution_training_gflops": 80.0}

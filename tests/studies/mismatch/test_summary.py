@@ -106,24 +106,24 @@ def test_what_blind_diagnoses_are_worth(tmp_path: Path) -> None:
     for record in records:
         check("mismatch", record)
         (tmp_path / f"{record['camera']}.gap_tv.json").write_text(json.dumps(record))
-    assert len(blind_mismatch.build(tmp_path, "").rows) == 5
-    assert blind_mismatch.build(tmp_path / "absent", "").rows == []
+    assert len(blind_mismatch(tmp_path, "").rows) == 5
+    assert blind_mismatch(tmp_path / "absent", "").rows == []
     with pytest.raises(BadInput, match="this table has no parts"):
-        blind_mismatch.build(tmp_path, "drawn")
+        blind_mismatch(tmp_path, "drawn")
 
 
 def test_documented_table(tmp_path: Path) -> None:
-    assert mismatch.build(tmp_path / "absent", "").rows == []
+    assert mismatch(tmp_path / "absent", "").rows == []
     for record in RECORDS:
         check("mismatch", record)
         (tmp_path / f"{record['camera']}.gap_tv.json").write_text(json.dumps(record))
-    assert len(mismatch.build(tmp_path, "").rows) == 4 and len(mismatch.build(tmp_path, "drawn").rows) == 1
-    assert mismatch.build(tmp_path, "").provenance.machine == "an abacus"
+    assert len(mismatch(tmp_path, "").rows) == 4 and len(mismatch(tmp_path, "drawn").rows) == 1
+    assert mismatch(tmp_path, "").provenance.machine == "an abacus"
     with pytest.raises(BadInput, match="no records of nothing cameras"):
-        mismatch.build(tmp_path, "nothing")
+        mismatch(tmp_path, "nothing")
     (tmp_path / "foreign.json").write_text("{}")
     with pytest.raises(BadInput, match=r"foreign\.json: .*not a record of the mismatch protocol"):
-        mismatch.build(tmp_path, "")
+        mismatch(tmp_path, "")
 
 
 def test_what_fine_tuning_is_worth(tmp_path: Path) -> None:
@@ -147,8 +147,8 @@ def test_what_fine_tuning_is_worth(tmp_path: Path) -> None:
         ["20.00", "", ""],
         ["19.00", "", ""],
     ]
-    assert finetuning.build(tmp_path / "absent", "").rows == []
+    assert finetuning(tmp_path / "absent", "").rows == []
     (tmp_path / "a.json").write_text(json.dumps(records[1]))
-    assert len(finetuning.build(tmp_path, "").rows) == 3
+    assert len(finetuning(tmp_path, "").rows) == 3
     with pytest.raises(BadInput, match="this table has no parts"):
-        finetuning.build(tmp_path, "seeds")
+        finetuning(tmp_path, "seeds")

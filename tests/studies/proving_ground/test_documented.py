@@ -13,7 +13,7 @@ from sci_lightning.errors import BadInput
 from sci_lightning.studies.proving_ground.records import Records
 from sci_lightning.studies.proving_ground.report import as_plain_data, provenance_of, write_report
 from sci_lightning.studies.proving_ground.summary import summarise
-from sci_lightning.studies.tables.documented.proving_ground import build
+from sci_lightning.studies.tables.documented import proving_ground as build
 from tests.conftest import ROOT
 from tests.files.formats import check
 

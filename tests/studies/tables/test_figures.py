@@ -15,7 +15,7 @@ from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.mask import LearnedStructural, RandomBinary
 from sci_lightning.encoder.sensor import ClipQuantise, Ideal
 from sci_lightning.studies.tables.colour_checker import checker, patch_error
-from sci_lightning.studies.tables.cost_figure import cost_figure
+from sci_lightning.studies.tables.cost import cost_figure
 from sci_lightning.studies.tables.dynamic_range import distinguishable_steps, wedge
 from sci_lightning.studies.tables.paper_figures import paper_figures
 from sci_lightning.studies.tables.run import find_runs

@@ -20,7 +20,7 @@ from sci_lightning.studies.tables import mosaic
 from sci_lightning.studies.tables.grid import Grid
 from sci_lightning.studies.tables.mosaic import mosaics
 from sci_lightning.studies.tables.run import find_runs, read_run
-from sci_lightning.studies.tables.run_table import run_table
+from sci_lightning.studies.tables.score_table import run_table
 from tests.studies.tables.conftest import Made
 
 HOSTILE = (

@@ -20,8 +20,7 @@ from sci_lightning.studies.tables.grid import Grid
 from sci_lightning.studies.tables.line import METRICS, lines_of
 from sci_lightning.studies.tables.paper_figures import paper_figures
 from sci_lightning.studies.tables.run import find_runs
-from sci_lightning.studies.tables.run_table import run_table
-from sci_lightning.studies.tables.score_table import score_table
+from sci_lightning.studies.tables.score_table import run_table, score_table
 from tests.conftest import SHARED
 from tests.studies.tables.conftest import Made
 

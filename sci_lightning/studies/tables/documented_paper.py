@@ -15,11 +15,10 @@ from sci_lightning.errors import BadInput
 from sci_lightning.plain_text import in_markdown
 from sci_lightning.runs.provenance import NOT_YET, Provenance, joined
 from sci_lightning.studies.tables.claim_table import claim_table, verdict_table
-from sci_lightning.studies.tables.documentation import DocumentedTable
-from sci_lightning.studies.tables.grid import Grid
+from sci_lightning.studies.tables.grid import DocumentedTable, Grid
 from sci_lightning.studies.tables.line import Line, lines_of
 from sci_lightning.studies.tables.paper_figures import paper_figures
-from sci_lightning.studies.tables.run import Run, find_runs
+from sci_lightning.studies.tables.run import ScoredRun, find_runs
 from sci_lightning.studies.tables.score_table import HEADING, SCORES, score_table
 
 OURS = HEADING.index(f"ours: {SCORES}")
@@ -38,7 +37,7 @@ PSNR_NOTE = (
 )
 
 
-def build(path: str | Path, part: str) -> DocumentedTable:
+def paper_table(path: str | Path, part: str) -> DocumentedTable:
     """Return one of the paper's tables, or its claims, with the rows that are kept in a folder.
 
     Args:
@@ -76,7 +75,7 @@ def _trained(grid: Grid) -> Grid:
     return replace(grid, rows=rows, notes=["Rows that have not been trained yet are left out.", *grid.notes])
 
 
-def _psnr(tables: Mapping[str, Any], runs: Sequence[Run]) -> Grid:
+def _psnr(tables: Mapping[str, Any], runs: Sequence[ScoredRun]) -> Grid:
     """The PSNR of Tables 2 to 5 in one: decoders below each other, pairs of encoders side by side."""
     cells: dict[str, dict[str, list[str]]] = {}
     for name, encoder, line in _named_lines(tables, runs):
@@ -87,7 +86,7 @@ def _psnr(tables: Mapping[str, Any], runs: Sequence[Run]) -> Grid:
     return Grid("psnr", "Tables 2 to 5: PSNR", ["decoder", *ENCODERS.values()], rows, [PSNR_NOTE])
 
 
-def _trained_psnr(tables: Mapping[str, Any], runs: Sequence[Run]) -> Grid:
+def _trained_psnr(tables: Mapping[str, Any], runs: Sequence[ScoredRun]) -> Grid:
     """The PSNR of what was trained, and nothing else: a line for each decoder and encoder."""
     rows = {
         (name, encoder): [name, encoder, f"{psnr:.2f}", f"{line.paper['psnr']:.2f}"]
@@ -97,7 +96,7 @@ def _trained_psnr(tables: Mapping[str, Any], runs: Sequence[Run]) -> Grid:
     return Grid("psnr", "PSNR", ["decoder", "camera", "ours (dB)", "the paper's (dB)"], list(rows.values()), [])
 
 
-def _named_lines(tables: Mapping[str, Any], runs: Sequence[Run]) -> Iterator[tuple[str, str, Line]]:
+def _named_lines(tables: Mapping[str, Any], runs: Sequence[ScoredRun]) -> Iterator[tuple[str, str, Line]]:
     """Yield every line of Tables 2 to 5 after the names of its decoder and of its encoder."""
     by_bits = {fields["decoder"] for fields in tables["table5"]["columns"].values()}
     names = {row["match"]["decoder"]: name for key in ("table2", "table4") for name, row in tables[key]["rows"].items()}
@@ -121,7 +120,7 @@ def _cells(grid: Grid) -> tuple[list[str], list[list[str]]]:
     return heading, rows
 
 
-def _provenance(runs: list[Run]) -> Provenance:
+def _provenance(runs: list[ScoredRun]) -> Provenance:
     if not runs:
         return NOT_YET
     if missing := [run.path for run in runs if run.provenance is None]:

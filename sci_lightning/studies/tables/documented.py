@@ -1,0 +1,226 @@
+"""The kinds of tables of README.md and docs/: each is a function of a path and of a part of its name.
+
+``<!-- table: benchmark.forward, from docs/results/benchmark/a.json -->`` calls :func:`benchmark` with that path and
+``forward``. A new kind is one function here; many tables need none, because ``measurements`` shows any JSON of its
+format. A folder of results may be absent: as long as it is, its table is empty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from sci_lightning.errors import BadInput
+from sci_lightning.files.json_file import JsonFile, JsonObject, Number, read_json, says
+from sci_lightning.runs.provenance import NOT_YET, Provenance, joined
+from sci_lightning.studies.benchmark.benchmark_file import Benchmark
+from sci_lightning.studies.benchmark.table import tables
+from sci_lightning.studies.mismatch.blind_summary import blind_table, diagnosed_blind
+from sci_lightning.studies.mismatch.records import read_records
+from sci_lightning.studies.mismatch.summary import finetuning_table, summary_table
+from sci_lightning.studies.proving_ground.outcome import Outcome
+from sci_lightning.studies.proving_ground.records import Records
+from sci_lightning.studies.proving_ground.report import ANSWERS, Summary
+from sci_lightning.studies.proving_ground.summary import summarise
+from sci_lightning.studies.tables.documented_paper import paper_table
+from sci_lightning.studies.tables.grid import DocumentedTable
+from sci_lightning.virtual_camera import OTHER_FIELDS
+
+
+def benchmark(path: Path, part: str) -> DocumentedTable:
+    """Return a table of a file that ``python -m sci_lightning.benchmark`` wrote.
+
+    Args:
+        path: of the file (``schemas/benchmark.json``).
+        part: ``counts``, ``forward``, ``training`` or ``machine``.
+
+    Raises:
+        BadInput: another format, or a table that the file has no figures for.
+    """
+    measured = read_json(path, Benchmark)
+    present = tables(measured.as_json())
+    if part not in present:
+        raise BadInput(f"{path}: no table benchmark.{part}; choose benchmark.{', benchmark.'.join(present)}")
+    heading, *body = present[part]
+    decoded = [f"Decoded: {measured.scene}, {measured.weights}."] if part == "forward" else []
+    return DocumentedTable(heading, body, measured.provenance, decoded)
+
+
+def mismatch(path: Path, part: str) -> DocumentedTable:
+    """Return the table of the mismatch protocol: mean PSNR in dB of the scenes, by camera, decoder and scenario.
+
+    Args:
+        path: a folder of records.
+        part: empty: all cameras; else the beginning of the cameras' names: ``published``, ``drawn`` or ``alone``.
+
+    Raises:
+        BadInput: a file that is no record, or no record of this part.
+    """
+    records = [record for record in read_records(path) if record["camera"].startswith(part)] if path.is_dir() else []
+    if path.is_dir() and not records:
+        raise BadInput(f"{path}: no records of {part or 'any'} cameras; copy cases/ of a run into it")
+    return _of_records(records, summary_table(records, published=True))
+
+
+def blind_mismatch(path: Path, part: str) -> DocumentedTable:
+    """Return what blind diagnoses are worth: PSNR in dB with and without one factor of brightness, and the names.
+
+    Args:
+        path: a folder of records of the mismatch protocol.
+        part: must be empty.
+
+    Raises:
+        BadInput: a file that is no record, or a part.
+    """
+    _without_parts("blind_mismatch", part)
+    records = diagnosed_blind(read_records(path)) if path.is_dir() else []
+    return _of_records(records, blind_table(records))
+
+
+def finetuning(path: Path, part: str) -> DocumentedTable:
+    """Return what fine-tuning is worth, of the records that ``python -m sci_lightning.mismatch.finetuning`` writes.
+
+    Args:
+        path: a folder of records.
+        part: must be empty.
+
+    Raises:
+        BadInput: a file that is no record, or a part.
+    """
+    _without_parts("finetuning", part)
+    records = read_records(path) if path.is_dir() else []
+    return _of_records(records, finetuning_table(records))
+
+
+Cell = Number | str | list[Number]
+
+
+class Column(JsonObject):
+    """A column of a table."""
+
+    key: str = says("by which rows hold their value")
+    title: str = says("the heading, Markdown, with the unit")
+    digits: int | list[int] = says("after the decimal point; a list for values that are lists", default=0)
+
+
+class Measurements(JsonFile):
+    """``docs/results/*.json``: a measured table of the documentation."""
+
+    format: Literal["sci-measurements"]
+    format_version: Literal[1]
+    provenance: Provenance = says("of the figures")
+    columns: list[Column] = says("in their order")
+    rows: list[dict[str, Cell]] = says("values by the column's key: a number, Markdown, or numbers; absent: empty")
+    notes: list[str] = says("sentences below the table, Markdown", default=[])
+
+
+def measurements(path: Path, part: str) -> DocumentedTable:
+    """Return the table of a file of :class:`Measurements`; a list of numbers is shown as ``26.67 / .811``.
+
+    Raises:
+        BadInput: another format, a value without a column, or digits that do not fit the values.
+    """
+    table = read_json(path, Measurements)
+    keys = {column.key for column in table.columns}
+    if unknown := sorted({key for row in table.rows for key in row} - keys):
+        raise BadInput(f"{path}: rows hold {', '.join(unknown)}, which no column shows")
+    cells = [[_cell(row.get(column.key), column, path) for column in table.columns] for row in table.rows]
+    return DocumentedTable([column.title for column in table.columns], cells, table.provenance, list(table.notes))
+
+
+def _cell(value: Cell | None, column: Column, path: str | Path) -> str:
+    """Return a value as the table shows it, numbers with the column's digits."""
+    if value is None:
+        return ""
+    if isinstance(value, str):
+        return value
+    values, digits = (part if isinstance(part, list) else [part] for part in (value, column.digits))
+    if len(values) != len(digits):
+        raise BadInput(f"{path}: {column.key} has {len(values)} values and digits for {len(digits)}")
+    return " / ".join(f"{number:,.{places}f}" for number, places in zip(values, digits, strict=True))
+
+
+PROVING_GROUND = ("summary", "outside", "rays")
+
+
+def proving_ground(path: Path, part: str) -> DocumentedTable:
+    """Return a table of the cases that ``python -m sci_lightning.proving_ground`` left in a folder.
+
+    Args:
+        path: of the folder with ``cases.jsonl`` and ``summary.json``; as long as it is not there, the table is empty.
+        part: ``summary`` (every figure), ``outside`` (a line for each case with a deviation known from other fields)
+            or ``rays`` (a line for each case that was sampled by rays and in which a name is missing or wrong).
+
+    Raises:
+        BadInput: another part, or a file of no use.
+    """
+    if part not in PROVING_GROUND:
+        parts = ", ".join(f"proving_ground.{part}" for part in PROVING_GROUND)
+        raise BadInput(f"proving_ground.{part}: no such table; choose {parts}")
+    records = Records(path / "cases.jsonl").read()
+    outcomes = [record for record in records if isinstance(record, Outcome)]
+    provenance = _summarised(path) if records else NOT_YET
+    if part == "summary":
+        rows = [row for row in summarise(records) if row.figure != "no cases"] if records else []
+        cells = [[row.what, row.figure, row.target, ANSWERS[row.met]] for row in rows]
+        return DocumentedTable(["what", "result (95 % interval)", "target", "reached"], cells, provenance)
+    if part == "outside":
+        shown = [outcome for outcome in outcomes if set(outcome.hidden_names) & set(OTHER_FIELDS)]
+    else:
+        shown = [outcome for outcome in outcomes if outcome.formulation == "rays" and not outcome.exact]
+    return DocumentedTable(
+        [
+            "hidden",
+            "camera",
+            "named",
+            "unnamed, the strongest first",
+            "captures left out",
+            "verdict",
+            "chi2 before",
+            "after",
+        ],
+        [_case(outcome) for outcome in shown],
+        provenance,
+    )
+
+
+def _case(outcome: Outcome) -> list[str]:
+    named = ", ".join(f"`{effect.name}`" for effect in outcome.named)
+    unnamed = ", ".join(stage.removeprefix("unnamed:") for stage in outcome.unnamed_stages)
+    hidden = ", ".join(f"`{name}`" for name in outcome.hidden_names) or "nothing"
+    camera = f"{outcome.mask}, {outcome.bit_depth} bits"
+    left_out = ", ".join(map(str, outcome.bad_captures)) + (" (right)" if outcome.captures_right else "")
+    figures = (f"{outcome.chi2_before:.3g}", f"{outcome.chi2_after:.3g}")
+    verdict = outcome.verdict.replace("_", " ")
+    return [hidden, camera, named, unnamed, left_out if outcome.bad_captures else "", verdict, *figures]
+
+
+def _summarised(path: Path) -> Provenance:
+    provenance = read_json(path / "summary.json", Summary).provenance
+    if provenance is None:
+        raise BadInput(f"{path}: summary.json does not say where it was measured")
+    return provenance
+
+
+def _without_parts(kind: str, part: str) -> None:
+    if part:
+        raise BadInput(f"{kind}.{part}: this table has no parts")
+
+
+def _of_records(records: Sequence[Mapping[str, Any]], rows: list[list[str]]) -> DocumentedTable:
+    """Return the table of a folder of records, whose first row is the heading."""
+    origins = [Provenance(**record["provenance"]) for record in records]
+    return DocumentedTable(rows[0], rows[1:], joined(origins) if origins else NOT_YET)
+
+
+KINDS: dict[str, Callable[[Path, str], DocumentedTable]] = {
+    "benchmark": benchmark,
+    "blind_mismatch": blind_mismatch,
+    "finetuning": finetuning,
+    "measurements": measurements,
+    "mismatch": mismatch,
+    "paper": paper_table,
+    "proving_ground": proving_ground,
+}
+"""The kinds by the names that pages use."""
