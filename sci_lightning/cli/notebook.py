@@ -21,10 +21,10 @@ from sci_lightning.runs.resume import check_nothing_lost
 from sci_lightning.runs.run_folder import run_folder
 
 if TYPE_CHECKING:
-    from sci_lightning.cli.evaluation import Evaluation
-    from sci_lightning.cli.paper_tables import Tables
     from sci_lightning.decoder import Decoder
     from sci_lightning.studies.mask_design import DesignedMask
+    from sci_lightning.studies.tables.paper_tables import Tables
+    from sci_lightning.training.evaluation import Evaluation
     from sci_lightning.training.run import Run
 
 
@@ -137,10 +137,10 @@ def evaluate(configuration: Iterable[str] | Mapping[str, Any]) -> Evaluation:
         BadInput: settings or files that do not fit, or a folder ``out`` that holds a training.
         HydraException: an override that cannot be read, or that chooses or sets what does not exist.
     """
-    from sci_lightning.cli.evaluation import evaluate as evaluate_composition
+    from sci_lightning.cli.commands.evaluate import evaluation_of
 
     with _in_own_folder("evaluate", configuration) as composition:
-        return evaluate_composition(composition, PlainConsole(quiet=True))
+        return evaluation_of(composition, PlainConsole(quiet=True))
 
 
 def tables(configuration: Iterable[str] | Mapping[str, Any]) -> Tables:
@@ -154,12 +154,12 @@ def tables(configuration: Iterable[str] | Mapping[str, Any]) -> Tables:
         BadInput: settings that do not fit, or folders in which there is no run.
         HydraException: an override that cannot be read, or that sets what does not exist.
     """
-    from sci_lightning.cli.paper_tables import make_tables
+    from sci_lightning.cli.commands.tables import tables_of
 
     with _in_own_folder("tables", configuration) as composition:
         if composition.cfg.documentation:
             raise BadInput("documentation=: a notebook makes tables of runs; the pages are written by the command")
-        return make_tables(composition)
+        return tables_of(composition)
 
 
 def design_mask(configuration: Iterable[str] | Mapping[str, Any] = ()) -> DesignedMask:

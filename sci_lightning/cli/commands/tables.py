@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from omegaconf import OmegaConf
 
 from sci_lightning.cli.command import run
-from sci_lightning.cli.composition import Composition
-from sci_lightning.cli.paper_tables import make_tables
+from sci_lightning.cli.composition import Composition, compose, group_members, plain
 from sci_lightning.cli.settings import CommandSettings, Count, Place
 from sci_lightning.configuration.bounds import ExistingPath, Positive
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.plain_text import one_printable_line
+
+if TYPE_CHECKING:
+    from sci_lightning.studies.tables.paper_tables import Tables
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,7 @@ def tables(composition: Composition) -> None:
     from sci_lightning.cli.next_command import browser, dashboard, invocation, print_next
 
     console = PlainConsole()
-    made = make_tables(composition, _left_out)
+    made = tables_of(composition, _left_out)
     for grid in made.grids.values():
         console.print(grid.as_table(console.width))
     console.say(styled(made.folder), f": {', '.join(made.grids)} as .md, .tex and .png; {len(made.runs)} runs")
@@ -51,6 +56,20 @@ def tables(composition: Composition) -> None:
     shown = [dashboard(made.folder / "tensorboard")] if composition.cfg.dashboard else []
     more = invocation("train", "-m", "experiment=table5", "scale=cpu")
     print_next(console, *shown, browser(made.figures["cost"]), more)
+
+
+def tables_of(composition: Composition, on_left_out: Callable[[str], None] = lambda line: None) -> Tables:
+    """Make the tables that ``conf/tables.yaml`` asks for, beside the package's own decoders and encoders."""
+    from sci_lightning.studies.tables.paper_tables import make_tables
+
+    def members(group: str, *overrides: str) -> dict[str, Any]:
+        names = group_members(group)
+        composed = {name: compose("train", [f"{group}={name}", *overrides]).cfg[group] for name in names}
+        # of encoders whose mask is a file, the file is missing
+        return {name: OmegaConf.to_container(member, resolve=True) for name, member in composed.items()}
+
+    decoders, encoders = members("decoder", "frames=8"), members("encoder", "frames=8", "size=[32,32]")
+    return make_tables(plain(composition.cfg), decoders, encoders, on_left_out)
 
 
 def _write_documentation(root: Path) -> None:

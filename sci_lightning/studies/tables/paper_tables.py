@@ -1,16 +1,13 @@
-"""The paper's tables out of runs, as ``conf/tables.yaml`` says: what the command and ``sci.tables`` share."""
+"""The paper's tables out of runs: what the command ``tables`` and ``sci.tables`` share."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from omegaconf import OmegaConf
-
-from sci_lightning.cli.composition import Composition, compose, group_members, plain
 from sci_lightning.errors import BadInput
 
 if TYPE_CHECKING:
@@ -37,14 +34,21 @@ class Tables:
     left_out: tuple[str, ...]
 
 
-def make_tables(composition: Composition, on_left_out: Callable[[str], None] = lambda line: None) -> Tables:
+def make_tables(
+    config: Mapping[str, Any],
+    decoders: Mapping[str, Any],
+    encoders: Mapping[str, Any],
+    on_left_out: Callable[[str], None] = lambda line: None,
+) -> Tables:
     """Collect the ``metrics.json`` below ``runs``, and write each table as Markdown, LaTeX and PNG into ``out``.
 
     Beside them the paper's figures as PNG: quality against cost, dynamic range, mosaics of runs that left a checkpoint.
     With ``dashboard=true`` a TensorBoard log as well, in which every run is a trial.
 
     Args:
-        composition: of ``conf/tables.yaml``.
+        config: ``conf/tables.yaml``, composed, resolved and plain.
+        decoders: plain configurations of decoders for 8 frames, by name; those that the paper has are counted.
+        encoders: plain configurations of encoders for 8 frames of 32 x 32, by name.
         on_left_out: called with a line for every file that is of no use; the others go on.
 
     Raises:
@@ -61,8 +65,7 @@ def make_tables(composition: Composition, on_left_out: Callable[[str], None] = l
     from sci_lightning.studies.tables.run import find_runs
     from sci_lightning.studies.tables.score_table import encoder_table, run_table, score_table
 
-    cfg, out = composition.cfg, Path(composition.cfg.out)
-    folders = plain(cfg)["runs"]
+    out, folders, sensor, most = Path(config["out"]), config["runs"], config["sensor"], config["mosaic"]
     if folders is None:
         raise BadInput("give runs=DIR, a folder of train or of a sweep; documentation=. writes the tables of the pages")
     left_out: list[str] = []
@@ -74,17 +77,15 @@ def make_tables(composition: Composition, on_left_out: Callable[[str], None] = l
     runs, lines = find_runs([Path(str(folder)) for folder in (folders if isinstance(folders, list) else [folders])])
     for line in lines:
         leave_out(line)
-    if cfg.dashboard:
+    if config["dashboard"]:
         check_dashboard(out / "tensorboard")
     paper = paper_figures()
-    ours = [name for name in group_members("decoder") if name in paper["decoders"]]
-    cost = costs(paper["decoders"], _members("decoder", ours, "frames=8"))
-    encoders = _members("encoder", group_members("encoder"), "frames=8", "size=[32,32]")
+    cost = costs(paper["decoders"], {name: decoders[name] for name in decoders if name in paper["decoders"]})
     grids = [encoder_table(paper["encoders"], encoders)]
     grids += [score_table(name, table, runs, cost) for name, table in paper["tables"].items()]
     grids += [table(paper["claims"], paper["tables"], runs, cost) for table in (claim_table, verdict_table)]
-    recorded = wedges({name: encoders[name] for name in paper["encoders"]}, cfg.sensor)
-    grids.append(dynamic_range_table(recorded, cfg.sensor))
+    recorded = wedges({name: encoders[name] for name in paper["encoders"]}, sensor)
+    grids.append(dynamic_range_table(recorded, sensor))
     grids.append(run_table(runs))
     for grid in grids:
         grid.write(out)
@@ -94,21 +95,14 @@ def make_tables(composition: Composition, on_left_out: Callable[[str], None] = l
     }
     networks = [row["match"]["decoder"] for row in paper["tables"]["table3"]["rows"].values()]
     drawn = (
-        mosaics(runs, cfg.mosaic, leave_out),
-        retrained_mosaics(runs, "rbw_sr", networks, cfg.mosaic, leave_out),
-        colour_checkers(runs, cfg.mosaic, leave_out),
+        mosaics(runs, most, leave_out),
+        retrained_mosaics(runs, "rbw_sr", networks, most, leave_out),
+        colour_checkers(runs, most, leave_out),
     )
     written = {}
-    for name, figure in chain(figures.items(), *(drawn if cfg.mosaic else ())):
+    for name, figure in chain(figures.items(), *(drawn if most else ())):
         written[name] = out / f"{name}.png"
         write_figure(figure, written[name])
-    if cfg.dashboard:
+    if config["dashboard"]:
         write_dashboard(sorted(runs, key=lambda run: str(run.path)), out / "tensorboard")
     return Tables(out, tuple(runs), {grid.name: grid for grid in grids}, written, tuple(left_out))
-
-
-def _members(group: str, names: list[str], *overrides: str) -> dict[str, Any]:
-    """Return the plain configurations of members of a group, as ``train`` would have them, by their names."""
-    composed = {name: compose("train", [f"{group}={name}", *overrides]).cfg[group] for name in names}
-    # of encoders whose mask is a file, the file is missing
-    return {name: OmegaConf.to_container(member, resolve=True) for name, member in composed.items()}
