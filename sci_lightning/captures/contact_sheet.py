@@ -53,7 +53,7 @@ def contact_sheet(path: str | Path, captures: Captures) -> int:
 
 def contact_sheet_figure(captures: Captures) -> Figure:
     """Return the figure that :func:`contact_sheet` writes."""
-    shown = chosen(captures.kind)
+    shown = selected(captures.kind)
     columns = COLUMNS if len(shown) > 24 else max(6, min(8, len(shown)))
     rows = math.ceil(len(shown) / columns)
     tall = min(max(captures.size[0] / captures.size[1], 0.4), 2.5)
@@ -81,7 +81,7 @@ def contact_sheet_figure(captures: Captures) -> Figure:
     return figure
 
 
-def chosen(kind: tuple[str, ...], most: int = MOST) -> list[int]:
+def selected(kind: tuple[str, ...], most: int = MOST) -> list[int]:
     """Return the numbers of at most ``most`` captures, in order: as many of every kind, evenly spread over it."""
     groups = [[index for index, label in enumerate(kind) if label == name] for name in dict.fromkeys(kind)]
     share = [0] * len(groups)
@@ -89,9 +89,9 @@ def chosen(kind: tuple[str, ...], most: int = MOST) -> list[int]:
         unfinished = [number for number, group in enumerate(groups) if share[number] < len(group)]
         share[min(unfinished, key=lambda number: share[number])] += 1
     picked = [
-        group[round(place)]
+        group[round(index)]
         for group, count in zip(groups, share, strict=True)
-        for place in np.linspace(0, len(group) - 1, count)
+        for index in np.linspace(0, len(group) - 1, count)
     ]
     return sorted(picked)
 
@@ -135,8 +135,9 @@ def _thumbnail(axes: Axes, captures: Captures, index: int) -> None:
 
 
 def _frame(axes: Axes, shape: tuple[int, ...], colour: str, width: float) -> None:
-    place = (-0.5, -0.5), shape[1], shape[0]
-    axes.add_patch(Rectangle(*place, fill=False, edgecolor=colour, linewidth=width, clip_on=False))
+    axes.add_patch(
+        Rectangle((-0.5, -0.5), shape[1], shape[0], fill=False, edgecolor=colour, linewidth=width, clip_on=False)
+    )
 
 
 def _binned(image: np.ndarray) -> np.ndarray:

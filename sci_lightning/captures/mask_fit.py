@@ -111,9 +111,9 @@ def moving_masks(
         float32 ``(T, H, W)``; None if T is not given, and no whole number of steps, 1 or more, leads from edge to edge.
     """
     if slots is None:
-        room = [abs(whole - own) for whole, own in zip(field, pattern.shape, strict=True)]
-        counts = {space / abs(one) for space, one in zip(room, step, strict=True) if one}
-        still = all(space == 0 for space, one in zip(room, step, strict=True) if not one)
+        free = [abs(whole - own) for whole, own in zip(field, pattern.shape, strict=True)]
+        counts = {space / abs(one) for space, one in zip(free, step, strict=True) if one}
+        still = all(space == 0 for space, one in zip(free, step, strict=True) if not one)
         if len(counts) != 1 or not still or (steps := counts.pop()) < 1 or steps != int(steps):
             return None
         slots = int(steps) + 1
@@ -142,7 +142,7 @@ def sizes_of_steps(size: Sequence[int], field: Sequence[int]) -> str:
     )
 
 
-def place_of_mask(patterns: np.ndarray, dn: np.ndarray) -> tuple[tuple[int, int], float] | None:
+def origin_in_mask(patterns: np.ndarray, dn: np.ndarray) -> tuple[tuple[int, int], float] | None:
     """Return where in a mask of another size the snapshots begin, by the imprint of the mask on them.
 
     What is brighter than its surroundings in a snapshot has mostly been open for longer. The fine structure of the
@@ -166,12 +166,12 @@ def place_of_mask(patterns: np.ndarray, dn: np.ndarray) -> tuple[tuple[int, int]
     common = fftconvolve(np.ones(mask.shape), np.ones(snapshot.shape), mode="full")
     least = LEAST_COMMON**2 * min(mask.size, snapshot.size)
     correlation = np.where(common > least, product / np.sqrt(np.maximum(common, 1)), 0) / (mask.std() * snapshot.std())
-    place = np.unravel_index(correlation.argmax(), correlation.shape)
+    peak = np.unravel_index(correlation.argmax(), correlation.shape)
     others = correlation[common > least]
-    if correlation[place] < CERTAIN * others.std():
+    if correlation[peak] < CERTAIN * others.std():
         return None
-    top, left = (int(at) - (side - 1) for at, side in zip(place, snapshot.shape, strict=True))
-    return (top, left), float(correlation[place] / np.sqrt(common[place]))
+    top, left = (int(at) - (side - 1) for at, side in zip(peak, snapshot.shape, strict=True))
+    return (top, left), float(correlation[peak] / np.sqrt(common[peak]))
 
 
 def _moving(
@@ -214,10 +214,10 @@ def _advice(patterns: np.ndarray, snapshots: np.ndarray) -> str:
     )
     if question := doubtful_axes(patterns.shape, field):
         return f"{wrong}; {question}"
-    place = place_of_mask(patterns, snapshots)
-    if place is None:
+    found = origin_in_mask(patterns, snapshots)
+    if found is None:
         return f"{wrong}, and no part of the one fits the other; give the mask that the snapshots were taken with"
-    (top, left), correlation = place
+    (top, left), correlation = found
     # Sides of equal length begin together: by how much the image is displaced along them is the diagnosis's question.
     top, left = (
         0 if mask_side == side else at

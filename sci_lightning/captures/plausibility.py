@@ -70,7 +70,7 @@ class Entry:
     kind: str
 
     @property
-    def place(self) -> str:
+    def key(self) -> str:
         """``captures[3]``, as messages name it."""
         return self.node.where.rpartition(": ")[2].rstrip(".")
 
@@ -100,7 +100,7 @@ class Levels:
     saturated: float
     """Part of the pixels at full scale."""
     correlation: float | None
-    """Of the pixels; None where the prediction is even."""
+    """Correlation of measured and predicted pixels; None where the prediction is even."""
 
 
 def check_entries(entries: Sequence[Entry]) -> None:
@@ -222,7 +222,7 @@ def _contradictions(levels: Sequence[Levels]) -> Iterator[str]:
     if far:
         first = far[0]
         yield (
-            f"{_places([level.entry for level in far])}: scene, patterns and aperture predict {first.predicted:.3g} of "
+            f"{_keys([level.entry for level in far])}: scene, patterns and aperture predict {first.predicted:.3g} of "
             f"full scale, {first.measured:.3g} was measured above the dark level; check aperture (light scale, 1 is "
             "nominal), scene and pattern_levels"
         )
@@ -232,7 +232,7 @@ def _bright_scenes(entries: Sequence[Entry]) -> Iterator[str]:
     bright = [entry for entry in entries if np.nan_to_num(entry.scene).max() >= BRIGHT_SCENE]
     if bright:
         yield (
-            f"{_places(bright)}: a scene of {np.nan_to_num(bright[0].scene).max():g} is that many times what fills the "
+            f"{_keys(bright)}: a scene of {np.nan_to_num(bright[0].scene).max():g} is that many times what fills the "
             "sensor's range (1.0); is it in percent or DN?"
         )
 
@@ -242,13 +242,13 @@ def _exposures(entries: Sequence[Entry]) -> Iterator[str]:
     times = {entry.exposure for entry in lit}
     if len(times) == 1 and (time := times.pop()) != 1:
         yield (
-            f"{_places(lit)}: every capture with light has exposure {time:g}; it is relative to the nominal "
+            f"{_keys(lit)}: every capture with light has exposure {time:g}; it is relative to the nominal "
             "integration time (leave it out if that is the nominal one), not in ms"
         )
     elif far := [entry for entry in lit if not 0.01 <= entry.exposure <= 100]:
-        yield f"{_places(far)}: exposure {far[0].exposure:g} is relative to the nominal integration time; is it in ms?"
+        yield f"{_keys(far)}: exposure {far[0].exposure:g} is relative to the nominal integration time; is it in ms?"
     if far := [entry for entry in entries if entry.is_lit and not 1e-4 <= entry.aperture <= 1e2 and entry.aperture]:
-        yield f"{_places(far)}: aperture {far[0].aperture:g} is a light scale, 1 is nominal; is it in other units?"
+        yield f"{_keys(far)}: aperture {far[0].aperture:g} is a light scale, 1 is nominal; is it in other units?"
 
 
 def _inverted(levels: Sequence[Levels]) -> Iterator[str]:
@@ -256,7 +256,7 @@ def _inverted(levels: Sequence[Levels]) -> Iterator[str]:
     single = [level for level in varied if level.entry.kind == "pattern"] or varied
     if single and (typical := float(np.median([level.correlation for level in single]))) < INVERTED:
         yield (
-            f"{_places([level.entry for level in single])}: measured brighter where the patterns are dark (correlation "
+            f"{_keys([level.entry for level in single])}: measured brighter where the patterns are dark (correlation "
             f"{typical:.2f}); are the patterns inverted?"
         )
 
@@ -319,7 +319,7 @@ def _read_noise(entries: Sequence[Entry]) -> float | None:
     return max(float(np.sqrt(np.mean(variances))), ROUNDING)
 
 
-def _places(entries: Sequence[Entry]) -> str:
-    names = [entry.place for entry in entries]
+def _keys(entries: Sequence[Entry]) -> str:
+    names = [entry.key for entry in entries]
     more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
     return ", ".join(names[:MOST_NAMED]) + more

@@ -120,10 +120,10 @@ class FirstFrame(nn.Sequential):
     def by_parts(self, x: torch.Tensor, locally: Callable[..., torch.Tensor]) -> torch.Tensor:
         """Return the result for ``(N, 1 + T, H, W)``; ``locally`` computes what is before and behind the attention."""
         layers = list(self.children())
-        place = list(self._modules).index("att1")
-        before, behind = nn.Sequential(*layers[:place]), nn.Sequential(*layers[place + 1 :])
+        attention = list(self._modules).index("att1")
+        before, behind = nn.Sequential(*layers[:attention]), nn.Sequential(*layers[attention + 1 :])
         features = locally(lambda part: before(channels_last(part)), FEATURES_FIELD, x)
-        return locally(behind, FRAME_FIELD, layers[place](features), reduced=2)
+        return locally(behind, FRAME_FIELD, layers[attention](features), reduced=2)
 
 
 class Recurrence(nn.Module):

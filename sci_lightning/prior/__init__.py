@@ -8,8 +8,7 @@ The estimate itself is imported from ``estimator`` by those who need it: it impo
 a second.
 """
 
-from sci_lightning.prior.grid import BlockGrid
-from sci_lightning.prior.moments import BlockMoments, PatchFactors, block_covariance
+from sci_lightning.prior.moments import BlockGrid, BlockMoments, PatchFactors, block_covariance
 from sci_lightning.prior.prior import PatchPrior
 from sci_lightning.prior.score import MaskScore, SensorNoise
 

@@ -10,8 +10,7 @@ import torch
 from torch.nn import functional as F
 
 from sci_lightning.errors import BadInput
-from sci_lightning.prior.grid import BlockGrid
-from sci_lightning.prior.moments import BlockMoments, estimated_patches
+from sci_lightning.prior.moments import BlockGrid, BlockMoments, estimated_patches
 from sci_lightning.prior.prior import PatchPrior, read_prior
 
 MEMORY = 2**31

@@ -19,7 +19,7 @@ MOST_SLOTS = LARGEST // BLOCK**2
 """Slots of the largest masks whose patches have statistics."""
 
 MOST_BLOCKS = 256
-"""Of a mask with more blocks, so many at most are looked at, at equal distances."""
+"""Blocks of a mask that are looked at; of more blocks, so many at equal distances."""
 
 
 NO_NOISE = 1e-9

@@ -14,7 +14,7 @@ import torch
 from sci_lightning.captures.light_scale import bright_end, doubtful_brightness, resolve_aperture
 from sci_lightning.captures.mask_check import mask_warning
 from sci_lightning.captures.mask_fit import mask_of_snapshots
-from sci_lightning.captures.snapshot import read_snapshot
+from sci_lightning.captures.snapshots import read_snapshot
 from sci_lightning.decoder import Decoder
 from sci_lightning.decoder.complexity import count_parameters
 from sci_lightning.decoder.tiling.tile_choice import TileChoice

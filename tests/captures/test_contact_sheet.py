@@ -9,7 +9,7 @@ import pytest
 from matplotlib.image import imread
 
 from sci_lightning.captures import read_captures
-from sci_lightning.captures.contact_sheet import MOST, RED, chosen, contact_sheet, contact_sheet_figure
+from sci_lightning.captures.contact_sheet import MOST, RED, contact_sheet, contact_sheet_figure, selected
 
 
 def texts(figure):
@@ -55,12 +55,12 @@ def test_labels_stretch_and_saturation(file):
 
 def test_no_more_than_sixty_and_every_kind(file, tmp_path):
     captures = read_captures(file()).take([*[0] * 100, 1, *[2] * 40])
-    shown = chosen(captures.kind)
+    shown = selected(captures.kind)
     assert len(shown) == MOST == len(set(shown)) and shown == sorted(shown)
     assert 100 in shown and {0, 99, 101, 140} <= set(shown)
     assert contact_sheet(tmp_path / "a.png", captures) == 81
     assert "141 captures (60 shown, 81 left out)" in texts(contact_sheet_figure(captures))[0]
-    assert chosen(("flat",) * 3) == [0, 1, 2]
+    assert selected(("flat",) * 3) == [0, 1, 2]
 
 
 def test_failure_leaves_nothing(file, tmp_path, monkeypatch):

@@ -14,7 +14,7 @@ from sci_lightning.captures import read_captures
 from sci_lightning.captures.pack import pack_captures
 from sci_lightning.captures.plan import read_coding_patterns
 from sci_lightning.captures.registration import register as find_homography
-from sci_lightning.captures.registration.homography_file import read_unregistered, write_homography
+from sci_lightning.captures.registration.registration import read_unregistered, write_homography
 from sci_lightning.cli.commands import captures as command_line
 from sci_lightning.errors import BadInput
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from sci_lightning.captures.mask_fit import moving_masks, place_of_mask
-from sci_lightning.captures.raw_dn import raw_dn, step_of
+from sci_lightning.captures.light_scale import raw_dn, step_of
+from sci_lightning.captures.mask_fit import moving_masks, origin_in_mask
 from sci_lightning.captures.snapshots import captures_of_snapshots, read_snapshots
 from sci_lightning.errors import BadInput, InputWarning
 from sci_lightning.files.picture_file import matching_files
@@ -131,7 +131,7 @@ def test_a_mask_of_another_size(origin: tuple[int, int], tmp_path: Path) -> None
     top, left = (max(0, -one) for one in origin)
     np.save(tmp_path / "mask.npy", whole[:, top : top + 90, left : left + 100])
     dn = snapshot(whole)[:, origin[0] + top : origin[0] + top + 70, origin[1] + left : origin[1] + left + 75]
-    place = place_of_mask(np.load(tmp_path / "mask.npy"), dn)
+    place = origin_in_mask(np.load(tmp_path / "mask.npy"), dn)
     assert place is not None and place[0] == origin
     with pytest.raises(BadInput, match=rf"mask_origin=\[{origin[0]},{origin[1]}\]"):
         captures_of_snapshots(dn, 12, tmp_path / "mask.npy")

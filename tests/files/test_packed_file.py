@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sci_lightning.captures.snapshot import read_snapshot
+from sci_lightning.captures.snapshots import read_snapshot
 from sci_lightning.errors import BadInput
 from sci_lightning.files.packed_file import RAW_FORMATS, RawLayout, raw_layout
 from sci_lightning.files.picture_file import read_pictures

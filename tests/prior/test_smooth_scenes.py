@@ -7,12 +7,12 @@ import math
 import pytest
 import torch
 
-from sci_lightning.prior.prior import PatchPrior
-from sci_lightning.prior.smooth_scenes import (
+from sci_lightning.prior.prior import (
     BACKGROUND,
     CONTRASTS,
     DURATIONS,
     LENGTHS,
+    PatchPrior,
     pattern_drift,
     smooth_scene_prior,
 )

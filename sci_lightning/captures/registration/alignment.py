@@ -12,8 +12,7 @@ import numpy as np
 from scipy import fft
 from scipy.ndimage import map_coordinates, spline_filter
 
-from sci_lightning.captures.registration.coarse_search import CELLS, band_pass
-from sci_lightning.captures.registration.shown_patterns import ShownPattern
+from sci_lightning.captures.registration.coarse_search import CELLS, ShownPattern, band_pass
 from sci_lightning.homography import on_modulator, pixels_per_mirror
 
 MOST_CELLS = 512
@@ -125,7 +124,7 @@ class Comparison:
         """Return the derivatives of (x, y) in pixels along u and v as ``(2, 2, h, w)``: [[u_x, u_y], [v_x, v_y]]."""
         depth = matrix[2, 0] * self.x + matrix[2, 1] * self.y + matrix[2, 2]
         rows = [
-            [(matrix[i, j] - place * matrix[2, j]) / depth for j in (0, 1)] for i, place in ((0, self.u), (1, self.v))
+            [(matrix[i, j] - mirror * matrix[2, j]) / depth for j in (0, 1)] for i, mirror in ((0, self.u), (1, self.v))
         ]
         return np.array(rows[0]), np.array(rows[1])
 
@@ -293,20 +292,20 @@ class Prepared:
         inside = _within(u, v, (rows, columns), self._margin) & self._seen
         if self._fine:
             inside[:EDGE] = inside[-EDGE:] = inside[:, :EDGE] = inside[:, -EDGE:] = False
-        place = [np.where(inside, v, 0.0), np.where(inside, u, 0.0)]
+        mirror = [np.where(inside, v, 0.0), np.where(inside, u, 0.0)]
 
         order = 3 if self._fine else 1
 
         def drawn(images: list[np.ndarray]) -> np.ndarray:
-            return np.stack([map_coordinates(image, place, order=order, prefilter=False) * inside for image in images])
+            return np.stack([map_coordinates(image, mirror, order=order, prefilter=False) * inside for image in images])
 
         return Comparison(
             drawn(self._mirrors),
             self._images * inside,
             drawn([slope[1] for slope in self._slopes]),
             drawn([slope[0] for slope in self._slopes]),
-            place[1],
-            place[0],
+            mirror[1],
+            mirror[0],
             x,
             y,
             bent,

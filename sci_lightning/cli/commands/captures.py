@@ -123,7 +123,7 @@ def register(composition: Composition) -> None:
         composition: of ``conf/captures_register.yaml``.
     """
     from sci_lightning.captures.registration import register as find_homography
-    from sci_lightning.captures.registration.homography_file import read_unregistered, write_homography
+    from sci_lightning.captures.registration.registration import read_unregistered, write_homography
     from sci_lightning.homography import covered, pixels_per_mirror
 
     cfg, console = composition.cfg, PlainConsole()

@@ -103,15 +103,15 @@ class MotionFilter(nn.Module):
         rows, columns = (-(-length // block) for length in (height, width))  # of blocks
         margin = (self.reach, self.reach + columns * block - width, self.reach, self.reach + rows * block - height)
         across = columns * block + 2 * self.reach
-        place = torch.arange(rows * block, device=video.device)[:, None] * across
-        place = (place + torch.arange(columns * block, device=video.device)).view(rows, block, -1)
+        position = torch.arange(rows * block, device=video.device)[:, None] * across
+        position = (position + torch.arange(columns * block, device=video.device)).view(rows, block, -1)
 
         def on_pixels(of_blocks: torch.Tensor) -> torch.Tensor:  # (N, rows of blocks, 1, W): whole rows are fastest
             return of_blocks.repeat_interleave(block, -1).unsqueeze(2)
 
         memory = None  # for the numbers of the matching pixels; gradients keep them all
         if not torch.is_grad_enabled():
-            memory = torch.empty(n, *place.shape, dtype=place.dtype, device=video.device)
+            memory = torch.empty(n, *position.shape, dtype=position.dtype, device=video.device)
         filtered = torch.empty_like(video, memory_format=torch.contiguous_format)
         around: dict[int, torch.Tensor] = {}  # frames with a margin, in which no displacement leads out
         for number, matches in enumerate(self._matches):
@@ -127,7 +127,7 @@ class MotionFilter(nn.Module):
             weights = torch.ones_like(matches[0].weight) if matches else video.new_ones(n, rows, columns)
             for match in matches:
                 down, right = match.displacement // side, match.displacement % side
-                pixel = torch.add(place, on_pixels(down * across + right), out=memory)
+                pixel = torch.add(position, on_pixels(down * across + right), out=memory)
                 matching = around[match.frame].flatten(1).gather(1, pixel.flatten(1)).view_as(total)
                 total.addcmul_(matching, on_pixels(match.weight))
                 weights = weights + match.weight

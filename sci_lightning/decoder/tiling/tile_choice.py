@@ -84,7 +84,7 @@ class TileChoice:
         return tiling
 
     def _memory_of(self, decoder: Decoder, frames: int, device: torch.device) -> DecodingMemory:
-        """Return how much memory a decoder needs, which is found out once."""
+        """Return how much memory a decoder needs, which is measured once."""
         known = id(decoder), frames, torch.is_autocast_enabled(device.type)
         if known not in self._memory:
             self._memory[known] = decoding_memory(decoder, *known[1:])

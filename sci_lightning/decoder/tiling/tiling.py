@@ -82,7 +82,7 @@ class Tile(NamedTuple):
     def scaled(self, scale: Fraction) -> Tile:
         """Return the tile on a field whose sides are ``scale`` times as long."""
         rows, columns = (
-            Span(*(int(place * scale) for place in (span.start, span.stop, span.read_start, span.read_stop)))
+            Span(*(int(edge * scale) for edge in (span.start, span.stop, span.read_start, span.read_stop)))
             for span in (self.rows, self.columns)
         )
         return Tile(rows, columns)
@@ -193,13 +193,13 @@ class Tiling:
         tiles = self.tiles((reduced * field[0], reduced * field[1]), halo, alignment)
         if len(tiles) == 1:
             result = function(*images)
-        for number, place in enumerate(tiles if len(tiles) > 1 else (), 1):
-            place = place.scaled(Fraction(1, reduced))
-            part = function(*(place.of(image) for image in images))
-            scale = Fraction(part.shape[-1], len(place.columns))
+        for number, tile in enumerate(tiles if len(tiles) > 1 else (), 1):
+            read = tile.scaled(Fraction(1, reduced))
+            part = function(*(read.of(image) for image in images))
+            scale = Fraction(part.shape[-1], len(read.columns))
             if number == 1:
                 result = part.new_empty(*part.shape[:-2], *(int(side * scale) for side in field))
-            tile = place.scaled(scale)
+            tile = read.scaled(scale)
             if (
                 seam_tolerance is not None
                 and not part.is_meta
@@ -214,8 +214,8 @@ class Tiling:
 
 
 def _spans(side: int, number: int, halo: int, alignment: int) -> list[Span]:
-    """Return the places of ``number`` tiles along a side, fewer where the alignment leaves no room for so many."""
-    inner = {round(side * place / number / alignment) * alignment for place in range(1, number)}
+    """Return the spans of ``number`` tiles along a side, fewer where the alignment leaves no room for so many."""
+    inner = {round(side * cut / number / alignment) * alignment for cut in range(1, number)}
     cuts = [0, *sorted(cut for cut in inner if 0 < cut < side), side]
     reach = -(-halo // alignment) * alignment
     return [Span(start, stop, max(0, start - reach), min(side, stop + reach)) for start, stop in pairwise(cuts)]

@@ -12,8 +12,7 @@ import torch
 from sci_lightning.data.reader import find_clips, read_clip
 from sci_lightning.prior import PatchFactors, PatchPrior
 from sci_lightning.prior.fit import fit_prior
-from sci_lightning.prior.prior import FLOOR, read_prior
-from sci_lightning.prior.smooth_scenes import pattern_drift, smooth_scene_prior
+from sci_lightning.prior.prior import FLOOR, pattern_drift, read_prior, smooth_scene_prior
 
 BLOCK = 8
 """Side of a block in pixels."""

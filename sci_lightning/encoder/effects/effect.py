@@ -45,7 +45,7 @@ class Effect(nn.Module):
     map_unit: ClassVar[str] = ""
     """Unit of the map's values; empty where it is that of the first parameter."""
     centred_by: ClassVar[str] = ""
-    """For a map of rows or columns, the effect that is what they share: beside it, the map is held to a mean of 0."""
+    """For a map of rows or columns, the effect that is what they share: beside it, the mean of the map is 0."""
     displacement: ClassVar[tuple[str, str] | None] = None
     """The parameters that displace the mask's image, or the target, to the right and down, in pixels, for an effect
     that does nothing else. A diagnosis then looks more closely around its best start, and for displacements of the

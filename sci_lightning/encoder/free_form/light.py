@@ -86,7 +86,7 @@ LARGEST_PART = 0.5
 PEAKS = 4
 """Displacements that are tried."""
 NEAR = 2.0
-"""Pixels within which a displaced copy cannot be told from a blur."""
+"""Pixels within which a displaced copy cannot be distinguished from a blur."""
 
 
 class Ghost(FreeForm, OpticsEffect):

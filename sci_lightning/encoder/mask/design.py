@@ -16,7 +16,7 @@ TILE = (8, 8)
 """Tile that is designed for masks whose every value is free: its repetition is their start."""
 
 LEARNING_RATE = 0.05
-"""Of Adam, for a real-valued mask in [0, 1]."""
+"""Learning rate of Adam, for a real-valued mask in [0, 1]."""
 
 MOST_MOVES = 16
 """Moves of one open slot that are compared at a time."""
@@ -140,7 +140,7 @@ def _check(steps: int, tile: tuple[int, int]) -> None:
 def _exchange(
     mask: torch.Tensor, score: MaskScore, steps: int, seed: int, on_progress: Callable[[int, float], object]
 ) -> MaskDesign:
-    """Move one open slot of a pixel after the other to the place with the best score."""
+    """Move one open slot of a pixel after the other to the slot with the best score."""
     generator = torch.Generator().manual_seed(seed)
     scores = [float(score(mask))]
     on_progress(0, scores[0])

@@ -12,7 +12,7 @@ import yaml
 
 from sci_lightning.captures import Captures, pack_captures, read_captures, write_captures
 from sci_lightning.captures.registration import register
-from sci_lightning.captures.registration.homography_file import read_unregistered, write_homography
+from sci_lightning.captures.registration.registration import read_unregistered, write_homography
 from sci_lightning.errors import BadInput
 from sci_lightning.homography import of_binned_field, on_modulator
 from tests.own_grid_camera import Deviation, captures, homography
