@@ -52,9 +52,8 @@ def tables_rows(composition: Composition) -> None:
     from sci_lightning.cli.next_command import override, print_next
     from sci_lightning.runs.provenance import provenance_now
     from sci_lightning.studies.tables.paper_figures import paper_figures
-    from sci_lightning.studies.tables.rows.plan import TableRow, plan
-    from sci_lightning.studies.tables.rows.queue import RowQueue
-    from sci_lightning.studies.tables.rows.row_results import check_recipe, is_kept, keep
+    from sci_lightning.studies.tables.row_queue import RowQueue
+    from sci_lightning.studies.tables.rows import TableRow, check_recipe, is_kept, keep, plan
 
     cfg, console, out = composition.cfg, PlainConsole(), Path(composition.cfg.out).resolve()
     budget = _budget(composition)

@@ -14,7 +14,6 @@ from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.data import Synthetic
 from sci_lightning.errors import describe
 from sci_lightning.figures.figure import show_picture
-from sci_lightning.files.folder import is_inside
 from sci_lightning.pipeline import Pipeline
 from sci_lightning.plain_text import file_name, in_figure
 from sci_lightning.runs.checkpoint import read_checkpoint
@@ -38,12 +37,10 @@ def mosaics(runs: Sequence[ScoredRun], side: int, left_out: Callable[[str], None
     members = {part: {path.stem for path in (CONF / part).glob("*.yaml")} for part in ("encoder", "decoder")}
     groups: dict[tuple[str, str, int], dict[str, Path]] = {}
     for run in sorted(runs, key=lambda run: (run.fields["encoder"], run.fields["bits"], run.seed)):
-        path = run.path.parent / "checkpoints" / "last.ckpt"
         ours = all(run.fields[part] in names for part, names in members.items())
-        # a link out of the run's folder is not followed
-        if ours and is_inside(path, run.path.parent) and run.fields["test_encoder"] == run.fields["encoder"]:
+        if ours and run.checkpoint and run.fields["test_encoder"] == run.fields["encoder"]:
             rows = groups.setdefault((run.setting.scale, str(run.fields["decoder"]), run.parameters), {})
-            rows.setdefault(f"{run.fields['encoder']}, {run.fields['bits']} bit", path)
+            rows.setdefault(f"{run.fields['encoder']}, {run.fields['bits']} bit", run.checkpoint)
     taken: set[str] = set()
     for (scale, decoder, parameters), rows in groups.items():
         pictures = usable(rows, lambda path: _pictures(path, side), left_out)
@@ -70,10 +67,9 @@ def retrained_mosaics(
     """
     scales: dict[str, dict[str, Path]] = {}
     for run in sorted(runs, key=lambda run: run.seed):
-        path = run.path.parent / "checkpoints" / "last.ckpt"
         trained = run.fields["encoder"] == run.fields["test_encoder"] == encoder
-        if trained and run.fields["decoder"] in decoders and is_inside(path, run.path.parent):
-            scales.setdefault(run.setting.scale, {}).setdefault(str(run.fields["decoder"]), path)
+        if trained and run.fields["decoder"] in decoders and run.checkpoint:
+            scales.setdefault(run.setting.scale, {}).setdefault(str(run.fields["decoder"]), run.checkpoint)
     for scale, paths in scales.items():
         shown = {name: paths[name] for name in decoders if name in paths}
         pictures = usable(shown, lambda path: _pictures(path, side), left_out)

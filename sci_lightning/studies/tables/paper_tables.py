@@ -56,10 +56,14 @@ def make_tables(
     """
     from sci_lightning.figures.figure import write_figure
     from sci_lightning.studies.tables.claim_table import claim_table, verdict_table
-    from sci_lightning.studies.tables.colour_checker import colour_checkers
     from sci_lightning.studies.tables.cost import cost_figure, costs
     from sci_lightning.studies.tables.dashboard import check_dashboard, write_dashboard
-    from sci_lightning.studies.tables.dynamic_range import dynamic_range_figure, dynamic_range_table, wedges
+    from sci_lightning.studies.tables.dynamic_range import (
+        colour_checkers,
+        dynamic_range_figure,
+        dynamic_range_table,
+        wedges,
+    )
     from sci_lightning.studies.tables.mosaic import mosaics, retrained_mosaics
     from sci_lightning.studies.tables.paper_figures import paper_figures
     from sci_lightning.studies.tables.run import find_runs

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from sci_lightning.errors import BadInput
-from sci_lightning.files.folder import files_below
+from sci_lightning.files.folder import files_below, is_inside
 from sci_lightning.files.json_file import LONGEST_TEXT, check_part, read_json
 from sci_lightning.plain_text import excerpt
 from sci_lightning.runs.provenance import Provenance
@@ -93,6 +93,12 @@ class ScoredRun:
     def group(self) -> tuple[RunSetting, int]:
         """What runs must have in common to be averaged or compared."""
         return self.setting, self.parameters
+
+    @property
+    def checkpoint(self) -> Path | None:
+        """The checkpoint that the training left beside it; a link out of the run's folder is not followed."""
+        path = self.path.parent / "checkpoints" / "last.ckpt"
+        return path if is_inside(path, self.path.parent) else None
 
 
 def _checked_name(name: str) -> str:

@@ -14,9 +14,8 @@ from PIL import Image
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.mask import LearnedStructural, RandomBinary
 from sci_lightning.encoder.sensor import ClipQuantise, Ideal
-from sci_lightning.studies.tables.colour_checker import checker, patch_error
 from sci_lightning.studies.tables.cost import cost_figure
-from sci_lightning.studies.tables.dynamic_range import distinguishable_steps, wedge
+from sci_lightning.studies.tables.dynamic_range import checker, distinguishable_steps, patch_error, wedge
 from sci_lightning.studies.tables.paper_figures import paper_figures
 from sci_lightning.studies.tables.run import find_runs
 from tests.end_to_end.test_train import TINY

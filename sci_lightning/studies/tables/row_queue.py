@@ -14,7 +14,7 @@ from pathlib import Path
 
 from sci_lightning.errors import INTERRUPTED
 from sci_lightning.runs.run_folder import is_locked
-from sci_lightning.studies.tables.rows.plan import TableRow
+from sci_lightning.studies.tables.rows import TableRow
 
 PR_SET_PDEATHSIG = 1
 """Linux's number for: send me a signal when the process that started me ends."""

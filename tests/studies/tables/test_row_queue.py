@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from sci_lightning.studies.tables.rows.plan import TableRow
-from sci_lightning.studies.tables.rows.queue import RowQueue
+from sci_lightning.studies.tables.row_queue import RowQueue
+from sci_lightning.studies.tables.rows import TableRow
 from tests.conftest import ROOT
 
 ROWS = [TableRow("table3", "rbw_sr", 1, name) for name in ("one", "two", "three")]
@@ -67,7 +67,7 @@ def wait_for(path: Path) -> None:
 QUEUE = """
 import sys
 from pathlib import Path
-from tests.studies.tables.rows.test_queue import WAITS, queue
+from tests.studies.tables.test_row_queue import WAITS, queue
 queue(Path(sys.argv[1]), lambda row: WAITS, workers=2)[0].run()
 """
 

@@ -1,1 +1,0 @@
-"""Training all rows of the paper's tables: a queue that survives interruptions and keeps what is finished."""
