@@ -21,7 +21,7 @@ else:
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 TOOLS = ("pytest", "mypy", "ruff", "hypothesis", "onnx", "onnxruntime", "onnxscript", "deepinv", "torchvision", "av")
-TOOLS += ("hydra_plugins", "joblib", "submitit", "xdist", "build", "hatchling", "jsonschema")
+TOOLS += ("hydra_plugins", "joblib", "submitit", "xdist", "build", "hatchling")
 """Modules that only tests, linters and some commands need."""
 BUILT_FOR_MACHINES = ("torch", "torchvision")
 """Packages that the lock leaves out."""
