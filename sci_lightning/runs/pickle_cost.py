@@ -2,7 +2,8 @@
 
 The hash of a number is no secret: ten thousand numbers of the same hash keep a dictionary busy for minutes. Numbers
 below the modulus of Python's hash are their own hash, and those of texts are seeded anew in every process; the others,
-and tuples and what a pickle makes by calling something, are counted where they become keys.
+and tuples and what a pickle makes by calling something, are counted where they become keys: a tuple with all that is
+in it, because Python hashes a tuple that holds another one twice by hashing that one twice.
 Source: Python Language Reference, "Hashing of numeric types"; Crosby and Wallach, "Denial of Service via Algorithmic
 Complexity Attacks", USENIX Security 2003.
 """
@@ -23,17 +24,17 @@ class Value:
     """What is known of a value on the pickle's stack.
 
     Attributes:
-        known: whether its hash can be chosen by whoever wrote the file.
+        known: how many values in it, itself included, have a hash that whoever wrote the file can choose.
         name: of a class or function.
         items: of a tuple, a list or a dictionary.
     """
 
-    known: bool = False
+    known: int = 0
     name: str = ""
     items: list[Value] = field(default_factory=list)
 
 
-PLAIN, CHOSEN = Value(), Value(known=True)
+PLAIN, CHOSEN = Value(), Value(known=1)
 
 
 class PickleCost:
@@ -70,10 +71,10 @@ class PickleCost:
                 stack.append(Value())
             case "TUPLE":
                 items = self._to_mark()
-                self._stack.append(Value(True, items=items))
+                self._stack.append(_tuple(items))
             case "TUPLE1" | "TUPLE2" | "TUPLE3":
                 count = int(operation[-1])
-                stack[-count:] = [Value(True, items=stack[-count:])]
+                stack[-count:] = [_tuple(stack[-count:])]
             case "APPEND":
                 self._hold([stack.pop()])
             case "APPENDS":
@@ -86,7 +87,7 @@ class PickleCost:
                 known = self._known(stack.pop().items)
                 if stack[-1].name.rpartition(" ")[2] in HASHING:
                     self.keys += known
-                stack[-1] = Value(known=True)
+                stack[-1] = Value(known=1)
             case "BUILD":
                 self._known([stack.pop()])
             case "BINPERSID":  # (.., the key of a storage, .., and the key of a view of it, ..)
@@ -123,3 +124,7 @@ class PickleCost:
                 seen.add(id(value))
                 waiting += value.items
         return known
+
+
+def _tuple(items: list[Value]) -> Value:
+    return Value(1 + sum(item.known for item in items), items=items)

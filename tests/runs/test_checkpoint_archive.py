@@ -214,9 +214,10 @@ SET = b"cbuiltins\nset\n"
         b"}(" + b"".join(key + b"N" for key in COLLIDING) + b"u",
         b"}(" + b"".join(key + b"\x85N" for key in COLLIDING) + b"u",
         SET + b"](" + b"".join(COLLIDING) + b"e\x85R",
+        b"}" + b")q\x00" + 60 * b"h\x00\x86q\x00" + b"Ns",
         b"]q\x01\x85q\x02(h\x01(" + b"".join(COLLIDING) + b"e" + SET + b"h\x02Rt",
     ],
-    ids=["numbers", "tuples", "set", "set of a list that grew"],
+    ids=["numbers", "tuples", "set", "a tuple of tuples", "set of a list that grew"],
 )
 def test_keys_of_one_hash(tmp_path: Path, flood: bytes) -> None:
     """Such a file of half a megabyte keeps a dictionary busy for minutes."""
