@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Literal, get_args
+
 import numpy as np
 
-KINDS = ("dark", "flat", "pattern", "static", "dynamic", "unknown")
+Kind = Literal["dark", "flat", "pattern", "static", "dynamic", "unknown"]
+KINDS: tuple[str, ...] = get_args(Kind)
 EQUAL = 1e-6
 """Irradiances closer than this count as equal; it is the resolution of float32 near 1."""
 

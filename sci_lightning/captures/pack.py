@@ -12,7 +12,7 @@ import numpy as np
 from sci_lightning.captures.captures import SURROUNDS, Captures
 from sci_lightning.captures.kind import infer_kind
 from sci_lightning.captures.plausibility import Entry, check_entries, suspicions
-from sci_lightning.captures.recipe import FILE, WORDS, Node, Recipe, as_number, read_recipe
+from sci_lightning.captures.recipe import FILE, WORDS, CaptureEntry, Node, Recipe, read_recipe
 from sci_lightning.captures.write import write_captures
 from sci_lightning.errors import BadInput
 from sci_lightning.files.memory_bound import check_memory
@@ -61,9 +61,7 @@ def assemble_captures(
         BadInput: see :func:`pack_captures`.
     """
     recipe = read_recipe(folder)
-    bit_depth = recipe.top.whole("bit_depth", low=1, high=16)
-    if bit_depth is None:
-        raise recipe.top.refusal("bit_depth", "is missing")
+    bit_depth = recipe.top.bit_depth
     patterns, words, level = _patterns(recipe)
     frames = _frames(recipe, len(patterns) - len(words))
     check_memory(f"{recipe.top.where}{len(recipe.entries)} entries of {frames} slots", 8 * len(recipe.entries) * frames)
@@ -72,7 +70,8 @@ def assemble_captures(
             f"{recipe.top.where}{len(recipe.entries)} entries of {frames} slots, expected at most {MOST_SLOTS:,} slots "
             "in all; several captures can be one entry"
         )
-    homography = recipe.top.matrix("sensor_to_modulator")
+    stated = recipe.top.sensor_to_modulator
+    homography = None if stated is None else np.array(stated, np.float64)
     size = patterns.shape[1:] if homography is None and registered else None
     packed: list[Entry] = []
     for node in recipe.entries:
@@ -101,11 +100,11 @@ def assemble_captures(
         exposure=np.repeat(np.array([entry.exposure for entry in packed], np.float32), repeats),
         kind=tuple(entry.kind for entry in packed for _ in entry.measurement),
         bit_depth=bit_depth,
-        read_noise_dn=recipe.top.number("read_noise_dn", low=0),
-        full_well_e=recipe.top.number("full_well_e", low=0, above=True),
+        read_noise_dn=recipe.top.read_noise_dn,
+        full_well_e=recipe.top.full_well_e,
         verification=_verification(packed),
-        surround=recipe.top.text("surround", SURROUNDS) or SURROUNDS[0],
-        name=recipe.top.text("name") or Path(folder).resolve().name,
+        surround=recipe.top.surround or SURROUNDS[0],
+        name=recipe.top.name or Path(folder).resolve().name,
         sensor_to_modulator=homography,
     )
 
@@ -126,26 +125,26 @@ def _in_field(
 
 def _verification(packed: list[Entry]) -> tuple[int, ...] | None:
     """Return the numbers of the captures that are set aside to verify a diagnosis; None if none are."""
-    aside = [entry.node.flag("verification") for entry in packed for _ in entry.measurement]
+    aside = [entry.node.verification for entry in packed for _ in entry.measurement]
     return tuple(number for number, is_aside in enumerate(aside) if is_aside) if any(aside) else None
 
 
 def _pack(
-    folder: Path, entry: Node, measurement: np.ndarray, patterns: np.ndarray, words: dict[str, int], frames: int
+    folder: Path, entry: CaptureEntry, measurement: np.ndarray, patterns: np.ndarray, words: dict[str, int], frames: int
 ) -> Entry:
     sequence = _sequence(entry, len(patterns), words, frames)
     scene = _scene(folder, entry, (frames, *measurement.shape[1:]))
-    aperture, exposure = (1.0 if (v := entry.number(k, low=0)) is None else v for k in ("aperture", "exposure"))
-    kind = entry.text("kind") or infer_kind(patterns, sequence, scene, aperture)
+    aperture, exposure = (1.0 if value is None else value for value in (entry.aperture, entry.exposure))
+    kind = entry.kind or infer_kind(patterns, sequence, scene, aperture)
     return Entry(entry, measurement, sequence, scene, aperture, exposure, kind)
 
 
 def _patterns(recipe: Recipe) -> tuple[np.ndarray, dict[str, int], float | None]:
     """Return the patterns (P, H, W) in [0, 1], the indices of all_off and all_on if listed, and the value for 1.0."""
-    names = recipe.top.files("patterns")
+    names = recipe.top.patterns
     words = [name for name in names if name in WORDS]
     stacks = _stacks(recipe.folder, recipe.top, "patterns", [name for name in names if name not in WORDS], "mask")
-    patterns = _normalised(recipe.top, "pattern_levels", stacks)
+    patterns = _normalised(recipe.top, recipe.top.pattern_levels, stacks)
     if not patterns.max() <= 1 or not patterns.min() >= 0:  # also true for NaN
         raise recipe.top.refusal(
             "patterns",
@@ -154,20 +153,22 @@ def _patterns(recipe: Recipe) -> tuple[np.ndarray, dict[str, int], float | None]
     if names[len(names) - len(words) :] != words or len(set(words)) < len(words):
         raise recipe.top.refusal("patterns", "all_off and all_on come last and once each")
     even = [np.full((1, *patterns.shape[1:]), word == "all_on", np.float32) for word in words]
-    level = recipe.top.number("pattern_levels", low=0)
+    level = recipe.top.pattern_levels
     if level is None and all(stack.dtype.kind in "ui" for stack in stacks):
         level = float(max(np.iinfo(stack.dtype).max for stack in stacks))
     return np.concatenate([patterns, *even]), {word: len(patterns) + index for index, word in enumerate(words)}, level
 
 
 def _frames(recipe: Recipe, coding: int) -> int:
-    sequences = (entry.values.get("sequence") for entry in recipe.entries)
+    sequences = (entry.sequence for entry in recipe.entries)
     listed = [len(sequence) for sequence in sequences if isinstance(sequence, list) and sequence]
-    return recipe.top.whole("frames", low=1, high=100_000) or (listed[0] if listed else coding)
+    return recipe.top.frames or (listed[0] if listed else coding)
 
 
-def _measurement(folder: Path, entry: Node, bit_depth: int, size: tuple[int, ...] | None, whose: str) -> np.ndarray:
-    stacks = _stacks(folder, entry, "measurement", entry.files("measurement"), "meas")
+def _measurement(
+    folder: Path, entry: CaptureEntry, bit_depth: int, size: tuple[int, ...] | None, whose: str
+) -> np.ndarray:
+    stacks = _stacks(folder, entry, "measurement", entry.measurement, "meas")
     values = np.concatenate(stacks)
     expected = f"raw DN, whole numbers from 0 to {2**bit_depth - 1} ({bit_depth} bits)"
     if size is not None and values.shape[1:] != size:
@@ -188,8 +189,8 @@ def _measurement(folder: Path, entry: Node, bit_depth: int, size: tuple[int, ...
     return values.astype(np.uint16)
 
 
-def _sequence(entry: Node, patterns: int, words: dict[str, int], frames: int) -> np.ndarray:
-    value = entry.values.get("sequence")
+def _sequence(entry: CaptureEntry, patterns: int, words: dict[str, int], frames: int) -> np.ndarray:
+    value = entry.sequence
     if value is None:
         if frames > patterns:
             raise entry.refusal("sequence", f"is missing: {frames} frames, but {patterns} patterns")
@@ -205,18 +206,15 @@ def _sequence(entry: Node, patterns: int, words: dict[str, int], frames: int) ->
     return np.array(slots)
 
 
-def _scene(folder: Path, entry: Node, shape: tuple[int, ...]) -> np.ndarray:
-    value = entry.values.get("scene")
-    if value is None and entry.values.get("kind") == "dark":
-        value = 0
-    if value in (None, "unknown"):
+def _scene(folder: Path, entry: CaptureEntry, shape: tuple[int, ...]) -> np.ndarray:
+    value = 0.0 if entry.scene is None and entry.kind == "dark" else entry.scene
+    if value is None or value == ["unknown"]:
         return np.broadcast_to(np.float32(np.nan), shape)
-    if (level := as_number(value)) is not None:
-        if not 0 <= level < np.inf:
-            raise entry.refusal("scene", f"expected an irradiance of 0 or more, got {value!r}")
-        return np.broadcast_to(np.float32(level), shape)
-    stacks = _stacks(folder, entry, "scene", entry.files("scene"), "scene")
-    scene = _normalised(entry, "scene_levels", stacks)
+    if not isinstance(value, list):
+        if value < 0:
+            raise entry.refusal("scene", f"expected an irradiance of 0 or more, got {value:g}")
+        return np.broadcast_to(np.float32(value), shape)
+    scene = _normalised(entry, entry.scene_levels, _stacks(folder, entry, "scene", value, "scene"))
     if len(scene) not in (1, shape[0]) or scene.shape[1:] != shape[1:]:
         swapped = "; are H and W swapped?" if scene.shape[1:] == shape[:0:-1] else ""
         raise entry.refusal("scene", f"is {scene.shape}, expected (T, H, W) = {shape} or (H, W){swapped}")
@@ -255,9 +253,8 @@ def _files(folder: Path, node: Node, key: str, name: str) -> list[str]:
     return sorted(matches, key=natural)
 
 
-def _normalised(node: Node, key: str, stacks: list[np.ndarray]) -> np.ndarray:
-    """Return float32 values scaled so that the setting ``key``, or the largest value of an integer type, is 1.0."""
-    levels = node.number(key, low=0, above=True)
+def _normalised(node: Node, levels: float | None, stacks: list[np.ndarray]) -> np.ndarray:
+    """Return float32 values scaled so that ``levels``, or the largest value of an integer type, is 1.0."""
     check_memory(f"{node.where}its numbers", 4 * COPIES * sum(stack.size for stack in stacks))
     scaled = (stack / (levels or (np.iinfo(stack.dtype).max if stack.dtype.kind in "ui" else 1.0)) for stack in stacks)
     return np.concatenate([stack.astype(np.float32) for stack in scaled])

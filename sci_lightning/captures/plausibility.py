@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sci_lightning.captures.recipe import Node, as_number
+from sci_lightning.captures.recipe import CaptureEntry, Top
 
 FAR = 10.0
 """Ratio of measured and predicted level above which the recipe is more likely to be wrong than the camera."""
@@ -61,7 +61,7 @@ class Entry:
         kind: its label, else what its content looks like.
     """
 
-    node: Node
+    node: CaptureEntry
     measurement: np.ndarray
     sequence: np.ndarray
     scene: np.ndarray
@@ -113,7 +113,7 @@ def check_entries(entries: Sequence[Entry]) -> None:
         for key, value in (("aperture", entry.aperture), ("exposure", entry.exposure)):
             if value > LARGEST_SCALE:
                 raise entry.node.refusal(key, f"{value:g} is no factor relative to nominal, expected numbers around 1")
-        labelled_lit = entry.node.values.get("kind") not in (None, "dark")
+        labelled_lit = entry.node.kind not in (None, "dark")
         if entry.aperture == 0 and labelled_lit:
             raise entry.node.refusal("aperture", f"0 lets no light in, but kind is {entry.kind}; expected kind: dark")
         if entry.exposure == 0 and entry.is_lit:
@@ -123,7 +123,7 @@ def check_entries(entries: Sequence[Entry]) -> None:
 
 
 def suspicions(
-    top: Node, entries: Sequence[Entry], patterns: np.ndarray, coding: int, bit_depth: int, level: float | None = None
+    top: Top, entries: Sequence[Entry], patterns: np.ndarray, coding: int, bit_depth: int, level: float | None = None
 ) -> list[str]:
     """Compare what a recipe says with what was measured.
 
@@ -182,7 +182,7 @@ def _check_scene(level: Levels, full_scale: int) -> None:
     entry, brightest = level.entry, float(level.entry.scene.max())
     if brightest < BRIGHT_SCENE or level.saturated > 0.5 or level.predicted < TOO_BRIGHT * level.measured:
         return
-    number = as_number(entry.node.values.get("scene"))
+    number = None if isinstance(entry.node.scene, list) else entry.node.scene
     right = (
         f"{number:g} % is {number / 100:g}, and {number:g} DN are {number / full_scale:.3g}"
         if number is not None
@@ -195,7 +195,7 @@ def _check_scene(level: Levels, full_scale: int) -> None:
     )
 
 
-def _dim_patterns(top: Node, coding: np.ndarray, given: float | None, levels: Sequence[Levels]) -> Iterator[str]:
+def _dim_patterns(top: Top, coding: np.ndarray, given: float | None, levels: Sequence[Levels]) -> Iterator[str]:
     largest = float(coding.max())
     if largest == 0:
         yield "patterns: all of them are dark everywhere; are these the right files?"
@@ -292,8 +292,8 @@ def _dark_level(entries: Sequence[Entry], full_scale: int) -> Iterator[str]:
         )
 
 
-def _datasheet(top: Node, entries: Sequence[Entry], full_scale: int) -> Iterator[str]:
-    noise, electrons = top.number("read_noise_dn", low=0), top.number("full_well_e", low=0, above=True)
+def _datasheet(top: Top, entries: Sequence[Entry], full_scale: int) -> Iterator[str]:
+    noise, electrons = top.read_noise_dn, top.full_well_e
     if noise is not None and noise > full_scale / 4:
         yield f"read_noise_dn: {noise:g} DN, and full scale is {full_scale}: no light would show; is it a variance?"
     elif noise is not None and (measured := _read_noise(entries)) is not None:

@@ -30,15 +30,18 @@ Files are named relative to the folder; a glob is taken in natural order (frame2
 
 from __future__ import annotations
 
-import math
+from contextlib import suppress
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, TypeVar, get_type_hints
 
-import numpy as np
+from annotated_types import DocInfo, Interval, Len, MinLen
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, PrivateAttr, ValidationError
 
-from sci_lightning.captures.kind import KINDS
+from sci_lightning.captures.kind import Kind
+from sci_lightning.configuration.annotation import in_words
+from sci_lightning.configuration.bounds import NonNegative, Positive
 from sci_lightning.errors import BadInput
 from sci_lightning.files.yaml_file import read_yaml
 from sci_lightning.plain_text import excerpt
@@ -48,92 +51,77 @@ WORDS = ("all_off", "all_on")
 LONGEST_TEXT = 200
 """Largest number of characters of a name."""
 
-TOP = (
-    "bit_depth",
-    "name",
-    "read_noise_dn",
-    "full_well_e",
-    "sensor_to_modulator",
-    "surround",
-    "frames",
-    "patterns",
-    "pattern_levels",
-    "captures",
-)
-ENTRY = ("measurement", "kind", "aperture", "exposure", "sequence", "scene", "scene_levels", "verification")
+
+def _number(value: object) -> object:
+    """Return the number that a text is which YAML 1.1 does not take for one (1e4); anything else as it is."""
+    if isinstance(value, str):
+        with suppress(ValueError):
+            value = float(value)
+    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-@dataclass(frozen=True)
-class Node:
-    """A mapping in the file.
+def _short(value: str) -> str:
+    if not value.isprintable() or len(value) > LONGEST_TEXT:
+        raise ValueError("not printable, or too long")
+    return value
 
-    Attributes:
-        where: its place, with which messages begin.
-        values: what the file says, unchecked.
-    """
 
-    where: str
-    values: dict[str, Any]
+Real = Annotated[float, BeforeValidator(_number)]
+Text = Annotated[str, AfterValidator(_short), DocInfo(f"at most {LONGEST_TEXT} printable characters")]
+Files = Annotated[
+    list[Annotated[str, MinLen(1)]],
+    BeforeValidator(lambda value: value if isinstance(value, list) else [value]),
+    MinLen(1),
+    DocInfo("a file, a glob or a list of them"),
+]
+Matrix = Annotated[list[Annotated[list[Real], Len(3, 3)]], Len(3, 3), DocInfo("three rows of three numbers")]
+
+
+class Node(BaseModel):
+    """A mapping in the file."""
+
+    model_config = ConfigDict(strict=True, frozen=True, allow_inf_nan=False)
+    _where: str = PrivateAttr("")
+
+    @property
+    def where(self) -> str:
+        """Its place, with which messages begin."""
+        return self._where
 
     def refusal(self, key: str, text: str) -> BadInput:
         """Return the error that says ``text`` about ``key``."""
         return BadInput(f"{self.where}{key}: {' '.join(text.split())}")
 
-    def number(self, key: str, *, low: float, high: float = math.inf, above: bool = False) -> float | None:
-        """Return a number from ``low`` (or above it) to ``high``, None where the key is absent."""
-        value = self.values.get(key)
-        if value is None:
-            return None
-        number = as_number(value)
-        if number is None or not low <= number <= high or (above and number == low) or math.isinf(number):
-            expected = f"a number from {low:g} to {high:g}" if high < math.inf else f"a number of {low:g} or more"
-            raise self.refusal(key, f"expected {'a positive number' if above else expected}, got {value!r}")
-        return number
 
-    def whole(self, key: str, *, low: int, high: int) -> int | None:
-        """Return a whole number from ``low`` to ``high``, None where the key is absent."""
-        number = self.number(key, low=low, high=high)
-        if number is not None and number != int(number):
-            raise self.refusal(key, f"expected a whole number from {low} to {high}, got {number:g}")
-        return None if number is None else int(number)
+class CaptureEntry(Node):
+    """An entry of ``captures``; one may be several captures."""
 
-    def text(self, key: str, choices: tuple[str, ...] = ()) -> str | None:
-        """Return a string, one of ``choices`` if any are given; None where the key is absent."""
-        value = self.values.get(key)
-        if value is not None and (not isinstance(value, str) or (choices and value not in choices)):
-            raise self.refusal(
-                key, f"expected {'one of ' + ', '.join(choices) if choices else 'a text'}, got {value!r}"
-            )
-        if value is not None and (not value.isprintable() or len(value) > LONGEST_TEXT):
-            raise self.refusal(key, f"expected at most {LONGEST_TEXT} printable characters, got {excerpt(value, 60)}")
-        return value
+    measurement: Files
+    kind: Kind | None = None
+    aperture: Annotated[NonNegative, BeforeValidator(_number)] | None = None
+    exposure: Annotated[NonNegative, BeforeValidator(_number)] | None = None
+    sequence: Any = None
+    scene: Real | Files | None = None
+    scene_levels: Annotated[Positive, BeforeValidator(_number)] | None = None
+    verification: bool = False
 
-    def flag(self, key: str) -> bool:
-        """Return true or false, false where the key is absent."""
-        value = self.values.get(key, False)
-        if not isinstance(value, bool):
-            raise self.refusal(key, f"expected true or false, got {value!r}")
-        return value
 
-    def matrix(self, key: str) -> np.ndarray | None:
-        """Return 3 x 3 numbers as float64, None where the key is absent."""
-        value = self.values.get(key)
-        if value is None:
-            return None
-        rows = value if isinstance(value, list) else []
-        numbers = [[as_number(entry) for entry in row] if isinstance(row, list) else [] for row in rows]
-        if len(numbers) != 3 or any(len(row) != 3 or None in row for row in numbers):
-            raise self.refusal(key, f"expected three rows of three numbers, got {excerpt(value, 60)}")
-        return np.array(numbers, np.float64)
+class Top(Node):
+    """What holds for all captures."""
 
-    def files(self, key: str) -> list[str]:
-        """Return one or more file names or globs."""
-        value = self.values.get(key)
-        listed = value if isinstance(value, list) else [value]
-        names = [name for name in listed if isinstance(name, str) and name]
-        if not names or len(names) < len(listed):
-            raise self.refusal(key, f"expected a file, a glob or a list of them, got {value!r}")
-        return names
+    bit_depth: Annotated[int, BeforeValidator(_number), Interval(ge=1, le=16)]
+    name: Text | None = None
+    read_noise_dn: Annotated[NonNegative, BeforeValidator(_number)] | None = None
+    full_well_e: Annotated[Positive, BeforeValidator(_number)] | None = None
+    sensor_to_modulator: Matrix | None = None
+    surround: Literal["unknown", "dark"] | None = None
+    frames: Annotated[int, BeforeValidator(_number), Interval(ge=1, le=100_000)] | None = None
+    patterns: Files
+    pattern_levels: Annotated[Positive, BeforeValidator(_number)] | None = None
+    captures: list[Any]
+
+
+Part = TypeVar("Part", bound=Node)
 
 
 @dataclass(frozen=True)
@@ -141,15 +129,15 @@ class Recipe:
     """The whole file: its top level and the entries of ``captures``."""
 
     folder: Path
-    top: Node
-    entries: tuple[Node, ...]
+    top: Top
+    entries: tuple[CaptureEntry, ...]
 
 
 def read_recipe(folder: str | Path) -> Recipe:
-    """Read ``captures.yaml`` of a folder; keys are checked here, values when they are used.
+    """Read ``captures.yaml`` of a folder; what a file or a sequence means is checked when it is used.
 
     Raises:
-        BadInput: no such folder or file, not YAML, an unknown or missing key.
+        BadInput: no such folder or file, not YAML, an unknown or missing key, a value of another type or out of range.
     """
     folder = Path(folder)
     path = folder / FILE
@@ -159,43 +147,35 @@ def read_recipe(folder: str | Path) -> Recipe:
         raise BadInput(f"{folder}: no {FILE} in this folder; it says what the files are")
     content = read_yaml(path)
     if not isinstance(content, dict):
-        raise BadInput(f"{path}: expected keys and values ({', '.join(TOP)}), found {_called(content)}")
-    top = _node(f"{path}: ", content, TOP, ("bit_depth", "patterns", "captures"))
-    listed = top.values["captures"]
-    if not isinstance(listed, list) or not listed:
-        raise top.refusal("captures", f"expected a list of entries, got {_called(listed)}")
+        kind = "nothing" if content is None else type(content).__name__
+        raise BadInput(f"{path}: expected keys and values ({', '.join(Top.model_fields)}), found {kind}")
+    top = _node(f"{path}: ", content, Top)
+    if not top.captures:
+        raise top.refusal("captures", "expected a list of entries, got an empty one")
     entries = []
-    for index, entry in enumerate(listed):
+    for index, entry in enumerate(top.captures):
         if not isinstance(entry, dict):
             raise top.refusal(f"captures[{index}]", f"expected keys and values, got {entry!r}")
-        entries.append(_node(f"{path}: captures[{index}].", entry, ENTRY, ("measurement",)))
-    for node in entries:
-        node.text("kind", KINDS)
+        entries.append(_node(f"{path}: captures[{index}].", entry, CaptureEntry))
     return Recipe(folder, top, tuple(entries))
 
 
-def as_number(value: object) -> float | None:
-    """Return a number, also one that YAML 1.1 takes for text (1e4); None for anything else and for NaN."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        return None
-    try:
-        number = float(value)
-    except ValueError:
-        return None
-    return None if math.isnan(number) else number
-
-
-def _called(value: object) -> str:
-    return "nothing" if value is None else type(value).__name__
-
-
-def _node(where: str, content: dict[Any, Any], known: tuple[str, ...], needed: tuple[str, ...]) -> Node:
-    node = Node(where, content)
+def _node(where: str, content: dict[Any, Any], model: type[Part]) -> Part:
+    known = list(model.model_fields)
     for key in content:
         if key not in known:
             near = get_close_matches(str(key), known, 1)
-            raise node.refusal(str(key), f"unknown key; {f'{near[0]}?' if near else 'use ' + ', '.join(known)}")
-    for key in needed:
-        if content.get(key) is None:
-            raise node.refusal(key, "is missing")
+            raise BadInput(
+                f"{where}{excerpt(key)}: unknown key; {f'{near[0]}?' if near else 'use ' + ', '.join(known)}"
+            )
+    for key, field in model.model_fields.items():
+        if field.is_required() and content.get(key) is None:
+            raise BadInput(f"{where}{key}: is missing")
+    try:
+        node = model.model_validate(content)
+    except ValidationError as error:
+        key = str(error.errors()[0]["loc"][0])
+        expected = in_words(get_type_hints(model, include_extras=True)[key])
+        raise BadInput(f"{where}{key}: expected {expected}, got {excerpt(repr(content[key]), 60)}") from error
+    node._where = where
     return node

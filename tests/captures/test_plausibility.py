@@ -11,7 +11,7 @@ import yaml
 
 from sci_lightning.captures import pack_captures, read_captures
 from sci_lightning.captures.plausibility import Entry, check_entries, suspicions
-from sci_lightning.captures.recipe import Node
+from sci_lightning.captures.recipe import CaptureEntry, Top
 from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera import EFFECTS, Session, VirtualCamera
 
@@ -93,7 +93,7 @@ def change(content: dict[str, Any], entry: int | None, **values: Any) -> dict[st
         ),
         (3, {"scene": "target_dn.npy"}, "captures[3].scene: 25"),
         (1, {"exposure": 0}, "captures[1].exposure: 0 collects no light, but the capture is flat; 1 is the nominal"),
-        (1, {"exposure": -1}, "captures[1].exposure: expected a number of 0 or more, got -1"),
+        (1, {"exposure": -1}, "captures[1].exposure: expected a number of at least 0 or null"),
         (1, {"exposure": 1e9}, "captures[1].exposure: 1e+09 is no factor relative to nominal"),
         (1, {"aperture": 0, "kind": "flat"}, "captures[1].aperture: 0 lets no light in, but kind is flat"),
         (1, {"aperture": 1e9}, "captures[1].aperture: 1e+09 is no factor relative to nominal"),
@@ -210,7 +210,7 @@ def test_a_camera_that_is_not_ideal_is_plausible(effect: str) -> None:
         pytest.skip("cannot be hidden in this session")
     entries = [
         Entry(
-            Node(f"a.yaml: captures[{index}].", {}),
+            CaptureEntry(measurement=["a.tif"]),
             captures.measurement[index : index + 1],
             captures.sequence[index],
             captures.scene[index],
@@ -221,4 +221,4 @@ def test_a_camera_that_is_not_ideal_is_plausible(effect: str) -> None:
         for index in range(len(captures))
     ]
     check_entries(entries)
-    assert suspicions(Node("a.yaml: ", {}), entries, captures.patterns, 4, 12) == []
+    assert suspicions(Top(bit_depth=12, patterns=["a.tif"], captures=[]), entries, captures.patterns, 4, 12) == []

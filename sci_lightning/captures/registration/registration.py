@@ -218,7 +218,8 @@ def write_homography(path: str | Path, matrix: np.ndarray) -> Path:
 def _into_recipe(folder: Path, matrix: np.ndarray) -> Path:
     recipe = folder / FILE
     rows = [[float(number) for number in row] for row in matrix]
-    wanted = {**read_recipe(folder).top.values, KEY: rows}
+    read_recipe(folder)  # raises BadInput for what is none
+    wanted = {**read_yaml(recipe), KEY: rows}
     text = re.sub(rf"^{KEY}:.*\n?(?:(?:[ \t]+\S.*|-.*|\].*)\n?)*", "", recipe.read_text(encoding="utf-8"), flags=re.M)
     line = f"{KEY}: [{', '.join(str(row) for row in rows)}]  # found by captures register\n"
     with atomic_write(recipe) as temporary:
