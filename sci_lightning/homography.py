@@ -101,9 +101,3 @@ def pixels_per_mirror(matrix: np.ndarray, field: tuple[int, int]) -> tuple[float
     u, v = on_modulator(matrix, x, y)
     steps = np.linalg.inv([[u[1] - u[0], u[2] - u[0]], [v[1] - v[0], v[2] - v[0]]])
     return float(np.hypot(*steps[:, 0])), float(np.hypot(*steps[:, 1]))
-
-
-def of_binned_field(matrix: np.ndarray, factor: int) -> np.ndarray:
-    """Return the homography of a field whose pixels are blocks of factor x factor pixels of the one it is given for."""
-    offset = (factor - 1) / 2
-    return np.asarray(matrix @ np.array([[factor, 0, offset], [0, factor, offset], [0, 0, 1.0]]))

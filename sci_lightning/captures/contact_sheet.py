@@ -81,11 +81,11 @@ def contact_sheet_figure(captures: Captures) -> Figure:
     return figure
 
 
-def selected(kind: tuple[str, ...], most: int = MOST) -> list[int]:
-    """Return the numbers of at most ``most`` captures, in order: as many of every kind, evenly spread over it."""
+def selected(kind: tuple[str, ...]) -> list[int]:
+    """Return the numbers of at most :data:`MOST` captures, in order: as many of every kind, evenly spread over it."""
     groups = [[index for index, label in enumerate(kind) if label == name] for name in dict.fromkeys(kind)]
     share = [0] * len(groups)
-    for _ in range(min(most, len(kind))):
+    for _ in range(min(MOST, len(kind))):
         unfinished = [number for number, group in enumerate(groups) if share[number] < len(group)]
         share[min(unfinished, key=lambda number: share[number])] += 1
     picked = [

@@ -214,10 +214,10 @@ def _advice(patterns: np.ndarray, snapshots: np.ndarray) -> str:
     )
     if question := doubtful_axes(patterns.shape, field):
         return f"{wrong}; {question}"
-    found = origin_in_mask(patterns, snapshots)
-    if found is None:
+    best = origin_in_mask(patterns, snapshots)
+    if best is None:
         return f"{wrong}, and no part of the one fits the other; give the mask that the snapshots were taken with"
-    (top, left), correlation = found
+    (top, left), correlation = best
     # Sides of equal length begin together: by how much the image is displaced along them is the diagnosis's question.
     top, left = (
         0 if mask_side == side else at

@@ -8,12 +8,13 @@ import torch
 from torch import nn
 
 from sci_lightning.configuration.bounds import Depth, Frames, Width
-from sci_lightning.decoder.decoder import Decoder, FirstEstimate
+from sci_lightning.decoder.decoder import FirstEstimate
+from sci_lightning.decoder.gap_net import GAPNet
 from sci_lightning.decoder.layers.unet import UNet
 
 
-class ADMMNet(Decoder):
-    """ADMM unfolded into stages, each of a data step and a U-net of its own.
+class ADMMNet(GAPNet):
+    """ADMM unfolded into stages, each of a data step and a U-net of its own, as those of GAP-net.
 
     From theta = A^T y (as published) and b = 0, stage k computes x = data step of theta + b, theta = U-net(x - b) and
     b = b - (x - theta). A learned gamma_k, which starts from 0, is added to the weight of its data step. T is fixed at
@@ -32,9 +33,6 @@ class ADMMNet(Decoder):
     the public code mengziyi64/ADMM-net.
     """
 
-    multiple = 4
-    global_steps = True
-
     def __init__(
         self,
         frames: Frames,
@@ -43,18 +41,9 @@ class ADMMNet(Decoder):
         squared: bool = True,
         first_estimate: FirstEstimate = "published",
     ) -> None:
-        super().__init__(first_estimate)
-        self.frames = frames
-        self.squared = squared
+        super().__init__(frames, stages, channels, squared, first_estimate)
         for stage in range(1, stages + 1):
-            self.add_module(f"unet{stage}", UNet(frames, channels))
             self.register_parameter(f"gamma{stage}", nn.Parameter(torch.zeros(1)))
-        self.begin_at_first_video(*(unet.conv_last for unet in self.children() if isinstance(unet, UNet)))
-
-    @property
-    def halo(self) -> int:
-        """Pixels around a tile that the network of a stage needs: there are no seams in between."""
-        return UNet.receptive_field
 
     def decode_stages(self, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
         operator = self.operator(mask)

@@ -1,11 +1,15 @@
-"""The result of a diagnosis compared with what was hidden."""
+"""The report of a diagnosis, of any origin, compared with what was hidden."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
+from sci_lightning.errors import BadInput
+from sci_lightning.files.diagnosis_report import BlindGap, DiagnosisReport
+from sci_lightning.files.json_file import read_json
 from sci_lightning.virtual_camera.hardware.effect import Value
 from sci_lightning.virtual_camera.truth import HiddenEffect
 
@@ -134,3 +138,24 @@ def _answer(truth: Value, unit: str, estimate: Estimate | None) -> str:
         error = math.remainder(error, 2 * math.pi) if unit == "rad" else error
         return "within 95 %" if abs(error) <= 1.96 * estimate.std else "outside 95 %"
     return "right" if estimate.value == truth else "wrong"
+
+
+def read_report(path: str | Path) -> Report:
+    """Read the ``report.json`` of a diagnosis.
+
+    Raises:
+        BadInput: no such file, something else than a report, or one of a blind diagnosis, which has no chi2.
+    """
+    report = read_json(path, DiagnosisReport)
+    before, after = report.gap.before, report.gap.after
+    if isinstance(before, BlindGap) or isinstance(after, BlindGap):
+        raise BadInput(f"{path}: of a blind diagnosis, expected one of calibration captures, with gap.before.chi2")
+    effects = (
+        ReportedEffect(
+            effect.name,
+            {name: Estimate(value.value, float(value.std), value.unit) for name, value in effect.parameters.items()},
+            tuple(effect.alternatives),
+        )
+        for effect in [*report.laboratory, *report.effects]
+    )
+    return Report(tuple(effects), tuple(part.stage for part in report.unnamed), before.chi2, after.chi2)

@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sci_lightning.errors import BadInput
-from sci_lightning.virtual_camera.patterns import binary, read_patterns, structural
 from sci_lightning.virtual_camera.random_numbers import stream
-from sci_lightning.virtual_camera.scene import textured_scene
+from sci_lightning.virtual_camera.scene import binary, read_patterns, structural, textured_scene
 
 
 @dataclass(frozen=True)

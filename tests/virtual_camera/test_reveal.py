@@ -15,9 +15,8 @@ import pytest
 from sci_lightning.errors import BadInput
 from sci_lightning.files.json_file import read_json
 from sci_lightning.virtual_camera import Session, VirtualCamera
-from sci_lightning.virtual_camera.comparison import Estimate, Report, ReportedEffect, compare, verdict
+from sci_lightning.virtual_camera.comparison import Estimate, Report, ReportedEffect, compare, read_report, verdict
 from sci_lightning.virtual_camera.hardware.effect import Value
-from sci_lightning.virtual_camera.reveal_files import read_report
 from sci_lightning.virtual_camera.truth import HiddenEffect, Truth
 
 STAGES = {"ghost": "optics", "gain": "sensor", "flicker": "exposure", "pattern_order": "modulator"}

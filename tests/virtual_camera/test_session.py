@@ -9,7 +9,7 @@ import pytest
 
 from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera import Acquisition, Session, VirtualCamera
-from sci_lightning.virtual_camera.patterns import structural
+from sci_lightning.virtual_camera.scene import structural
 
 
 def test_the_default_is_34_captures() -> None:

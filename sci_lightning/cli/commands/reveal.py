@@ -16,9 +16,8 @@ from sci_lightning.cli.settings import CommandSettings
 from sci_lightning.configuration.bounds import ExistingPath
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.files.json_file import read_json
-from sci_lightning.virtual_camera.comparison import Estimate, compare, verdict
+from sci_lightning.virtual_camera.comparison import Estimate, compare, read_report, verdict
 from sci_lightning.virtual_camera.hardware.effect import Value
-from sci_lightning.virtual_camera.reveal_files import read_report
 from sci_lightning.virtual_camera.truth import Truth
 
 GOOD_ANSWERS = ("within 95 %", "right", "true as well")

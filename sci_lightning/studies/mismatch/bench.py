@@ -21,9 +21,9 @@ from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.studies.mismatch.cameras import Mismatch
 from sci_lightning.virtual_camera import Acquisition, Session, VirtualCamera, choose_effects
 from sci_lightning.virtual_camera.hardware.effect import Effect
-from sci_lightning.virtual_camera.patterns import binary
 from sci_lightning.virtual_camera.random_numbers import stream
 from sci_lightning.virtual_camera.rays.ray_camera import build_camera
+from sci_lightning.virtual_camera.scene import binary
 
 LEAST_SIDE = 16
 """Pixels along each side of the smallest field."""

@@ -14,7 +14,7 @@ from sci_lightning.captures import Captures, pack_captures, read_captures, write
 from sci_lightning.captures.registration import register
 from sci_lightning.captures.registration.registration import read_unregistered, write_homography
 from sci_lightning.errors import BadInput
-from sci_lightning.homography import of_binned_field, on_modulator
+from sci_lightning.homography import on_modulator
 from tests.own_grid_camera import Deviation, captures, homography
 
 SIZE, MIRRORS = (48, 56), (60, 64)
@@ -171,10 +171,3 @@ def test_a_matrix_of_several_lines_is_replaced_and_nothing_else(one: Captures, e
     write_homography(tmp_path, homography((1.3, 1.3), 2.0, SIZE, MIRRORS))
     written = (tmp_path / "captures.yaml").read_text()
     assert written.startswith(rest + last + "sensor_to_modulator: [[") and written.count("sensor_to_modulator") == 1
-
-
-def test_homography_of_binned_pixels() -> None:
-    matrix = homography((5.2, 2.6), 1.0, SIZE, MIRRORS, tilt=(0.02, 0.01))
-    x, y = np.array([0.0, 7.0]), np.array([3.0, 2.0])
-    binned = of_binned_field(matrix, 4)
-    assert np.allclose(on_modulator(binned, x, y), on_modulator(matrix, 4 * x + 1.5, 4 * y + 1.5))
