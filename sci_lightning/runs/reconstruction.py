@@ -169,25 +169,13 @@ def reconstruct(
     bit_depth = None if encoder is None else encoder.sensor.bit_depth
     snapshot = read_snapshot(measurement, key=key, full_scale=full_scale, bit_depth=bit_depth, raw=raw)
     patterns, rows, columns = None, slice(None), slice(None)
-    of_mask: dict[str, Any] = {
-        "mask_key": mask_key,
-        "mask_step": mask_step,
-        "mask_origin": mask_origin,
-        "mask_slots": mask_slots,
-    }
-    of_mask |= {"mask_dark": mask_dark, "mask_white": mask_white}
+    placed: dict[str, Any] = {"key": mask_key, "step": mask_step, "origin": mask_origin, "slots": mask_slots}
+    of_mask = {**placed, "dark": mask_dark, "white": mask_white}
     if mask is None and (unused := [name for name, value in of_mask.items() if value is not None]):
-        raise BadInput(f"{unused[0]}={of_mask[unused[0]]}: belongs to a mask; give mask=FILE as well")
+        raise BadInput(f"mask_{unused[0]}={of_mask[unused[0]]}: belongs to a mask; give mask=FILE as well")
     if mask is not None:
-        read, rows, columns = mask_of_snapshots(
-            mask,
-            snapshot.measurement.numpy(),
-            key=mask_key,
-            step=mask_step,
-            origin=mask_origin,
-            slots=mask_slots,
-            levels=(mask_dark, mask_white),
-        )
+        levels = (mask_dark, mask_white)
+        read, rows, columns = mask_of_snapshots(mask, snapshot.measurement.numpy(), **placed, levels=levels)
         patterns = torch.from_numpy(np.ascontiguousarray(read))
     if encoder is None:
         encoder = _ideal_encoder(patterns)

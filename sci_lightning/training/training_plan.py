@@ -51,7 +51,7 @@ DAY = 86400.0
 """Seconds."""
 
 PLAIN_SYSTEM = "sci_lightning.training.system.System"
-
+"""The one whose step is computed here without Lightning."""
 
 CROWDED = 0.7
 """A single thread that takes this part of the time of all threads, or less, says that a core is taken."""
@@ -122,11 +122,10 @@ class TrainingPlan:
     def lines(self) -> list[str]:
         """Return the plan in sentences."""
         steps, limit = self.steps, ""
-        if (
-            self.core_minutes is not None
-            and (within := int(60 * self.core_minutes / max(self.busy * self.step_seconds, 1e-9))) < steps
-        ):
-            steps, limit = within, f" in {self.core_minutes:g} minutes of processor time, about"
+        if self.core_minutes is not None:
+            within = int(60 * self.core_minutes / max(self.busy * self.step_seconds, 1e-9))
+            if within < steps:
+                steps, limit = within, f" in {self.core_minutes:g} minutes of processor time, about"
         if self.most_seconds is not None and (within := int(self.most_seconds / max(self.step_seconds, 1e-9))) < steps:
             steps, limit = within, f" in {duration(self.most_seconds)}, about"
         epochs = steps / self.steps * self.epochs
@@ -172,12 +171,11 @@ def duration_line(seconds: float, core_minutes: float | None = None, most_second
 
 def duration(seconds: float) -> str:
     """Return a time with two digits in the largest unit that fits: ``45 minutes``, ``3.2 hours``, ``170 days``."""
-    for unit, length in (("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0)):
+    for unit, length in (("days", DAY), ("hours", 3600.0), ("minutes", 60.0)):
         if seconds >= 2 * length:
             number = seconds / length
-            return (
-                f"{number:.1f} {unit}" if number < 10 and unit != "minutes" else f"{float(f'{number:.2g}'):,.0f} {unit}"
-            )
+            digits = f"{number:.1f}" if number < 10 and unit != "minutes" else f"{float(f'{number:.2g}'):,.0f}"
+            return f"{digits} {unit}"
     return f"{seconds:.0f} seconds"
 
 
@@ -228,13 +226,13 @@ def training_plan(config: Mapping[str, Any]) -> TrainingPlan:
         epochs,
         steps,
         batch_size,
-        cost.of_step(batch_size, parts),
-        f"{device_name(device)}, {precision}",
-        cost.memory(batch_size) + _taken(device),
-        config["core_minutes"],
-        most,
-        cost.busy,
-        cost.one_thread,
+        step_seconds=cost.of_step(batch_size, parts),
+        device=f"{device_name(device)}, {precision}",
+        memory=cost.memory(batch_size) + _taken(device),
+        core_minutes=config["core_minutes"],
+        most_seconds=most,
+        busy=cost.busy,
+        one_thread=cost.one_thread,
     )
 
 
