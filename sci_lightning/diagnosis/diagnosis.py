@@ -19,13 +19,13 @@ from sci_lightning.captures import Captures
 from sci_lightning.diagnosis import vocabulary as effects_vocabulary
 from sci_lightning.diagnosis.bad_captures.leave_out import bad_verification_captures, explain_without_bad_captures
 from sci_lightning.diagnosis.blind.unknown_scenes import judged_by_unknown_scenes
-from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.fit.gap import held_out_gap
-from sci_lightning.diagnosis.fit.verification import set_aside, verify
-from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.fit.fit import Fit
+from sci_lightning.diagnosis.fit.gap import held_out_gap, verify
+from sci_lightning.diagnosis.fit.split import set_aside
+from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
-from sci_lightning.diagnosis.residual_tests.all_tests import ask
+from sci_lightning.diagnosis.residual_tests.all_tests import residual_tests
 from sci_lightning.diagnosis.result import Assessment, Result
 from sci_lightning.diagnosis.search.evidence import error_correlation, named_effects
 from sci_lightning.diagnosis.search_settings import SearchSettings
@@ -80,21 +80,20 @@ def diagnose(
     names_of_effects = effects_vocabulary.with_noise(
         effects_vocabulary.vocabulary() if vocabulary is None else vocabulary
     )
-    agreement = explain_without_bad_captures(CameraModel(seen, names_of_effects), settings, on_progress)
-    explained, bad = agreement.explained, agreement.bad
-    fitter, explanation = explained.fitter, explained.explanation
-    model, observation = fitter.model, fitter.model.observation
+    explanation, bad = explain_without_bad_captures(CameraModel(seen, names_of_effects), settings, on_progress)
+    fitter, model = explanation.fit.fitter, explanation.fit.fitter.model
+    observation = model.observation
     if unseen is not None and settings.find_bad_captures:
-        odd, worse = bad_verification_captures(explained, observation, unseen, everything)
+        odd, worse = bad_verification_captures(explanation.fit, observation, unseen, everything)
         unseen, bad = None if odd.all() else unseen.take(~odd), (*bad, *worse)
-    ideal, corrected = explained.ideal, explained.corrected(free_forms)
-    before, after = (assess(fitter, fit, seed) for fit in (ideal, corrected))
+    ideal, corrected = explanation.ideal, explanation.corrected(free_forms)
+    before, after = (assess(fit, seed) for fit in (ideal, corrected))
     names = sorted(explanation.names, key=lambda name: model.vocabulary[name].rank)
     without_noise = [name for name in names if not model.vocabulary[name].noise]
-    if remaining := remaining_tests(fitter, before, after, without_noise):
+    if remaining := remaining_tests(before, after, without_noise):
         names = without_noise  # more noise than stated makes room for what is left, and is no finding of its own
     else:
-        remaining = remaining_tests(fitter, before, after, names)
+        remaining = remaining_tests(before, after, names)
     return Diagnosis(
         observation=observation,
         model=model,
@@ -103,13 +102,13 @@ def diagnose(
         seed=seed,
         before=before,
         after=after,
-        effects=named_effects(fitter, explanation.fit, names),
+        effects=named_effects(explanation.fit, names),
         unnamed=explanation.unnamed,
         rounds=explanation.rounds,
-        stated_noise=tuple(effect for effect, _ in explained.stated),
+        stated_noise=tuple(effect for effect, _ in datasheet_noise(observation)[1]),
         correlation=error_correlation(corrected),
         remaining=remaining,
-        verification=None if unseen is None else verify(fitter, before.fit, after.fit, unseen, seed),
+        verification=None if unseen is None else verify(before.fit, after.fit, unseen, seed),
         bad_captures=bad,
         unknown_scenes=judged_by_unknown_scenes(
             captures, model, ideal.hypothesis, explanation.fit.hypothesis, seed, on_progress
@@ -117,21 +116,18 @@ def diagnose(
     )
 
 
-def assess(fitter: Fitter, fit: Fit, seed: int) -> Assessment:
+def assess(fit: Fit, seed: int) -> Assessment:
     """Judge a fitted model by its gap on held-out pixels and by every residual test.
 
     Args:
-        fitter: holds captures, split and model.
         fit: the fitted model.
         seed: of the residuals' randomisation.
     """
-    residuals = Residuals.of(fitter, fit, seed)
-    return Assessment(fit, held_out_gap(fitter, fit, seed), residuals, tuple(ask(residuals)))
+    residuals = Residuals.of(fit, seed)
+    return Assessment(fit, held_out_gap(fit, seed), residuals, tuple(residual_tests(residuals)))
 
 
-def remaining_tests(
-    fitter: Fitter, before: Assessment, after: Assessment, names: list[str]
-) -> tuple[ResidualTest, ...]:
+def remaining_tests(before: Assessment, after: Assessment, names: list[str]) -> tuple[ResidualTest, ...]:
     """Return the residual tests that find more than noise in what the corrected camera leaves.
 
     The formulas of strong effects are a little inexact. A test about mean or variance therefore has to find more than
@@ -139,9 +135,9 @@ def remaining_tests(
     p-value has to be below ``max_residual_p_value``. If some was, ``significance`` is enough: noise explains variance
     only, so that it stands in for something else as long as the residuals are not random.
     """
-    settings = fitter.settings
-    inexact = settings.unnamed_formula_error * fitter.explained_nats(after.fit, before.fit, after.fit)
-    noise = any(fitter.model.effects[name].noise for name in names)
+    settings = after.fit.fitter.settings
+    inexact = settings.unnamed_formula_error * after.fit.explained_nats(before.fit)
+    noise = any(after.fit.fitter.model.effects[name].noise for name in names)
     return tuple(
         test
         for test in after.tests

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sci_lightning.diagnosis.bad_captures.bad_capture import BadCapture
+from sci_lightning.diagnosis.bad_captures.leave_out import BadCapture
 from sci_lightning.diagnosis.blind.unknown_scenes import UnknownScenes
 from sci_lightning.diagnosis.fit.fit import Fit
-from sci_lightning.diagnosis.fit.gap import Gap
+from sci_lightning.diagnosis.fit.gap import Gap, Verification
 from sci_lightning.diagnosis.fit.split import Split
-from sci_lightning.diagnosis.fit.verification import Verification
 from sci_lightning.diagnosis.model.camera_model import CameraModel
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
 from sci_lightning.diagnosis.search.evidence import ErrorCorrelation, NamedEffect
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
-from sci_lightning.diagnosis.search.search import Round
+from sci_lightning.diagnosis.search.selection import Round
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.target_effects import SceneEffect
 from sci_lightning.diagnosis.verdict import verdict

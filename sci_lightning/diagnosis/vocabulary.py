@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pkgutil import resolve_name
 
-from sci_lightning.diagnosis.target_effects import target_effects
+from sci_lightning.diagnosis.target_effects import TARGET_EFFECTS
 from sci_lightning.encoder import effects
 from sci_lightning.encoder.effects import Effect, ReadNoise, ShotNoise
 from sci_lightning.errors import BadInput
@@ -30,7 +30,7 @@ def vocabulary(
     """
     exported = [getattr(effects, name) for name in effects.__all__]
     classes: dict[str, type[Effect]] = {effect.name: effect for effect in exported if hasattr(effect, "name")}
-    classes |= target_effects()
+    classes |= TARGET_EFFECTS
     for path in members:
         effect = _effect("effect", path)
         classes[effect.name] = effect

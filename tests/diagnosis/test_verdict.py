@@ -61,8 +61,8 @@ def with_chi2(result: Diagnosis, chi2: float) -> Diagnosis:
     return replace(result, before=before, after=after)
 
 
-def limit(fitter: Fitter, fit: Fit) -> float:
-    return held_out_gap(fitter, fit, 0).chi2_limit
+def limit(fit: Fit) -> float:
+    return held_out_gap(fit, 0).chi2_limit
 
 
 def test_few_pixels_whose_chi2_is_a_little_large_are_consistent(few: Diagnosis) -> None:
@@ -84,12 +84,12 @@ def test_few_pixels_whose_chi2_is_too_large_are_not(few: Diagnosis) -> None:
 def test_estimated_parameters_and_maps_widen_the_limit(few: Diagnosis) -> None:
     fitter, fit = Fitter(few.model, few.split), few.after.fit
     free = fitter.fit(fit.hypothesis.with_effect("gain", {"factor": 1.0}))
-    assert limit(fitter, free) > limit(fitter, replace(free, free=()))
+    assert limit(free) > limit(replace(free, free=()))
     fitter = Fitter(few.model.with_candidates({"prnu": vocabulary()["prnu"]}), few.split)
     assert "prnu" not in few.model.effects  # a new model: the one of the diagnosis stays as it was
     mapped = fitter.fit(free.hypothesis.with_effect("prnu", {"std": 0.05}, fitter.model.zero_map("prnu")), iterations=2)
     uncertain = replace(mapped, maps={"prnu": replace(mapped.maps["prnu"], std=0.5)})
-    assert limit(fitter, uncertain) > limit(fitter, replace(mapped, maps={})) + 0.01
+    assert limit(uncertain) > limit(replace(mapped, maps={})) + 0.01
 
 
 def test_verdict_and_sentence_agree() -> None:

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from sci_lightning.captures import Captures, read_captures, write_captures
-from sci_lightning.diagnosis.target_effects import target_effects
+from sci_lightning.diagnosis.target_effects import TARGET_EFFECTS
 from sci_lightning.encoder.effects import Effect
 from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera import Session, VirtualCamera
@@ -95,7 +95,7 @@ def test_a_member_of_the_group_is_a_candidate(lab: Path, ran: Run, monkeypatch: 
     with pytest.raises(SystemExit):
         ran("diagnose", "captures=lab.h5", f"hydra.searchpath=[file://{lab}/my_conf]")
     assert seen["slope"].__module__ == "own_effect"
-    assert set(seen) == {*members("effect"), *target_effects(), "slope"}
+    assert set(seen) == {*members("effect"), *TARGET_EFFECTS, "slope"}
 
 
 def test_not_in_the_vocabulary(lab: Path, refused: Run) -> None:

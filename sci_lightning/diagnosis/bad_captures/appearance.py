@@ -12,26 +12,25 @@ from itertools import chain, combinations
 
 import torch
 
-from sci_lightning.diagnosis.bad_captures.judgement import judge_of
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.fit.verification import transferred
+from sci_lightning.diagnosis.fit.gap import transferred
 from sci_lightning.diagnosis.model.camera_model import Hypothesis
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import MaskShift
 
-ALL_OF_IT = 0.1
+MAX_LEFT_BY_A_MIX_UP_SHARE = 0.1
 """Part of the excess of chi2 that an explanation may leave."""
-LIGHT = (0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.2, 1.4, 2.0, 2.8, 4.0, 8.0, 16.0)
+LIGHT_FACTORS = (0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.2, 1.4, 2.0, 2.8, 4.0, 8.0, 16.0)
 """Factors of the light that are tried; the best one is refined."""
-REFINEMENTS = 6
-LONGEST_SEQUENCE = 24
+LIGHT_REFINEMENTS = 6
+MAX_EXCHANGE_SLOTS = 24
 """Slots up to which exchanges of any two slots are tried."""
-STEPS = (-6.0, -4.0, -2.0, 0.0, 2.0, 4.0, 6.0)
+TARGET_DISPLACEMENTS_PIXELS = (-6.0, -4.0, -2.0, 0.0, 2.0, 4.0, 6.0)
 """Displacements of the target, pixels, from which its displacement is fitted."""
-FINE_STEPS = (-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0)
+MASK_DISPLACEMENTS_PIXELS = (-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0)
 """The same for the mask's image, which is finer."""
-SATURATED = 0.01
+MIN_SATURATED_SHARE = 0.01
 """Part of the pixels at full scale from which a capture is called saturated."""
 
 
@@ -48,11 +47,10 @@ class MixUp:
     chi2: float
 
 
-def appearance(fitter: Fitter, fit: Fit, observation: Observation, place: int, others: torch.Tensor) -> str:
+def appearance(fit: Fit, observation: Observation, place: int, others: torch.Tensor) -> str:
     """Return a clause that says what a capture looks like.
 
     Args:
-        fitter: made the fit.
         fit: the model of the other captures.
         observation: N captures.
         place: of the capture among them.
@@ -61,18 +59,19 @@ def appearance(fitter: Fitter, fit: Fit, observation: Observation, place: int, o
     only = torch.zeros(len(observation), dtype=torch.bool)
     only[place] = True
     one, good = observation.take(only), observation.take(others)
-    model = transferred(judge_of(fitter, one), fit).hypothesis
+    fitter = fit.fitter
+    model = transferred(fit, fitter.of_captures(one, fitted=True)).hypothesis
     stated = _chi2(fitter, model, one)[0]
     best: MixUp | None = None
     mislabelled = chain(_light(fitter, model, one), _labels(fitter, model, one, good))
     for group in (mislabelled, _moves(fitter, model, one)):
-        candidates = [mix_up for mix_up in group if mix_up.chi2 - 1 <= ALL_OF_IT * (stated - 1)]
+        candidates = [mix_up for mix_up in group if mix_up.chi2 - 1 <= MAX_LEFT_BY_A_MIX_UP_SHARE * (stated - 1)]
         best = min(candidates, key=lambda mix_up: mix_up.chi2, default=best)
         if best is not None:
             break
     words = [best.words] if best else ["no other label, light or position of it explains why"]
     full = float((one.dn >= one.full_scale).float().mean())
-    if full > SATURATED:
+    if full > MIN_SATURATED_SHARE:
         words.append(f"{100 * full:.0f} % of its pixels are saturated")
     if not one.dn.any():
         words.append("all of its pixels read 0 DN")
@@ -81,10 +80,10 @@ def appearance(fitter: Fitter, fit: Fit, observation: Observation, place: int, o
 
 def _chi2(fitter: Fitter, model: Hypothesis, alternatives: Observation) -> list[float]:
     """Return the mean squared distance, in standard deviations, of every capture from its prediction."""
-    judge = judge_of(fitter, alternatives)
-    prediction = judge.model.predict(model)
+    tried = fitter.of_captures(alternatives, fitted=True)
+    prediction = tried.model.predict(model)
     mean = prediction.mean.clamp(0, alternatives.full_scale)
-    squares = (judge.dn - mean).square() / (prediction.deviation.square() + 1 / 12)
+    squares = (tried.dn - mean).square() / (prediction.deviation.square() + 1 / 12)
     return [float(value) for value in squares.mean((1, 2), dtype=torch.float64)]
 
 
@@ -94,12 +93,12 @@ def _light(fitter: Fitter, model: Hypothesis, one: Observation) -> Iterator[MixU
     def left(factors: list[float]) -> list[float]:
         return _chi2(fitter, model, _joined([replace(one, aperture=one.aperture * factor) for factor in factors]))
 
-    tried = list(LIGHT)
+    tried = list(LIGHT_FACTORS)
     chi2 = left(tried)
     best = min(range(len(tried)), key=chi2.__getitem__)
     factor, reached = tried[best], chi2[best]
     step = 1.25
-    for _ in range(REFINEMENTS if factor else 0):
+    for _ in range(LIGHT_REFINEMENTS if factor else 0):
         near = [factor / step, factor * step]
         values = left(near)
         if min(values) < reached:
@@ -129,7 +128,7 @@ def _labels(fitter: Fitter, model: Hypothesis, one: Observation, good: Observati
     sequence("its own in reverse order", own.flip(0))
     for later in range(1, len(own)):
         sequence(f"its own, {later} slot{'s' * (later > 1)} later", own.roll(later))
-    if len(own) <= LONGEST_SEQUENCE:
+    if len(own) <= MAX_EXCHANGE_SLOTS:
         for a, b in combinations(range(len(own)), 2):
             exchanged = own.clone()
             exchanged[a], exchanged[b] = own[b], own[a]
@@ -149,20 +148,23 @@ def _moves(fitter: Fitter, model: Hypothesis, one: Observation) -> Iterator[MixU
     """Try displacements of the target, of the mask's image, and of both together (the sensor has moved)."""
     vocabulary = fitter.model.vocabulary
     movable = [name for name in ("scene_shift", "mask_shift") if name in vocabulary]
-    kinds = {"scene_shift": ("its target", STEPS), "mask_shift": ("its mask", FINE_STEPS)}
+    kinds = {
+        "scene_shift": ("its target", TARGET_DISPLACEMENTS_PIXELS),
+        "mask_shift": ("its mask", MASK_DISPLACEMENTS_PIXELS),
+    }
     size = one.size
-    border = Border.around(max(abs(step) for step in STEPS) + 1).limited(size, 0.25)
-    room = fitter.with_border(fitter.split.border | border)
+    border = Border.around(max(abs(step) for step in TARGET_DISPLACEMENTS_PIXELS) + 1).limited(size, 0.25)
+    inner = fitter.with_border(border)
     moves: list[tuple[tuple[str, ...], str, tuple[float, ...]]] = [((name,), *kinds[name]) for name in movable]
     if len(movable) == 2:
-        moves.append((("scene_shift", "mask_shift"), "the whole picture", FINE_STEPS))
+        moves.append((("scene_shift", "mask_shift"), "the whole picture", MASK_DISPLACEMENTS_PIXELS))
     for names, what, steps in moves:
         if names == ("scene_shift",) and one.scene[0].shape[1:] == (1, 1):
             continue  # an even target looks the same wherever it is
         starts = [_moved(model, names, dx, dy) for dx in steps for dy in steps]
-        chi2 = [_chi2(room, start, one)[0] for start in starts]
+        chi2 = [_chi2(inner, start, one)[0] for start in starts]
         best = starts[min(range(len(starts)), key=chi2.__getitem__)]
-        moved, reached = _refined(room, best, names, one)
+        moved, reached = _refined(inner, best, names, one)
         before = model.effects.get(names[0], {"dx": 0.0, "dy": 0.0})
         dx, dy = (float(moved.effects[names[0]][axis]) - float(before[axis]) for axis in ("dx", "dy"))
         yield MixUp(f"{what} looks displaced by ({dx:+.2g}, {dy:+.2g}) pixels", reached)

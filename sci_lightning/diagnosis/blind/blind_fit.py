@@ -11,7 +11,7 @@ from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood, spread
 from sci_lightning.diagnosis.blind.likelihood_comparison import clustered
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from sci_lightning.diagnosis.blind.prior import BLOCK
-from sci_lightning.diagnosis.fit.newton_system import Damping
+from sci_lightning.diagnosis.fit.levenberg_marquardt import maximise
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS, Hypothesis, ParameterName
 from sci_lightning.diagnosis.search_settings import SearchSettings
@@ -20,6 +20,8 @@ DIFFERENCE = 0.5
 """Part of a parameter's step over which the likelihood is differentiated."""
 PACE = 0.05
 """Part of what a fit lacks to what it competes with that an iteration must gain; a slower one does not catch up."""
+ATTEMPTS = 5
+"""Steps that are tried in an iteration, each with more damping than the one before."""
 ROUGH_BLOCKS = 64
 """Blocks that are enough for the direction of a Newton step, spread evenly over those that are fitted."""
 
@@ -52,6 +54,21 @@ class BlindFit:
     def nats(self) -> float:
         """Log-likelihood of all blocks that count."""
         return float(self.log_likelihood.nansum())
+
+
+@dataclass(frozen=True)
+class BlindDerivatives:
+    """Derivatives of the log-likelihood with respect to p parameters.
+
+    Attributes:
+        scores: ``(p, blocks, N)`` of every block.
+        information: ``(p, p)``, positive definite.
+        curvature: ``(p, p)`` second derivatives of the sum.
+    """
+
+    scores: torch.Tensor
+    information: torch.Tensor
+    curvature: torch.Tensor
 
 
 class BlindFitter:
@@ -113,30 +130,34 @@ class BlindFitter:
         free = FreeParameters.of(self.model, hypothesis, (*self._fixed, *constant))
         enough = self.min_progress_nats if enough is None else enough
         best = self.evaluate(hypothesis, blocks)
-        damping = Damping(most=5)
-        information, scores = torch.zeros(len(free), len(free)), None
-        curvature: torch.Tensor | None = None
-        # Mixed second derivatives take most of the time: they are computed at the start, and at the end for the errors.
-        for _ in range(iterations if len(free) else 0):
-            scores, information, curvature = self._differentiate(free, best, curvature, rough=True)
-            gradient = scores.sum((1, 2))
-            gained = 0.0
-            for _ in damping.attempts():
-                moved, _ = free.newton_step(best.hypothesis, gradient, information, damping.value)
-                trial = self.evaluate(moved, blocks)
-                gained = float((trial.log_likelihood - best.log_likelihood).nansum())
-                lost = best.log_likelihood.isfinite() & ~trial.log_likelihood.isfinite()
-                if lost.any():
-                    blocks = blocks & ~lost.any(1)
-                if gained >= 0:
-                    best, damping.accepted = trial, True
-            lacking = 0.0 if ahead is None else float((ahead - best.log_likelihood).nansum())
-            if gained < max(enough, PACE * lacking):
-                break
         covariance = torch.zeros(len(free), len(free), dtype=torch.float64)
-        if scores is not None and errors:
-            scores, information, _ = self._differentiate(free, best, rough=rough)
-            covariance = errors_of(information, clustered(scores, self.likelihood.columns))
+        if not len(free):
+            return replace(best, blocks=blocks, free=free.names, covariance=covariance)
+        curvature: torch.Tensor | None = None
+
+        def differentiate(at: BlindFit) -> BlindDerivatives:
+            nonlocal curvature  # mixed second derivatives take most of the time: they are computed at the start only
+            derivatives = self._differentiate(free, at, curvature, rough=True)
+            curvature = derivatives.curvature
+            return derivatives
+
+        def step(at: BlindFit, derivatives: BlindDerivatives, damping: float, attempt: int) -> tuple[BlindFit, float]:
+            nonlocal blocks  # those that a step loses, because the image of the mask ends there, stay lost
+            gradient = derivatives.scores.sum((1, 2))
+            moved, _ = free.newton_step(at.hypothesis, gradient, derivatives.information, damping)
+            trial = self.evaluate(moved, blocks)
+            lost = at.log_likelihood.isfinite() & ~trial.log_likelihood.isfinite()
+            if lost.any():
+                blocks = blocks & ~lost.any(1)
+            return trial, float((trial.log_likelihood - at.log_likelihood).nansum())
+
+        def needed(at: BlindFit) -> float:
+            return enough if ahead is None else max(enough, PACE * float((ahead - at.log_likelihood).nansum()))
+
+        best, _ = maximise(best, differentiate, step, needed, iterations, ATTEMPTS)
+        if errors:
+            derivatives = self._differentiate(free, best, rough=rough)
+            covariance = errors_of(derivatives.information, clustered(derivatives.scores, self.likelihood.columns))
         return replace(best, blocks=blocks, free=free.names, covariance=covariance)
 
     def distance(self, fit: BlindFit, name: str) -> float:
@@ -174,11 +195,11 @@ class BlindFitter:
 
     def _differentiate(
         self, free: FreeParameters, fit: BlindFit, earlier: torch.Tensor | None = None, rough: bool = False
-    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Return derivatives ``(p, blocks, N)`` of the log-likelihoods, the information and second derivatives.
+    ) -> BlindDerivatives:
+        """Differentiate the log-likelihoods of all blocks once and twice, by differences.
 
-        The information ``(p, p)`` is minus the matrix of second derivatives ``(p, p)``, by differences. Far from the
-        maximum some directions may be curved upwards; their sign is reversed, so that a Newton step still leads uphill.
+        Far from the maximum some directions may be curved upwards; in the information their sign is reversed, so that a
+        Newton step still leads uphill.
 
         Args:
             free: the parameters.
@@ -217,7 +238,7 @@ class BlindFitter:
         least = max(1e-6 * float(values.abs().max()), 1e-9)
         information = vectors @ torch.diag(values.abs().clamp(min=least)) @ vectors.mT
         both = scale[:, None] * scale
-        return torch.stack(scores) * scale[:, None, None], information * both, curvature * both
+        return BlindDerivatives(torch.stack(scores) * scale[:, None, None], information * both, curvature * both)
 
     def _step(self, fit: BlindFit, name: str, parameter: str) -> tuple[float, tuple[float, float]]:
         """Return a parameter's step for differences, and the two places, in steps, that lie within its bounds."""

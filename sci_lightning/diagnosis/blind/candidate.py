@@ -9,7 +9,7 @@ import torch
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price
 from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
 from sci_lightning.diagnosis.blind.undetermined import SHOWN_IF_STRONG
-from sci_lightning.diagnosis.model.prediction import Recent
+from sci_lightning.diagnosis.model.recent import Recent
 from sci_lightning.encoder.effects.stage import ModulatorEffect, RelayEffect
 
 MIN_Z = 3.0

@@ -14,7 +14,7 @@ from torch.nn import functional as F
 
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
-from sci_lightning.diagnosis.model.displacement import beside, displacing_effects, starts_at
+from sci_lightning.diagnosis.search.displacement import displacing_effects, on_all_sides, starts_at
 
 NEIGHBOURHOOD = 9
 """Side in pixels of the square over which a mean is taken: what differs from it counts as fine detail."""
@@ -50,7 +50,7 @@ def proposed_displacements(
         steps = (torch.arange(2 * GRID + 1) - GRID).tolist()
         displacements = [(dx, dy) for dy in steps for dx in steps]
     else:
-        displacements = beside(peaks, ASIDE)
+        displacements = on_all_sides(peaks, ASIDE)
     return starts_at(displacements, effects, model)
 
 

@@ -12,7 +12,7 @@ from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from sci_lightning.diagnosis.blind.prior import BLOCK, ScenePrior
 from sci_lightning.diagnosis.blind.sensor_response import SensorResponse
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, effect_key
-from sci_lightning.diagnosis.model.prediction import Recent
+from sci_lightning.diagnosis.model.recent import Recent
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import Effect, OpticsEffect
 from sci_lightning.encoder.effects.stage import ExposureEffect, ModulatorEffect, RelayEffect

@@ -16,6 +16,7 @@ from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, comp
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from sci_lightning.diagnosis.blind.undetermined import determined_effects
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
+from sci_lightning.diagnosis.model.starting_points import starting_settings
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.effects.parameter import part_of
 
@@ -273,7 +274,9 @@ class BlindSearch:
         candidates = [
             name for name in (self.candidates if names is None else names) if name not in base.hypothesis.effects
         ]
-        starts_of = {name: [*model.starts(name, base.hypothesis), *proposed.get(name, [])] for name in candidates}
+        starts_of = {
+            name: [*starting_settings(model, name, base.hypothesis), *proposed.get(name, [])] for name in candidates
+        }
         tried = self._screened(base, starts_of)
         weaker = {
             name: [part_of(start, model.effects[name].about, WEAK_PART) for _, start in trials[:STARTS_FITTED]]

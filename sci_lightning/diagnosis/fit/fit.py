@@ -13,27 +13,29 @@ from functools import cached_property
 
 import torch
 
-from sci_lightning.diagnosis.fit.newton_system import Damping, NewtonSystem
-from sci_lightning.diagnosis.fit.parameters import FINE_DIFFERENCE, FreeParameters
+from sci_lightning.diagnosis.fit.derivatives import Derivatives, differentiate
+from sci_lightning.diagnosis.fit.levenberg_marquardt import maximise
+from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.fit.split import Split
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, ParameterName
-from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap, estimate_map, with_means_given_away
-from sci_lightning.diagnosis.model.likelihood import (
-    ClippedSignal,
-    Intervals,
-    PixelLikelihood,
-    log_likelihood,
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Evaluated, Hypothesis, ParameterName
+from sci_lightning.diagnosis.model.fixed_pattern_map import (
+    FixedPatternMap,
+    estimate_map,
+    with_map_uncertainty,
+    with_means_given_away,
 )
-from sci_lightning.diagnosis.model.map_system import MapSystem
-from sci_lightning.diagnosis.model.prediction import Prediction
+from sci_lightning.diagnosis.model.likelihood import Intervals, PixelLikelihood, Prediction, log_likelihood
+from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.border import Border
 
-HOPE = 20.0
-"""A fit that has to reach some log-likelihood is given up when it lacks more than so many times what its next step, by
+ATTEMPTS = 6
+"""Steps that are tried in an iteration, each with more damping than the one before."""
+MAX_PROMISED_RATIO = 20.0
+"""A fit that has to reach some log-likelihood is abandoned when it lacks more than so many times what its next step, by
 the quadratic approximation, would gain: near the maximum of such a fit every step gains a small part of the one before,
 far from it the approximation is wrong by a small factor."""
-SHORTER = 0.4
+SHORTER_MAP_STEP = 0.4
 """Part of the maps' step that is tried next when a step was too long."""
 
 
@@ -42,6 +44,7 @@ class Fit:
     """A fitted hypothesis.
 
     Attributes:
+        fitter: made it, and knows which pixels count.
         hypothesis: with its maximum-likelihood parameters and maps.
         prediction: of every capture.
         fitted_log_likelihood: of the fitted pixels, penalised by the maps' prior and uncertainty, nats.
@@ -50,9 +53,10 @@ class Fit:
         information: ``(p, p)`` Fisher information about them (about logarithms, where these are fitted), the maps
             eliminated.
         maps: state of the fixed-pattern maps by effect.
-        given_up: whether it could not reach the log-likelihood asked for.
+        abandoned: whether it could not reach the log-likelihood that it had to.
     """
 
+    fitter: Fitter = field(repr=False, compare=False)
     hypothesis: Hypothesis
     prediction: Prediction
     fitted_log_likelihood: float
@@ -60,12 +64,45 @@ class Fit:
     free: tuple[ParameterName, ...] = ()
     information: torch.Tensor = field(default_factory=lambda: torch.zeros(0, 0))
     maps: Mapping[str, FixedPatternMap] = field(default_factory=dict)
-    given_up: bool = False
+    abandoned: bool = False
 
     @property
     def log_likelihood(self) -> float:
         """Penalised log-likelihood of all pixels, fitted and held out, nats."""
         return self.fitted_log_likelihood + self.held_out_log_likelihood
+
+    @property
+    def uncertain_prediction(self) -> Prediction:
+        """The prediction with the maps' uncertainty in its standard deviation, to judge held-out pixels."""
+        return with_map_uncertainty(self.prediction, self.maps)
+
+    @property
+    def evaluated(self) -> Evaluated:
+        """The hypothesis with the likelihood of every pixel and its derivatives, which are computed anew."""
+        return self.fitter.evaluate(self.hypothesis, self.prediction)
+
+    def without(self, name: str, iterations: int = 12) -> Fit:
+        """Return a fit without an effect, from the values that the other parameters have."""
+        return self.fitter.fit(self.hypothesis.without(name), iterations)
+
+    def explained_nats(self, baseline: Fit, noise: Fit | None = None) -> float:
+        """Return the log-likelihood that the mean gains over that of another fit, in nats, at least 0.
+
+        Both use the standard deviation of the fit ``noise`` (None: of this one), so that a change of noise alone does
+        not count as a gain.
+        """
+        fitter = self.fitter
+        deviation, bits = fitter.predicted(noise or self).deviation, self.prediction.bits
+        after, before = (Prediction(fitter.predicted(fit).mean, deviation, bits) for fit in (self, baseline))
+        gain = fitter.log_likelihood(after) - fitter.log_likelihood(before)
+        return max(0.0, float(gain.sum(dtype=torch.float64)))
+
+    def seen_coarsely(self) -> Fit:
+        """Return the fit as it predicts the pixels of :attr:`Fitter.coarse`; itself where there is none."""
+        coarse = self.fitter.coarse
+        if coarse is None:
+            return self
+        return replace(self, fitter=coarse, prediction=coarse.model.predict(self.hypothesis))
 
 
 class Fitter:
@@ -113,6 +150,16 @@ class Fitter:
         stride = math.ceil(math.sqrt(surplus / 2))
         return Fitter(self.model.of_captures(observation.take(some)), subset, self.settings, stride)
 
+    def of_captures(self, observation: Observation, fitted: bool) -> Fitter:
+        """Return a fitter of other captures of the same camera, of which all pixels inside the same border count.
+
+        Args:
+            observation: the captures.
+            fitted: whether all of them are fitted; else all are held out.
+        """
+        split = Split.all_alike(observation, fitted, self.split.border)
+        return Fitter(self.model.of_captures(observation), split, self.settings)
+
     @property
     def pixels(self) -> int:
         """How many pixels count, fitted and held out."""
@@ -127,26 +174,25 @@ class Fitter:
         border = Border()
         for hypothesis in hypotheses:
             border = border | self.model.border(hypothesis)
-        return self.leaving_out(border)
+        border = border.rounded().limited(self.model.observation.size, self.settings.border_share)
+        return self if self.split.border.contains(border) else self.with_border(border)
 
     def covers(self, hypothesis: Hypothesis) -> bool:
         """Return whether no pixel that counts depends on the unknown surround by a hypothesis."""
         border = self.model.border(hypothesis).rounded()
         return self.split.border.contains(border.limited(self.model.observation.size, self.settings.border_share))
 
-    def leaving_out(self, border: Border) -> Fitter:
-        """Return a fitter that leaves out a border of any width as well; see :meth:`covering`."""
-        border = border.rounded().limited(self.model.observation.size, self.settings.border_share)
-        return self if self.split.border.contains(border) else self.with_border(self.split.border | border)
-
     def with_border(self, border: Border) -> Fitter:
-        """Return a fitter for which other pixels count: those inside a border of whole pixels."""
-        if border == self.split.border:
+        """Return a fitter that leaves out a border of whole pixels as well; this one where that changes nothing."""
+        wider = self.split.border | border
+        if wider == self.split.border:
             return self
-        return Fitter(self.model, replace(self.split, border=border), self.settings)
+        return Fitter(self.model, replace(self.split, border=wider), self.settings)
 
-    def again(self, fit: Fit) -> Fit:
-        """Return a fit of another fitter, which counted other pixels, repeated with this one's."""
+    def repeated(self, fit: Fit) -> Fit:
+        """Return a fit repeated with the pixels that count here; the fit itself if it was made with these."""
+        if fit.fitter.split.border == self.split.border:
+            return fit
         every = FreeParameters.of(self.model, fit.hypothesis).names
         fixed = tuple(name for name in every if name not in fit.free)
         return self.fit(fit.hypothesis, iterations=20, fixed=fixed)
@@ -156,7 +202,6 @@ class Fitter:
         hypothesis: Hypothesis,
         iterations: int = 12,
         fixed: tuple[ParameterName, ...] = (),
-        fit_maps: bool = True,
         to_reach: float = -math.inf,
         from_afar: bool = False,
     ) -> Fit:
@@ -172,169 +217,43 @@ class Fitter:
             hypothesis: where to start.
             iterations: at most.
             fixed: parameters that keep their values.
-            fit_maps: whether fixed-pattern maps are fitted too.
             to_reach: log-likelihood of the fitted pixels below which the result is of no use; once it is clear that the
-                fit cannot get there, it is given up. A hypothesis that depends on the surround, and would gain if fewer
-                pixels counted, never is.
+                fit cannot get there, it is abandoned. A hypothesis that depends on the surround, and would gain if
+                fewer pixels counted, never is.
             from_afar: whether the start may be far from the maximum; :attr:`coarse` then goes most of the way.
         """
         hypothesis = with_means_given_away(self.model, hypothesis)
         if from_afar and self.coarse is not None:
-            nearer = self.coarse.fit(hypothesis, iterations, fixed, fit_maps).hypothesis
+            nearer = self.coarse.fit(hypothesis, iterations, fixed).hypothesis
             hypothesis = Hypothesis(nearer.effects, hypothesis.maps)
         free = FreeParameters.of(self.model, hypothesis, fixed)
-        prediction = self.model.predict(hypothesis)
-        objective, damping = -math.inf, Damping(most=6)
-        maps: dict[str, FixedPatternMap] = {}
-        information = torch.zeros(len(free), len(free))
-        likelihood = self.pixel_likelihood(prediction)
-        for _ in range(iterations):
-            if fit_maps:
-                maps = {fixed_map.name: fixed_map for fixed_map in self.maps(hypothesis, prediction, likelihood)}
-            newton = self._newton_system(hypothesis, free, prediction, likelihood, maps)
-            information = newton.information
-            if not math.isfinite(objective):  # afterwards the accepted step says it, with the priors of its iteration
-                objective = self._sum(likelihood.log_likelihood) - sum(fixed_map.penalty for fixed_map in maps.values())
-            before = objective
-            if objective < to_reach:
-                promised = newton.gain(free.movable(hypothesis, newton.gradient))
-                if objective + HOPE * promised < to_reach and self.covers(hypothesis):
-                    break
-            for attempt in damping.attempts():
-                moved = self._step(hypothesis, free, newton, damping.value, SHORTER**attempt)
-                trial = self.model.predict(moved)
-                judged = self.pixel_likelihood(trial)
-                reached = self._sum(judged.log_likelihood) - self._penalty(moved, trial, maps, likelihood, prediction)
-                if reached >= objective:
-                    hypothesis, prediction, likelihood, objective = moved, trial, judged, reached
-                    damping.accepted = True
-            if objective - before < self.settings.min_progress_nats:
-                break
-        uncertain = likelihood.log_likelihood
-        if maps:
-            uncertain = self.log_likelihood(self.with_map_uncertainty(prediction, maps))
+
+        def derivatives_of(at: Evaluated) -> Derivatives:
+            maps = {fixed_map.name: fixed_map for fixed_map in self.maps(at)}
+            return differentiate(at, free, maps, self.fitted, self.log_likelihood)
+
+        def step(at: Evaluated, derivatives: Derivatives, damping: float, attempt: int) -> tuple[Evaluated, float]:
+            moved = self.evaluate(derivatives.step(damping, SHORTER_MAP_STEP**attempt))
+            reached = self._sum(moved.likelihood.log_likelihood) - derivatives.penalty(moved)
+            return replace(moved, objective=reached), reached - derivatives.objective
+
+        def hopeless(at: Evaluated, derivatives: Derivatives) -> bool:
+            lacking = to_reach - derivatives.objective
+            promised = derivatives.promised() if lacking > 0 else 0.0
+            return derivatives.objective + MAX_PROMISED_RATIO * promised < to_reach and self.covers(at.hypothesis)
+
+        enough = self.settings.min_progress_nats
+        end, last = maximise(
+            self.evaluate(hypothesis), derivatives_of, step, lambda _: enough, iterations, ATTEMPTS, hopeless
+        )
+        objective = last.objective if end.objective is None else end.objective
+        uncertain = end.likelihood.log_likelihood
+        if last.maps:
+            uncertain = self.log_likelihood(with_map_uncertainty(end.prediction, last.maps))
         held_out = float((uncertain * self.held_out).sum(dtype=torch.float64))
-        given_up = objective < to_reach and self.covers(hypothesis)
-        return Fit(hypothesis, prediction, objective, held_out, free.names, information, maps, given_up)
-
-    def _step(
-        self, hypothesis: Hypothesis, free: FreeParameters, newton: NewtonSystem, damping: float, part: float
-    ) -> Hypothesis:
-        """Take a Newton step of the free parameters, damped, and the given part of the step of the maps."""
-        moved, step = free.newton_step(hypothesis, newton.gradient, newton.information, damping)
-        map_steps = newton.maps.split((newton.map_step - step @ newton.map_response) * part)
-        for fixed_map, map_step in zip(newton.maps.maps, map_steps, strict=True):
-            setting, values = fixed_map.moved(self.model, map_step[0])
-            moved = moved.with_effect(fixed_map.name, setting, values)
-        return moved
-
-    def _penalty(
-        self,
-        hypothesis: Hypothesis,
-        prediction: Prediction,
-        maps: Mapping[str, FixedPatternMap],
-        likelihood: PixelLikelihood,
-        start: Prediction,
-    ) -> float:
-        """Return what the maps take off the log-likelihood of the fitted pixels after a step, in nats.
-
-        Args:
-            hypothesis: after the step.
-            prediction: of it.
-            maps: before the step; the width of their prior is kept fixed within an iteration.
-            likelihood: before the step; its Fisher information is rescaled by the change of every pixel's variance.
-            start: the prediction before the step.
-        """
-        penalty = 0.0
-        if maps:
-            scale = likelihood.mean_information * self.fitted * start.total_variance / prediction.total_variance
-            for name, fixed_map in maps.items():
-                squared = self.model.map_jacobian(hypothesis, name, prediction).square()
-                penalty += fixed_map.penalty_of(self.model, hypothesis.maps[name], (squared * scale).sum(0))
-        return penalty
-
-    def _newton_system(
-        self,
-        hypothesis: Hypothesis,
-        free: FreeParameters,
-        prediction: Prediction,
-        likelihood: PixelLikelihood,
-        maps: Mapping[str, FixedPatternMap],
-    ) -> NewtonSystem:
-        """Approximate the objective by a quadratic function of the free parameters, the maps eliminated.
-
-        With m the mean and s the logarithm of the standard deviation of a pixel, the information about the parameters
-        is the sum over the pixels of I_m dm dm^T + I_s ds ds^T. The map values enter through the Schur complement.
-        """
-        weight = likelihood.mean_information * self.fitted
-        system = MapSystem(list(maps.values()), weight)
-        mean, spread, map_cost = self._derivatives(hypothesis, free, prediction, system.maps, weight)
-        weighted_mean, weighted_spread = mean * weight, spread * (likelihood.spread_information * self.fitted)
-        per_pixel = (mean * likelihood.mean_gradient + spread * likelihood.spread_gradient) * self.fitted
-        gradient = per_pixel.flatten(1).sum(1, dtype=torch.float64)
-        information = (
-            weighted_mean.flatten(1) @ mean.flatten(1).T + weighted_spread.flatten(1) @ spread.flatten(1).T
-        ).double()
-        if prediction.clipped is not None and len(free):  # mean and deviation do not describe a clipped signal
-            gradient, spike = self._clipped_derivatives(hypothesis, free, prediction.clipped, likelihood)
-            information += spike
-        # Fitting a fixed-pattern map absorbs part of the noise, so the residuals understate it. Add the absorbed
-        # variance (the map's leverage) back before updating the noise level.
-        leverage = sum(fixed_map.leverage for fixed_map in system.maps)
-        gradient += (spread * (weight * leverage)).flatten(1).sum(1, dtype=torch.float64) - map_cost
-        cross = system.cross_information(weighted_mean)
-        response = system.solve(cross)
-        map_step = system.solve(system.gradient[None])
-        gradient, information = gradient - response @ system.gradient, information - response @ cross.T
-        return NewtonSystem(gradient, information, system, map_step, response)
-
-    def _derivatives(
-        self,
-        hypothesis: Hypothesis,
-        free: FreeParameters,
-        prediction: Prediction,
-        maps: list[FixedPatternMap],
-        weight: torch.Tensor,
-    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Return the derivatives of the prediction and of the maps' penalty with respect to the free parameters.
-
-        Returns:
-            ``(p, N, H, W)`` of the mean, ``(p, N, H, W)`` of the logarithm of the standard deviation, and ``(p,)`` of
-            the penalty for the maps' uncertainty, in nats. Without the last, a gain would be estimated too large beside
-            a map that scales with it.
-        """
-        mean, spread = torch.empty(2, len(free), *prediction.mean.shape)
-        penalty = torch.zeros(len(free), dtype=torch.float64)
-        for i, (step, neighbour, shifted) in enumerate(free.neighbours(hypothesis)):
-            mean[i] = (shifted.mean - prediction.mean) / step
-            spread[i] = (shifted.deviation / prediction.deviation).log() / step
-            for fixed_map in maps:
-                if fixed_map.kind != "hot":
-                    change = (self.model.map_jacobian(neighbour, fixed_map.name, shifted) - fixed_map.jacobian) / step
-                    penalty[i] += fixed_map.penalty_slope(change * weight)
-        return mean, spread, penalty
-
-    def _clipped_derivatives(
-        self, hypothesis: Hypothesis, free: FreeParameters, clipped: ClippedSignal, likelihood: PixelLikelihood
-    ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Differentiate the log-likelihood itself where the signal saturates.
-
-        Returns:
-            the gradient ``(p,)``, and the information ``(p, p)`` that the spike at the saturation level adds.
-        """
-        slopes, level_slopes = [], []
-        # central differences, because the log-likelihood is strongly curved over one step
-        up_and_down = (free.neighbours(hypothesis, part) for part in (FINE_DIFFERENCE, -FINE_DIFFERENCE))
-        for (step, _, above), (back, _, below) in zip(*up_and_down, strict=True):
-            one_sided = step == back
-            start = likelihood.log_likelihood if one_sided else self.log_likelihood(below)
-            gain = (self.log_likelihood(above) - start) * self.fitted
-            slopes.append(gain.sum(dtype=torch.float64) / (step if one_sided else step - back))
-            level = clipped.level if above.clipped is None else above.clipped.level
-            level_slopes.append(((level - clipped.level) / step).expand_as(clipped.mean).flatten())
-        weight = clipped.mixed * (1 - clipped.kept) / (clipped.read.square() + 1 / 12) * self.fitted
-        levels = torch.stack(level_slopes)
-        return torch.stack(slopes), ((levels * weight.flatten()) @ levels.T).double()
+        abandoned = objective < to_reach and self.covers(end.hypothesis)
+        numbers = objective, held_out, free.names, last.information, last.maps, abandoned
+        return Fit(self, end.hypothesis, end.prediction, *numbers)
 
     def intervals(self, bits: int) -> Intervals:
         """Return the signal intervals of the captures' DN for a converter of so many effective bits."""
@@ -342,55 +261,30 @@ class Fitter:
             self._intervals[bits] = Intervals.of(self.dn, self.model.observation.bit_depth, bits)
         return self._intervals[bits]
 
-    def pixel_likelihood(self, prediction: Prediction) -> PixelLikelihood:
-        """Return the log-likelihood of every pixel with its derivatives."""
-        intervals = self.intervals(prediction.bits)
-        return PixelLikelihood(intervals, prediction.mean, prediction.deviation, prediction.clipped)
+    def evaluate(self, hypothesis: Hypothesis, prediction: Prediction | None = None) -> Evaluated:
+        """Return a hypothesis with its prediction, which need not be computed where it is known, and likelihood."""
+        prediction = prediction or self.model.predict(hypothesis)
+        return Evaluated(hypothesis, prediction, PixelLikelihood(self.intervals(prediction.bits), prediction))
 
     def log_likelihood(self, prediction: Prediction) -> torch.Tensor:
         """Return the log-likelihood ``(N, H, W)`` of every pixel, nats."""
-        intervals = self.intervals(prediction.bits)
-        return log_likelihood(intervals, prediction.mean, prediction.deviation, prediction.clipped)
+        return log_likelihood(self.intervals(prediction.bits), prediction)
 
     def _sum(self, values: torch.Tensor) -> float:
         """Sum over the fitted pixels."""
         return float((values * self.fitted).sum(dtype=torch.float64))
-
-    def explained_nats(self, fit: Fit, baseline: Fit, noise: Fit) -> float:
-        """Return the log-likelihood that the mean of one fit gains over the mean of another, in nats, at least 0.
-
-        Both use the standard deviation of the fit ``noise``, so that a change of noise alone does not count as a gain.
-        """
-        deviation, bits = self.predicted(noise).deviation, fit.prediction.bits
-        after, before = (Prediction(self.predicted(judged).mean, deviation, bits) for judged in (fit, baseline))
-        gain = self.log_likelihood(after) - self.log_likelihood(before)
-        return max(0.0, float(gain.sum(dtype=torch.float64)))
 
     def predicted(self, fit: Fit) -> Prediction:
         """Return what a fit predicts for the pixels that count here, which may be others than for its maker."""
         prediction = fit.prediction
         return prediction if prediction.window == self.model.window else self.model.predict(fit.hypothesis)
 
-    def seen_coarsely(self, fit: Fit) -> tuple[Fitter, Fit]:
-        """Return :attr:`coarse`, and a fit as it predicts the pixels that count there; both as they are without one."""
-        if self.coarse is None:
-            return self, fit
-        return self.coarse, replace(fit, prediction=self.coarse.model.predict(fit.hypothesis))
-
-    def maps(
-        self, hypothesis: Hypothesis, prediction: Prediction, likelihood: PixelLikelihood
-    ) -> list[FixedPatternMap]:
+    def maps(self, at: Evaluated) -> list[FixedPatternMap]:
         """Return the state of every fixed-pattern map of a hypothesis."""
-        names = [name for name in hypothesis.effects if self.model.effects[name].map_kind]
+        effects = self.model.effects
+        names = [name for name in at.hypothesis.effects if effects[name].map_kind]
         states: dict[str, FixedPatternMap] = {}
-        for name in sorted(names, key=lambda name: self.model.effects[name].map_kind == "smooth"):
-            beside = tuple(states.values())
-            states[name] = estimate_map(self.model, hypothesis, name, prediction, likelihood, self.fitted, beside)
+        # smooth maps come last: they must not take what the maps of pixels say already
+        for name in sorted(names, key=lambda name: effects[name].map_kind == "smooth"):
+            states[name] = estimate_map(self.model, at, name, self.fitted, tuple(states.values()))
         return [states[name] for name in names]
-
-    def with_map_uncertainty(self, prediction: Prediction, maps: Mapping[str, FixedPatternMap]) -> Prediction:
-        """Return the prediction with the maps' uncertainty in its standard deviation, to judge held-out pixels."""
-        variance = prediction.deviation.square()
-        for fixed_map in maps.values():
-            variance = variance + fixed_map.leverage
-        return replace(prediction, deviation=variance.sqrt()) if maps else prediction

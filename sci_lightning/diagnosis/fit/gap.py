@@ -1,22 +1,28 @@
-"""The gap between prediction and captures on pixels that no fit has seen, and how large it may be by chance."""
+"""The gap between prediction and captures on pixels that no fit has seen, and how large it may be by chance.
+
+The verdict of a diagnosis rests on verification captures, which neither fits nor choices of a model have seen.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import torch
 from scipy.stats import chi2 as chi2_distribution
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.model.likelihood import quantile_residuals
-from sci_lightning.diagnosis.model.prediction import Prediction
+from sci_lightning.diagnosis.model.likelihood import Prediction, quantile_residuals
+from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.search_settings import SearchSettings
+from sci_lightning.encoder.free_form import FreeForm
 
-OUTLIER = 4.0
+CLIP_SIGMAS = 6.0
+"""Standard deviations at which residuals are clipped, so that a few pixels do not hide all the others."""
+OUTLIER_RMS = 4.0
 """Root mean squares beyond which a residual counts as this far, so that no outlier widens its own limit."""
-GAUSSIAN = 2.0
+GAUSSIAN_VARIANCE_OF_SQUARES = 2.0
 """Variance of the square of a standard normal number: that of a randomised quantile residual of an exact model."""
 
 
@@ -59,19 +65,42 @@ class Gap(Misfit):
         return asdict(self)
 
 
-def held_out_gap(fitter: Fitter, fit: Fit, seed: int, estimated_from: float | None = None) -> Gap:
+@dataclass(frozen=True)
+class Verification:
+    """The misfit on captures that nothing has seen.
+
+    Attributes:
+        captures: their numbers in the file.
+        before: gap of the ideal camera.
+        after: gap of the corrected camera.
+    """
+
+    captures: tuple[int, ...]
+    before: Gap
+    after: Gap
+
+    def describe(self) -> dict[str, Any]:
+        """Return the verification as it stands in ``report.json``."""
+        after = self.after.describe()
+        return {
+            **{name: after[name] for name in ("chi2", "rmse_dn", "nll", "pixels", "chi2_limit")},
+            "captures": list(self.captures),
+            "before": self.before.describe(),
+        }
+
+
+def held_out_gap(fit: Fit, seed: int, estimated_from: float | None = None) -> Gap:
     """Compare a fit with the held-out pixels: reduced chi2, error in DN and negative log-likelihood.
 
     With nothing held out (one capture of few pixels) the fitted pixels are taken.
 
     Args:
-        fitter: holds captures, split and model.
         fit: the model to be judged.
         seed: of the residuals' randomisation.
-        estimated_from: how many pixels the model was fitted to; None for the fitted ones of ``fitter``.
+        estimated_from: how many pixels the model was fitted to; None for the fitted ones of its fitter.
     """
+    fitter, prediction = fit.fitter, fit.uncertain_prediction
     observation = fitter.model.observation
-    prediction = fitter.with_map_uncertainty(fit.prediction, fit.maps)
     residual = residuals(fitter, prediction, seed)
     log_likelihood = fitter.log_likelihood(prediction)
     error = (fitter.dn - prediction.mean.clamp(0, observation.full_scale)).square()
@@ -89,7 +118,7 @@ def held_out_gap(fitter: Fitter, fit: Fit, seed: int, estimated_from: float | No
         pixels = judging & torch.tensor([other == kind for other in observation.kinds])[:, None, None]
         if pixels.any():
             by_kind[kind] = misfit(pixels)
-    limit = chi2_limit(fitter, fit, residual, judging, estimated_from)
+    limit = chi2_limit(fit, residual, judging, estimated_from)
     return Gap(**asdict(misfit(judging)), pixels=int(judging.sum()), chi2_limit=limit, by_kind=by_kind)
 
 
@@ -103,12 +132,10 @@ def residuals(fitter: Fitter, prediction: Prediction, seed: int) -> torch.Tensor
     """
     random = torch.Generator().manual_seed(seed)
     intervals = fitter.intervals(prediction.bits)
-    return quantile_residuals(intervals, prediction.mean, prediction.deviation, random, prediction.clipped)
+    return quantile_residuals(intervals, prediction, random)
 
 
-def chi2_limit(
-    fitter: Fitter, fit: Fit, residual: torch.Tensor, pixels: torch.Tensor, estimated_from: float | None = None
-) -> float:
+def chi2_limit(fit: Fit, residual: torch.Tensor, pixels: torch.Tensor, estimated_from: float | None = None) -> float:
     """Return the largest reduced chi2 that a right model reaches by chance on so many pixels.
 
     The statistic is the mean c of the squared quantile residuals of n pixels. With a right model it follows
@@ -126,20 +153,19 @@ def chi2_limit(
     residual tests). It is never below ``SearchSettings.negligible_chi2``, which it falls to from about 7,700 pixels on.
 
     Args:
-        fitter: holds captures, split and model.
         fit: the model that the residuals belong to.
         residual: ``(N, H, W)`` randomised quantile residuals.
         pixels: ``(N, H, W)`` bool, the pixels that chi2 is taken of.
-        estimated_from: m; None for the number of the fitted pixels of ``fitter``.
+        estimated_from: m; None for the number of the fitted pixels of its fitter.
     """
-    settings = fitter.settings
+    fitter, settings = fit.fitter, fit.fitter.settings
     count = float(pixels.sum())
     fitted = float(fitter.fitted.sum()) if estimated_from is None else estimated_from
     mean, variance = 1.0, variance_of_squares(residual[pixels]) / count
     if not (pixels & (fitter.fitted > 0)).any():
         mean += len(fit.free) / fitted
         variance += 2 * sum(fitter.model.effects[effect].noise for effect, _ in fit.free) / fitted
-        total = fitter.with_map_uncertainty(fit.prediction, fit.maps).deviation.square()
+        total = fit.uncertain_prediction.deviation.square()
         for one in fit.maps.values():
             part = torch.where(pixels, one.leverage / total, 0.0).double()
             variance += 2 * one.shared_variance(part) / count**2
@@ -147,13 +173,45 @@ def chi2_limit(
 
 
 def variance_of_squares(residual: torch.Tensor) -> float:
-    """Return the variance of the squares of residuals ``(n,)`` relative to their mean; ``GAUSSIAN`` at least."""
+    """Return the variance of the squares of residuals ``(n,)`` relative to their mean; 2 at least, as if Gaussian."""
     squares = residual.double().square()
-    relative = (squares / squares.mean().clamp(min=1e-12)).clamp(max=OUTLIER**2)
-    return max(GAUSSIAN, float(relative.var(correction=0)))
+    relative = (squares / squares.mean().clamp(min=1e-12)).clamp(max=OUTLIER_RMS**2)
+    return max(GAUSSIAN_VARIANCE_OF_SQUARES, float(relative.var(correction=0)))
 
 
 def largest_by_chance(mean: float, variance: float, probability: float = SearchSettings.significance) -> float:
     """Return what a gamma-distributed number of this mean and variance exceeds with this probability."""
     freedom = 2 * mean**2 / variance
     return mean * float(chi2_distribution.isf(probability, freedom)) / freedom
+
+
+def verify(before: Fit, after: Fit, observation: Observation, seed: int) -> Verification:
+    """Judge two fits by captures that they have not seen.
+
+    Args:
+        before: the ideal camera.
+        after: the corrected camera.
+        observation: the captures set aside.
+        seed: of the residuals' randomisation.
+    """
+    unseen = after.fitter.of_captures(observation, fitted=False)
+    estimated_from = float(after.fitter.fitted.sum())
+    gaps = [held_out_gap(transferred(fit, unseen), seed, estimated_from) for fit in (before, after)]
+    return Verification(tuple(sorted(observation.number.tolist())), *gaps)
+
+
+def transferred(fit: Fit, fitter: Fitter) -> Fit:
+    """Return a fit with what it predicts for the captures of another fitter.
+
+    Free-form deviations that belong to the captures (the power of the source in each of them) are left out.
+    """
+    model, hypothesis = fitter.model, fit.hypothesis
+    for name in fit.hypothesis.effects:
+        effect = model.effects[name]
+        if issubclass(effect, FreeForm) and effect.of_captures:
+            hypothesis = hypothesis.without(name)
+    prediction = model.predict(hypothesis)
+    maps = {
+        name: replace(one, jacobian=model.map_jacobian(hypothesis, name, prediction)) for name, one in fit.maps.items()
+    }
+    return replace(fit, fitter=fitter, hypothesis=hypothesis, prediction=prediction, maps=maps)

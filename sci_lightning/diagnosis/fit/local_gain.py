@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import torch
 
-from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.model.map_system import MapSystem
 
@@ -35,30 +35,33 @@ class JointGain:
 
     def of(self, kept: torch.Tensor) -> JointGain:
         """Return the gain of some of the changes (indices) alone."""
-        return maximise(self.gradient[kept], self.information[kept][:, kept])
+        return _newton_step(self.gradient[kept], self.information[kept][:, kept])
 
 
 class LocalGain:
     """The quadratic approximation of the log-likelihood around a fit.
 
     Args:
-        fitter: holds captures, split and model.
         fit: at its maximum.
+
+    Attributes:
+        fitter: of the fit.
+        at: its hypothesis with prediction and likelihood.
+        gradient, information: ``(N, H, W)`` of the fitted pixels with respect to their mean; 0 for the others.
     """
 
-    def __init__(self, fitter: Fitter, fit: Fit) -> None:
-        likelihood = fitter.pixel_likelihood(fit.prediction)
-        self.information = likelihood.mean_information * fitter.fitted
-        self.gradient = likelihood.mean_gradient * fitter.fitted
-        self.log_likelihood = likelihood.log_likelihood
-        self._maps = MapSystem(fitter.maps(fit.hypothesis, fit.prediction, likelihood), self.information)
-        jacobian = FreeParameters(fitter.model, fit.free).jacobian(fit.hypothesis, fit.prediction)
+    def __init__(self, fit: Fit) -> None:
+        self.fitter, self.at = fit.fitter, fit.evaluated
+        self.information = self.at.likelihood.mean_information * self.fitter.fitted
+        self.gradient = self.at.likelihood.mean_gradient * self.fitter.fitted
+        self._maps = MapSystem(self.fitter.maps(self.at), self.information)
+        jacobian = FreeParameters(self.fitter.model, fit.free).jacobian(fit.hypothesis, fit.prediction)
         self._weighted = (jacobian * self.information).flatten(1)
-        self._map_response = self._maps.solve(self._maps.cross_information(jacobian * self.information))
+        cross = self._maps.cross_information(jacobian * self.information)
+        self._map_response = self._maps.solve(cross)
         self._map_step = self._maps.solve(self._maps.gradient[None])[0]
-        self._cross = self._maps.cross_information(jacobian * self.information)
-        self._own_gradient = (jacobian * self.gradient).flatten(1).sum(1).double() - self._cross @ self._map_step
-        information = (self._weighted @ jacobian.flatten(1).T).double() - self._map_response @ self._cross.T
+        self._own_gradient = (jacobian * self.gradient).flatten(1).sum(1).double() - cross @ self._map_step
+        information = (self._weighted @ jacobian.flatten(1).T).double() - self._map_response @ cross.T
         self._inverse = torch.linalg.pinv(information, hermitian=True, rtol=1e-10)
 
     def gain_of_single_changes(self, changes: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -89,10 +92,10 @@ class LocalGain:
         shared = (self._weighted @ flat.T).double() - self._map_response @ cross.T
         gradient -= shared.T @ self._inverse @ self._own_gradient
         information -= shared.T @ self._inverse @ shared
-        return maximise(gradient, information)
+        return _newton_step(gradient, information)
 
 
-def maximise(gradient: torch.Tensor, information: torch.Tensor) -> JointGain:
+def _newton_step(gradient: torch.Tensor, information: torch.Tensor) -> JointGain:
     """Take the Newton step to the maximum; directions about which there is no information stay where they are."""
     size = information.diagonal().clamp(min=1e-12).sqrt()
     scaled = information / size / size[:, None]

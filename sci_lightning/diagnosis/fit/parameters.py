@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import torch
 
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, ParameterName
-from sci_lightning.diagnosis.model.prediction import Prediction
+from sci_lightning.diagnosis.model.likelihood import Prediction
 
 DIFFERENCE = 0.1
 """Part of a parameter's step over which the prediction is differentiated; the prediction is smooth."""

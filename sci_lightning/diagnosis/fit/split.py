@@ -1,4 +1,8 @@
-"""Which captures and pixels are fitted, and which are held out to judge the fit."""
+"""Which captures and pixels are fitted, and which are held out to judge the fit.
+
+Held-out pixels take part in every choice of the search, so that it may have chosen what happens to suit them. Whole
+captures are therefore set aside before for verification: neither fits nor choices see them, and they are opened once.
+"""
 
 from __future__ import annotations
 
@@ -38,10 +42,10 @@ class Split:
     border: Border = NO_BORDER
 
     @staticmethod
-    def nothing_held_out(observation: Observation) -> Split:
-        """Return the split by which every pixel is fitted."""
-        assigned = torch.ones_like(observation.dn, dtype=torch.bool)
-        return Split(assigned, (), torch.zeros(len(observation), dtype=torch.bool))
+    def all_alike(observation: Observation, fitted: bool, border: Border = NO_BORDER) -> Split:
+        """Return the split by which every pixel inside a border is fitted, or every one is held out."""
+        assigned = torch.full_like(observation.dn, fitted, dtype=torch.bool)
+        return Split(assigned, (), torch.zeros(len(observation), dtype=torch.bool), border=border)
 
     @property
     def window(self) -> tuple[slice, slice]:
@@ -87,6 +91,33 @@ class Split:
             "border": {side: int(width) for side, width in asdict(self.border).items()},
             "counted_fraction": round(self.pixels / self.assigned.numel(), 4),
         }
+
+
+def set_aside(observation: Observation, one_in: int) -> tuple[Observation, Observation | None]:
+    """Divide captures into those for fits and choices, and those for verification.
+
+    Args:
+        observation: all captures with known scenes.
+        one_in: one capture of so many of each kind is set aside where the file does not choose them; 0 for none. The
+            choice follows from the captures' content, not from their order in the file.
+
+    Returns:
+        both parts; the second is None where nothing is set aside.
+
+    Raises:
+        BadInput: the file sets every capture aside.
+    """
+    aside = observation.verification
+    if aside is None:
+        aside = torch.zeros(len(observation), dtype=torch.bool)
+        for kind in set(observation.kinds):
+            members = [n for n, other in enumerate(observation.kinds) if other == kind]
+            aside[members[one_in - 1 :: one_in] if one_in else []] = True
+    if not aside.any():
+        return observation, None
+    if aside.all():
+        raise BadInput("verification: every capture with a known scene is set aside; none is left to be fitted")
+    return observation.take(~aside), observation.take(aside)
 
 
 def split(observation: Observation, settings: SearchSettings | None = None) -> Split:

@@ -8,17 +8,17 @@ from dataclasses import dataclass, field, replace
 
 import torch
 
-from sci_lightning.diagnosis.model.free_forms import free_forms_for
-from sci_lightning.diagnosis.model.likelihood import LEAST_DEVIATION, ClippedSignal
+from sci_lightning.diagnosis.model.likelihood import MIN_DEVIATION_DN, ClippedSignal, PixelLikelihood, Prediction
 from sci_lightning.diagnosis.model.observation import Observation
-from sci_lightning.diagnosis.model.prediction import Prediction, Recent
-from sci_lightning.diagnosis.model.scenes import changed_scenes, lit_scenes
+from sci_lightning.diagnosis.model.recent import Recent
 from sci_lightning.diagnosis.model.smooth_basis import quadrants
-from sci_lightning.diagnosis.target_effects import SceneEffect
+from sci_lightning.diagnosis.target_effects import SceneEffect, changed_scenes
+from sci_lightning.encoder import free_form
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import Effect, MapEffect, OpticsEffect, SensorEffect
 from sci_lightning.encoder.effects.parameter import Value
 from sci_lightning.encoder.effects.stage import ExposureEffect, ModulatorEffect, RelayEffect
+from sci_lightning.encoder.free_form import FreeForm
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.operator import SnapshotOperator
@@ -32,7 +32,7 @@ ParameterName = tuple[str, str]
 NOISE_GUESS = {"shot_noise": ("full_well", 1e4), "read_noise": ("std", 1.0)}
 """Noise effects of every camera, their parameter, and where a fit of it starts if the datasheet is silent."""
 
-MODULES = 1000
+REMEMBERED_MODULES = 1000
 """Effects with their parameters that are kept as modules: a search tries the same ones again and again."""
 MAP_STEP = 1e-3
 """Change of a map's values over which the derivative of the mean is taken."""
@@ -59,6 +59,24 @@ class Hypothesis:
         """Return the hypothesis without an effect."""
         effects = {other: setting for other, setting in self.effects.items() if other != name}
         return Hypothesis(effects, {other: values for other, values in self.maps.items() if other != name})
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """A hypothesis and how well it explains the captures.
+
+    Attributes:
+        hypothesis: about the camera.
+        prediction: of every pixel that counts.
+        likelihood: of these pixels, with its derivatives.
+        objective: log-likelihood of the fitted pixels, penalised by prior and uncertainty of the maps, nats; None where
+            nobody has asked for it.
+    """
+
+    hypothesis: Hypothesis
+    prediction: Prediction
+    likelihood: PixelLikelihood
+    objective: float | None = None
 
 
 def datasheet_noise(observation: Observation) -> tuple[Hypothesis, tuple[ParameterName, ...]]:
@@ -99,8 +117,8 @@ class CameraModel:
         self.effects: Mapping[str, type[Effect]] = {**self.free_forms, **self.vocabulary}
         self.window = Border().window(observation.size)
         self._recorded_before = self._in_window(observation.before)
-        self._lit = lit_scenes(observation.scene)
-        self._modules: Recent[Effect] = Recent(MODULES)
+        self._lit = _lit(observation.scene)
+        self._modules: Recent[Effect] = Recent(REMEMBERED_MODULES)
         self._scenes: Recent[list[torch.Tensor]] = Recent(memory)
         self._images: Recent[torch.Tensor] = Recent(1)
         self._modulated: Recent[Signal] = Recent(memory)
@@ -151,58 +169,6 @@ class CameraModel:
     def _parts(self, size: Sequence[int]) -> list[slice]:
         """Return the window's rows and columns; all of an axis along which a field of this size is the same."""
         return [part if length > 1 else slice(None) for part, length in zip(self.window, size, strict=True)]
-
-    def starts(self, name: str, hypothesis: Hypothesis) -> list[Setting]:
-        """Return the settings from which a fit of an effect may start.
-
-        An effect that limits the signal (saturation) may also start from the levels at which the brightest pixels pile
-        up.
-        """
-        observation, effect = self.observation, self.effects[name]
-        size = tuple(observation.patterns.shape[-2:]) if issubclass(effect, ModulatorEffect) else observation.size
-        settings = effect.starts(observation.frames, (size[0], size[1]), observation.bit_depth)
-        if parameter := _limiting_parameter(effect):
-            behind = self._behind(self.path(hypothesis), effect)
-            levels = (self._signal_recorded_as(behind, level) for level in observation.pile_ups)
-            settings += [{parameter: level} for level in levels if 0 < level < 1]
-        return settings
-
-    def adding(
-        self, hypothesis: Hypothesis, name: str, setting: Setting, values: torch.Tensor | None = None
-    ) -> Hypothesis:
-        """Return the hypothesis with one more effect.
-
-        If the hypothesis limits the signal (saturation), the limit is adapted so that it is still recorded at the same
-        DN: that is what the captures show, whatever the sensor does to the signal afterwards.
-        """
-        extended = hypothesis.with_effect(name, setting, values)
-        for other, other_setting in hypothesis.effects.items():
-            limiting = self.effects[other]
-            parameter = _limiting_parameter(limiting)
-            if parameter and self.effects[name].rank > limiting.rank:
-                level = torch.full((1, *self.observation.size), float(other_setting[parameter]))
-                recorded = self._recorded(self._behind(self.path(hypothesis), limiting), level)
-                adapted = self._signal_recorded_as(self._behind(self.path(extended), limiting), recorded)
-                extended = extended.with_effect(other, {**extended.effects[other], parameter: adapted})
-        return extended
-
-    def _behind(self, path: LightPath, effect: type[Effect]) -> LightPath:
-        """Return the sensor's effects that act after one of them."""
-        return LightPath(other for other in path.of(SensorEffect) if other.rank > effect.rank)
-
-    def _signal_recorded_as(self, behind: LightPath, recorded: float) -> float:
-        """Return the signal (fraction of full scale) that some effects of the sensor turn into ``recorded``."""
-        low, high, one = 0.0, 1.0, torch.ones(1, *self.observation.size)
-        for _ in range(24):  # bisection
-            middle = (low + high) / 2
-            low, high = (low, middle) if self._recorded(behind, middle * one) > recorded else (middle, high)
-        return (low + high) / 2
-
-    def _recorded(self, behind: LightPath, even: torch.Tensor) -> float:
-        """Return what some effects of the sensor turn an even signal into, in the median over the pixels."""
-        exposure = torch.ones(1, 1, 1)
-        signal = Signal(even, torch.zeros(()), exposure, 1 / self.observation.full_scale, (0, 0), self.observation.size)
-        return float(behind.respond(signal).mean.median())
 
     def zero_map(self, name: str) -> torch.Tensor | None:
         """Return the fixed-pattern map of an effect with every value 0; None for an effect without a map."""
@@ -329,14 +295,14 @@ class CameraModel:
         if not limiting:
             return None
         unclipped = LightPath(effect for effect in effects if effect not in limiting)
-        behind = self._behind(path, type(limiting[0]))
+        after = behind(path, type(limiting[0]))
         full = light.with_mean(limits[limiting[0]] * torch.ones_like(light.mean))
-        return ClippedSignal(*self._in_dn(unclipped.respond(light)), *self._in_dn(behind.respond(full)))
+        return ClippedSignal(*self._in_dn(unclipped.respond(light)), *self._in_dn(after.respond(full)))
 
     def _in_dn(self, signal: Signal) -> tuple[torch.Tensor, torch.Tensor]:
         """Return mean and standard deviation of a signal in DN."""
         deviation = signal.variance.sqrt() * self.observation.full_scale
-        deviation = deviation.expand_as(signal.mean).clamp(min=LEAST_DEVIATION)
+        deviation = deviation.expand_as(signal.mean).clamp(min=MIN_DEVIATION_DN)
         return signal.mean * self.observation.full_scale, deviation
 
     def _modulate(self, path: LightPath, scenes: list[torch.Tensor]) -> Signal:
@@ -346,7 +312,7 @@ class CameraModel:
         key = tuple(effect_key(effect) for effect in displayed), cells
         shown = self._images.get(key, lambda: path.images(observation.patterns))
         images: list[torch.Tensor] = [torch.zeros(shown.shape[-2:])] * len(observation)
-        lit = self._lit if scenes is observation.scene else lit_scenes(scenes)
+        lit = self._lit if scenes is observation.scene else _lit(scenes)
         timed = path.mixes_slots(observation.frames)
         for which, sequence in enumerate(observation.sequences):  # one by one: the masks of all do not fit in memory
             numbers = ((observation.sequence == which) & lit).nonzero()[:, 0].tolist()
@@ -377,9 +343,23 @@ class CameraModel:
         )
 
 
-def _limiting_parameter(effect: type[Effect]) -> str | None:
-    """Return the parameter at which the signal ends, for an effect of the sensor that limits it."""
-    return effect.ceiling if issubclass(effect, SensorEffect) else None
+def _lit(scenes: list[torch.Tensor]) -> torch.Tensor:
+    """Return which scenes are not even and dark, ``(N,)`` bool."""
+    return torch.tensor([scene.shape[1:] != (1, 1) or bool(scene.any()) for scene in scenes])
+
+
+def free_forms_for(observation: Observation) -> dict[str, type[Effect]]:
+    """Return every free-form deviation by name, with as many numbers as these captures can determine."""
+    classes = [getattr(free_form, name) for name in free_form.__all__ if name != "FreeForm"]
+    if observation.grid is not None:  # a map of the mirrors is not one of the pixels
+        classes = [one for one in classes if not (one.map_kind and issubclass(one, ModulatorEffect))]
+    captures, frames = len(observation), observation.frames
+    return {one.name: one.of(one.numbers(captures, frames)) if issubclass(one, FreeForm) else one for one in classes}
+
+
+def behind(path: LightPath, effect: type[Effect]) -> LightPath:
+    """Return the sensor's effects that act after one of them."""
+    return LightPath(other for other in path.of(SensorEffect) if other.rank > effect.rank)
 
 
 def _set_map(effect: MapEffect, values: torch.Tensor | None, size: tuple[int, int]) -> None:

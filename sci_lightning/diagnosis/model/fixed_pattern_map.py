@@ -11,14 +11,13 @@ held to a mean of 0: else they would take over what all pixels share. Of hot pix
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import torch
 
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting
-from sci_lightning.diagnosis.model.likelihood import PixelLikelihood
-from sci_lightning.diagnosis.model.prediction import Prediction
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Evaluated, Hypothesis, Setting
+from sci_lightning.diagnosis.model.likelihood import Prediction
 from sci_lightning.diagnosis.model.smooth_basis import SmoothBasis, orthonormal, prior
 
 STEEPNESS = (1.0, 2.0, 3.0, 4.0)
@@ -211,35 +210,40 @@ def with_means_given_away(model: CameraModel, hypothesis: Hypothesis) -> Hypothe
     return hypothesis
 
 
+def with_map_uncertainty(prediction: Prediction, maps: Mapping[str, FixedPatternMap]) -> Prediction:
+    """Return the prediction with the maps' uncertainty in its standard deviation."""
+    variance = prediction.deviation.square()
+    for fixed_map in maps.values():
+        variance = variance + fixed_map.leverage
+    return replace(prediction, deviation=variance.sqrt()) if maps else prediction
+
+
 def estimate_map(
     model: CameraModel,
-    hypothesis: Hypothesis,
+    at: Evaluated,
     name: str,
-    prediction: Prediction,
-    likelihood: PixelLikelihood,
     fitted: torch.Tensor,
-    beside: Sequence[FixedPatternMap] = (),
+    others: Sequence[FixedPatternMap] = (),
 ) -> FixedPatternMap:
     """Return the map of an effect at a hypothesis, with the prior that makes the captures likeliest.
 
     Args:
         model: predicts hypotheses.
-        hypothesis: need not contain the effect yet; its map is then taken at 0.
+        at: a hypothesis that need not contain the effect yet; its map is then taken at 0.
         name: of an effect with a map.
-        prediction: of the hypothesis.
-        likelihood: of the prediction.
         fitted: ``(N, H, W)``, 1 for fitted pixels and 0 for held-out ones.
-        beside: other maps of the hypothesis; those of pixels hold what a smooth map could say with fewer numbers.
+        others: maps of the hypothesis; those of pixels hold what a smooth map could say with fewer numbers.
     """
+    hypothesis, likelihood = at.hypothesis, at.likelihood
     kind = model.effects[name].map_kind or ""
     centred = model.effects[name].centred_by in hypothesis.effects
     values = model.map_values(hypothesis, name)
-    jacobian = model.map_jacobian(hypothesis, name, prediction)
+    jacobian = model.map_jacobian(hypothesis, name, at.prediction)
     slope = (jacobian * likelihood.mean_gradient * fitted).sum(0)
     curvature = (jacobian.square() * likelihood.mean_information * fitted).sum(0)
     if kind == "smooth":
         taken = torch.zeros(2, *curvature.shape, dtype=torch.float64)
-        for other in beside:
+        for other in others:
             if other.kind == "pixel":
                 shared = (jacobian * other.jacobian * likelihood.mean_information * fitted).sum(0)
                 taken += torch.stack((other.gradient, shared)) * (shared / other.precision)

@@ -14,19 +14,19 @@ from functools import cached_property
 import torch
 from torch.special import ndtr, ndtri
 
-IMPOSSIBLE = -60.0
+IMPOSSIBLE_CODE_NATS = -60.0
 """Log-probability of a code that a converter of so many bits does not have."""
-LEAST_DEVIATION = 0.05
+MIN_DEVIATION_DN = 0.05
 """DN; behind a converter a smaller standard deviation cannot be told from none."""
-BRIGHTER = 0.01
+BRIGHTER_SIGMAS = 0.01
 """Standard deviations over which the derivative by the light is taken near saturation."""
-LEAST_KEPT = 1e-3
+MIN_KEPT_SHARE = 1e-3
 """Share of the signal below saturation under which the recorded mean counts as independent of the light."""
-FAR_TAIL = -11.0
+FAR_TAIL_SIGMAS = -11.0
 """Standard deviations below which the error function leaves single precision and its asymptote is used."""
-MIXED = 6.0
+MIXED_SIGMAS = 6.0
 """Standard deviations from the saturation level beyond which a signal is either untouched or entirely saturated."""
-NEGLIGIBLE_TAIL = 8.0
+NEGLIGIBLE_TAIL_SIGMAS = 8.0
 """Standard deviations beyond which probabilities are too small to be subtracted from 1."""
 
 
@@ -53,7 +53,7 @@ class ClippedSignal:
 
         The read noise is taken as small beside the signal's own noise; where it is not, a Gaussian serves as well.
         """
-        return ((self.mean - self.level).abs() < MIXED * self.deviation) & (self.deviation > 1.5 * self.read)
+        return ((self.mean - self.level).abs() < MIXED_SIGMAS * self.deviation) & (self.deviation > 1.5 * self.read)
 
     @cached_property
     def kept(self) -> torch.Tensor:
@@ -81,10 +81,34 @@ class ClippedSignal:
         lower = torch.minimum(ndtr(from_mean), 1 - clipped) + spike
         upper = torch.where(signal < level, ndtr(-from_mean) - spike, clipped * ndtr(-from_level))
         normal = torch.where(lower < 0.5, ndtri(lower), -ndtri(upper.clamp(min=0)))
-        normal = torch.where(from_mean < -NEGLIGIBLE_TAIL, from_mean, normal)
+        normal = torch.where(from_mean < -NEGLIGIBLE_TAIL_SIGMAS, from_mean, normal)
         far_above = (from_level.square() - 2 * clipped.clamp(min=1e-30).log()).sqrt()
-        normal = torch.where(from_level > NEGLIGIBLE_TAIL, far_above, normal)
+        normal = torch.where(from_level > NEGLIGIBLE_TAIL_SIGMAS, far_above, normal)
         return otherwise.masked_scatter(self.mixed, normal.to(otherwise.dtype))
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What a hypothesis predicts for every pixel before the converter.
+
+    Attributes:
+        mean: ``(N, H, W)`` expected signal, DN.
+        deviation: ``(N, H, W)`` its standard deviation, DN.
+        bits: effective bits of the converter.
+        clipped: the distribution where the signal saturates before the converter does; None if it does not.
+        window: rows and columns of the field that it is of; None where nobody asks.
+    """
+
+    mean: torch.Tensor
+    deviation: torch.Tensor
+    bits: int
+    clipped: ClippedSignal | None = None
+    window: tuple[slice, slice] | None = None
+
+    @property
+    def total_variance(self) -> torch.Tensor:
+        """``(N, H, W)`` variance of a pixel's DN, DN squared, quantisation counted as noise."""
+        return self.deviation.square() + 1 / 12
 
 
 @dataclass(frozen=True)
@@ -126,26 +150,19 @@ class PixelLikelihood:
 
     Args:
         intervals: what the DN stand for.
-        mean, deviation: ``(N, H, W)`` DN, of the signal before the converter.
-        clipped: the signal's distribution where it saturates before the converter does.
+        prediction: of the signal before the converter.
     """
 
-    def __init__(
-        self,
-        intervals: Intervals,
-        mean: torch.Tensor,
-        deviation: torch.Tensor,
-        clipped: ClippedSignal | None = None,
-    ) -> None:
-        self._intervals, self._mean, self._deviation, self._clipped = intervals, mean, deviation, clipped
-        self._low, self._high, self._sign = _standardise(intervals, mean, deviation, clipped)
+    def __init__(self, intervals: Intervals, prediction: Prediction) -> None:
+        self._intervals, self._prediction = intervals, prediction
+        self._low, self._high, self._sign = _standardise(intervals, prediction)
         self._value = _log_probability(self._low, self._high)
 
     @cached_property
     def log_likelihood(self) -> torch.Tensor:
         """``(N, H, W)``, nats."""
         possible = self._intervals.possible
-        return self._value if possible is None else torch.where(possible, self._value, IMPOSSIBLE)
+        return self._value if possible is None else torch.where(possible, self._value, IMPOSSIBLE_CODE_NATS)
 
     @property
     def mean_gradient(self) -> torch.Tensor:
@@ -168,70 +185,59 @@ class PixelLikelihood:
     @cached_property
     def spread_information(self) -> torch.Tensor:
         """``(N, H, W)`` Fisher information about the logarithm of the standard deviation."""
-        quantised = self._deviation.square() / (self._deviation.square() + 1 / 12)
+        variance = self._prediction.deviation.square()
+        quantised = variance / (variance + 1 / 12)
         return 2 * quantised.square()
 
     @cached_property
     def _derivatives(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Gradient and information with respect to the mean, and gradient with respect to the logarithmic spread."""
-        low, high, value, deviation, clipped = self._low, self._high, self._value, self._deviation, self._clipped
+        low, high, value = self._low, self._high, self._value
+        deviation, clipped = self._prediction.deviation, self._prediction.clipped
         at_low, at_high = (_density_ratio(edge, value) for edge in (low, high))
         first = at_low - at_high
         second = _product(low, at_low) - _product(high, at_high)
         information = (first.square() - second).clamp(0, 1) / deviation.square()
         gradient = self._sign * first / deviation
         if clipped is not None and clipped.mixed.any():
-            brighter = log_likelihood(self._intervals, self._mean, deviation, clipped.brighter(BRIGHTER))
-            kept, spread = clipped.kept.clamp(min=LEAST_KEPT), clipped.deviation
-            gradient = torch.where(clipped.mixed, (brighter - value) / (BRIGHTER * spread * kept), gradient)
+            brighter = log_likelihood(
+                self._intervals, replace(self._prediction, clipped=clipped.brighter(BRIGHTER_SIGMAS))
+            )
+            kept, spread = clipped.kept.clamp(min=MIN_KEPT_SHARE), clipped.deviation
+            gradient = torch.where(clipped.mixed, (brighter - value) / (BRIGHTER_SIGMAS * spread * kept), gradient)
             information = torch.where(clipped.mixed, 1 / (spread.square() * kept), information)
         return gradient, information, second.clamp(-1, 1e4)
 
 
-def log_likelihood(
-    intervals: Intervals, mean: torch.Tensor, deviation: torch.Tensor, clipped: ClippedSignal | None = None
-) -> torch.Tensor:
-    """Return the log-likelihood of every pixel, ``(N, H, W)`` in nats.
-
-    Args:
-        intervals: what the DN stand for.
-        mean, deviation: ``(N, H, W)`` DN, of the signal before the converter.
-        clipped: the signal's distribution where it saturates before the converter does.
-    """
-    low, high = _standardise(intervals, mean, deviation, clipped)[:2]
+def log_likelihood(intervals: Intervals, prediction: Prediction) -> torch.Tensor:
+    """Return the log-likelihood of every pixel, ``(N, H, W)`` in nats."""
+    low, high = _standardise(intervals, prediction)[:2]
     value = _log_probability(low, high)
-    return value if intervals.possible is None else torch.where(intervals.possible, value, IMPOSSIBLE)
+    return value if intervals.possible is None else torch.where(intervals.possible, value, IMPOSSIBLE_CODE_NATS)
 
 
-def quantile_residuals(
-    intervals: Intervals,
-    mean: torch.Tensor,
-    deviation: torch.Tensor,
-    random: torch.Generator,
-    clipped: ClippedSignal | None = None,
-) -> torch.Tensor:
+def quantile_residuals(intervals: Intervals, prediction: Prediction, random: torch.Generator) -> torch.Tensor:
     """Return randomised quantile residuals ``(N, H, W)``: standard normal and independent when the model is right.
 
     A point is drawn from the DN's interval in proportion to the predicted density; far out, where probabilities
     vanish, the interval's nearer end stands for it. Dunn and Smyth, "Randomized Quantile Residuals" (1996).
     """
-    low, high, sign = _standardise(intervals, mean, deviation, clipped)
+    low, high, sign = _standardise(intervals, prediction)
     low, high = low.double(), high.double()
     below, above = torch.special.ndtr(low), torch.special.ndtr(high)
-    share = torch.rand(mean.shape, generator=random, dtype=torch.float64)
+    share = torch.rand(prediction.mean.shape, generator=random, dtype=torch.float64)
     drawn = torch.special.ndtri((below + share * (above - below)).clamp(1e-300, 1 - 1e-16))
     # a standardised interval lies below 0 or around it, so only its upper end can be too far out
     return (sign * torch.where(high < -8, high, drawn)).float()
 
 
-def _standardise(
-    intervals: Intervals, mean: torch.Tensor, deviation: torch.Tensor, clipped: ClippedSignal | None
-) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+def _standardise(intervals: Intervals, prediction: Prediction) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """Return both ends of the interval in standard deviations from the mean, and a sign.
 
     An interval above the mean is mirrored, because the error function is precise in the lower tail; the sign is then
     -1, else 1.
     """
+    mean, deviation, clipped = prediction.mean, prediction.deviation, prediction.clipped
     low, high = (intervals.low - mean) / deviation, (intervals.high - mean) / deviation
     if clipped is not None:
         low, high = clipped.standardise(intervals.low, low), clipped.standardise(intervals.high, high)
@@ -248,7 +254,7 @@ def _log_probability(low: torch.Tensor, high: torch.Tensor) -> torch.Tensor:
     """
     between = 0.5 * (torch.special.erfc(high * -math.sqrt(0.5)) - torch.special.erfc(low * -math.sqrt(0.5)))
     value = torch.log(between.clamp(min=1e-37))
-    far = ~(high > FAR_TAIL)
+    far = ~(high > FAR_TAIL_SIGMAS)
     if not far.any():
         return value
     larger, smaller = _log_tail(high[far]), _log_tail(low[far])
@@ -257,7 +263,7 @@ def _log_probability(low: torch.Tensor, high: torch.Tensor) -> torch.Tensor:
 
 def _log_tail(z: torch.Tensor) -> torch.Tensor:
     """Return the logarithm of the normal probability below z for z far below 0, by its asymptotic series."""
-    z = z.clamp(max=FAR_TAIL)
+    z = z.clamp(max=FAR_TAIL_SIGMAS)
     inverse_square = 1 / z.square()
     series = torch.log1p(inverse_square * (inverse_square * (3 - 15 * inverse_square) - 1))
     return -0.5 * z.square() - torch.log(-z) - 0.5 * math.log(2 * math.pi) + series

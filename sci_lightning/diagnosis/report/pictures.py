@@ -14,10 +14,10 @@ from sci_lightning.diagnosis.fit.gap import Gap
 from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, FAINT, style
 from sci_lightning.diagnosis.residual_tests import Picture, Residuals, ResidualTest
 from sci_lightning.diagnosis.residual_tests.drawing import OWN, draw_map, draw_test, hidden_by, limits, nearly_largest
-from sci_lightning.diagnosis.residual_tests.position import PLACE, extent
+from sci_lightning.diagnosis.residual_tests.pixel_tests import PLACE, extent
 from sci_lightning.diagnosis.result import Result
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
-from sci_lightning.diagnosis.search.search import Round
+from sci_lightning.diagnosis.search.selection import Round
 from sci_lightning.plain_text import in_figure
 
 MAX_CANDIDATES = 8
@@ -78,7 +78,7 @@ def _colour_bar(figure: Figure, image: Any, axes: list[Any], label: str) -> None
 def example_figure(before: Residuals, after: Residuals) -> Figure:
     """Draw the held-out capture that the ideal camera misses most: as recorded, and its residuals before and after."""
     seen = before.observation
-    held_out = before.fitter.split.held_out_capture
+    held_out = before.fit.fitter.split.held_out_capture
     misfit = before.raw.square().mean((1, 2))
     number = int(torch.where(held_out, misfit, -1.0).argmax() if held_out.any() else misfit.argmax())
     pictures = [
@@ -153,7 +153,7 @@ def evidence_figure(rounds: tuple[Round, ...], names: tuple[str, ...]) -> Figure
             _label_decades(axes)
             axes.tick_params(labelbottom=True)
             added = considered.added
-            dropped = ", on trial" if considered.on_trial else ""
+            dropped = ", provisional" if considered.provisional else ""
             dropped += " (dropped later)" if added and added not in names else ""
             axes.set_title(f"round {number}: {in_figure(added or 'nothing more is added')}{dropped}", loc="left")
         if len(rounds):

@@ -5,7 +5,7 @@ follows from this alone. Parameters that were fitted to the same pixels can only
 so that p-values err on the safe side: a matched model is called significant less often than stated.
 """
 
-from sci_lightning.diagnosis.residual_tests.residual_test import SIGNIFICANT, Answer, Picture, ResidualTest
+from sci_lightning.diagnosis.residual_tests.residual_test import Picture, ResidualTest
 from sci_lightning.diagnosis.residual_tests.residuals import Residuals
 
-__all__ = ["SIGNIFICANT", "Answer", "Picture", "ResidualTest", "Residuals"]
+__all__ = ["Picture", "ResidualTest", "Residuals"]

@@ -11,9 +11,6 @@ from scipy.stats import chi2, norm
 
 from sci_lightning.diagnosis.search_settings import SearchSettings
 
-SIGNIFICANT = SearchSettings.significance
-"""Corrected p-value below which a test reports a structure, unless the settings say otherwise."""
-
 About: TypeAlias = Literal["mean", "variance", "converter", "map"]
 
 
@@ -108,8 +105,8 @@ def corrected(tests: Sequence[ResidualTest]) -> list[ResidualTest]:
     return [replace(test, corrected=adjusted[index]) for index, test in enumerate(tests)]
 
 
-def judge(scores: torch.Tensor, picture: Picture, *, dependent: bool = False) -> Answer:
-    """Judge scores that are standard normal when the model is right.
+def test_scores(scores: torch.Tensor, picture: Picture, *, dependent: bool = False) -> Answer:
+    """Test scores that are standard normal when the model is right.
 
     Structure may be spread over all of them, which their sum of squares shows, or be in a single one, which the
     largest shows: both are tested, and the smaller p-value counts, times two (Bonferroni).
@@ -131,10 +128,14 @@ def judge(scores: torch.Tensor, picture: Picture, *, dependent: bool = False) ->
     return Answer(total, min(1.0, 2 * min(alone, float(chi2.sf(total, len(scores))))), nats, picture)
 
 
+MIN_CHI2_FREEDOM = 30
+"""Degrees of freedom from which :func:`chi2_normal` is exact to 1e-3 of a standard deviation."""
+
+
 def chi2_normal(total: torch.Tensor, freedom: torch.Tensor) -> torch.Tensor:
     """Return standard normal scores of chi2-distributed sums; positive where a sum is too large.
 
-    Wilson and Hilferty's cube root (1931), which is exact to 1e-3 of a standard deviation from 30 degrees on.
+    Source: Wilson and Hilferty's cube root, PNAS 17, 684 (1931).
     """
     spread = 2 / (9 * freedom)
     return ((total / freedom).pow(1 / 3) - (1 - spread)) / spread.sqrt()
@@ -184,4 +185,4 @@ class Regression:
         values, vectors = torch.linalg.eigh(self.covariance)
         kept = values > NEGLIGIBLE_EIGENVALUE * values.max().clamp(min=1e-30)
         scores = (vectors.T @ self.total)[kept] / values[kept].sqrt()
-        return judge(scores, Picture("bars", inverse @ self.total, unit, names, (axis,), errors))
+        return test_scores(scores, Picture("bars", inverse @ self.total, unit, names, (axis,), errors))

@@ -7,22 +7,21 @@ from functools import cached_property
 
 import torch
 
-from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.fit.gap import residuals
+from sci_lightning.diagnosis.fit.fit import Fit
+from sci_lightning.diagnosis.fit.gap import CLIP_SIGMAS, residuals
+from sci_lightning.diagnosis.model.fixed_pattern_map import with_map_uncertainty
+from sci_lightning.diagnosis.model.likelihood import Prediction
 from sci_lightning.diagnosis.model.observation import Observation
-from sci_lightning.diagnosis.model.prediction import Prediction
 
-CLIP = 6.0
-"""Standard deviations at which residuals are clipped, so that a few pixels do not hide all the others."""
-FEW = 30
+PRIOR_PIXELS = 30
 """Pixels that the common variance counts as, when the variance of a level of signal is estimated."""
-LEAST_VARIANCE = 1e-4
+MIN_VARIANCE = 1e-4
 """Smallest variance of residuals that is divided by."""
-ROUNDING = 1e-4
+ROUNDING_SHARE = 1e-4
 """Part of full scale by which equal signals may differ through rounding."""
-LEVELS = 32
+SIGNAL_LEVELS = 32
 """Groups of pixels of about equal predicted signal."""
-BRIGHTEST = (0.985, 0.995, 0.999)
+BRIGHT_QUANTILES = (0.985, 0.995, 0.999)
 """Parts of all pixels at which the brightest group is divided further: saturation begins there."""
 
 
@@ -31,52 +30,50 @@ class Residuals:
     """Residuals of a fit at the pixels that count: ``(N, H, W)`` is the field without the border.
 
     Attributes:
-        fitter: holds captures, split and model.
         fit: the fitted model.
         raw: ``(N, H, W)`` randomised quantile residuals, standard normal when the model is right.
         prediction: mean and deviation, see :func:`predict_ahead`.
         seed: of the randomisation.
     """
 
-    fitter: Fitter
     fit: Fit
     raw: torch.Tensor
     prediction: Prediction
     seed: int
 
     @staticmethod
-    def of(fitter: Fitter, fit: Fit, seed: int) -> Residuals:
+    def of(fit: Fit, seed: int) -> Residuals:
         """Return the residuals of a fit for all pixels, fitted and held out."""
-        prediction = predict_ahead(fitter, fit)
-        raw = residuals(fitter, prediction, seed)
-        return Residuals(fitter, fit, raw, replace(prediction, clipped=None), seed)
+        prediction = predict_ahead(fit)
+        raw = residuals(fit.fitter, prediction, seed)
+        return Residuals(fit, raw, replace(prediction, clipped=None), seed)
 
     @cached_property
     def observation(self) -> Observation:
         """The captures, without the border, and with the scenes as they are by the fitted model."""
-        model = self.fitter.model
+        model = self.fit.fitter.model
         shown = replace(model.observation, scene=model.scenes(self.fit.hypothesis))
-        return shown.window(*self.fitter.split.window)
+        return shown.window(*self.fit.fitter.split.window)
 
     @property
     def origin(self) -> tuple[int, int]:
         """(row, column) of the first pixel within the field."""
-        rows, columns = self.fitter.split.window
+        rows, columns = self.fit.fitter.split.window
         return rows.start, columns.start
 
     @property
     def field(self) -> tuple[int, int]:
         """(H, W) of the field with its border."""
-        return self.fitter.model.observation.size
+        return self.fit.fitter.model.observation.size
 
     @cached_property
     def level(self) -> torch.Tensor:
         """``(N, H, W)`` number of a pixel's group by predicted signal: equal groups, smaller ones at the bright end."""
         mean = self.prediction.mean
         sample = mean.flatten()[:: max(1, mean.numel() // 100_000)].sort().values
-        shares = torch.cat((torch.arange(1, LEVELS) / LEVELS, torch.tensor(BRIGHTEST)))
+        shares = torch.cat((torch.arange(1, SIGNAL_LEVELS) / SIGNAL_LEVELS, torch.tensor(BRIGHT_QUANTILES)))
         edges = sample[(shares * (len(sample) - 1)).round().long()].unique()
-        edges = edges + ROUNDING * self.observation.full_scale  # many pixels of even scenes lie right at an edge
+        edges = edges + ROUNDING_SHARE * self.observation.full_scale  # many pixels of even scenes lie right at an edge
         return torch.bucketize(mean, edges, right=True)
 
     @cached_property
@@ -89,14 +86,15 @@ class Residuals:
         clipped = self.clipped
         count, total, squares = (self.by_level(values) for values in (None, clipped, clipped.square()))
         common = clipped.square().mean()
-        variance = (squares - total.square() / count.clamp(min=1) + FEW * common) / (count.clamp(min=1) - 1 + FEW)
-        scale = variance.clamp(min=LEAST_VARIANCE).rsqrt().float()[self.level]
-        return scale * (clipped * scale).square().mean((1, 2), keepdim=True).clamp(min=LEAST_VARIANCE).rsqrt()
+        about_mean = squares - total.square() / count.clamp(min=1)
+        variance = (about_mean + PRIOR_PIXELS * common) / (count.clamp(min=1) - 1 + PRIOR_PIXELS)
+        scale = variance.clamp(min=MIN_VARIANCE).rsqrt().float()[self.level]
+        return scale * (clipped * scale).square().mean((1, 2), keepdim=True).clamp(min=MIN_VARIANCE).rsqrt()
 
     @property
     def clipped(self) -> torch.Tensor:
-        """``(N, H, W)`` residuals, clipped at ``CLIP`` standard deviations."""
-        return self.raw.clamp(-CLIP, CLIP)
+        """``(N, H, W)`` residuals, clipped at ``CLIP_SIGMAS`` standard deviations."""
+        return self.raw.clamp(-CLIP_SIGMAS, CLIP_SIGMAS)
 
     @cached_property
     def scaled(self) -> torch.Tensor:
@@ -119,21 +117,21 @@ class Residuals:
     @cached_property
     def images(self) -> torch.Tensor:
         """``(P, H, W)`` images of the patterns on the pixels, as the model predicts them."""
-        path = self.fitter.model.path(self.fit.hypothesis)
+        path = self.fit.fitter.model.path(self.fit.hypothesis)
         with torch.no_grad():
             return self._counted(_pooled(path.images(self.observation.patterns), path.cells))
 
     @cached_property
     def masks(self) -> torch.Tensor:
         """``(U, T, H, W)`` transmittance for every frame of the scene, by sequence, as the model predicts it."""
-        path = self.fitter.model.path(self.fit.hypothesis)
+        path = self.fit.fitter.model.path(self.fit.hypothesis)
         with torch.no_grad():
             shown = path.transmittance(self.observation.patterns, self.observation.sequences)
             return self._counted(_pooled(shown, path.cells))
 
     def _counted(self, field: torch.Tensor) -> torch.Tensor:
         """Return a field ``(.., H, W)`` without the border."""
-        rows, columns = self.fitter.split.window
+        rows, columns = self.fit.fitter.split.window
         return field[..., rows, columns]
 
 
@@ -147,7 +145,7 @@ def _pooled(field: torch.Tensor, cells: int) -> torch.Tensor:
     )
 
 
-def predict_ahead(fitter: Fitter, fit: Fit) -> Prediction:
+def predict_ahead(fit: Fit) -> Prediction:
     """Predict every capture with maps of pixels that are estimated from the captures before it only.
 
     Such a map has as many values as a capture has pixels: it follows the pixels that it was fitted to too closely, and
@@ -161,13 +159,13 @@ def predict_ahead(fitter: Fitter, fit: Fit) -> Prediction:
     """
     pixel = {name: one for name, one in fit.maps.items() if one.kind == "pixel"}
     others = {name: one for name, one in fit.maps.items() if name not in pixel}
-    prediction = fitter.with_map_uncertainty(fit.prediction, others)
+    prediction = with_map_uncertainty(fit.prediction, others)
     if not pixel:
         return prediction
-    likelihood = fitter.pixel_likelihood(fit.prediction)
-    order = (fit.prediction.mean / fitter.model.observation.full_scale - 0.5).abs().mean((1, 2)).argsort()
+    model, likelihood = fit.fitter.model, fit.evaluated.likelihood
+    order = (fit.prediction.mean / model.observation.full_scale - 0.5).abs().mean((1, 2)).argsort()
     jacobian = torch.stack([one.jacobian for one in pixel.values()], -1)  # (N, H, W, K maps)
-    values = torch.stack([fitter.model.windowed(fit.hypothesis.maps[name]) for name in pixel], -1)
+    values = torch.stack([model.windowed(fit.hypothesis.maps[name]) for name in pixel], -1)
     prior = torch.tensor([1 / max(one.std, 1e-9) ** 2 for one in pixel.values()]).diag()
     information = torch.zeros(*values.shape, len(pixel)) + prior  # (H, W, K, K)
     gradient = torch.zeros_like(values)

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import torch
 
-from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.fit.information_criterion import compared_alike
+from sci_lightning.diagnosis.fit.fit import Fit
+from sci_lightning.diagnosis.fit.information_criterion import with_common_pixels
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.model.camera_model import Hypothesis
 from sci_lightning.diagnosis.model.observation import Observation
-from sci_lightning.diagnosis.search.further_captures import further_captures
 from sci_lightning.diagnosis.search.screening import rivals
 
-MANY_NATS = 1000
+TEXTURE_SEED = 0
+"""Seed of the textures."""
+STRONG_LIGHT_FACTOR = 16.0
+"""Light of captures whose pixels are nominally dark, relative to the nominal light, so that a small leak shows."""
+MAX_SHOWN_NATS = 1000
 """Nats beyond which the text says "more than": the exact number means nothing there."""
 
 
@@ -64,26 +67,25 @@ class Separation:
         return next((count for count in range(1, most + 1) if self.nats(count) >= needed), None)
 
 
-def alternatives(fitter: Fitter, fit: Fit, without: Fit, name: str) -> Alternatives:
+def alternatives(fit: Fit, without: Fit, name: str) -> Alternatives:
     """Find the alternatives to an effect in a fit.
 
     Args:
-        fitter: fits hypotheses to the captures.
         fit: with the effect.
         without: the best fit without it.
         name: of the effect.
     """
-    equal = {}
-    for other, rival in rivals(fitter, fit, without, name):
-        judge, (named, instead) = compared_alike(fitter, fit, rival)
-        if instead.log_likelihood > named.log_likelihood - judge.settings.indistinct_nats:
+    settings, effects, equal = fit.fitter.settings, fit.fitter.model.effects, {}
+    for other, rival in rivals(fit, without, name):
+        named, instead = with_common_pixels(fit, rival)
+        if instead.log_likelihood > named.log_likelihood - settings.indistinct_nats:
             equal[other] = rival
     # what is the same but for a plainer name is mentioned, and nobody is asked to record anything for it
-    distinct = [rival for other, rival in equal.items() if fitter.model.effects[other].plainer != name]
-    return Alternatives(tuple(equal), " ".join(tell_apart(fitter, fit, rival) for rival in distinct))
+    distinct = [rival for other, rival in equal.items() if effects[other].plainer != name]
+    return Alternatives(tuple(equal), " ".join(tell_apart(fit, rival) for rival in distinct))
 
 
-def tell_apart(fitter: Fitter, one: Fit, rival: Fit) -> str:
+def tell_apart(one: Fit, rival: Fit) -> str:
     """Say which captures would tell two models apart, and how many of them.
 
     Every kind of :func:`further_captures` is predicted with both models. The kind that needs the fewest captures is
@@ -91,13 +93,11 @@ def tell_apart(fitter: Fitter, one: Fit, rival: Fit) -> str:
     capture may fix the size of an effect, and another one show its nature.
     """
     names = _names(one.hypothesis, rival.hypothesis)
-    settings = fitter.settings
-    most, needed = (
-        settings.max_further_captures,
-        settings.needed_nats + max(0.0, rival.log_likelihood - one.log_likelihood),
-    )
-    further = further_captures(fitter.model.observation)
-    kinds = {kind: separate(fitter, observation, one, rival) for kind, observation in further.items()}
+    settings = one.fitter.settings
+    most = settings.max_further_captures
+    needed = settings.needed_nats + max(0.0, rival.log_likelihood - one.log_likelihood)
+    further = further_captures(one.fitter.model.observation)
+    kinds = {kind: separate(observation, one, rival) for kind, observation in further.items()}
     pairs = {f"{a}, and as many of {b}": kinds[a] + kinds[b] for a, b in combinations(kinds, 2)}
     for options in (kinds, pairs):
         counts = {kind: separation.captures(needed, most) for kind, separation in options.items()}
@@ -105,7 +105,7 @@ def tell_apart(fitter: Fitter, one: Fit, rival: Fit) -> str:
             best = min(options, key=lambda kind: counts[kind] or math.inf)
             count = counts[best] or 1
             nats = options[best].nats(count)
-            gain = f"about {nats:,.0f} nats" if nats <= MANY_NATS else f"more than {MANY_NATS:,} nats"
+            gain = f"about {nats:,.0f} nats" if nats <= MAX_SHOWN_NATS else f"more than {MAX_SHOWN_NATS:,} nats"
             record = f"{'one capture' if count == 1 else f'{count} captures'} of {best}"
             return f"To tell {names}, record {record} ({gain}; {needed:.0f} are needed)."
     best = max(options, key=lambda kind: options[kind].nats(most))
@@ -116,16 +116,15 @@ def tell_apart(fitter: Fitter, one: Fit, rival: Fit) -> str:
     )
 
 
-def separate(fitter: Fitter, further: Observation, one: Fit, rival: Fit) -> Separation:
+def separate(further: Observation, one: Fit, rival: Fit) -> Separation:
     """Compute how a further capture separates two models.
 
     Args:
-        fitter: holds the existing captures and the model.
         further: the capture.
         one: the model that is taken for the truth.
         rival: the other model, which may be refitted.
     """
-    model = fitter.model.of_captures(further)
+    model = one.fitter.model.of_captures(further)
     truth, other = model.predict(one.hypothesis), model.predict(rival.hypothesis)
     weight = 2 / (truth.deviation.square() + other.deviation.square() + 1 / 6)
     inside = [prediction.mean.clamp(0, further.full_scale) for prediction in (truth, other)]
@@ -139,6 +138,75 @@ def separate(fitter: Fitter, further: Observation, one: Fit, rival: Fit) -> Sepa
         weighted @ slopes.flatten(1).double().T,
         rival.information.double(),
     )
+
+
+def further_captures(observation: Observation) -> dict[str, Observation]:
+    """Return one capture of every kind with the patterns of this camera; keys say what has to be recorded.
+
+    Besides the usual kinds there are the coding patterns in reverse order and every second one twice in a row, and one
+    open pattern with light in one slot only: its own, or one of the two after it. The simplest to record come first.
+    Measurements are 0: only predictions are of use.
+    """
+    frames, (height, width) = observation.frames, observation.size
+    random = torch.Generator().manual_seed(TEXTURE_SEED)
+    texture = torch.nn.functional.interpolate(
+        torch.rand(1, frames, height // 4 + 1, width // 4 + 1, generator=random), (height, width), mode="bilinear"
+    )[0]
+    coding = torch.arange(frames) % len(observation.patterns)
+    means = observation.patterns.mean((1, 2))
+    shown = frames // 2
+    single, open_once = (torch.full((frames,), int(means.argmin())) for _ in range(2))
+    single[shown] = int(observation.patterns[:frames].var((1, 2), correction=0).argmax())
+    open_once[shown] = int(means.argmax())
+    open_ = float(observation.patterns[coding].sum(0).mean().clamp(min=1e-3))
+    flat, one = torch.ones(frames, 1, 1), torch.ones(1, 1, 1)
+
+    def pulse(after: int) -> torch.Tensor:
+        return flat * (torch.arange(frames) == (shown + after) % frames)[:, None, None]
+
+    alone = f"the most open pattern in slot {shown + 1} of {frames} and the most closed one in all others"
+    slot = [(shown + after) % frames + 1 for after in range(3)]
+    kinds: dict[str, tuple[torch.Tensor, torch.Tensor, float, float]] = {
+        "the dark with four times the exposure": (coding, 0 * flat, 1.0, 4.0),
+        "a bright even scene behind the coding patterns": (coding, flat, 0.9 / open_, 1.0),
+        "a dim even scene behind the coding patterns": (coding, flat, 0.2 / open_, 1.0),
+        "a bright even scene behind one coding pattern, the most closed pattern in all other slots": (
+            single,
+            flat,
+            0.9,
+            1.0,
+        ),
+        "a texture at rest behind the coding patterns": (coding, texture[:1], 0.9 / open_, 1.0),
+        "a moving texture behind the coding patterns": (coding, texture, 0.9 / open_, 1.0),
+        "a moving texture behind the coding patterns in reverse order": (coding.flip(0), texture, 0.9 / open_, 1.0),
+        "a moving texture behind every second coding pattern, each shown twice in a row": (
+            coding // 2 * 2,
+            texture,
+            0.9 / open_,
+            1.0,
+        ),
+        f"an even scene that is lit in slot {slot[0]} only, behind {alone}": (open_once, pulse(0), 0.9, 1.0),
+    }
+    for after in (1, 2):
+        bright = f"{STRONG_LIGHT_FACTOR:.0f} times as bright"
+        lit = f"an even scene that is lit in slot {slot[after]} only, {bright}, behind {alone}"
+        kinds[lit] = (open_once, pulse(after), STRONG_LIGHT_FACTOR, 1.0)
+    return {
+        kind: replace(
+            observation,
+            sequences=sequence[None],
+            sequence=torch.zeros(1, dtype=torch.long),
+            scene=[scene],
+            aperture=aperture * one,
+            exposure=exposure * one,
+            dn=torch.zeros(1, height, width),
+            kinds=("further",),
+            number=torch.zeros(1, dtype=torch.long),
+            position=None,
+            before=None,
+        )
+        for kind, (sequence, scene, aperture, exposure) in kinds.items()
+    }
 
 
 def _names(one: Hypothesis, other: Hypothesis) -> str:

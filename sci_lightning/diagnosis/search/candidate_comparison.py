@@ -1,4 +1,8 @@
-"""One round of the search: candidates are screened, the best are fitted, and all are compared alike."""
+"""One round of the search: candidates are screened, the best are fitted, and all are compared on the same pixels.
+
+What lies beyond the patterns may be unknown. A pixel whose value depends on it, by any of the hypotheses that are
+compared, counts for none of them. Once the search has decided, every pixel counts that its result can predict.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +13,12 @@ from functools import cached_property
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain
-from sci_lightning.diagnosis.model.camera_model import Setting
-from sci_lightning.diagnosis.search.border_choice import with_border_for_candidates, with_border_for_starts
+from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 from sci_lightning.diagnosis.search.screening import Candidate, screen
+from sci_lightning.encoder.effects.parameter import part_of
 
-NEAR = 0.1
-"""Part of a start's distance from doing nothing at which weak effects are looked for."""
-MUCH = 0.1
-"""Part of the pixels whose loss is worth a second look, for weak effects, which need less room at the sides."""
+MIN_LOST_SHARE = 0.1
+"""Part of the pixels whose loss is worth a second look, for weak effects, which need narrower borders."""
 
 
 @dataclass(frozen=True)
@@ -25,14 +27,13 @@ class CandidateComparison:
 
     Attributes:
         screener: leaves out what depends on the unknown surround for any candidate at its starts.
-        fitter: leaves out what depends on it for any of the fits that gain much.
-        best: the model without the candidates.
-        fits: the model with each candidate that was fitted, by name.
+        best: the model without the candidates; its fitter leaves out what depends on the surround for any of the fits
+            that gain much.
+        fits: the model with each candidate that was fitted, by name, on the same pixels.
         screened: all candidates, the most promising first.
     """
 
     screener: Fitter
-    fitter: Fitter
     best: Fit
     fits: Mapping[str, Fit]
     screened: tuple[Candidate, ...]
@@ -56,50 +57,75 @@ class CandidateComparison:
         """Return the gain of a candidate by the information criterion, in nats; 0 of None."""
         return 0.0 if name is None else self._bic_gains[name]
 
-    def refused(self, least: float) -> str | None:
+    def unconfirmed(self, least: float) -> str | None:
         """Return the candidate of the largest gain among those that held-out pixels do not confirm.
 
         None if no gain exceeds ``least``.
         """
-        refused = [name for name, gain in self._bic_gains.items() if gain == -math.inf]
-        before = bic(self.fitter, self.best)
-        gains = {name: bic(self.fitter, self.fits[name]) - before - self._handicap[name] for name in refused}
-        return max((name for name in refused if gains[name] > least), key=gains.__getitem__, default=None)
+        unconfirmed = [name for name, gain in self._bic_gains.items() if gain == -math.inf]
+        before = bic(self.best)
+        gains = {name: bic(self.fits[name]) - before - self._handicap[name] for name in unconfirmed}
+        return max((name for name in unconfirmed if gains[name] > least), key=gains.__getitem__, default=None)
 
     def leaves_out_much(self, whole: Fitter) -> bool:
         """Whether many of the pixels that the model without the candidates predicts count for none of them."""
-        return self.fitter.pixels < (1 - MUCH) * whole.covering(self.best.hypothesis).pixels
+        return self.best.fitter.pixels < (1 - MIN_LOST_SHARE) * whole.covering(self.best.hypothesis).pixels
 
     @cached_property
     def _bic_gains(self) -> dict[str, float]:
-        return {name: bic_gain(self.fitter, self.best, fit) - self._handicap[name] for name, fit in self.fits.items()}
+        return {name: bic_gain(self.best, fit) - self._handicap[name] for name, fit in self.fits.items()}
 
     @cached_property
     def _handicap(self) -> dict[str, float]:
         """Nats taken off: an effect that is the same as a plainer one is named only where captures tell them apart."""
-        effects, present = self.fitter.model.effects, (*self.fits, *self.best.hypothesis.effects)
-        plainer = {name for name in self.fits if effects[name].plainer in present}
-        return {name: self.fitter.settings.indistinct_nats if name in plainer else 0.0 for name in self.fits}
+        fitter, present = self.best.fitter, (*self.fits, *self.best.hypothesis.effects)
+        plainer = {name for name in self.fits if fitter.model.effects[name].plainer in present}
+        return {name: fitter.settings.indistinct_nats if name in plainer else 0.0 for name in self.fits}
 
 
 def compare_candidates(
-    fitter: Fitter, best: Fit, further: Mapping[str, list[Setting]] | None = None, part: float = 1.0
+    best: Fit, further: Mapping[str, list[Setting]] | None = None, part: float = 1.0
 ) -> CandidateComparison:
     """Screen all candidates, fit the most promising ones, and compare them on the same pixels.
 
+    An effect must not be screened by pixels that its formula cannot know: what depends on the surround for any
+    candidate at its starts is left out before.
+
     Args:
-        fitter: fits hypotheses to the captures.
         best: the model without the candidates.
         further: starts by effect beside those that the effect always has.
         part: of the starts' distance from doing nothing that is tried.
     """
-    screener, base = with_border_for_starts(fitter, best, further, part)
-    screened = screen(screener, base, further, part)
-    fits = fit_candidates(screener, base, screened)
-    return CandidateComparison(screener, *with_border_for_candidates(screener, base, fits), tuple(screened))
+    base = covering_starts(best.fitter, best.hypothesis, further, part).repeated(best)
+    screened = screen(base, further, part)
+    fits = fit_candidates(base, screened)
+    return CandidateComparison(base.fitter, *_with_common_border(base, fits), tuple(screened))
 
 
-def fit_candidates(fitter: Fitter, best: Fit, screened: list[Candidate]) -> dict[str, Fit]:
+def covering_starts(
+    fitter: Fitter, hypothesis: Hypothesis, further: Mapping[str, list[Setting]] | None = None, part: float = 1.0
+) -> Fitter:
+    """Return a fitter that leaves out what depends on the surround for any candidate at its starts.
+
+    Args:
+        fitter: of the captures.
+        hypothesis: the model without the candidates.
+        further: starts by effect beside those that the effect always has.
+        part: of the starts' distance from doing nothing that is tried.
+    """
+    model, seen = fitter.model, fitter.model.observation
+    return fitter.covering(
+        hypothesis,
+        *(
+            hypothesis.with_effect(name, part_of(start, effect.about, part))
+            for name, effect in model.vocabulary.items()
+            if name not in hypothesis.effects and not effect.noise and not effect.map_kind
+            for start in [*effect.starts(seen.frames, seen.size, seen.bit_depth), *(further or {}).get(name, [])]
+        ),
+    )
+
+
+def fit_candidates(best: Fit, screened: list[Candidate]) -> dict[str, Fit]:
     """Fit the most promising candidates jointly with everything in the model, by name.
 
     A candidate whose screened gain is a small part of what it must gain is left out, and so is one whose fit cannot
@@ -108,10 +134,10 @@ def fit_candidates(fitter: Fitter, best: Fit, screened: list[Candidate]) -> dict
     noise stands in for them all.
 
     Args:
-        fitter: fits hypotheses to the captures.
         best: the model without them.
         screened: candidates, the most promising first.
     """
+    fitter = best.fitter
     settings, fits, reached = fitter.settings, dict[str, Fit](), -math.inf
     first, others = screened[: settings.candidates_fitted], screened[settings.candidates_fitted :]
     for candidate in (*first, *(one for one in others if fitter.model.effects[one.name].is_discrete())):
@@ -119,7 +145,25 @@ def fit_candidates(fitter: Fitter, best: Fit, screened: list[Candidate]) -> dict
         if candidate.gain > max(settings.min_gain_nats, settings.screened_share * price):
             start = candidate.added(fitter.model, best.hypothesis)
             fit = fitter.fit(start, 20, to_reach=reached - settings.abandon_nats, from_afar=True)
-            if not fit.given_up:
+            if not fit.abandoned:
                 fits[candidate.name] = fit
                 reached = max(reached, fit.fitted_log_likelihood)
     return fits
+
+
+def _with_common_border(base: Fit, fits: dict[str, Fit]) -> tuple[Fit, dict[str, Fit]]:
+    """Return the fits of a round on the pixels that depend on the surround for none of them.
+
+    Only fits that gain at least ``SearchSettings.border_gain_share`` of what the best one gains are respected; the
+    others may have run away, and the field would be left out for nothing. Fits that are repeated on fewer pixels may
+    need a wider border themselves, so that this is done until none does.
+    """
+    while fits:
+        gains = {name: fit.log_likelihood - base.log_likelihood for name, fit in fits.items()}
+        least = base.fitter.settings.border_gain_share * max(gains.values())
+        respected = [fit.hypothesis for name, fit in fits.items() if gains[name] >= least]
+        wider = base.fitter.covering(base.hypothesis, *respected)
+        if wider is base.fitter:
+            break
+        base, fits = wider.repeated(base), {name: wider.repeated(fit) for name, fit in fits.items()}
+    return base, fits

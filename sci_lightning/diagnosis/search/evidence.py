@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import torch
 
-from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.search.alternatives import alternatives
 from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.effects.parameter import Parameter, Value
 
-EXACTNESS = 1e-3
+FORMULA_ERROR_SHARE = 1e-3
 """Part of what an effect changes to which its formula is trusted.
 
 The search trusts formulas no further either (``SearchSettings.formula_error`` is the square of this number, in nats
@@ -95,15 +95,14 @@ class ErrorCorrelation:
     matrix: torch.Tensor
 
 
-def named_effects(fitter: Fitter, fit: Fit, names: Sequence[str]) -> tuple[NamedEffect, ...]:
+def named_effects(fit: Fit, names: Sequence[str]) -> tuple[NamedEffect, ...]:
     """Quantify every named effect: estimates with errors, and for all but noise the evidence from a fit without it.
 
     Args:
-        fitter: fits hypotheses to the captures.
         fit: the model with all effects.
         names: the effects to be described.
     """
-    deviations = _standard_deviations(fit)
+    fitter, deviations = fit.fitter, _standard_deviations(fit)
     effects = []
     for name in names:
         effect = fitter.model.effects[name]
@@ -118,7 +117,7 @@ def named_effects(fitter: Fitter, fit: Fit, names: Sequence[str]) -> tuple[Named
             effects.append(NamedEffect(effect, parameters))
             continue
         without = fitter.fit(fit.hypothesis.without(name), from_afar=True)
-        other, lost = alternatives(fitter, fit, without, name), fit.log_likelihood - without.log_likelihood
+        other, lost = alternatives(fit, without, name), fit.log_likelihood - without.log_likelihood
         delta_bic = 2 * lost - len(parameters) * float(np.log(fitter.pixels))
         effects.append(NamedEffect(effect, parameters, lost, delta_bic, other.names, other.tell_apart))
     return tuple(effects)
@@ -144,11 +143,11 @@ def error_correlation(fit: Fit) -> ErrorCorrelation:
 def systematic_limit(value: Value, about: Parameter) -> float:
     """Return what the systematic error of a parameter is at least, in the parameter's unit.
 
-    It is ``EXACTNESS`` times the distance from the value at which the effect does nothing. Where there is no such value
-    (a phase), or where it is a bound that stands for infinity (a full well), it is ``EXACTNESS`` times the value.
-    Choices have none.
+    It is ``FORMULA_ERROR_SHARE`` times the distance from the value at which the effect does nothing. Where there is no
+    such value (a phase), or where it is a bound that stands for infinity (a full well), it is that part of the value
+    itself. Choices have none.
     """
     if about.choices or not isinstance(value, (int, float)):
         return 0.0
     neutral = about.neutral if isinstance(about.neutral, (int, float)) and not about.log else 0.0
-    return EXACTNESS * abs(float(value) - neutral)
+    return FORMULA_ERROR_SHARE * abs(float(value) - neutral)

@@ -14,7 +14,7 @@ import torch
 from scipy.stats import chi2
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.fit.information_criterion import bic_gain, compared_alike, prune
+from sci_lightning.diagnosis.fit.information_criterion import bic_gain, prune, with_common_pixels
 from sci_lightning.diagnosis.fit.local_gain import LocalGain
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.fit.split import NO_BORDER
@@ -87,17 +87,15 @@ class FreeFormCandidate:
 
 
 def explain_remaining_misfit(
-    fitter: Fitter,
     fit: Fit,
     ideal: Fit,
     noise: Hypothesis,
     given: Sequence[FreeFormCandidate] = (),
     on_progress: Callable[[str], None] = lambda message: None,
-) -> tuple[Fitter, Fit, list[Unnamed]]:
+) -> tuple[Fit, list[Unnamed]]:
     """Explain what named effects leave by free-form deviations, and drop the names that this makes superfluous.
 
     Args:
-        fitter: fits hypotheses to the captures.
         fit: the model with every effect that could be named.
         ideal: the fitted ideal camera.
         noise: effects that stay in any case.
@@ -105,108 +103,96 @@ def explain_remaining_misfit(
         on_progress: called with a one-line message for every deviation that is added.
 
     Returns:
-        the fitter whose border suffices for the model, the model fitted with it, and what it contains without a name.
+        the model, fitted on the pixels that it can predict, and what it contains without a name.
     """
-    settings = fitter.settings
+    settings, effects = fit.fitter.settings, fit.fitter.model.effects
     p_values = {name: map_p_value(one) for name, one in fit.maps.items()}
     contradicted = {name: p_value for name, p_value in p_values.items() if p_value < settings.max_map_p_value}
     given_names = {deviation.name for deviation in given}
-    as_free_form = {name: fitter.model.effects[name] for name in contradicted if name not in given_names}
+    as_free_form = {name: effects[name] for name in contradicted if name not in given_names}
     for name in as_free_form:
         on_progress(f"{name} is set aside: its map is not random")
-        fit = fitter.fit(fit.hypothesis.without(name), iterations=20)
+        fit = fit.without(name, iterations=20)
     deviations, gained = [*given], 0.0
     for _ in range(settings.max_unnamed - len(deviations)):
-        least = unnamed_threshold(fitter, fit, ideal, noise=fit) + settings.surrogate_fraction * gained
-        fitter, fit, best, larger = best_free_form(fitter, fit, least, as_free_form)
+        least = unnamed_threshold(fit, ideal) + settings.surrogate_fraction * gained
+        fit, best, larger = best_free_form(fit, least, as_free_form)
         if best is None:
             break
         on_progress(f"unnamed: {best.where}")
         gained = max(gained, larger.log_likelihood - fit.log_likelihood)
-        keep = Hypothesis({**noise.effects, best.name: {}})
-        fit = prune(fitter, larger, keep, margin=settings.surrogate_fraction * gained)
+        fit = prune(larger, {*noise.effects, best.name}, margin=settings.surrogate_fraction * gained)
         deviations = [one for one in (*deviations, best) if one.name in fit.hypothesis.effects]
     if as_free_form and not deviations:  # what was worth a name that it does not deserve has none
-        explained = fitter.explained_nats(fit, ideal, fit)
-        least = settings.unnamed_min_gain_nats + settings.formula_error * explained
-        fitter, fit, best, larger = best_free_form(fitter, fit, least, as_free_form, only_maps=True)
+        least = settings.unnamed_min_gain_nats + settings.formula_error * fit.explained_nats(ideal)
+        fit, best, larger = best_free_form(fit, least, as_free_form, only_maps=True)
         if best is not None:
             on_progress(f"unnamed: {best.where}")
             fit, deviations = larger, [best]
     # in the order of the light: a fault of the mirrors also shows as a gain of the pixels behind them
     deviations.sort(key=lambda deviation: deviation.effect.rank)
-    return fitter, fit, [_unnamed(fitter, fit, deviation, contradicted) for deviation in deviations]
+    return fit, [_unnamed(fit, deviation, contradicted) for deviation in deviations]
 
 
-def unnamed_threshold(fitter: Fitter, fit: Fit, ideal: Fit, noise: Fit) -> float:
+def unnamed_threshold(fit: Fit, ideal: Fit, noise: Fit | None = None) -> float:
     """Return the nats beyond its penalty that a free-form deviation must gain.
 
     Args:
-        fitter: holds captures, split and settings.
         fit: the model that explains something already.
         ideal: the fitted ideal camera.
-        noise: the fit whose standard deviation is used to say how much is explained.
+        noise: the fit whose standard deviation is used to say how much is explained; None: ``fit``.
     """
-    settings = fitter.settings
-    return settings.unnamed_min_gain_nats + settings.unnamed_formula_error * fitter.explained_nats(fit, ideal, noise)
+    settings = fit.fitter.settings
+    return settings.unnamed_min_gain_nats + settings.unnamed_formula_error * fit.explained_nats(ideal, noise)
 
 
 def best_free_form(
-    fitter: Fitter,
-    fit: Fit,
-    least: float,
-    maps: Mapping[str, type[Effect]] | None = None,
-    only_maps: bool = False,
-) -> tuple[Fitter, Fit, FreeFormCandidate | None, Fit]:
+    fit: Fit, least: float, maps: Mapping[str, type[Effect]] | None = None, only_maps: bool = False
+) -> tuple[Fit, FreeFormCandidate | None, Fit]:
     """Find the free-form deviation of the largest gain in a joint fit.
 
     Args:
-        fitter: fits hypotheses to the captures.
         fit: the model without it.
         least: nats beyond its penalty that it must gain; else None is returned with the model as it was.
         maps: effects of the vocabulary whose maps may serve as free forms too.
         only_maps: whether these are the only ones.
 
     Returns:
-        the fitter whose border suffices for the deviation, the model without it fitted with that, the deviation, and
-        the model with it.
+        the model without the deviation, the deviation, and the model with it, both fitted on the pixels that both can
+        predict.
     """
-    pixels = float(fitter.pixels)
-    screened = screen_free_forms(fitter, fit, maps or {}, only_maps)
+    fitter, pixels = fit.fitter, float(fit.fitter.pixels)
+    screened = screen_free_forms(fit, maps or {}, only_maps)
     promising = [one for one in screened if one.bic_gain(pixels) > least]
-    best: tuple[Fitter, Fit, FreeFormCandidate | None, Fit] = (fitter, fit, None, fit)
+    best: tuple[Fit, FreeFormCandidate | None, Fit] = (fit, None, fit)
     largest = least
     for deviation in promising[: fitter.settings.probes_fitted]:
         start = deviation.added(fitter, fit.hypothesis)
-        judge = fitter.covering(start)
-        smaller = fit if judge is fitter else judge.again(fit)
+        smaller = fitter.covering(start).repeated(fit)
         # held-out pixels may gain as much as the fitted ones, but hardly more
         needed = 0.5 * (largest + deviation.choice_penalty) - fitter.settings.abandon_nats
         to_reach = smaller.fitted_log_likelihood + needed
-        trial = judge.fit(start, iterations=15, to_reach=to_reach, from_afar=True)
-        if trial.given_up:
+        larger = smaller.fitter.fit(start, iterations=15, to_reach=to_reach, from_afar=True)
+        if larger.abandoned:
             continue
-        judge, (smaller, trial) = compared_alike(judge, smaller, trial)
-        value = bic_gain(judge, smaller, trial) - deviation.choice_penalty
+        smaller, larger = with_common_pixels(smaller, larger)
+        value = bic_gain(smaller, larger) - deviation.choice_penalty
         if deviation.name in (maps or {}):  # a map with structure can imitate much
             value *= 1 - fitter.settings.surrogate_fraction
         if value > largest:
-            best, largest = (judge, smaller, deviation, trial), value
+            best, largest = (smaller, deviation, larger), value
     return best
 
 
-def screen_free_forms(
-    fitter: Fitter, base: Fit, maps: Mapping[str, type[Effect]], only_maps: bool = False
-) -> list[FreeFormCandidate]:
+def screen_free_forms(base: Fit, maps: Mapping[str, type[Effect]], only_maps: bool = False) -> list[FreeFormCandidate]:
     """Estimate the gain of every free-form deviation that the model lacks; the most valuable comes first.
 
     Args:
-        fitter: holds captures, split and model.
         base: the fitted model.
         maps: effects of the vocabulary whose maps may serve as free forms too.
         only_maps: whether these are the only ones.
     """
-    local, likelihood = LocalGain(fitter, base), fitter.pixel_likelihood(base.prediction)
+    fitter, local = base.fitter, LocalGain(base)
     light = fitter.model.inside(NO_BORDER).predict(base.hypothesis).mean
     fields = light, fitter.model.whole(local.gradient), fitter.model.whole(local.information)
     free_forms = [] if only_maps else fitter.model.free_forms
@@ -217,17 +203,14 @@ def screen_free_forms(
         if name in base.hypothesis.effects:
             continue
         if effect.map_kind:
-            one = estimate_map(fitter.model, base.hypothesis, name, base.prediction, likelihood, fitter.fitted)
+            one = estimate_map(fitter.model, local.at, name, fitter.fitted)
             p_value = float(chi2.sf(2 * max(one.evidence, 0.0), 1))
             significant.append(
                 FreeFormCandidate(name, one.evidence, 1, p_value, dict.fromkeys(effect.about, one.std), effect)
             )
         elif issubclass(effect, FreeForm):
             groups = effect.proposals(*fields)
-            if groups:
-                deviation = _screen_proposals(fitter, base, effect, local, groups)
-            else:
-                deviation = _screen_numbers(fitter, base, effect, local)
+            deviation = _screen_proposals(effect, local, groups) if groups else _screen_numbers(effect, local)
             if deviation is not None:
                 significant.append(deviation)
     significant = [replace(deviation, p_value=min(1.0, deviation.p_value * len(tried))) for deviation in significant]
@@ -235,14 +218,14 @@ def screen_free_forms(
     return sorted(significant, key=lambda deviation: -deviation.bic_gain(pixels))
 
 
-def _screen_numbers(fitter: Fitter, base: Fit, effect: type[FreeForm], local: LocalGain) -> FreeFormCandidate | None:
+def _screen_numbers(effect: type[FreeForm], local: LocalGain) -> FreeFormCandidate | None:
     """Estimate the gain of a deviation with the numbers that differ clearly from 0; None if there are none."""
-    settings, count = fitter.settings, effect.count
+    fitter, at, settings, count = local.fitter, local.at, local.fitter.settings, effect.count
     if not 0 < count * fitter.fitted.numel() <= settings.probe_max_derivatives:
         return None
-    hypothesis = base.hypothesis.with_effect(effect.name, dict.fromkeys(effect.about, 0.0))
+    hypothesis = at.hypothesis.with_effect(effect.name, dict.fromkeys(effect.about, 0.0))
     numbers = FreeParameters(fitter.model, tuple((effect.name, number) for number in effect.about))
-    gain = local.joint_gain(numbers.jacobian(hypothesis, base.prediction))
+    gain = local.joint_gain(numbers.jacobian(hypothesis, at.prediction))
     sigmas = (gain.factors.abs() / gain.deviations).nan_to_num()
     determined = int((gain.deviations.isfinite()).sum())
     clear = (sigmas > settings.probe_min_sigma).nonzero()[:, 0]
@@ -258,33 +241,33 @@ def _screen_numbers(fitter: Fitter, base: Fit, effect: type[FreeForm], local: Lo
 
 
 def _screen_proposals(
-    fitter: Fitter, base: Fit, effect: type[FreeForm], local: LocalGain, groups: list[list[Setting]]
+    effect: type[FreeForm], local: LocalGain, groups: list[list[Setting]]
 ) -> FreeFormCandidate | None:
     """Estimate the gain of a deviation that is not linear in its numbers, at the settings that it proposes itself."""
-    best = None
+    model, at, best = local.fitter.model, local.at, None
     for settings in groups:
-        trials = [fitter.model.predict(base.hypothesis.with_effect(effect.name, setting)).mean for setting in settings]
-        nats, factors = local.gain_of_single_changes(torch.stack(trials) - base.prediction.mean)
+        means = [model.predict(at.hypothesis.with_effect(effect.name, setting)).mean for setting in settings]
+        nats, factors = local.gain_of_single_changes(torch.stack(means) - at.prediction.mean)
         top = int(nats.argmax())
         if best is None or float(nats[top]) > best.gain:
-            places = math.prod(fitter.model.observation.size)  # a proposal is the best of as many as there are pixels
+            places = math.prod(model.observation.size)  # a proposal is the best of as many as there are pixels
             p_value = min(1.0, places * float(chi2.sf(2 * float(nats[top]), 1)))
             start = effect.scaled(settings[top], float(factors[top]))
             best = FreeFormCandidate(effect.name, float(nats[top]), len(start), p_value, start, effect)
     return best
 
 
-def quantified(fitter: Fitter, fit: Fit, deviation: Unnamed) -> Unnamed:
+def quantified(fit: Fit, deviation: Unnamed) -> Unnamed:
     """Return a deviation with its nats and its picture in a model, by a fit without it."""
-    without = fitter.fit(fit.hypothesis.without(deviation.name), iterations=8)
-    rows, columns = fitter.split.window
-    change = torch.full(fitter.model.observation.size, torch.nan)
+    without = fit.without(deviation.name, iterations=8)
+    rows, columns = fit.fitter.split.window
+    change = torch.full(fit.fitter.model.observation.size, torch.nan)
     change[rows, columns] = (fit.prediction.mean - without.prediction.mean).square().mean(0).sqrt()
     return replace(deviation, nats=fit.log_likelihood - without.log_likelihood, picture=change)
 
 
-def _unnamed(fitter: Fitter, fit: Fit, deviation: FreeFormCandidate, contradicted: Mapping[str, float]) -> Unnamed:
+def _unnamed(fit: Fit, deviation: FreeFormCandidate, contradicted: Mapping[str, float]) -> Unnamed:
     p_value = min(deviation.p_value, contradicted.get(deviation.name, 1.0))
-    nothing = torch.full(fitter.model.observation.size, torch.nan)
+    nothing = torch.full(fit.fitter.model.observation.size, torch.nan)
     one = Unnamed(deviation.name, deviation.effect.stage, deviation.where, p_value, 0.0, nothing)
-    return quantified(fitter, fit, one)
+    return quantified(fit, one)

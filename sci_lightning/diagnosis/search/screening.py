@@ -12,12 +12,13 @@ from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.local_gain import LocalGain
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting
 from sci_lightning.diagnosis.model.fixed_pattern_map import estimate_map
+from sci_lightning.diagnosis.model.starting_points import starting_settings, with_effect_at
 from sci_lightning.encoder.effects.parameter import part_of, within
 
-BATCH = 12
+STARTS_IN_MEMORY = 12
 """Starts whose predictions are held in memory at a time."""
 
-BESIDE = 0.2
+SCREENED_FROM_KINK_PIXELS = 0.2
 """Pixels on either side of a whole displacement at which it is screened again: half of what its starts are apart."""
 
 
@@ -37,72 +38,65 @@ class Candidate:
 
     def added(self, model: CameraModel, hypothesis: Hypothesis) -> Hypothesis:
         """Return the hypothesis with the candidate at its start; its map, if it has one, is 0 everywhere."""
-        return model.adding(hypothesis, self.name, self.start, model.zero_map(self.name))
+        return with_effect_at(model, hypothesis, self.name, self.start)
 
 
-def screen(
-    fitter: Fitter, base: Fit, further: Mapping[str, list[Setting]] | None = None, part: float = 1.0
-) -> list[Candidate]:
+def screen(base: Fit, further: Mapping[str, list[Setting]] | None = None, part: float = 1.0) -> list[Candidate]:
     """Estimate the gain of every effect of the vocabulary that the model lacks; the most promising comes first.
 
     Noise is left out: it explains variance, and must not be asked about the mean. Where pixels are many, a part of them
     is looked at first. That suffices as long as one of the candidates is strong.
 
     Args:
-        fitter: holds captures, split and model.
         base: the fitted model.
         further: starts by effect beside those that the effect always has.
         part: of the starts' distance from doing nothing that is tried.
     """
-    coarse, seen = fitter.seen_coarsely(base)
-    if coarse is not fitter:
-        candidates = _screened(coarse, seen, further or {}, part)
-        if candidates and candidates[0].gain > fitter.settings.coarse_nats:
-            surplus = float(fitter.fitted.sum() / coarse.fitted.sum())
+    coarse = base.seen_coarsely()
+    if coarse is not base:
+        candidates = _screened(coarse, further or {}, part)
+        if candidates and candidates[0].gain > base.fitter.settings.coarse_nats:
+            surplus = float(base.fitter.fitted.sum() / coarse.fitter.fitted.sum())
             return [replace(candidate, gain=candidate.gain * surplus) for candidate in candidates]
-    return _screened(fitter, base, further or {}, part)
+    return _screened(base, further or {}, part)
 
 
-def _screened(fitter: Fitter, base: Fit, further: Mapping[str, list[Setting]], part: float) -> list[Candidate]:
-    """Estimate the gain of every candidate on the pixels that count for a fitter."""
-    model, prediction = fitter.model, base.prediction
-    likelihood, local = fitter.pixel_likelihood(prediction), LocalGain(fitter, base)
-    chi2 = _chi2(fitter, prediction.mean, prediction.deviation)
+def _screened(base: Fit, further: Mapping[str, list[Setting]], part: float) -> list[Candidate]:
+    """Estimate the gain of every candidate on the pixels that count for a fit."""
+    fitter, model, local = base.fitter, base.fitter.model, LocalGain(base)
     candidates = []
     for name, effect in model.vocabulary.items():
         if name in base.hypothesis.effects or effect.noise:
             continue
         if effect.map_kind:
-            beside = fitter.maps(base.hypothesis, prediction, likelihood) if effect.map_kind == "smooth" else []
-            one = estimate_map(model, base.hypothesis, name, prediction, likelihood, fitter.fitted, beside)
+            others = fitter.maps(local.at) if effect.map_kind == "smooth" else []
+            one = estimate_map(model, local.at, name, fitter.fitted, others)
             start: Setting = dict.fromkeys(effect.about, one.std)
             candidates.append(Candidate(name, one.evidence, start))
             continue
-        all_starts = model.starts(name, base.hypothesis) + further.get(name, [])
+        all_starts = starting_settings(model, name, base.hypothesis) + further.get(name, [])
         starts = [part_of(start, effect.about, part) for start in all_starts]
         if not starts:  # a converter of one bit can lose none, a single slot cannot come late
             continue
-        best = _best_start(fitter, base, name, starts, local, chi2)
-        nearby = [one for one in _beside(best.start, effect.displacement or ()) if within(one, effect.about)]
+        best = _best_start(local, name, starts)
+        nearby = [one for one in _on_both_sides(best.start, effect.displacement or ()) if within(one, effect.about)]
         if nearby and best.gain > fitter.settings.min_gain_nats:
-            best = max(best, _best_start(fitter, base, name, nearby, local, chi2), key=lambda one: one.gain)
+            best = max(best, _best_start(local, name, nearby), key=lambda one: one.gain)
         candidates.append(best)
     return sorted(candidates, key=lambda candidate: -candidate.gain)
 
 
-def _best_start(
-    fitter: Fitter, base: Fit, name: str, starts: list[Setting], local: LocalGain, chi2: torch.Tensor
-) -> Candidate:
+def _best_start(local: LocalGain, name: str, starts: list[Setting]) -> Candidate:
     """Return the start of one effect with the largest gain, see :func:`_screen_starts`."""
     screened = (
         candidate
-        for first in range(0, len(starts), BATCH)
-        for candidate in _screen_starts(fitter, base, name, starts[first : first + BATCH], local, chi2)
+        for first in range(0, len(starts), STARTS_IN_MEMORY)
+        for candidate in _screen_starts(local, name, starts[first : first + STARTS_IN_MEMORY])
     )
     return max(screened, key=lambda candidate: candidate.gain)
 
 
-def _beside(start: Setting, parameters: Sequence[str]) -> list[Setting]:
+def _on_both_sides(start: Setting, parameters: Sequence[str]) -> list[Setting]:
     """Return the settings on the other side of the nearest whole displacement; on both sides of one that is whole.
 
     Where the edges of pixels and mirrors meet, the likelihood has a kink, and a maximum of its own on either side: the
@@ -112,32 +106,34 @@ def _beside(start: Setting, parameters: Sequence[str]) -> list[Setting]:
     for name in parameters:
         place = float(start[name])
         whole = float(round(place))
-        choices.append((place - BESIDE, place, place + BESIDE) if place == whole else (place, 2 * whole - place))
+        choices.append(
+            (place - SCREENED_FROM_KINK_PIXELS, place, place + SCREENED_FROM_KINK_PIXELS)
+            if place == whole
+            else (place, 2 * whole - place)
+        )
     settings = [{**start, **dict(zip(parameters, moved, strict=True))} for moved in product(*choices)]
     return [setting for setting in settings if setting != start]
 
 
-def _screen_starts(
-    fitter: Fitter, base: Fit, name: str, starts: list[Setting], local: LocalGain, chi2: torch.Tensor
-) -> list[Candidate]:
+def _screen_starts(local: LocalGain, name: str, starts: list[Setting]) -> list[Candidate]:
     """Estimate the gain of every start of one effect.
 
     The gain is the larger of two estimates: that of the effect as large as the start, from chi2, and that of the effect
     scaled to its best size, to second order; the start is then scaled likewise.
     """
-    model = fitter.model
+    fitter, at, model = local.fitter, local.at, local.fitter.model
     about = model.effects[name].about
-    trials = [model.predict(model.adding(base.hypothesis, name, start)) for start in starts]
-    if any(trial.bits != base.prediction.bits for trial in trials):
-        gains = [
-            float(((fitter.log_likelihood(trial) - local.log_likelihood) * fitter.fitted).sum()) for trial in trials
-        ]
+    trials = [model.predict(with_effect_at(model, at.hypothesis, name, start)) for start in starts]
+    if any(trial.bits != at.prediction.bits for trial in trials):
+        before = at.likelihood.log_likelihood
+        gains = [float(((fitter.log_likelihood(trial) - before) * fitter.fitted).sum()) for trial in trials]
         return [Candidate(name, gain, start) for gain, start in zip(gains, starts, strict=True)]
-    deviation, count = base.prediction.deviation, float(fitter.fitted.sum())
+    deviation, count = at.prediction.deviation, float(fitter.fitted.sum())
+    chi2 = _chi2(fitter, at.prediction.mean, deviation)
     large = [0.5 * count * float(torch.log(chi2 / _chi2(fitter, trial.mean, deviation))) for trial in trials]
     candidates = [Candidate(name, gain, start) for gain, start in zip(large, starts, strict=True)]
     if not model.effects[name].is_discrete():
-        changes = torch.stack([trial.mean - base.prediction.mean for trial in trials])
+        changes = torch.stack([trial.mean - at.prediction.mean for trial in trials])
         small, factors = local.gain_of_single_changes(changes)
         for i, (gain, factor) in enumerate(zip(small.tolist(), factors.tolist(), strict=True)):
             if gain > candidates[i].gain:
@@ -145,23 +141,22 @@ def _screen_starts(
     return candidates
 
 
-def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str, Fit]]:
+def rivals(fit: Fit, without: Fit, name: str) -> list[tuple[str, Fit]]:
     """Fit other effects in the place of one, those that may explain nearly as much.
 
     Which these are follows from the information that the captures hold about the effect and the other together, with
     everything in the model free to respond: the part of the effect's evidence that the other cannot explain.
 
     Args:
-        fitter: fits hypotheses to the captures.
         fit: with the effect.
         without: the best fit without it.
         name: of the effect.
     """
-    model, settings = fitter.model, fitter.settings
+    fitter, model, settings = fit.fitter, fit.fitter.model, fit.fitter.settings
     if model.effects[name].noise or model.effects[name].is_discrete():
         return []
-    coarse, seen = fitter.seen_coarsely(without)
-    local = LocalGain(coarse, seen)
+    seen = without.seen_coarsely()
+    coarse, local = seen.fitter, LocalGain(seen)
     change = coarse.predicted(fit).mean - seen.prediction.mean
     evidence = fit.log_likelihood - without.log_likelihood
     allowed = max(settings.rival_fraction, settings.rival_nats / max(evidence, 1.0))
@@ -169,8 +164,8 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
     for other, effect in model.vocabulary.items():
         if other in fit.hypothesis.effects or effect.noise or effect.map_kind:
             continue
-        starts = model.starts(other, without.hypothesis)[: settings.rival_starts]
-        trials = [coarse.model.predict(model.adding(without.hypothesis, other, start)) for start in starts]
+        starts = starting_settings(model, other, without.hypothesis)[: settings.rival_starts]
+        trials = [coarse.model.predict(with_effect_at(model, without.hypothesis, other, start)) for start in starts]
         if not trials or any(trial.bits != seen.prediction.bits for trial in trials):
             continue
         changes = torch.stack([change, *(trial.mean - seen.prediction.mean for trial in trials)])
@@ -185,9 +180,9 @@ def rivals(fitter: Fitter, fit: Fit, without: Fit, name: str) -> list[tuple[str,
     to_reach = fit.fitted_log_likelihood - settings.abandon_nats
     same = [rival for rival in close if model.effects[rival[1]].plainer == name]  # takes no other rival's place
     chosen = same + [rival for rival in close if rival not in same][: settings.rivals_fitted]
-    added = {other: model.adding(without.hypothesis, other, start) for _, other, start in chosen}
+    added = {other: with_effect_at(model, without.hypothesis, other, start) for _, other, start in chosen}
     fits = [(other, fitter.fit(begin, 20, to_reach=to_reach, from_afar=True)) for other, begin in added.items()]
-    return [(other, rival) for other, rival in fits if not rival.given_up]
+    return [(other, rival) for other, rival in fits if not rival.abandoned]
 
 
 def _unexplained(information: torch.Tensor) -> float:

@@ -1,4 +1,4 @@
-"""Doubtful names: effects that may only stand in for something that has no name.
+"""Spurious effects: names that may only stand in for something that has no name.
 
 Where the vocabulary lacks the true deviation, the search names the effects that come closest to it, and a free-form
 deviation takes what they leave. An effect that is really there betrays itself by four properties, which a stand-in
@@ -17,28 +17,27 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 import torch
 from scipy.stats import chi2
 
-from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.fit.information_criterion import prune
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.model.camera_model import Hypothesis
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed, quantified
 from sci_lightning.encoder.effects.parameter import part_of
 
-LEVELS = 12
-"""Levels of light, of equally many pixels each, that are asked by themselves."""
-LEAST_DISTANCE = 2.0
+LIGHT_LEVELS = 12
+"""Levels of light, of equally many pixels each, to which the effect is fitted one by one."""
+MIN_DISTANCE_NATS = 2.0
 """Nats by which the parameters of an effect must be likelier than those of doing nothing, while the other effects stay
 unchanged: two standard deviations of an effect that the others cannot imitate."""
-NEARLY_NOTHING = 1e-3
+NEARLY_NEUTRAL_SHARE = 1e-3
 """Part of the distance from their neutral values that the parameters of an effect keep which does nearly nothing."""
-IMITATED = 1e-6
+MIN_OWN_INFORMATION_SHARE = 1e-6
 """Part of its information that an effect must keep beside the others' parameters, or rounding is all that is left."""
-PLACES = 4
-"""Rows and columns of blocks that the field is divided into; each block is asked by itself."""
+PARTS_PER_SIDE = 4
+"""Rows and columns of blocks that the field is divided into; the effect is fitted to each block by itself."""
 
 
-def without_doubtful_names(
-    fitter: Fitter,
+def without_spurious_effects(
     fit: Fit,
     noise: Hypothesis,
     unnamed: Sequence[Unnamed],
@@ -47,7 +46,6 @@ def without_doubtful_names(
     """Return the model without the names that are doubtful, and what has no name, quantified beside the others.
 
     Args:
-        fitter: fits hypotheses to the captures.
         fit: the model that the search selected.
         noise: effects that stay in any case.
         unnamed: the deviations of the model that have no name.
@@ -55,98 +53,97 @@ def without_doubtful_names(
     """
     stay = {*noise.effects, *(deviation.name for deviation in unnamed)}
     rest, withdrawn = list(unnamed), False
-    while doubts := doubtful(fitter, fit, stay, rest):
+    while doubts := doubts_about(fit, stay, rest):
         name, (_, why) = max(doubts.items(), key=lambda item: item[1][0])
         on_progress(f"{name} is set aside: {why}")
-        fit, withdrawn = fitter.fit(fit.hypothesis.without(name), iterations=20), True
-        rest = [quantified(fitter, fit, one) for one in rest]
+        fit, withdrawn = fit.without(name, iterations=20), True
+        rest = [quantified(fit, one) for one in rest]
     if not withdrawn:
         return fit, rest
-    fit = prune(fitter, fit, noise)
-    return fit, [quantified(fitter, fit, one) for one in rest if one.name in fit.hypothesis.effects]
+    fit = prune(fit, noise.effects)
+    return fit, [quantified(fit, one) for one in rest if one.name in fit.hypothesis.effects]
 
 
-def names_are_certain(fitter: Fitter, fit: Fit, noise: Hypothesis, unnamed: Sequence[Unnamed]) -> bool:
+def names_are_certain(fit: Fit, noise: Hypothesis, unnamed: Sequence[Unnamed]) -> bool:
     """Return whether a model has names, and none of them is doubtful; the arguments are as above."""
     stay = {*noise.effects, *(deviation.name for deviation in unnamed)}
-    return not set(fit.hypothesis.effects) <= stay and not doubtful(fitter, fit, stay, unnamed)
+    return not set(fit.hypothesis.effects) <= stay and not doubts_about(fit, stay, unnamed)
 
 
-def doubtful(
-    fitter: Fitter, fit: Fit, stay: Collection[str], unnamed: Sequence[Unnamed]
-) -> dict[str, tuple[float, str]]:
-    """Return the doubtful names with how doubtful they are, 1 at the threshold, and why.
+def doubts_about(fit: Fit, stay: Collection[str], unnamed: Sequence[Unnamed]) -> dict[str, tuple[float, str]]:
+    """Return the names that may be spurious with how doubtful they are, 1 at the threshold, and why.
 
     Args:
-        fitter: fits hypotheses to the captures.
         fit: the model.
-        stay: effects that are not asked about: noise, and deviations without a name.
+        stay: effects that are not tested: noise, and deviations without a name.
         unnamed: those deviations.
     """
-    settings, doubts = fitter.settings, dict[str, tuple[float, str]]()
+    settings, doubts = fit.fitter.settings, dict[str, tuple[float, str]]()
     names = [name for name in fit.hypothesis.effects if name not in stay]
     if not names:
         return {}
-    alone = _without(fitter, fit, unnamed) if unnamed else None
+    named_only = _without(fit, unnamed) if unnamed else None
     strongest = max((deviation.nats for deviation in unnamed), default=0.0)
     for name in names:
-        beside = Contribution(fitter, fit, name)
-        distance = distance_from_nothing(fitter, fit, name)
+        contribution = Contribution(fit, name)
+        distance = distance_from_nothing(fit, name)
         signs = {
-            "parts of the captures say different things about it": beside.disagreement() / settings.name_agreement,
-            "its parameters are those of doing nothing": LEAST_DISTANCE / max(distance, 1e-9),
+            "parts of the captures say different things about it": contribution.disagreement()
+            / settings.name_agreement,
+            "its parameters are those of doing nothing": MIN_DISTANCE_NATS / max(distance, 1e-9),
         }
-        if alone is not None:
-            difference = beside.difference(alone.hypothesis) / settings.name_agreement
+        if named_only is not None:
+            difference = contribution.difference(named_only.hypothesis) / settings.name_agreement
             signs["it says something else without what has no name"] = difference
             least = settings.name_share * strongest
-            signs["it explains little beside what has no name"] = least / max(beside.nats(), 1e-9)
+            signs["it explains little beside what has no name"] = least / max(contribution.nats(), 1e-9)
         why, doubt = max(signs.items(), key=lambda sign: sign[1])
         if doubt > 1:
             doubts[name] = doubt, why
     return doubts
 
 
-def distance_from_nothing(fitter: Fitter, fit: Fit, name: str) -> float:
+def distance_from_nothing(fit: Fit, name: str) -> float:
     """Return the nats by which the numbers of an effect are likelier than nearly neutral ones, all else unchanged.
 
     The effect itself stays, so that the form of its noise does not count. Infinite for maps and for effects without
     neutral numbers.
     """
+    fitter = fit.fitter
     about, setting = fitter.model.effects[name].about, fit.hypothesis.effects[name]
     if name in fit.maps or not any(isinstance(one.neutral, (int, float)) for one in about.values() if not one.choices):
         return math.inf
-    nothing = part_of(setting, about, NEARLY_NOTHING)
+    nothing = part_of(setting, about, NEARLY_NEUTRAL_SHARE)
     prediction = fitter.model.predict(fit.hypothesis.with_effect(name, nothing))
     loss = (fitter.log_likelihood(fit.prediction) - fitter.log_likelihood(prediction)) * fitter.fitted
     return float(loss.sum(dtype=torch.float64))
 
 
-def _without(fitter: Fitter, fit: Fit, unnamed: Sequence[Unnamed]) -> Fit:
+def _without(fit: Fit, unnamed: Sequence[Unnamed]) -> Fit:
     """Fit the model without what has no name; the noise keeps its values, so that it does not absorb the misfit."""
     named = fit.hypothesis
     for deviation in unnamed:
         named = named.without(deviation.name)
-    effects = fitter.model.effects
+    effects = fit.fitter.model.effects
     fixed = tuple(
         (name, parameter) for name, setting in named.effects.items() if effects[name].noise for parameter in setting
     )
-    return fitter.fit(named, fixed=fixed)
+    return fit.fitter.fit(named, fixed=fixed)
 
 
 class Contribution:
     """What one effect changes of the captures in a model of several.
 
     Args:
-        fitter: holds captures, split and model.
         fit: the model.
         name: of the effect.
     """
 
-    def __init__(self, fitter: Fitter, fit: Fit, name: str) -> None:
-        self._fitter, self._fit, self._name = fitter, fit, name
+    def __init__(self, fit: Fit, name: str) -> None:
+        fitter = fit.fitter
+        self._fit, self._name = fit, name
         self._is_map = fitter.model.effects[name].map_kind is not None
-        likelihood = fitter.pixel_likelihood(fit.prediction)
+        likelihood = fit.evaluated.likelihood
         self._information = (likelihood.mean_information * fitter.fitted).double()
         self._gradient = (likelihood.mean_gradient * fitter.fitted).double()
         self._neutral = fitter.model.predict(fit.hypothesis.without(name)).mean.double()
@@ -154,13 +151,13 @@ class Contribution:
 
     def nats(self) -> float:
         """Return the log-likelihood that is lost without the effect, after everything else has been fitted again."""
-        without = self._fitter.fit(self._fit.hypothesis.without(self._name), from_afar=True)
+        without = self._fit.fitter.fit(self._fit.hypothesis.without(self._name), from_afar=True)
         return self._fit.log_likelihood - without.log_likelihood
 
     def difference(self, other: Hypothesis) -> float:
         """Return by which part the effect would change something else with its parameters in another hypothesis."""
         hypothesis = self._fit.hypothesis.with_effect(self._name, other.effects[self._name], other.maps.get(self._name))
-        change = self._fitter.model.predict(hypothesis).mean.double() - self._neutral
+        change = self._fit.fitter.model.predict(hypothesis).mean.double() - self._neutral
         return float((self._squared(change - self._change) / self._squared(self._change).clamp(min=1e-30)).sqrt())
 
     def disagreement(self) -> float:
@@ -175,7 +172,7 @@ class Contribution:
         change = self._change - self._explained_by_others()
         information, gradient = change.square() * self._information, change * self._gradient
         total, largest = information.sum(), 0.0
-        if self._is_map or float(total) < IMITATED * float(self._squared(self._change)):
+        if self._is_map or float(total) < MIN_OWN_INFORMATION_SHARE * float(self._squared(self._change)):
             return 0.0
         common = gradient.sum() / total
         for place, count in self._divisions():
@@ -186,7 +183,7 @@ class Contribution:
             known = weight > 1e-9 * total
             apart = slope[known] / weight[known] - common
             statistic, freedom = float((weight[known] * apart.square()).sum()), int(known.sum()) - 1
-            if chi2.sf(statistic, freedom) < self._fitter.settings.max_residual_p_value:
+            if chi2.sf(statistic, freedom) < self._fit.fitter.settings.max_residual_p_value:
                 largest = max(largest, (statistic - freedom) / float(total))
         return largest**0.5
 
@@ -198,7 +195,7 @@ class Contribution:
         others = tuple(parameter for parameter in self._fit.free if parameter[0] != self._name)
         if not others:
             return torch.zeros_like(self._change)
-        jacobian = FreeParameters(self._fitter.model, others).jacobian(self._fit.hypothesis, self._fit.prediction)
+        jacobian = FreeParameters(self._fit.fitter.model, others).jacobian(self._fit.hypothesis, self._fit.prediction)
         flat = jacobian.double().flatten(1)
         weighted = flat * self._information.flatten()
         inverse = torch.linalg.pinv(weighted @ flat.T, hermitian=True, rtol=1e-10)
@@ -211,7 +208,7 @@ class Contribution:
         yield torch.arange(captures)[:, None, None].expand(mean.shape), captures
         order = mean.flatten().argsort()
         level = torch.empty_like(order)
-        level[order] = torch.arange(order.numel()) * LEVELS // order.numel()
-        yield level.view(mean.shape), LEVELS
-        rows, columns = (torch.arange(side) * PLACES // side for side in (height, width))
-        yield (rows[:, None] * PLACES + columns).expand(mean.shape), PLACES**2
+        level[order] = torch.arange(order.numel()) * LIGHT_LEVELS // order.numel()
+        yield level.view(mean.shape), LIGHT_LEVELS
+        rows, columns = (torch.arange(side) * PARTS_PER_SIDE // side for side in (height, width))
+        yield (rows[:, None] * PARTS_PER_SIDE + columns).expand(mean.shape), PARTS_PER_SIDE**2

@@ -1,4 +1,4 @@
-"""The base class of the laboratory's effects, and how a target is resampled.
+"""The base class of the effects of the target, and how a target is resampled.
 
 A target is a continuous picture of which the file states the means over pixels. It is resampled by cubic B-splines,
 which keep its sharpness; beyond the field its edge is repeated.
@@ -29,6 +29,20 @@ class SceneEffect(Effect):
         return scene
 
 
+def changed_scenes(effect: SceneEffect, scenes: list[torch.Tensor]) -> list[torch.Tensor]:
+    """Return scenes changed by an effect, all frames of a shape at once.
+
+    Splines swing below 0 beside steep edges; no target does.
+    """
+    changed: list[torch.Tensor] = [torch.zeros(())] * len(scenes)
+    for shape in {scene.shape[1:] for scene in scenes}:
+        members = [n for n, scene in enumerate(scenes) if scene.shape[1:] == shape]
+        frames = effect.change(torch.cat([scenes[n] for n in members])).clamp(min=0)
+        for n, part in zip(members, frames.split([len(scenes[n]) for n in members]), strict=True):
+            changed[n] = part
+    return changed
+
+
 def resampled(scene: torch.Tensor, row: torch.Tensor, column: torch.Tensor) -> torch.Tensor:
     """Return the scene ``(T, H, W)`` at other places.
 
@@ -37,7 +51,7 @@ def resampled(scene: torch.Tensor, row: torch.Tensor, column: torch.Tensor) -> t
         row, column: ``(H, 1)`` and ``(1, W)``, or ``(H, W)`` both: the places, in pixels from the first pixel's centre.
     """
     height, width = scene.shape[-2:]
-    to_rows, to_columns = _coefficients(height, scene), _coefficients(width, scene)
+    to_rows, to_columns = (_coefficients(length).to(scene) for length in (height, width))
     if row.shape[-1] == 1 and column.shape[0] == 1:
         return _weights(row[:, 0], height) @ to_rows @ scene @ (_weights(column[0], width) @ to_columns).T
     spline = (to_rows @ scene @ to_columns.T).flatten(-2)
@@ -93,11 +107,7 @@ def _weights(place: torch.Tensor, length: int) -> torch.Tensor:
     return weights
 
 
-def _coefficients(length: int, like: torch.Tensor) -> torch.Tensor:
-    """Return the matrix from values at the pixels to the spline's coefficients."""
-    return _inverse(length).to(like)
-
-
 @lru_cache(maxsize=8)
-def _inverse(length: int) -> torch.Tensor:
+def _coefficients(length: int) -> torch.Tensor:
+    """Return the matrix from values at the pixels to the spline's coefficients, float64."""
     return without_negligible(torch.linalg.inv(_weights(torch.arange(length, dtype=torch.float64), length)))

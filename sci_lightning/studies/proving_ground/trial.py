@@ -84,7 +84,7 @@ def compare_with_true_names(diagnosis: Diagnosis, hidden: list[dict[str, Any]]) 
         hypothesis = hypothesis.with_effect(name, parameters)
     fitter = Fitter(diagnosis.model, diagnosis.split, diagnosis.settings)
     true = fitter.fit(hypothesis, iterations=30)
-    chi2 = held_out_gap(fitter, true, diagnosis.seed).chi2
+    chi2 = held_out_gap(true, diagnosis.seed).chi2
     return {"nats": true.log_likelihood - diagnosis.after.fit.log_likelihood, "chi2": chi2}
 
 

@@ -11,7 +11,7 @@ import torch
 
 from sci_lightning.captures import Captures
 from sci_lightning.console import PlainConsole
-from sci_lightning.diagnosis.bad_captures.judgement import most_bad, outlying, suspicious
+from sci_lightning.diagnosis.bad_captures.suspects import most_bad, outlying, suspicious
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
 from sci_lightning.diagnosis.report.report import describe
 from sci_lightning.diagnosis.report.report_page import Provenance, report_page

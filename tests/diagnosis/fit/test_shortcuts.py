@@ -26,20 +26,20 @@ FEW = ("mask_shift", "mask_rotation", "gain", "prnu", "column_noise", "shot_nois
 @pytest.fixture(scope="module")
 def fitter() -> Fitter:
     observation = observe(VirtualCamera(Session(size=(32, 32)), HIDDEN).capture(3))
-    return Fitter(CameraModel(observation, vocabulary()), split(observation)).leaving_out(Border.around(3.0))
+    return Fitter(CameraModel(observation, vocabulary()), split(observation)).with_border(Border.around(3.0))
 
 
-def test_a_fit_that_cannot_win_is_given_up(fitter: Fitter) -> None:
+def test_a_fit_that_cannot_win_is_abandoned(fitter: Fitter) -> None:
     start = NOISE.with_effect("mask_shift", {"dx": 0.4, "dy": -0.4})
     right = fitter.fit(start)
     wrong = NOISE.with_effect("mask_rotation", {"angle": 0.4})
     alone, hopeless = fitter.fit(wrong), fitter.fit(wrong, to_reach=right.fitted_log_likelihood - 60)
-    assert hopeless.given_up and not alone.given_up
+    assert hopeless.abandoned and not alone.abandoned
     assert hopeless.fitted_log_likelihood <= alone.fitted_log_likelihood < right.fitted_log_likelihood - 60
     asked = fitter.fit(start, to_reach=right.fitted_log_likelihood - 1)
-    assert not asked.given_up and asked.fitted_log_likelihood == right.fitted_log_likelihood
+    assert not asked.abandoned and asked.fitted_log_likelihood == right.fitted_log_likelihood
     beyond = fitter.fit(NOISE.with_effect("mask_shift", {"dx": 5.0, "dy": 0.0}), 1, to_reach=0.0)
-    assert not beyond.given_up  # it is judged by pixels that it cannot know
+    assert not beyond.abandoned  # it is judged by pixels that it cannot know
 
 
 def test_a_part_of_the_pixels_is_predicted_as_in_the_whole(fitter: Fitter) -> None:

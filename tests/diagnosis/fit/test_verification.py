@@ -10,7 +10,7 @@ import pytest
 
 from sci_lightning.captures import Captures, read_captures, write_captures
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
-from sci_lightning.diagnosis.fit.verification import set_aside
+from sci_lightning.diagnosis.fit.split import set_aside
 from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.report.report import describe
 from sci_lightning.diagnosis.report.sentences import headline

@@ -8,6 +8,7 @@ import torch
 from sci_lightning.captures import read_captures
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
 from sci_lightning.diagnosis.model.observation import observe
+from sci_lightning.diagnosis.model.starting_points import starting_settings, with_effect_at
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder.effects import MapEffect, OpticsEffect, Parameter
 from sci_lightning.encoder.effects.sensor.saturation import Saturation
@@ -66,12 +67,12 @@ def test_a_further_candidate_makes_a_new_model(model: CameraModel) -> None:
 
 def test_an_effect_of_ones_own_may_limit_the_signal_as_saturation_does(model: CameraModel) -> None:
     own = model.with_candidates({"full_wells": FullWells})
-    starts = {name: own.starts(name, Hypothesis({})) for name in ("saturation", "full_wells")}
+    starts = {name: starting_settings(own, name, Hypothesis({})) for name in ("saturation", "full_wells")}
     assert [start["height"] for start in starts["full_wells"]] == [start["level"] for start in starts["saturation"]]
     wells, built_in = (
         Hypothesis({name: {key: 0.5}}) for name, key in (("full_wells", "height"), ("saturation", "level"))
     )
     assert own.predict(wells).clipped is not None
     assert torch.equal(own.predict(wells).mean, own.predict(built_in).mean)
-    adapted = own.adding(wells, "black_level", {"offset": 0.1}).effects["full_wells"]["height"]
+    adapted = with_effect_at(own, wells, "black_level", {"offset": 0.1}).effects["full_wells"]["height"]
     assert float(adapted) == pytest.approx(0.4, abs=1e-3)  # recorded at 0.5 as before

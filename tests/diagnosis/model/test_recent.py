@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 
-from sci_lightning.diagnosis.model.prediction import Recent
+from sci_lightning.diagnosis.model.recent import Recent
 
 
 def test_the_last_results_are_remembered() -> None:

@@ -17,7 +17,6 @@ from omegaconf import OmegaConf
 
 from sci_lightning.captures import read_captures
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose, remaining_tests
-from sci_lightning.diagnosis.fit.fit import Fitter
 from sci_lightning.diagnosis.fit.gap import Gap, Misfit
 from sci_lightning.diagnosis.report.pictures import (
     evidence_figure,
@@ -33,7 +32,7 @@ from sci_lightning.diagnosis.report.report_page import WIDE, Provenance, report_
 from sci_lightning.diagnosis.report.svg import svg
 from sci_lightning.diagnosis.residual_tests.drawing import OWN, nearly_largest
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
-from sci_lightning.diagnosis.search.search import Round
+from sci_lightning.diagnosis.search.selection import Round
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.files.formats import check
@@ -303,8 +302,7 @@ def test_a_verdict_waits_for_the_residuals_to_be_noise(result: Diagnosis) -> Non
     assert result.verdict == "explained"
     assert not result.remaining
     unlike = replace(result.after, fit=result.before.fit, residuals=result.before.residuals, tests=result.before.tests)
-    fitter = Fitter(result.model, result.split)
-    left = remaining_tests(fitter, result.before, unlike, [])  # the gap is that of a good model, the residuals are not
+    left = remaining_tests(result.before, unlike, [])  # the gap is that of a good model, the residuals are not
     assert left
     less = replace(result, remaining=left)
     assert less.verdict != "explained"

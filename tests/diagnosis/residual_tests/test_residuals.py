@@ -16,14 +16,12 @@ from tests.diagnosis.fit.test_fit import NOISE, fitter
 def residuals(tmp_path_factory: pytest.TempPathFactory) -> Residuals:
     subject = fitter(tmp_path_factory.mktemp("ahead"), {"prnu": {"std": 0.03}})
     noise, fixed = datasheet_noise(subject.model.observation)
-    return Residuals.of(
-        subject, subject.fit(noise.with_effect("prnu", {"std": 0.01}, torch.zeros(64, 64)), fixed=fixed), seed=0
-    )
+    return Residuals.of(subject.fit(noise.with_effect("prnu", {"std": 0.01}, torch.zeros(64, 64)), fixed=fixed), seed=0)
 
 
 @pytest.mark.parametrize("fitted", [True, False])
 def test_variance(residuals: Residuals, fitted: bool) -> None:
-    which = residuals.raw[residuals.fitter.split.fitted == fitted]
+    which = residuals.raw[residuals.fit.fitter.split.fitted == fitted]
     assert float(which.square().mean()) == pytest.approx(1, abs=5 * (2 / which.numel()) ** 0.5)
 
 
@@ -35,6 +33,6 @@ def test_captures_do_not_resemble_each_other(residuals: Residuals) -> None:
 def test_without_a_map_it_is_the_prediction(tmp_path: Path) -> None:
     subject = fitter(tmp_path, {})
     fit = subject.fit(NOISE)
-    result = Residuals.of(subject, fit, seed=0).prediction
+    result = Residuals.of(fit, seed=0).prediction
     assert torch.equal(result.mean, fit.prediction.mean)
     torch.testing.assert_close(result.deviation, fit.prediction.deviation)

@@ -28,7 +28,7 @@ def captures(hidden: dict[str, Any], size: int = 48) -> Captures:
 def proposed(hidden: dict[str, Any]) -> dict[str, list[Setting]]:
     observation = observe(captures(hidden))
     fitter = Fitter(CameraModel(observation, vocabulary()), split(observation))
-    return far_displacements(fitter, fitter.fit(datasheet_noise(observation)[0]))
+    return far_displacements(fitter.fit(datasheet_noise(observation)[0]))
 
 
 @pytest.mark.parametrize("beside", [{}, {"gain": {"factor": 0.8}, "mask_contrast": {"leak": 0.1}}])
@@ -42,7 +42,7 @@ def test_none_is_proposed_beyond_what_the_effect_takes() -> None:
     observation = observe(captures({}, size=96))
     moved = replace(observation, patterns=observation.patterns.roll(-32, -1))
     fitter = Fitter(CameraModel(moved, vocabulary()), split(moved))
-    (starts,) = far_displacements(fitter, fitter.fit(datasheet_noise(moved)[0])).values()
+    (starts,) = far_displacements(fitter.fit(datasheet_noise(moved)[0])).values()
     assert starts and all(31 < float(one["dx"]) <= vocabulary()["mask_shift"].about["dx"].high for one in starts)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from sci_lightning.diagnosis.search.search import select_effects
+from sci_lightning.diagnosis.search.selection import select_effects
 from tests.diagnosis.fit.test_fit import NOISE, fitter
 
 
@@ -20,5 +20,5 @@ from tests.diagnosis.fit.test_fit import NOISE, fitter
     ],
 )
 def test_names(tmp_path: Path, hidden: dict[str, dict[str, float]]) -> None:
-    _, result, _ = select_effects(fitter(tmp_path, hidden), NOISE)
+    result, _ = select_effects(fitter(tmp_path, hidden), NOISE)
     assert set(result.hypothesis.effects) - set(NOISE.effects) == set(hidden)

@@ -8,13 +8,12 @@ import pytest
 import torch
 
 from sci_lightning.diagnosis.diagnosis import diagnose
-from sci_lightning.diagnosis.search.border_choice import misfit_outside, with_all_predictable
-from sci_lightning.diagnosis.search.search import complete
+from sci_lightning.diagnosis.search.search import complete, misfit_outside, with_all_predictable
 from sci_lightning.diagnosis.search.spurious_effects import (
     Contribution,
     distance_from_nothing,
-    doubtful,
-    without_doubtful_names,
+    doubts_about,
+    without_spurious_effects,
 )
 from sci_lightning.encoder.border import Border
 from sci_lightning.virtual_camera import Session, VirtualCamera
@@ -36,10 +35,10 @@ def test_levels_of_light_and_captures_agree_about_a_right_name(
 ) -> None:
     subject = fitter(tmp_path, hidden)
     fit = subject.fit(NOISE.with_effect(name, dict(start)))
-    disagreement = Contribution(subject, fit, name).disagreement()
+    disagreement = Contribution(fit, name).disagreement()
     assert disagreement < 0.1 if stays else disagreement > 0.3
     messages: list[str] = []
-    remaining, unnamed = without_doubtful_names(subject, fit, NOISE, [], messages.append)
+    remaining, unnamed = without_spurious_effects(fit, NOISE, [], messages.append)
     assert (name in remaining.hypothesis.effects) == stays and unnamed == []
     assert messages == ([] if stays else [f"{name} is set aside: parts of the captures say different things about it"])
 
@@ -49,7 +48,7 @@ def test_a_weak_map_is_not_doubted(tmp_path: Path, std: float) -> None:
     """Its values are drawn towards 0 by their prior: every capture asks for a stronger map."""
     subject = fitter(tmp_path, {"prnu": {"std": std}})
     fit = subject.fit(NOISE.with_effect("prnu", {"std": std}, torch.zeros(64, 64)), iterations=20)
-    assert doubtful(subject, fit, set(NOISE.effects), []) == {}
+    assert doubts_about(fit, set(NOISE.effects), []) == {}
 
 
 @pytest.mark.parametrize(("hidden", "level", "stays"), [(0.7, 0.72, True), (1.0, 0.9999, False)])
@@ -57,16 +56,16 @@ def test_a_name_does_something(tmp_path: Path, hidden: float, level: float, stay
     """A saturation at full scale changes nothing, whatever its likelihood is."""
     subject = fitter(tmp_path, {"saturation": {"level": hidden}} if hidden < 1 else {})
     fit = subject.fit(NOISE.with_effect("saturation", {"level": level}))
-    distance = distance_from_nothing(subject, fit, "saturation")
+    distance = distance_from_nothing(fit, "saturation")
     assert distance > 100 if stays else distance < 2
-    assert ("saturation" not in doubtful(subject, fit, set(NOISE.effects), [])) == stays
+    assert ("saturation" not in doubts_about(fit, set(NOISE.effects), [])) == stays
 
 
 def test_an_effect_that_another_one_imitates_is_not_doubted(tmp_path: Path) -> None:
     """Beside a gain, a duty cycle has nothing of its own by which parts of the captures could disagree."""
     subject = fitter(tmp_path, {"gain": {"factor": 0.9}})
     fit = subject.fit(NOISE.with_effect("gain", {"factor": 0.95}).with_effect("duty_cycle", {"fraction": 0.95}))
-    assert Contribution(subject, fit, "duty_cycle").disagreement() == 0
+    assert Contribution(fit, "duty_cycle").disagreement() == 0
 
 
 def test_what_shows_only_outside_is_localised_and_quantified_once(tmp_path: Path) -> None:
@@ -74,13 +73,13 @@ def test_what_shows_only_outside_is_localised_and_quantified_once(tmp_path: Path
     whole = fitter(tmp_path, {"dead_column": {"loss": 0.7, "column": 61}})
     narrow = whole.with_border(Border(4, 4, 4, 4))
     fit, ideal = narrow.fit(NOISE), narrow.fit(NOISE)
-    wide, again = with_all_predictable(whole, narrow, fit)
-    assert wide is whole and misfit_outside(wide, again, narrow) > 2
-    wide, completed, unnamed = complete(whole, narrow, fit, ideal, NOISE, [], lambda message: None)
-    assert wide is whole and [one.stage for one in unnamed] == ["sensor"]
+    wide = with_all_predictable(whole, fit)
+    assert wide.fitter is whole and misfit_outside(wide, narrow) > 2
+    completed, unnamed = complete(whole, fit, ideal, NOISE, [], lambda message: None)
+    assert completed.fitter.split.border == whole.split.border and [one.stage for one in unnamed] == ["sensor"]
     assert not unnamed[0].picture.isnan().any() and unnamed[0].nats > 1000
-    same, unchanged, still = complete(whole, wide, completed, ideal, NOISE, unnamed, lambda message: None)
-    assert same is wide and unchanged is completed and still == unnamed
+    unchanged, still = complete(whole, completed, ideal, NOISE, unnamed, lambda message: None)
+    assert unchanged is completed and still == unnamed
 
 
 @pytest.mark.slow

@@ -14,13 +14,12 @@ from scipy.ndimage import gaussian_filter, rotate, shift
 from sci_lightning.diagnosis.diagnosis import diagnose
 from sci_lightning.diagnosis.report.report import describe, write_encoder
 from sci_lightning.diagnosis.report.sentences import headline
-from sci_lightning.diagnosis.target_effects import SceneEffect, target_effects
+from sci_lightning.diagnosis.target_effects import TARGET_EFFECTS, SceneEffect, changed_scenes
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput
 from tests.diagnosis.another_camera import Hidden, captures
 from tests.files.formats import check
 
-EFFECTS = target_effects()
 SCENE = torch.from_numpy(gaussian_filter(np.random.default_rng(0).random((2, 40, 48)), (0, 2, 2))).float()
 SETTINGS: dict[str, dict[str, float]] = {
     "scene_shift": {"dx": 0.6, "dy": -1.3},
@@ -32,13 +31,13 @@ SETTINGS: dict[str, dict[str, float]] = {
 
 
 def changed(name: str) -> np.ndarray:
-    return EFFECTS[name](**SETTINGS[name]).change(SCENE).numpy()
+    return TARGET_EFFECTS[name](**SETTINGS[name]).change(SCENE).numpy()
 
 
-@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("name", TARGET_EFFECTS)
 def test_contract(name: str) -> None:
     """Neutral it is the identity; an even scene stays even; what rests rests; a report says what it does."""
-    effect = EFFECTS[name]
+    effect = TARGET_EFFECTS[name]
     assert issubclass(effect, SceneEffect) and effect.stage == "scene" and effect.name == name and effect.rank < 10
     neutral = effect(**{key: about.neutral for key, about in effect.about.items()})
     torch.testing.assert_close(neutral.change(SCENE), SCENE, atol=1e-5, rtol=0)
@@ -50,7 +49,17 @@ def test_contract(name: str) -> None:
     assert {field for _, field, _, _ in Formatter().parse(effect.sentence) if field} == set(effect.about)
     for setting in effect.starts(8, (40, 48), 8):
         assert effect(**setting).values == pytest.approx(setting)
-    assert set(EFFECTS) == set(SETTINGS)
+    assert set(TARGET_EFFECTS) == set(SETTINGS)
+
+
+def test_no_target_shows_negative_light() -> None:
+    """A spline swings below 0 beside an edge."""
+    edge = torch.zeros(1, 8, 16)
+    edge[..., 8:] = 1.0
+    shift = TARGET_EFFECTS["scene_shift"](dx=0.5, dy=0.0)
+    assert shift.change(edge).min() < -0.01
+    (shown,) = changed_scenes(shift, [edge])
+    assert shown.min() == 0 and shown.max() > 0.9
 
 
 def test_against_scipy() -> None:
@@ -72,7 +81,7 @@ def test_directions() -> None:
     y, x = (torch.arange(length) - (length - 1) / 2 for length in (41, 41))
     spot = torch.exp(-((y[:, None]) ** 2 + (x[None] - 10) ** 2) / 8)[None]
     for name, place in (("scene_rotation", (1.22, 9.93)), ("scene_scale", (0.0, 11.0)), ("scene_shift", (-1.3, 10.6))):
-        image = EFFECTS[name](**SETTINGS[name]).change(spot)[0]
+        image = TARGET_EFFECTS[name](**SETTINGS[name]).change(spot)[0]
         centre = float((image * y[:, None]).sum() / image.sum()), float((image * x).sum() / image.sum())
         assert centre == pytest.approx(place, abs=0.05), name
 

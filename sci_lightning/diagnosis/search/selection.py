@@ -1,0 +1,148 @@
+"""Forward selection: the effects whose joint fits gain most, one by one, and the noise that is left."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+
+from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, prune
+from sci_lightning.diagnosis.model.camera_model import Hypothesis, datasheet_noise
+from sci_lightning.diagnosis.search.candidate_comparison import compare_candidates
+from sci_lightning.diagnosis.search.displacement import far_displacements
+from sci_lightning.diagnosis.search.screening import rivals
+
+OnProgress = Callable[[str], None]
+"""Called with a one-line message after every step of the search."""
+
+WEAK_START_SHARE = 0.1
+"""Part of a start's distance from doing nothing at which weak effects are looked for: their borders are a pixel or two
+wide."""
+
+
+@dataclass(frozen=True)
+class Round:
+    """One round of the forward selection.
+
+    Attributes:
+        screened: nats that every candidate was expected to gain, by name.
+        fitted: nats that the fitted candidates gained in a joint fit, by name: on all pixels, and on held-out ones.
+        added: the candidate that was added; None when none was worth its parameters.
+        provisional: whether it was added although held-out pixels did not confirm it, see :func:`select_effects`.
+    """
+
+    screened: dict[str, float]
+    fitted: dict[str, tuple[float, float]]
+    added: str | None
+    provisional: bool = False
+
+
+def select_effects(
+    whole: Fitter, start: Hypothesis, on_progress: OnProgress = lambda message: None
+) -> tuple[Fit, list[Round]]:
+    """Select effects forward by the information criterion, confirmed by held-out pixels, and prune them backwards.
+
+    Every round adds the effect whose joint fit gains most and refits everything. The noise is refitted every round too,
+    so that it absorbs what is not explained yet and gives it back later. Where held-out pixels confirm no effect, one
+    that gains much is added provisionally: beside several deviations, a right name alone may predict other captures
+    worse. It stays if another one follows, and the two together pass the test that it failed alone. Strong candidates
+    leave out much at the sides of the field, because nobody knows what lies beyond it; where none of them gains much,
+    weak ones are looked for, which need narrower borders.
+
+    Args:
+        whole: fits hypotheses to the captures.
+        start: effects that stay in the model: the noise, and free-form deviations.
+        on_progress: called with a one-line message for every effect that is added.
+
+    Returns:
+        the model, fitted on the pixels that it can predict, and the rounds.
+    """
+    best = ideal = whole.covering(start).fit(start, iterations=30)
+    rounds, settings = [], whole.settings
+    confirmed: Fit | None = None  # the model before an effect that was added provisionally
+    for _ in range(settings.max_effects):
+        comparison = compare_candidates(best, far_displacements(best))
+        least = settings.formula_error * comparison.best.explained_nats(ideal)
+        added = comparison.winner(least)
+        if comparison.gain_of(added) < settings.provisional_nats and comparison.leaves_out_much(whole):
+            narrow = whole.covering(best.hypothesis)
+            near = compare_candidates(narrow.repeated(best), part=WEAK_START_SHARE)
+            weak = near.winner(least)
+            # one that gains more there is a matter of some pixels at the sides, which are localised in the end
+            if comparison.gain_of(added) < near.gain_of(weak) < settings.provisional_nats:
+                comparison, added = near, weak
+        best, fits = comparison.best, comparison.fits
+        if provisional := added is None and confirmed is None:
+            added = comparison.unconfirmed(max(least, settings.provisional_nats))
+        gains = comparison.gains()
+        screened_gains = {candidate.name: candidate.gain for candidate in comparison.screened}
+        rounds.append(Round(screened_gains, gains, added, provisional and added is not None))
+        if added is None:
+            break
+        on_progress(f"{added}: {gains[added][0]:.0f} nats{', provisionally' if provisional else ''}")
+        needed = comparison.screener.covering(fits[added].hypothesis)
+        larger = needed.repeated(fits[added])
+        if confirmed is not None and bic_gain(needed.repeated(confirmed), larger) <= least:
+            break
+        confirmed = best if provisional else None
+        best = larger
+        if not provisional:
+            best = prune(larger, start.effects, settings.formula_error * larger.explained_nats(ideal))
+    return exchange(confirmed or best, start.effects), rounds
+
+
+def exchange(fit: Fit, keep: Collection[str]) -> Fit:
+    """Replace effects that were selected before the others were known, where another effect now fits better.
+
+    Of two effects that the captures do not tell apart the plainer one stands.
+
+    Args:
+        fit: the selected model.
+        keep: effects that stay.
+    """
+    waiting, tried = [name for name in fit.hypothesis.effects if name not in keep], set[str]()
+    while waiting:
+        name = waiting.pop(0)
+        tried.add(name)
+        if name in fit.hypothesis.effects and len(fit.hypothesis.effects) - len(keep) > 1:
+            effects, now = fit.fitter.model.effects, name
+            for other, rival in rivals(fit, fit.without(name), name):
+                common = fit.fitter.covering(rival.hypothesis)
+                former, instead = common.repeated(fit), common.repeated(rival)
+                needed = common.settings.min_gain_nats
+                if effects[now].plainer == other:
+                    needed = -common.settings.indistinct_nats
+                elif effects[other].plainer == now:
+                    needed = common.settings.indistinct_nats
+                if bic(instead) > bic(former) + needed:
+                    fit, now = instead, other
+                    if needed < 0:  # the next rival would have to be better than what the plainer one replaced
+                        break
+            if now not in tried:  # what took its place may have other rivals
+                waiting.append(now)
+    return fit
+
+
+def select_noise(fit: Fit, ideal: Fit) -> tuple[Fit, list[str]]:
+    """Return the fit with the datasheet's noise where the captures bear it, and the noise effects that differ from it.
+
+    Every combination of stated parameters is fixed at the datasheet's values in turn; a freed one has to be worth its
+    parameter, and what the formulas of strong effects get wrong, which would pass for noise.
+    """
+    fitter = fit.fitter
+    datasheet, stated = datasheet_noise(fitter.model.observation)
+    price = fitter.settings.min_gain_nats + 0.5 * math.log(fitter.pixels)
+    price += fitter.settings.formula_error * fit.explained_nats(ideal)
+    best, differing, best_value = fit, [name for name, _ in stated], -math.inf
+    for combination in range(2 ** len(stated)):
+        fixed = tuple(parameter for i, parameter in enumerate(stated) if not combination >> i & 1)
+        start = fit.hypothesis
+        for name, parameter in fixed:
+            start = start.with_effect(name, {parameter: datasheet.effects[name][parameter]})
+        trial = fitter.fit(start, fixed=fixed, iterations=30)
+        freed = [name for name, parameter in stated if (name, parameter) not in fixed]
+        value = trial.log_likelihood - len(freed) * price
+        if value > best_value:
+            best, differing, best_value = trial, freed, value
+    return best, differing
