@@ -3,45 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from sci_lightning.errors import BadInput
-from sci_lightning.files.diagnosis_report import BlindGap, DiagnosisReport
+from sci_lightning.files.diagnosis_report import BlindGap, DiagnosisReport, Estimate, NamedEffect
 from sci_lightning.files.json_file import read_json
 from sci_lightning.virtual_camera.hardware.effect import Value
 from sci_lightning.virtual_camera.truth import HiddenEffect
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A parameter as a diagnosis reports it.
-
-    Attributes:
-        value: the estimate.
-        std: its standard error; 0 for a word or a whole number.
-        unit: of both.
-    """
-
-    value: Value
-    std: float
-    unit: str
-
-
-@dataclass(frozen=True)
-class ReportedEffect:
-    """An effect that a diagnosis reports.
-
-    Attributes:
-        name: of the effect.
-        parameters: its estimated parameters by name.
-        alternatives: names of effects that the captures cannot distinguish from it.
-    """
-
-    name: str
-    parameters: Mapping[str, Estimate]
-    alternatives: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -54,7 +24,7 @@ class Report:
         chi2_before, chi2_after: reduced chi-square of held-out pixels without and with these effects.
     """
 
-    effects: tuple[ReportedEffect, ...]
+    effects: tuple[NamedEffect, ...]
     unnamed_stages: tuple[str, ...]
     chi2_before: float
     chi2_after: float
@@ -150,12 +120,5 @@ def read_report(path: str | Path) -> Report:
     before, after = report.gap.before, report.gap.after
     if isinstance(before, BlindGap) or isinstance(after, BlindGap):
         raise BadInput(f"{path}: of a blind diagnosis, expected one of calibration captures, with gap.before.chi2")
-    effects = (
-        ReportedEffect(
-            effect.name,
-            {name: Estimate(value.value, float(value.std), value.unit) for name, value in effect.parameters.items()},
-            tuple(effect.alternatives),
-        )
-        for effect in [*report.laboratory, *report.effects]
-    )
-    return Report(tuple(effects), tuple(part.stage for part in report.unnamed), before.chi2, after.chi2)
+    effects = (*report.laboratory, *report.effects)
+    return Report(effects, tuple(part.stage for part in report.unnamed), before.chi2, after.chi2)

@@ -13,9 +13,10 @@ from typing import Any
 import pytest
 
 from sci_lightning.errors import BadInput
+from sci_lightning.files.diagnosis_report import Estimate, Evidence, NamedEffect
 from sci_lightning.files.json_file import read_json
 from sci_lightning.virtual_camera import Session, VirtualCamera
-from sci_lightning.virtual_camera.comparison import Estimate, Report, ReportedEffect, compare, read_report, verdict
+from sci_lightning.virtual_camera.comparison import Report, compare, read_report, verdict
 from sci_lightning.virtual_camera.hardware.effect import Value
 from sci_lightning.virtual_camera.truth import HiddenEffect, Truth
 
@@ -39,7 +40,14 @@ def report(
     unnamed: Sequence[str] = (), alternatives: Sequence[str] = (), **effects: Mapping[str, tuple[Value, float]]
 ) -> Report:
     reported = (
-        ReportedEffect(name, {key: Estimate(*estimate, "1") for key, estimate in values.items()}, tuple(alternatives))
+        NamedEffect(
+            name=name,
+            stage=STAGES.get(name, "sensor"),
+            parameters={key: Estimate(value=value, std=std, unit="1") for key, (value, std) in values.items()},
+            evidence=Evidence(),
+            alternatives=alternatives,
+            tell_apart="",
+        )
         for name, values in effects.items()
     )
     return Report(tuple(reported), tuple(unnamed), 33.0, 1.01)

@@ -15,8 +15,9 @@ from sci_lightning.cli.next_command import invocation, print_next
 from sci_lightning.cli.settings import CommandSettings
 from sci_lightning.configuration.bounds import ExistingPath
 from sci_lightning.console import PlainConsole, styled
+from sci_lightning.files.diagnosis_report import Estimate
 from sci_lightning.files.json_file import read_json
-from sci_lightning.virtual_camera.comparison import Estimate, compare, read_report, verdict
+from sci_lightning.virtual_camera.comparison import compare, read_report, verdict
 from sci_lightning.virtual_camera.hardware.effect import Value
 from sci_lightning.virtual_camera.truth import Truth
 
