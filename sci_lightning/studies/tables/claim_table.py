@@ -37,10 +37,21 @@ VERDICTS = ("reproduced", "contradicted", "undecided")
 
 Cell = tuple[str, str, str]
 """Table, row and column of a figure of the paper."""
-Judged = tuple[list[str], dict[str, dict[str, str]]]
-"""The cells of a line of the table from the row on, and for each scope the verdicts by metric."""
 Terms = tuple[tuple[float, Line], ...]
 """Lines with their weights: 1 of what is ahead, -1 of what is behind, the other way round of what a gain is over."""
+
+
+@dataclass(frozen=True)
+class ClaimVerdicts:
+    """What the runs say of one comparison of a claim.
+
+    Attributes:
+        cells: of the line of the table, from the row on.
+        by_scope: for each scope the verdicts by metric; empty where nothing was run.
+    """
+
+    cells: list[str]
+    by_scope: Mapping[str, Mapping[str, str]]
 
 
 def claim_table(
@@ -58,10 +69,10 @@ def claim_table(
     """
     rows: list[list[str]] = []
     verdicts: dict[str, list[str]] = {scope: [] for scope in SCOPES}
-    for claim, judged in _judged_claims(claims, tables, runs, costs):
-        for cells, of_scopes in judged:
-            rows.append([claim["claim"], claim["place"], *cells])
-            for scope, of_metrics in of_scopes.items():
+    for claim, comparisons in _verdicts(claims, tables, runs, costs):
+        for comparison in comparisons:
+            rows.append([claim["claim"], claim["place"], *comparison.cells])
+            for scope, of_metrics in comparison.by_scope.items():
                 verdicts[scope] += of_metrics.values()
     notes = [_counted(scope, given) for scope, given in verdicts.items() if given]
     freedom = Evidence(tables, runs).freedom()
@@ -86,24 +97,24 @@ def verdict_table(
         claims, tables, runs, costs: see :func:`claim_table`.
     """
     rows = []
-    for claim, judged in _judged_claims(claims, tables, runs, costs):
+    for claim, comparisons in _verdicts(claims, tables, runs, costs):
         counts = []
         for scope in SCOPES:
-            verdicts = [verdict for _, of_scopes in judged for verdict in of_scopes.get(scope, {}).values()]
+            verdicts = [verdict for each in comparisons for verdict in each.by_scope.get(scope, {}).values()]
             given = [f"{verdicts.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in verdicts]
             counts.append(", ".join(given))
-        missing = sum(not of_scopes for _, of_scopes in judged)
+        missing = sum(not each.by_scope for each in comparisons)
         rows.append([claim["claim"], *counts, str(missing or "")])
     heading = ["claim", *SCOPES, "rows not yet run"]
     return Grid("verdicts", "Verdicts on the paper's claims, by row and metric", heading, rows, [NOTE])
 
 
-def _judged_claims(
+def _verdicts(
     claims: Sequence[Mapping[str, Any]],
     tables: Mapping[str, Any],
     runs: Sequence[ScoredRun],
     costs: Mapping[str, Cost] | None,
-) -> Iterator[tuple[Mapping[str, Any], list[Judged]]]:
+) -> Iterator[tuple[Mapping[str, Any], list[ClaimVerdicts]]]:
     evidence = Evidence(tables, runs)
     for claim in claims:
         yield claim, [_cost_row(claim["cost"], costs or {})] if "cost" in claim else list(evidence.rows(claim))
@@ -121,7 +132,7 @@ class Evidence:
     tables: Mapping[str, Any]
     runs: Sequence[ScoredRun]
 
-    def rows(self, claim: Mapping[str, Any]) -> Iterator[Judged]:
+    def rows(self, claim: Mapping[str, Any]) -> Iterator[ClaimVerdicts]:
         """The cells of a claim about scores: for each comparison and setting, or once where nothing has been run."""
         metrics, threshold = claim.get("metrics", METRICS), -float(claim.get("within", 0))
         for name, cells in _comparisons(claim, self.tables):
@@ -131,14 +142,14 @@ class Evidence:
                 for metric in metrics
             }
             for terms in settings:
-                yield self._judged(name, terms, metrics, threshold, paper)
+                yield self._compare(name, terms, metrics, threshold, paper)
             if not settings:
                 texts = [_figures([], metric, paper) for metric in METRICS]
-                yield [name, *texts, *["not yet run"] * len(SCOPES), "", ""], {}
+                yield ClaimVerdicts([name, *texts, *["not yet run"] * len(SCOPES), "", ""], {})
 
-    def _judged(
+    def _compare(
         self, name: str, terms: Terms, metrics: Iterable[str], threshold: float, paper: Mapping[str, float]
-    ) -> Judged:
+    ) -> ClaimVerdicts:
         setting = terms[0][1].runs[0].setting
         intervals = {
             scope: {
@@ -168,7 +179,7 @@ class Evidence:
         because = f" ({'; '.join(dict.fromkeys(reasons))})" if reasons else ""
         summaries = [_summary(of_metrics) + because for of_metrics in verdicts.values()]
         trained = seeds(*(line.runs for _, line in terms))
-        return [name, *texts, *summaries, str(setting), trained], verdicts
+        return ClaimVerdicts([name, *texts, *summaries, str(setting), trained], verdicts)
 
     def freedom(self) -> list[str]:
         """How many degrees of freedom the spread of the seeds has in every setting, in a sentence each."""
@@ -334,13 +345,14 @@ def _summary(verdicts: Mapping[str, str]) -> str:
     )
 
 
-def _cost_row(cost: Mapping[str, Any], costs: Mapping[str, Cost]) -> Judged:
+def _cost_row(cost: Mapping[str, Any], costs: Mapping[str, Cost]) -> ClaimVerdicts:
     """The cells of a claim about what a decoder costs, in percent of another one."""
     row = f"{cost['decoder']}, {cost['of']}"
     one, other = (getattr(costs.get(cost[key]), cost["figure"], None) for key in ("decoder", "of"))
     if one is None or other is None:
-        return [row, "", "", "", *["not yet run"] * len(SCOPES), "", ""], {}
+        return ClaimVerdicts([row, "", "", "", *["not yet run"] * len(SCOPES), "", ""], {})
     percent = 100 * one / other
     verdict = "reproduced" if abs(percent - cost["percent"]) < 0.02 else "contradicted"
     counted = [f"{verdict} ({percent:.2f} %, counted)"] * len(SCOPES)
-    return [row, "", "", "", *counted, "full networks", "none"], {scope: {cost["figure"]: verdict} for scope in SCOPES}
+    cells = [row, "", "", "", *counted, "full networks", "none"]
+    return ClaimVerdicts(cells, {scope: {cost["figure"]: verdict} for scope in SCOPES})
