@@ -20,6 +20,9 @@ from sci_lightning.plain_text import excerpt
 
 LARGEST_FILE = 8 * 2**20
 """Bytes of a JSON file that are read; the metrics of a thousand scenes take a tenth of it."""
+MOST_VALUES = 100_000
+"""Commas and opening brackets of a JSON file that is read: pydantic keeps a copy of whatever it finds wrong, for every
+entry that is missing in it."""
 LONGEST_TEXT = 200
 """Characters of names and of what a message says about one entry."""
 
@@ -72,6 +75,8 @@ def read_json(path: str | Path, model: type[File], largest: int = LARGEST_FILE) 
             type or out of its bounds; the message names it.
     """
     raw = read_bounded(Path(path), largest, "no file that a run leaves")
+    if sum(map(raw.count, (b",", b"[", b"{"))) > MOST_VALUES:
+        raise BadInput(f"{path}: more than {MOST_VALUES:,} values, which no file that a run leaves has")
     expected = format_name(model) if issubclass(model, JsonFile) else "an object"
     try:
         content = from_json(raw)
