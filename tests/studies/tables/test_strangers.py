@@ -92,7 +92,10 @@ def test_a_wrong_value_is_one_line(made: Made, keys: tuple[str, ...], value: Any
     [
         (b"[" * 100_000, "not readable as JSON"),
         (b'{"a":' * 100_000, "not readable as JSON"),
-        (b'{"format": "sci-metrics", "format_version": 1, "config": [' + b"[]," * 2_000_000 + b"[]]}", "100,000 values"),
+        (
+            b'{"format": "sci-metrics", "format_version": 1, "config": [' + b"[]," * 2_000_000 + b"[]]}",
+            "100,000 values",
+        ),
         (b'{"a": 1e999}', "format sci-metrics 1"),
         (b'{"a": ' + b"9" * 5000 + b"}", "sci-metrics 1"),
         (b"\xff\xfe{}", "not readable as JSON"),
