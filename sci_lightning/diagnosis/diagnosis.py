@@ -26,7 +26,7 @@ from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_no
 from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
 from sci_lightning.diagnosis.residual_tests.all_tests import residual_tests
-from sci_lightning.diagnosis.result import Assessment, Result
+from sci_lightning.diagnosis.result import Assessment, CalibratedResult
 from sci_lightning.diagnosis.search.evidence import error_correlation, named_effects
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.effects import Effect
@@ -35,9 +35,9 @@ if TYPE_CHECKING:  # a diagnosis without pictures does not load matplotlib
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True)
-class Diagnosis(Result):
-    """The result of a diagnosis, which writes and draws itself; its attributes are those of :class:`.Result`."""
+@dataclass(frozen=True, kw_only=True)
+class Diagnosis(CalibratedResult):
+    """The result of a diagnosis, which writes and draws itself; see :class:`.CalibratedResult`."""
 
     def save(self, folder: str | Path) -> None:
         """Write ``report.json``, ``report.html``, ``encoder.yaml`` and the pictures into a folder."""
@@ -105,6 +105,7 @@ def diagnose(
         effects=named_effects(explanation.fit, names),
         unnamed=explanation.unnamed,
         rounds=explanation.rounds,
+        considered={name: effect for name, effect in model.vocabulary.items() if not effect.noise},
         stated_noise=tuple(effect for effect, _ in datasheet_noise(observation)[1]),
         correlation=error_correlation(corrected),
         remaining=remaining,

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 from sci_lightning.diagnosis.bad_captures.leave_out import BadCapture
 from sci_lightning.diagnosis.blind.unknown_scenes import UnknownScenes
 from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.fit.gap import Gap, Verification
 from sci_lightning.diagnosis.fit.split import Split
-from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
 from sci_lightning.diagnosis.search.evidence import ErrorCorrelation, NamedEffect
@@ -38,24 +40,73 @@ class Assessment:
     tests: tuple[ResidualTest, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Result:
-    """The result of a diagnosis, computed once; reports only read it.
+    """The result of a diagnosis, of known or unknown scenes; reports only read it.
 
     Attributes:
-        observation: the captures with known scenes that fits and choices have seen, in the order of all ``(N, ..)``
-            tensors.
+        observation: the captures that fits and choices have seen, in the order of all ``(N, ..)`` tensors.
         model: the forward model; it predicts any hypothesis about its effects.
-        split: which pixels were fitted and which were held out.
         settings: thresholds and budgets that were used.
-        seed: of the residuals' randomisation.
-        before: the ideal camera with the datasheet's noise.
-        after: the corrected camera, with every named effect (and with the unnamed in free form, if that was asked for).
+        seed: of the randomised residuals, and of the choice of held-out pixels.
         effects: the named effects in the order in which light meets them, the laboratory's first; noise that differs
             from the datasheet's among them.
+        considered: classes of the effects that might have been named, by name.
+        stated_noise: names of the noise effects whose values the captures file states.
+        mode: ``calibrated`` where scenes are known, else ``blind``.
+    """
+
+    mode: ClassVar[str]
+
+    observation: Observation
+    model: CameraModel
+    settings: SearchSettings
+    seed: int
+    effects: tuple[NamedEffect, ...]
+    considered: Mapping[str, type[Effect]]
+    stated_noise: tuple[str, ...]
+
+    @property
+    def verdict(self) -> str:
+        """consistent, explained, partly_explained or unexplained."""
+        raise NotImplementedError
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """The corrected camera."""
+        raise NotImplementedError
+
+    @property
+    def laboratory(self) -> tuple[NamedEffect, ...]:
+        """Those of :attr:`effects` by which the target differs from what the file says."""
+        return tuple(effect for effect in self.effects if effect.effect.stage == SceneEffect.stage)
+
+    @property
+    def camera_effects(self) -> tuple[NamedEffect, ...]:
+        """Those of :attr:`effects` that belong to the camera."""
+        return tuple(effect for effect in self.effects if effect.effect.stage != SceneEffect.stage)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of :attr:`effects`."""
+        return tuple(effect.name for effect in self.effects)
+
+    @property
+    def next_captures(self) -> tuple[str, ...]:
+        """Captures that would tell the named effects from their alternatives, a sentence for each."""
+        return tuple(dict.fromkeys(effect.tell_apart for effect in self.effects if effect.tell_apart))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibratedResult(Result):
+    """The result of a diagnosis of captures with known scenes.
+
+    Attributes:
+        split: which pixels were fitted and which were held out.
+        before: the ideal camera with the datasheet's noise.
+        after: the corrected camera, with every named effect (and with the unnamed in free form, if that was asked for).
         unnamed: deviations that no effect of the vocabulary explains.
         rounds: what the search considered, round by round.
-        stated_noise: names of the noise effects whose values the captures file states.
         correlation: of the errors of the corrected camera's parameters.
         remaining: residual tests that find more than noise in what the corrected camera leaves, see
             :func:`remaining_tests`; verdict and headline follow from them.
@@ -64,17 +115,12 @@ class Result:
         unknown_scenes: what snapshots of unknown scenes say about the corrected camera; None where there are none.
     """
 
-    observation: Observation
-    model: CameraModel
+    mode = "calibrated"
     split: Split
-    settings: SearchSettings
-    seed: int
     before: Assessment
     after: Assessment
-    effects: tuple[NamedEffect, ...]
     unnamed: tuple[Unnamed, ...]
     rounds: tuple[Round, ...]
-    stated_noise: tuple[str, ...]
     correlation: ErrorCorrelation
     remaining: tuple[ResidualTest, ...]
     verification: Verification | None = None
@@ -95,26 +141,6 @@ class Result:
         return verdict(*self.judging, *counts)
 
     @property
-    def laboratory(self) -> tuple[NamedEffect, ...]:
-        """Those of :attr:`effects` by which the target differs from what the file says."""
-        return tuple(effect for effect in self.effects if effect.effect.stage == SceneEffect.stage)
-
-    @property
-    def camera(self) -> tuple[NamedEffect, ...]:
-        """Those of :attr:`effects` that belong to the camera."""
-        return tuple(effect for effect in self.effects if effect.effect.stage != SceneEffect.stage)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of :attr:`effects`."""
-        return tuple(effect.name for effect in self.effects)
-
-    @property
-    def considered(self) -> dict[str, type[Effect]]:
-        """Effects that might have been named, by name: the vocabulary without noise, which every camera has."""
-        return {name: effect for name, effect in self.model.vocabulary.items() if not effect.noise}
-
-    @property
-    def next_captures(self) -> tuple[str, ...]:
-        """Captures that would tell the named effects from their alternatives, a sentence for each."""
-        return tuple(dict.fromkeys(effect.tell_apart for effect in self.effects if effect.tell_apart))
+    def hypothesis(self) -> Hypothesis:
+        """The corrected camera."""
+        return self.after.fit.hypothesis

@@ -20,7 +20,7 @@ from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prior import BLOCK, ScenePrior, statistics_for
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots, textured_part
 from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
-from sci_lightning.diagnosis.report.blind_report import write_blind_report
+from sci_lightning.diagnosis.report.report import write_report
 from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, FAINT, style
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder.effects import MaskContrast
@@ -107,7 +107,7 @@ def main(folder: Path, out: Path) -> None:
     file = MeasurementsFile(RESULTS / "cassi-tsa.json", scale=scale, **about)
     likely = MeasurementsFile(RESULTS / "cassi-tsa-blur.json", scale=f"{scale}; scenes 1 to 3", **about)
     diagnosis = diagnose_blind(captures, on_progress=lambda line: print(line, flush=True))
-    write_blind_report(diagnosis, out)
+    write_report(diagnosis, out)
     columns: list[tuple[str, str, int | None]] = [
         ("snapshot", "snapshot", None),
         ("role", "role", None),

@@ -12,7 +12,8 @@ import yaml
 from scipy.ndimage import gaussian_filter, rotate, shift
 
 from sci_lightning.diagnosis.diagnosis import diagnose
-from sci_lightning.diagnosis.report.report import describe, write_encoder
+from sci_lightning.diagnosis.report.corrected_camera import write_encoder
+from sci_lightning.diagnosis.report.report import describe
 from sci_lightning.diagnosis.report.sentences import headline
 from sci_lightning.diagnosis.target_effects import TARGET_EFFECTS, SceneEffect, changed_scenes
 from sci_lightning.diagnosis.vocabulary import vocabulary

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from omegaconf import DictConfig
 
     from sci_lightning.captures import Captures
-    from sci_lightning.diagnosis.report.report_page import Provenance
+    from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
+    from sci_lightning.diagnosis.diagnosis import Diagnosis
     from sci_lightning.diagnosis.report.snapshot_report import SnapshotReport
-    from sci_lightning.diagnosis.search_settings import SearchSettings
     from sci_lightning.encoder.effects import Effect
 
 
@@ -79,31 +79,6 @@ class Given:
     is_part: bool = False
 
 
-@dataclass(frozen=True)
-class Task:
-    """What is to be diagnosed, and how.
-
-    Attributes:
-        cfg: of the command.
-        captures: of the camera.
-        candidates: effects that may be named, by name.
-        settings: thresholds and budgets of the search.
-        console: the terminal.
-        provenance: says where a report comes from, once it is written.
-        beside: writes into a folder what belongs beside a report.
-        read: files that were read, which are kept.
-    """
-
-    cfg: DictConfig
-    captures: Captures
-    candidates: dict[str, type[Effect]]
-    settings: SearchSettings
-    console: PlainConsole
-    provenance: Callable[[], Provenance]
-    beside: Callable[[Path], None]
-    read: list[Path]
-
-
 def diagnose(composition: Composition) -> None:
     """Write ``report.html``, ``report.json``, ``encoder.yaml`` and pictures, and print what was found.
 
@@ -114,22 +89,23 @@ def diagnose(composition: Composition) -> None:
         composition: of ``conf/diagnose.yaml``.
     """
     from sci_lightning.cli.next_command import invocation, nearest, print_next
+    from sci_lightning.diagnosis.report.pictures import figures
+    from sci_lightning.diagnosis.report.report import log_diagnosis, write_report
     from sci_lightning.diagnosis.report.report_folder import check_no_foreign_report, report_folder
     from sci_lightning.diagnosis.report.report_page import Provenance
-    from sci_lightning.diagnosis.search_settings import SearchSettings
+    from sci_lightning.diagnosis.report.terminal import print_report, search_progress
     from sci_lightning.diagnosis.vocabulary import vocabulary
     from sci_lightning.files.stored_array import readable_shape
 
     cfg = composition.cfg
     start, out, console = time.perf_counter(), Path(cfg.out), PlainConsole()
     candidates = vocabulary(cfg.candidates, composition.targets("effect"), cfg.leave_out)
-    settings = SearchSettings(**cfg.search)
     check_no_foreign_report(out)
     given = read_input(cfg)
     captures, snapshots = given.captures, given.snapshots
     read = [path.absolute() for name in (cfg.captures, cfg.measurement, cfg.mask) if name for path in _files(name)]
 
-    def beside(folder: Path) -> None:
+    def write_beside(folder: Path) -> None:
         """Write what was told by the snapshots themselves, and the part of them that was diagnosed."""
         if snapshots is not None:
             snapshots.write(folder / FACTS)
@@ -140,85 +116,62 @@ def diagnose(composition: Composition) -> None:
         snapshots.print(console)
     if captures is None:
         with report_folder(out, read) as folder:
-            beside(folder)
+            write_beside(folder)
         console.say(styled(out / FACTS))
         return
+    known = bool(captures.known.any())
+    if not known:
+        console.say("no scene is known: the diagnosis is blind")
+    with search_progress(console, cfg.search.max_effects) as on_progress:
+        result = _diagnosed(captures, candidates, cfg, on_progress)
+        on_progress("writing the report")
+        drawn = figures(result)
+        with report_folder(out, read) as folder:
+            provenance = Provenance(
+                file=Path(cfg.captures or cfg.measurement).name,
+                name=captures.name,
+                date=datetime.now(timezone.utc).isoformat(timespec="seconds"),
+                runtime_s=time.perf_counter() - start,
+                command=shlex.join(["python", "-m", "sci_lightning.diagnose", *composition.overrides]),
+            )
+            write_report(result, folder, provenance, drawn)
+            write_beside(folder)
+    if cfg.get("logger"):
+        from sci_lightning.training.loggers import build_loggers  # and with it Lightning, which takes seconds
 
-    def provenance() -> Provenance:
-        return Provenance(
-            file=Path(cfg.captures or cfg.measurement).name,
-            name=captures.name,
-            date=datetime.now(timezone.utc).isoformat(timespec="seconds"),
-            runtime_s=time.perf_counter() - start,
-            command=shlex.join(["python", "-m", "sci_lightning.diagnose", *composition.overrides]),
-        )
-
-    task = Task(cfg, captures, candidates, settings, console, provenance, beside, read)
-    useful = True
-    if captures.known.any():
-        _calibrated(task)
-    else:
-        useful = _blind(task)
+        for logger in build_loggers(plain(cfg.logger), "diagnosis"):
+            log_diagnosis(logger, result, drawn)
+    print_report(result, console)
     console.say(styled(out / "report.html"), "; beside it report.json, encoder.yaml and pictures")
     if given.is_part:
         pixels = readable_shape(captures.size)
         console.say(styled(out / PART), f": the {pixels} pixels of the snapshots that the mask covers")
-    lines = [invocation("train", "experiment=quickstart", paths={"encoder": out / "encoder.yaml"})] if useful else []
-    known = bool(captures.known.any())  # a report on unknown scenes has no chi2 to be revealed
+    lines = [invocation("train", "experiment=quickstart", paths={"encoder": out / "encoder.yaml"})]
+    if not getattr(result, "mask_is_visible", True):
+        lines = []
+    # a report on unknown scenes has no chi2 to be revealed
     if known and cfg.captures and (truth := Path(cfg.captures).with_suffix(".truth.json")).is_file():
         lines.append(invocation("virtual_camera.reveal", nearest(truth), nearest(out / "report.json")))
     print_next(console, *lines)
 
 
-def _calibrated(task: Task) -> None:
-    """Diagnose the captures with known scenes, write the report and print it."""
+def _diagnosed(
+    captures: Captures, candidates: Mapping[str, type[Effect]], cfg: DictConfig, on_progress: Callable[[str], None]
+) -> Diagnosis | BlindDiagnosis:
+    """Return the diagnosis of the captures with known scenes, or of all where no scene is known."""
     from sci_lightning.diagnosis import diagnosis as library
-    from sci_lightning.diagnosis.report.dashboard import log_diagnosis
-    from sci_lightning.diagnosis.report.pictures import figures
-    from sci_lightning.diagnosis.report.report import write_report
-    from sci_lightning.diagnosis.report.report_folder import report_folder
-    from sci_lightning.diagnosis.report.terminal import print_report, search_progress
-
-    cfg = task.cfg
-    with search_progress(task.console, cfg.search.max_effects) as on_progress:
-        diagnosis = library.diagnose(
-            task.captures, task.candidates, cfg.seed, cfg.free_forms, task.settings, on_progress
-        )
-        on_progress("writing the report")
-        drawn = figures(diagnosis)
-        with report_folder(cfg.out, task.read) as folder:
-            write_report(diagnosis, folder, task.provenance(), drawn)
-            task.beside(folder)
-    if cfg.get("logger"):
-        from sci_lightning.training.loggers import build_loggers  # and with it Lightning, which takes seconds
-
-        for logger in build_loggers(plain(cfg.logger), "diagnosis"):
-            log_diagnosis(logger, diagnosis, drawn)
-    print_report(diagnosis, task.console)
-
-
-def _blind(task: Task) -> bool:
-    """Diagnose snapshots of unknown scenes, write the report, print it, and return whether they show their mask."""
     from sci_lightning.diagnosis.blind.blind_diagnosis import diagnose_blind
     from sci_lightning.diagnosis.blind.prior import scene_statistics
-    from sci_lightning.diagnosis.report.blind_report import print_blind_report, write_blind_report
-    from sci_lightning.diagnosis.report.report_folder import report_folder
-    from sci_lightning.diagnosis.report.terminal import search_progress
+    from sci_lightning.diagnosis.search_settings import SearchSettings
     from sci_lightning.errors import BadInput
 
-    cfg = task.cfg
-    task.console.say("no scene is known: the diagnosis is blind")
+    settings = SearchSettings(**cfg.search)
+    if captures.known.any():
+        return library.diagnose(captures, candidates, cfg.seed, cfg.free_forms, settings, on_progress)
     if cfg.free_forms:
         raise BadInput("free_forms=true: no scene is known, so that nothing without a name is looked for; leave it out")
-    with search_progress(task.console, cfg.search.max_effects) as on_progress:
-        statistics = None if cfg.prior is None else scene_statistics(cfg.prior)
-        diagnosis = diagnose_blind(task.captures, task.candidates, cfg.seed, task.settings, on_progress, statistics)
-        on_progress("writing the report")
-        with report_folder(cfg.out, task.read) as folder:
-            write_blind_report(diagnosis, folder, task.provenance())
-            task.beside(folder)
-    print_blind_report(diagnosis, task.console)
-    return diagnosis.mask_is_visible
+    statistics = None if cfg.prior is None else scene_statistics(cfg.prior)
+    return diagnose_blind(captures, candidates, cfg.seed, settings, on_progress, statistics)
 
 
 def _files(name: str) -> list[Path]:

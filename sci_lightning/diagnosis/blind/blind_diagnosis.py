@@ -36,8 +36,8 @@ from sci_lightning.diagnosis.blind.snapshots import (
     useless_snapshots,
 )
 from sci_lightning.diagnosis.blind.undetermined import SHOWN_IF_STRONG, determined_effects, undetermined_effects
-from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
-from sci_lightning.diagnosis.model.observation import Observation
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, datasheet_noise
+from sci_lightning.diagnosis.result import Result
 from sci_lightning.diagnosis.search.evidence import Estimate, NamedEffect, systematic_limit
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.effects import Effect, MaskContrast
@@ -94,24 +94,17 @@ class BlindEffect(NamedEffect):
         return content
 
 
-@dataclass(frozen=True)
-class BlindDiagnosis:
-    """The result of a blind diagnosis, computed once; reports only read it.
+@dataclass(frozen=True, kw_only=True)
+class BlindDiagnosis(Result):
+    """The result of a diagnosis of snapshots of unknown scenes.
 
     Attributes:
-        observation: the snapshots.
-        model: builds the light path of any hypothesis.
-        settings: thresholds and budgets that were used.
-        seed: as it was given; nothing here is random.
         ideal: fit of the ideal camera.
         corrected: fit of the corrected camera.
-        effects: the named effects in the order in which light meets them.
         rounds: calibrated nats of the candidates that were fitted, by name, round by round.
-        considered: classes of the effects that might have been named, by name.
         undetermined: what these snapshots cannot tell: the name of an effect, and what about the scenes looks alike.
             An effect that is seen only if it is strong stands here unless it is named.
         notes: what is unusual about the snapshots, in sentences.
-        stated_noise: names of the noise effects whose values the captures file states.
         mask_is_visible: whether the snapshots are likelier with the mask than with none, and that by more than chance
             or confirmed by held-out pixels where an effect is named; if not, nothing is named and nothing corrected.
         prediction: what held-out pixels say about the corrected camera; None if they were not asked.
@@ -119,18 +112,13 @@ class BlindDiagnosis:
         camera: the snapshots as held-out pixels were predicted in them; None if they were not asked.
     """
 
-    observation: Observation
-    model: CameraModel
-    settings: SearchSettings
-    seed: int
+    mode = "blind"
     ideal: BlindFit
     corrected: BlindFit
     effects: tuple[BlindEffect, ...]
     rounds: tuple[dict[str, float], ...]
-    considered: Mapping[str, type[Effect]]
     undetermined: Mapping[str, str]
     notes: tuple[str, ...]
-    stated_noise: tuple[str, ...]
     mask_is_visible: bool = True
     prediction: PredictionVerdict | None = None
     verification: tuple[int, ...] = ()
@@ -153,14 +141,9 @@ class BlindDiagnosis:
         return "explained" if self.effects else "consistent"
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of :attr:`effects`."""
-        return tuple(effect.name for effect in self.effects)
-
-    @property
-    def next_captures(self) -> tuple[str, ...]:
-        """Captures that would tell the named effects from their alternatives, a sentence for each."""
-        return tuple(dict.fromkeys(effect.tell_apart for effect in self.effects if effect.tell_apart))
+    def hypothesis(self) -> Hypothesis:
+        """The corrected camera."""
+        return self.corrected.hypothesis
 
 
 def diagnose_blind(

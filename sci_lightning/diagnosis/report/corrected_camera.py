@@ -1,26 +1,68 @@
-"""The corrected camera for use elsewhere: effective masks as files, and a snapshot reconstructed before and after."""
+"""The corrected camera for use elsewhere: ``encoder.yaml`` with the arrays that it names, and effective masks."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import torch
-from matplotlib.figure import Figure
+import yaml
 from scipy.io import savemat
 
-from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.diagnosis.blind.held_out.paired_comparison import PairedComparison
-from sci_lightning.diagnosis.blind.held_out.prediction import default_decoder, effective_mask, textured_window
-from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, style
+from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
+from sci_lightning.diagnosis.blind.held_out.prediction import effective_mask
+from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS
+from sci_lightning.diagnosis.result import Result
+from sci_lightning.diagnosis.target_effects import SceneEffect
 from sci_lightning.encoder import Encoder
+from sci_lightning.encoder.free_form import FreeForm
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.npy_file import write_npy
-from sci_lightning.operator import SnapshotOperator
 
-SIDE = 192
-"""Side in pixels of the part of a snapshot that is reconstructed for the report."""
-SHOWN = 3
-"""Frames that are shown."""
+
+def write_encoder(result: Result, out: str | Path) -> None:
+    """Write the corrected encoder: ``encoder.yaml``, and beside it the patterns and maps that it names.
+
+    Noise that a blind diagnosis has only guessed is left out.
+    """
+    out, observation, hypothesis = Path(out), result.observation, result.hypothesis
+    distinct = torch.tensor([len(set(sequence.tolist())) for sequence in observation.sequences])
+    patterns = observation.patterns[observation.sequences[distinct.argmax()]].numpy()
+    slots, (height, width) = len(patterns), observation.size
+    _save(out / "patterns.npy", patterns)
+    effects: dict[str, Any] = {}
+    for name, values in hypothesis.effects.items():
+        effect = result.model.effects[name]
+        if (issubclass(effect, FreeForm) and effect.of_captures) or issubclass(effect, SceneEffect):
+            continue
+        if isinstance(result, BlindDiagnosis) and name in NOISE_GUESS and name not in result.stated_noise:
+            continue
+        effects[name] = {"_target_": f"{effect.__module__}.{effect.__qualname__}", **values}
+        if issubclass(effect, FreeForm):
+            effects[name]["count"] = effect.count
+        if effect.map_kind and name in hypothesis.maps:
+            scale = float(values["std"]) if "std" in values else 1.0
+            _save(out / f"{name}.npy", (hypothesis.maps[name] / max(scale, 1e-12)).numpy())
+            effects[name] |= {"file": f"{name}.npy", "size": [height, width]}
+    mask = {"file": "patterns.npy", "key": None, "frames": slots, "size": list(patterns.shape[1:])}
+    content: dict[str, Any] = {
+        "_target_": "sci_lightning.encoder.Encoder",
+        "aperture": "auto",
+        "mask": {"_target_": "sci_lightning.encoder.mask.Measured", **mask},
+        "sensor": {"_target_": "sci_lightning.encoder.sensor.ClipQuantise", "bit_depth": observation.bit_depth},
+        "effects": effects,
+    }
+    if observation.grid is not None:
+        content["sensor_to_modulator"] = observation.grid.sensor_to_modulator.tolist()
+        content["size"] = [height, width]
+    with atomic_write(out / "encoder.yaml") as temporary:
+        temporary.write_text(yaml.safe_dump(content, sort_keys=False, allow_unicode=True), encoding="utf-8")
+
+
+def _save(path: Path, array: np.ndarray) -> None:
+    with atomic_write(path) as temporary:
+        np.save(temporary, array.astype(np.float32))
 
 
 def write_effective_mask(encoder: Encoder, out: str | Path) -> None:
@@ -38,64 +80,3 @@ def write_effective_mask(encoder: Encoder, out: str | Path) -> None:
         write_npy(temporary, mask.shape, iter(mask))
     with atomic_write(Path(out) / "effective_mask.mat") as temporary, temporary.open("wb") as stream:
         savemat(stream, {"mask": mask.transpose(1, 2, 0)}, do_compression=True)
-
-
-def prediction_figure(comparison: PairedComparison, numbers: tuple[int, ...], verification: tuple[int, ...]) -> Figure:
-    """Draw the prediction error of every snapshot before and after.
-
-    Args:
-        comparison: of the camera as it was given and the corrected one.
-        numbers: of the snapshots in their file.
-        verification: those of them that no fit has seen.
-    """
-    with style():
-        figure = Figure(figsize=(1.6 + 0.75 * len(numbers), 2.8), layout="constrained")
-        axes = figure.subplots()
-        for shift, colour, which in ((-0.19, BEFORE, 0), (0.19, AFTER, 1)):
-            heights = [pair[which] for pair in comparison.by_capture]
-            places = [place + shift for place in range(len(numbers))]
-            axes.bar(places, heights, 0.36, color=colour, label=("before", "after")[which])
-        names = [f"{number}\n(verifies)" if number in verification else str(number) for number in numbers]
-        axes.set_xticks(range(len(numbers)), names)
-        axes.set(xlabel="snapshot", ylabel="prediction error")
-        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
-        return figure
-
-
-@torch.no_grad()
-def reconstruction_figure(
-    measurement: torch.Tensor, before: Encoder, after: Encoder, decoder: Decoder | None = None
-) -> Figure:
-    """Draw a part of one snapshot, and frames of it as reconstructed by two cameras.
-
-    Args:
-        measurement: ``(H, W)``, normalised by full scale.
-        before, after: the camera as it was given, and the corrected one.
-        decoder: None for :func:`~sci_lightning.diagnosis.blind.held_out.prediction.default_decoder`.
-    """
-    decoder = default_decoder() if decoder is None else decoder
-    rows, columns = textured_window(measurement[None], SIDE)
-    origin = rows.start, columns.start
-    part = measurement[None, rows, columns].float()
-    videos = []
-    for encoder in (before, after):
-        mask = effective_mask(encoder)[:, rows, columns]
-        scale = (part.quantile(0.99) / SnapshotOperator(encoder.mask()).total().mean()).clamp(min=1e-9)
-        videos.append(decoder(encoder.linearise(part, origin) / scale, mask)[0])
-    slots = torch.linspace(0, len(videos[0]) - 1, SHOWN).round().long().tolist()
-    top = max(float(video[slots].quantile(0.995)) for video in videos)
-    with style():
-        figure = Figure(figsize=(1.65 * (SHOWN + 1), 3.7), layout="constrained")
-        axes = figure.subplots(2, SHOWN + 1)
-        for line, (name, video) in zip(axes, zip(("before", "after"), videos, strict=True), strict=True):
-            line[0].imshow(part[0], cmap="gray", interpolation="nearest")
-            line[0].set_title("snapshot", loc="left")
-            line[0].set_ylabel(name)
-            for place, slot in zip(line[1:], slots, strict=True):
-                place.imshow(video[slot], cmap="gray", vmin=0, vmax=top, interpolation="nearest")
-                place.set_title(f"slot {slot}", loc="left")
-        for place in axes.ravel():
-            place.set_xticks([])
-            place.set_yticks([])
-            place.spines[:].set_visible(False)
-        return figure

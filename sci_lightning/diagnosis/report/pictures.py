@@ -10,12 +10,14 @@ import torch
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
 from sci_lightning.diagnosis.fit.gap import Gap
+from sci_lightning.diagnosis.report.snapshot_pictures import snapshot_figures
 from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, FAINT, style
 from sci_lightning.diagnosis.residual_tests import Picture, Residuals, ResidualTest
 from sci_lightning.diagnosis.residual_tests.drawing import OWN, draw_map, draw_test, hidden_by, limits, nearly_largest
 from sci_lightning.diagnosis.residual_tests.pixel_tests import PLACE, extent
-from sci_lightning.diagnosis.result import Result
+from sci_lightning.diagnosis.result import CalibratedResult
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
 from sci_lightning.diagnosis.search.selection import Round
 from sci_lightning.plain_text import in_figure
@@ -279,8 +281,10 @@ def test_figure(before: ResidualTest | None, after: ResidualTest) -> Figure:
         return figure
 
 
-def figures(diagnosis: Result) -> dict[str, Figure]:
+def figures(diagnosis: CalibratedResult | BlindDiagnosis) -> dict[str, Figure]:
     """Draw the figures that lie beside the report, by file name."""
+    if isinstance(diagnosis, BlindDiagnosis):
+        return snapshot_figures(diagnosis)
     before, after = diagnosis.before.residuals, diagnosis.after.residuals
     pictures = {
         "residuals.png": residuals_figure(before, after),

@@ -1,6 +1,6 @@
-"""The files of a diagnosis: ``report.json``, ``report.html``, pictures and ``encoder.yaml``.
+"""The files of a diagnosis: ``report.json``, ``report.html``, pictures, ``encoder.yaml`` and effective masks.
 
-Everything here reads a :class:`~sci_lightning.diagnosis.diagnosis.Result`; nothing is fitted or computed anew.
+Everything here reads a :class:`~sci_lightning.diagnosis.result.Result`, of known or unknown scenes; nothing is fitted.
 """
 
 from __future__ import annotations
@@ -11,27 +11,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
-import yaml
 from matplotlib.figure import Figure
 
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Setting
-from sci_lightning.diagnosis.model.observation import Observation
+from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
+from sci_lightning.diagnosis.blind.prior import BLOCK
+from sci_lightning.diagnosis.report.corrected_camera import write_effective_mask, write_encoder
 from sci_lightning.diagnosis.report.pictures import figures
 from sci_lightning.diagnosis.report.report_page import Provenance, report_page
-from sci_lightning.diagnosis.report.sentences import class_paths
-from sci_lightning.diagnosis.result import Result
-from sci_lightning.diagnosis.target_effects import SceneEffect
-from sci_lightning.encoder.free_form import FreeForm
+from sci_lightning.diagnosis.report.sentences import UNCERTAINTY, class_paths
+from sci_lightning.diagnosis.result import CalibratedResult
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.version import installed_version
-
-UNCERTAINTY = (
-    "Uncertainties are statistical only: one standard deviation, from the noise of the captures. Systematic errors, of "
-    "the target, of the light or of the patterns as displayed, come on top. Digits beyond a thousandth of what an "
-    "effect changes are not shown, because no formula is trusted further."
-)
-"""What ``std`` and ``systematic`` of the report mean, for people."""
 
 VERIFIED_BY_NONE: dict[str, Any] = {
     "captures": [],
@@ -41,7 +31,7 @@ VERIFIED_BY_NONE: dict[str, Any] = {
 
 
 def write_report(
-    diagnosis: Result,
+    result: CalibratedResult | BlindDiagnosis,
     out: str | Path,
     provenance: Provenance | None = None,
     drawn: Mapping[str, Figure] | None = None,
@@ -49,35 +39,50 @@ def write_report(
     """Write all files of a diagnosis into the folder ``out``; none is ever half written.
 
     Args:
-        diagnosis: the result.
+        result: of the diagnosis.
         out: the folder; created if it does not exist.
         provenance: what was diagnosed, when and how; None if the report is to say nothing about that.
         drawn: the figures by file name; None to draw them.
     """
-    out, drawn = Path(out), figures(diagnosis) if drawn is None else drawn
+    out, drawn = Path(out), figures(result) if drawn is None else drawn
     provenance = provenance or Provenance()
     with atomic_write(out / "report.json") as temporary:
-        temporary.write_text(json.dumps(describe(diagnosis) | provenance.describe(), indent=1) + "\n")
-    write_encoder(diagnosis, out)
+        temporary.write_text(json.dumps(describe(result) | provenance.describe(), indent=1) + "\n")
+    write_encoder(result, out)
+    if isinstance(result, BlindDiagnosis) and result.effects and result.camera is not None:
+        write_effective_mask(result.camera.encoder_of(result.model.path(result.hypothesis)), out)
     for name, figure in drawn.items():
         with atomic_write(out / name) as temporary:
             figure.savefig(temporary, dpi=150, facecolor="white", bbox_inches="tight")  # no label is cut off
     with atomic_write(out / "report.html") as temporary:
-        temporary.write_text(report_page(diagnosis, provenance, drawn, UNCERTAINTY), encoding="utf-8")
+        temporary.write_text(report_page(result, provenance, drawn), encoding="utf-8")
 
 
-def describe(diagnosis: Result) -> dict[str, Any]:
+def describe(result: CalibratedResult | BlindDiagnosis) -> dict[str, Any]:
     """Return the content of ``report.json`` without its provenance, as plain data; the schema describes every field."""
-    assessments = {"before": diagnosis.before, "after": diagnosis.after}
-    effects = diagnosis.after.fit.hypothesis.effects
-    noise = {name: values for name, values in effects.items() if diagnosis.model.effects[name].noise}
-    unknown = diagnosis.unknown_scenes
+    noise = {name: values for name, values in result.hypothesis.effects.items() if result.model.effects[name].noise}
     return {
         "format": "sci-diagnosis",
         "format_version": 2,
-        "verdict": diagnosis.verdict,
-        "effects": [effect.describe() for effect in diagnosis.camera],
-        "uncertainty": UNCERTAINTY,
+        "verdict": result.verdict,
+        "effects": [effect.describe() for effect in result.camera_effects],
+        "uncertainty": UNCERTAINTY[result.mode],
+        "noise": {**noise, "stated_by_the_file": list(result.stated_noise)},
+        "considered": class_paths(result.considered),
+        "next_captures": list(result.next_captures),
+        "mode": result.mode,
+        "laboratory": [effect.describe() for effect in result.laboratory],
+        **(_of_unknown_scenes(result) if isinstance(result, BlindDiagnosis) else _of_known_scenes(result)),
+        "seed": result.seed,
+        "sci_lightning": installed_version(),
+    }
+
+
+def _of_known_scenes(result: CalibratedResult) -> dict[str, Any]:
+    """Return what only ``report.json`` of captures with known scenes says, or says in other numbers."""
+    assessments = {"before": result.before, "after": result.after}
+    unknown = result.unknown_scenes
+    return {
         "gap": {when: assessment.gap.describe() for when, assessment in assessments.items()},
         "unnamed": [
             {
@@ -87,77 +92,78 @@ def describe(diagnosis: Result) -> dict[str, Any]:
                 "nats": unnamed.nats,
                 "picture": f"unnamed_{number}.png",
             }
-            for number, unnamed in enumerate(diagnosis.unnamed, start=1)
+            for number, unnamed in enumerate(result.unnamed, start=1)
         ],
         "where": {when: [test.describe() for test in model.tests] for when, model in assessments.items()},
-        "noise": {**noise, "stated_by_the_file": list(diagnosis.stated_noise)},
-        "considered": class_paths(diagnosis.considered),
-        "next_captures": list(diagnosis.next_captures),
-        "mode": "calibrated",
-        "laboratory": [effect.describe() for effect in diagnosis.laboratory],
-        "verification": VERIFIED_BY_NONE if diagnosis.verification is None else diagnosis.verification.describe(),
-        "bad_captures": [capture.describe() for capture in diagnosis.bad_captures],
+        "verification": VERIFIED_BY_NONE if result.verification is None else result.verification.describe(),
+        "bad_captures": [capture.describe() for capture in result.bad_captures],
         **({} if unknown is None else {"unknown_scenes": unknown.describe()}),
-        "split": diagnosis.split.describe(),
-        "seed": diagnosis.seed,
-        "sci_lightning": installed_version(),
+        "split": result.split.describe(),
     }
 
 
-def write_encoder(diagnosis: Result, out: str | Path) -> None:
-    """Write the corrected encoder: ``encoder.yaml``, and beside it the patterns and maps that it names."""
-    hypothesis = diagnosis.after.fit.hypothesis
-    write_corrected_encoder(diagnosis.observation, diagnosis.model, hypothesis.effects, hypothesis.maps, out)
+def _of_unknown_scenes(result: BlindDiagnosis) -> dict[str, Any]:
+    """Return what only ``report.json`` of snapshots of unknown scenes says, or says in other numbers."""
+    judged = result.prediction
+    errors: dict[str, dict[str, Any]] = {"before": {}, "after": {}} if judged is None else judged.gap.sides()
+    verification = VERIFIED_BY_NONE
+    if judged is not None and judged.verification is not None:
+        sides = judged.verification.sides()
+        verification = {"captures": list(result.verification), **sides["after"], "before": sides["before"]}
+    return {
+        "gap": {
+            "before": _nats_per_pixel(result.ideal.log_likelihood.numpy()) | errors["before"],
+            "after": _nats_per_pixel(result.corrected.log_likelihood.numpy()) | errors["after"],
+        },
+        "unnamed": [],
+        "where": {"before": [], "after": []},
+        "undetermined": [{"effect": name, "looks_like": why} for name, why in result.undetermined.items()],
+        "notes": list(result.notes),
+        "verification": verification,
+        "split": {
+            "held_out_captures": list(result.verification),
+            "fitted_captures": len(result.observation),
+            "held_out_blocks": "none: the scenes are integrated out",
+            "held_out_fraction": 0.0,
+            "held_out": False,
+            "counted_fraction": round(float(result.corrected.log_likelihood.isfinite().double().mean()), 4),
+        },
+    }
 
 
-def write_corrected_encoder(
-    observation: Observation,
-    model: CameraModel,
-    settings: Mapping[str, Setting],
-    maps: Mapping[str, torch.Tensor],
-    out: str | Path,
-) -> None:
-    """Write an encoder with the effects of a hypothesis: ``encoder.yaml``, and the patterns and maps that it names.
+def _nats_per_pixel(log_likelihood: np.ndarray) -> dict[str, Any]:
+    """Return nats per pixel of all snapshots and of every one; None for a snapshot of which no block counts."""
+    by_capture = [
+        None if np.isnan(values).all() else float(-np.nanmean(values) / BLOCK**2) for values in log_likelihood.T
+    ]
+    pixels = int(np.isfinite(log_likelihood).sum()) * BLOCK**2
+    return {"nll": float(-np.nanmean(log_likelihood) / BLOCK**2), "pixels": pixels, "nll_by_capture": by_capture}
+
+
+def log_diagnosis(logger: Any, result: CalibratedResult | BlindDiagnosis, drawn: Mapping[str, Figure]) -> None:
+    """Write the gap to a dashboard such as TensorBoard, and figures if it takes them.
+
+    Step 0 is the ideal camera, step 1 the corrected one.
 
     Args:
-        observation: captures, of which the patterns are taken.
-        model: knows the effects' classes.
-        settings: values by parameter, by effect.
-        maps: fixed-pattern maps by effect.
-        out: the folder.
+        logger: a Lightning logger, as built from ``conf/logger``.
+        result: of the diagnosis.
+        drawn: figures by file name.
     """
-    out = Path(out)
-    distinct = torch.tensor([len(set(sequence.tolist())) for sequence in observation.sequences])
-    patterns = observation.patterns[observation.sequences[distinct.argmax()]].numpy()
-    slots, (height, width) = len(patterns), observation.size
-    _save(out / "patterns.npy", patterns)
-    effects: dict[str, Any] = {}
-    for name, values in settings.items():
-        effect = model.effects[name]
-        if (issubclass(effect, FreeForm) and effect.of_captures) or issubclass(effect, SceneEffect):
-            continue
-        effects[name] = {"_target_": f"{effect.__module__}.{effect.__qualname__}", **values}
-        if issubclass(effect, FreeForm):
-            effects[name]["count"] = effect.count
-        if effect.map_kind and name in maps:
-            scale = float(values["std"]) if "std" in values else 1.0
-            _save(out / f"{name}.npy", (maps[name] / max(scale, 1e-12)).numpy())
-            effects[name] |= {"file": f"{name}.npy", "size": [height, width]}
-    mask = {"file": "patterns.npy", "key": None, "frames": slots, "size": list(patterns.shape[1:])}
-    content: dict[str, Any] = {
-        "_target_": "sci_lightning.encoder.Encoder",
-        "aperture": "auto",
-        "mask": {"_target_": "sci_lightning.encoder.mask.Measured", **mask},
-        "sensor": {"_target_": "sci_lightning.encoder.sensor.ClipQuantise", "bit_depth": observation.bit_depth},
-        "effects": effects,
-    }
-    if observation.grid is not None:
-        content["sensor_to_modulator"] = observation.grid.sensor_to_modulator.tolist()
-        content["size"] = [height, width]
-    with atomic_write(out / "encoder.yaml") as temporary:
-        temporary.write_text(yaml.safe_dump(content, sort_keys=False, allow_unicode=True), encoding="utf-8")
-
-
-def _save(path: Path, array: np.ndarray) -> None:
-    with atomic_write(path) as temporary:
-        np.save(temporary, array.astype(np.float32))
+    content = describe(result)
+    for step, when in enumerate(("before", "after")):
+        gap = content["gap"][when]
+        kinds = {"": gap} | {f"/{kind}": misfit for kind, misfit in gap.get("by_kind", {}).items()}
+        scalars = {
+            f"{key}{kind}": misfit[key]
+            for kind, misfit in kinds.items()
+            for key in ("chi2", "rmse_dn", "nll", "prediction_error")
+            if key in misfit
+        }
+        if isinstance(result, CalibratedResult):
+            scalars["significant_tests"] = sum(test["significant"] for test in content["where"][when])
+        logger.log_metrics(scalars, step)
+    if hasattr(logger.experiment, "add_figure"):
+        for name, figure in drawn.items():
+            logger.experiment.add_figure(name.removesuffix(".png"), figure, close=False)
+    logger.finalize("success")

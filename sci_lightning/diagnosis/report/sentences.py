@@ -1,15 +1,17 @@
-"""The result of a diagnosis in words: the headline of a report, and a clause about every effect."""
+"""The result of a diagnosis in words: headline, a clause for every effect, numbers with the digits that count."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 
+from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
 from sci_lightning.diagnosis.fit.gap import Gap
-from sci_lightning.diagnosis.report.digits import chi2, quantity
-from sci_lightning.diagnosis.result import Result
+from sci_lightning.diagnosis.result import CalibratedResult
 from sci_lightning.diagnosis.search.evidence import NamedEffect
 from sci_lightning.diagnosis.verdict import NEGLIGIBLE
 from sci_lightning.encoder.effects import Effect
+from sci_lightning.encoder.effects.parameter import Value
 
 MAX_CLAUSES = 3
 """Effects that a headline describes in words; of more it gives the names."""
@@ -19,28 +21,68 @@ NOTHING_LEFT = "nothing significant is left"
 """The end of a headline if the verdict is consistent or explained, and of no other."""
 
 
-def headline(diagnosis: Result) -> str:
+UNCERTAINTY = {
+    "calibrated": (
+        "Uncertainties are statistical only: one standard deviation, from the noise of the captures. Systematic "
+        "errors, of the target, of the light or of the patterns as displayed, come on top. Digits beyond a thousandth "
+        "of what an effect changes are not shown, because no formula is trusted further."
+    ),
+    "blind": (
+        "Uncertainties are one standard deviation, from the differences between blocks and between snapshots, because "
+        "the statistics of the scenes are only roughly right. What is the same for all scenes, such as an error of the "
+        "patterns, comes on top."
+    ),
+}
+"""What ``std`` and ``systematic`` of the report mean, for people, by the mode of the diagnosis."""
+
+
+def headline(result: CalibratedResult | BlindDiagnosis) -> str:
     """Return the verdict and the reasons for it in one sentence, which never contradicts the verdict."""
-    verdict, effects, after = diagnosis.verdict, diagnosis.effects, diagnosis.after.gap
+    if isinstance(result, BlindDiagnosis):
+        return _headline_of_unknown_scenes(result)
+    verdict, effects, after = result.verdict, result.effects, result.after.gap
     if verdict == "consistent":
         allowed = f" ({_chance(after)})" if _acceptable_by_chance(after) else ""
         return (
             f"The captures agree with the ideal camera: held-out chi2 {chi2(after.chi2)}{allowed}, and {NOTHING_LEFT}."
         )
     if not effects:
-        return f"{_disagreement(diagnosis)}: {_what_is_left(diagnosis)}."
-    if len(effects) > MAX_CLAUSES:
-        names = (effect.name + _alternatives(effect, " (or {})") for effect in effects)
-        named = f"{len(effects)} effects act together: {', '.join(names)}"
-    else:
-        either = " (or it is {}, which these captures cannot tell from it)"
-        clauses = [clause(effect) + _alternatives(effect, either) for effect in effects]
-        named = " and ".join(filter(None, (", ".join(clauses[:-1]), clauses[-1])))
+        return f"{_disagreement(result)}: {_what_is_left(result)}."
+    named = _named(effects, "captures")
     if verdict == "unexplained":
         worthless = "does not make the held-out pixels likelier"
-        return f"{_disagreement(diagnosis)}: to say that {named} {worthless}, and {_what_is_left(diagnosis)}."
-    end = f"and {NOTHING_LEFT}" if verdict == "explained" else f"but {_what_is_left(diagnosis)}"
-    return f"{named[0].upper()}{named[1:]}; with that in the model {improvement(diagnosis.before.gap, after)}, {end}."
+        return f"{_disagreement(result)}: to say that {named} {worthless}, and {_what_is_left(result)}."
+    end = f"and {NOTHING_LEFT}" if verdict == "explained" else f"but {_what_is_left(result)}"
+    return f"{_capitalised(named)}; with that in the model {improvement(result.before.gap, after)}, {end}."
+
+
+def _headline_of_unknown_scenes(result: BlindDiagnosis) -> str:
+    if result.verdict == "unexplained":
+        return result.notes[0]
+    if not result.effects:
+        count = len(result.observation)
+        snapshots = "The snapshot agrees" if count == 1 else f"The {count} snapshots agree"
+        return f"{snapshots} with the ideal camera, as far as unknown scenes can tell."
+    return f"{_capitalised(_named(result.effects, 'snapshots'))}: that makes snapshots of unknown scenes most likely."
+
+
+def further_notes(result: BlindDiagnosis) -> tuple[str, ...]:
+    """Return the notes beside the headline, which is the first of them where the verdict is ``unexplained``."""
+    return result.notes[1:] if result.verdict == "unexplained" else result.notes
+
+
+def _named(effects: Sequence[NamedEffect], captures: str) -> str:
+    """Return effects as clauses, or as names where they are many, with those that may be meant as well."""
+    if len(effects) > MAX_CLAUSES:
+        names = (effect.name + _alternatives(effect, " (or {})") for effect in effects)
+        return f"{len(effects)} effects act together: {', '.join(names)}"
+    either = f" (or it is {{}}, which these {captures} cannot tell from it)"
+    clauses = [clause(effect) + _alternatives(effect, either) for effect in effects]
+    return " and ".join(filter(None, (", ".join(clauses[:-1]), clauses[-1])))
+
+
+def _capitalised(text: str) -> str:
+    return f"{text[0].upper()}{text[1:]}"
 
 
 def clause(effect: NamedEffect) -> str:
@@ -107,22 +149,22 @@ def improvement(before: Gap, after: Gap) -> str:
     return f"the held-out misfit stays at chi2 {reached}{allowed}"
 
 
-def _disagreement(diagnosis: Result) -> str:
-    before, after = diagnosis.before.gap.chi2, diagnosis.after.gap.chi2
-    free = f", {chi2(after)} in free form" if diagnosis.unnamed and after < 0.999 * before else ""
+def _disagreement(result: CalibratedResult) -> str:
+    before, after = result.before.gap.chi2, result.after.gap.chi2
+    free = f", {chi2(after)} in free form" if result.unnamed and after < 0.999 * before else ""
     return f"The captures disagree with the ideal camera (held-out chi2 {chi2(before)}{free}) and no name explains it"
 
 
-def _what_is_left(diagnosis: Result) -> str:
+def _what_is_left(result: CalibratedResult) -> str:
     """Say why the verdict is neither ``consistent`` nor ``explained``."""
-    if diagnosis.unnamed:
-        places = ", and ".join(f"in the {unnamed.stage}, {unnamed.where}" for unnamed in diagnosis.unnamed)
-        return f"something without a name is left ({places})" if diagnosis.effects else places
-    if remaining := diagnosis.remaining:
+    if result.unnamed:
+        places = ", and ".join(f"in the {unnamed.stage}, {unnamed.where}" for unnamed in result.unnamed)
+        return f"something without a name is left ({places})" if result.effects else places
+    if remaining := result.remaining:
         names = ", ".join(test.name for test in remaining[:4]) + (", .." if len(remaining) > 4 else "")
         return f"the residuals are not noise yet ({names})"
-    gap = diagnosis.judging[1]
-    unseen = "" if diagnosis.verification is None else " on captures that nothing has seen"
+    gap = result.judging[1]
+    unseen = "" if result.verification is None else " on captures that nothing has seen"
     return f"chi2{unseen} is {chi2(gap.chi2)}, {_chance(gap)}, and no test of the residuals says where it comes from"
 
 
@@ -138,3 +180,48 @@ def _chance(gap: Gap) -> str:
 def _alternatives(effect: NamedEffect, text: str) -> str:
     """Return ``text`` with the effects that may be meant as well; nothing if there are none."""
     return text.format(" or ".join(effect.alternatives)) if effect.alternatives else ""
+
+
+def count_of(number: int, noun: str) -> str:
+    """Return a number with its noun, in the plural unless it is one."""
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
+def quantity(value: Value, std: float = 0.0, systematic: float = 0.0) -> str:
+    """Return a number and its statistical uncertainty, rounded to the digits that mean something.
+
+    The last digit is the second significant one of ``std``, or the first one that is not finer than ``systematic``,
+    whichever is coarser. An uncertainty below half of that digit is left out: then formulas limit the digits.
+
+    Args:
+        value: of a parameter; what is no ``float`` is a choice, and exact.
+        std: its standard deviation, statistical.
+        systematic: what its systematic error is at least, see
+            :func:`~sci_lightning.diagnosis.search.evidence.systematic_limit`.
+    """
+    if not isinstance(value, float):
+        return str(value)
+    known = [math.floor(math.log10(std)) - 1] if std > 0 and math.isfinite(std) else []
+    known += [math.ceil(math.log10(systematic) - 1e-9)] if systematic > 0 and math.isfinite(systematic) else []
+    if not known or not math.isfinite(value):
+        return f"{value:.6g}"
+    place = max(known)
+    text = _rounded(value, place)
+    if not 0.5 * 10.0**place <= std < math.inf:
+        return text
+    return f"{text} \u00b1 {_rounded(std, place)}"
+
+
+def uncertainty(std: float) -> str:
+    """Return a standard deviation with two significant digits, nothing if there is none."""
+    return _rounded(std, math.floor(math.log10(std)) - 1) if 0 < std < math.inf else ""
+
+
+def chi2(value: float) -> str:
+    """Return a reduced chi2 with the digits that mean something."""
+    return f"{value:.0f}" if value >= 1000 else f"{value:.4g}" if value >= 10 else f"{value:.3f}"
+
+
+def _rounded(value: float, place: int) -> str:
+    """``value`` with the last digit at 10 ** place."""
+    return f"{round(value, -place):.{max(0, -place)}f}"

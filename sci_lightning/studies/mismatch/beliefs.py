@@ -99,12 +99,12 @@ def _diagnose(kind: str, captures: Captures, folder: Path, on_progress: Progress
     """Diagnose captures, write ``encoder.yaml`` and ``report.json``; return what records say of it."""
     from sci_lightning.diagnosis import diagnose
     from sci_lightning.diagnosis.blind.blind_diagnosis import diagnose_blind
-    from sci_lightning.diagnosis.report.blind_report import write_blind_report
-    from sci_lightning.diagnosis.report.report import describe, write_encoder
+    from sci_lightning.diagnosis.report.corrected_camera import write_encoder
+    from sci_lightning.diagnosis.report.report import describe, write_report
 
     start, cpu_start = time.perf_counter(), time.process_time()
     if kind == "blind":
-        write_blind_report(diagnose_blind(captures, on_progress=on_progress), folder)
+        write_report(diagnose_blind(captures, on_progress=on_progress), folder)
         report = json.loads((folder / "report.json").read_text())
     else:
         diagnosis = diagnose(captures, on_progress=on_progress)

@@ -15,7 +15,9 @@ from sci_lightning.captures import Captures, write_captures
 from sci_lightning.diagnosis.blind import blind_diagnosis, search
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis, diagnose_blind
 from sci_lightning.diagnosis.blind.held_out.paired_comparison import PairedComparison, PredictionVerdict
-from sci_lightning.diagnosis.report.blind_report import blind_headline, write_blind_report
+from sci_lightning.diagnosis.report.report import write_report
+from sci_lightning.diagnosis.report.report_folder import report_folder
+from sci_lightning.diagnosis.report.sentences import headline
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput
@@ -104,7 +106,8 @@ def test_the_command_and_its_report(tmp_path: Path, command: Callable[..., Any])
 
 def test_no_picture_is_left_of_an_earlier_report(tmp_path: Path) -> None:
     for hidden in ({"mask_contrast": {"leak": 0.2}}, {}):
-        write_blind_report(diagnosed(snapshots(hidden, 3, size=(48, 48)), ("mask_contrast",)), tmp_path)
+        with report_folder(tmp_path) as folder:
+            write_report(diagnosed(snapshots(hidden, 3, size=(48, 48)), ("mask_contrast",)), folder)
         assert (tmp_path / "prediction.png").is_file() == (tmp_path / "reconstruction.png").is_file() == bool(hidden)
     assert (tmp_path / "report.html").is_file()
 
@@ -176,7 +179,7 @@ def test_a_camera_that_is_no_better_than_none_is_withdrawn(monkeypatch: pytest.M
     diagnosis = diagnosed(snapshots({"mask_contrast": {"leak": 0.2}}, 3, size=(24, 24)), ("mask_contrast",))
     assert diagnosis.verdict == "unexplained" and not diagnosis.names
     assert diagnosis.corrected.hypothesis == diagnosis.ideal.hypothesis
-    assert "(with mask_contrast)" in blind_headline(diagnosis)
+    assert "(with mask_contrast)" in headline(diagnosis)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sci_lightning.diagnosis.report.digits import chi2, quantity, uncertainty
+from sci_lightning.diagnosis.report.sentences import chi2, quantity, uncertainty
 from sci_lightning.diagnosis.search.evidence import systematic_limit
 from sci_lightning.encoder.effects import Gain, MaskOrientation, MaskShift, ShotNoise
 

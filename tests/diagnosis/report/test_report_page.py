@@ -27,8 +27,8 @@ from sci_lightning.diagnosis.report.pictures import (
     unnamed_figure,
 )
 from sci_lightning.diagnosis.report.pictures import test_figure as draw_test_figure
-from sci_lightning.diagnosis.report.report import UNCERTAINTY, describe, write_report
-from sci_lightning.diagnosis.report.report_page import WIDE, Provenance, report_page
+from sci_lightning.diagnosis.report.report import describe, write_report
+from sci_lightning.diagnosis.report.report_page import WIDE_INCHES, Provenance, report_page
 from sci_lightning.diagnosis.report.svg import svg
 from sci_lightning.diagnosis.residual_tests.drawing import OWN, nearly_largest
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
@@ -75,14 +75,14 @@ def blank_figures(result: Diagnosis) -> dict[str, Figure]:
 
 def page(result: Diagnosis, source: Provenance = SOURCE) -> str:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sci_lightning.diagnosis.report.report_page.MAX_TEST_FIGURES", 1)
-        return report_page(result, source, blank_figures(result), UNCERTAINTY)
+        patch.setattr("sci_lightning.diagnosis.report.sections.MAX_TEST_FIGURES", 1)
+        return report_page(result, source, blank_figures(result))
 
 
 @pytest.fixture(scope="module")
 def text(result: Diagnosis) -> str:
     """The page of ``found`` with all figures."""
-    return report_page(result, SOURCE, figures(result), UNCERTAINTY)
+    return report_page(result, SOURCE, figures(result))
 
 
 class Tags(HTMLParser):
@@ -219,7 +219,7 @@ def test_residuals_are_whole_where_the_page_is_narrow(result: Diagnosis) -> None
     drawn = [draw(one, after) for draw in (residuals_figure, example_figure) for one in (loud, after)]
     tests = {test.name: test for test in result.before.tests}
     drawn += [draw_test_figure(tests.get(test.name), test) for test in result.after.tests]
-    assert max(figure.get_size_inches()[0] for figure in drawn) <= WIDE
+    assert max(figure.get_size_inches()[0] for figure in drawn) <= WIDE_INCHES
 
 
 def test_it_names_the_file_and_the_day(text: str) -> None:

@@ -43,6 +43,7 @@ def diagnosed(
         before=Assessment(nothing, before, nothing, ()),
         after=Assessment(nothing, after, nothing, ()),
         effects=effects,
+        considered={},
         unnamed=unnamed,
         rounds=(),
         stated_noise=(),

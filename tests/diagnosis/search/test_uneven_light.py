@@ -11,7 +11,8 @@ import pytest
 import yaml
 
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
-from sci_lightning.diagnosis.report.report import describe, write_encoder
+from sci_lightning.diagnosis.report.corrected_camera import write_encoder
+from sci_lightning.diagnosis.report.report import describe
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.files.formats import check
