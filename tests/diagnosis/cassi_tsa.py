@@ -15,7 +15,7 @@ from matplotlib.image import imread
 
 from sci_lightning.captures import Captures
 from sci_lightning.captures.snapshots import captures_of_snapshots, read_snapshots
-from sci_lightning.diagnosis.blind.blind_diagnosis import LARGEST_SEARCHED, BlindDiagnosis, diagnose_blind
+from sci_lightning.diagnosis.blind.blind_diagnosis import SEARCHED_SIDE_PX, BlindDiagnosis, diagnose_blind
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prior import BLOCK, ScenePrior, statistics_for
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots, textured_part
@@ -61,7 +61,7 @@ def by_snapshot(diagnosis: BlindDiagnosis) -> list[dict[str, Any]]:
 
 def by_hypothesis(captures: Captures) -> list[dict[str, Any]]:
     """Return the log-likelihood per pixel of a few hypotheses, in the order of the table."""
-    part = textured_part(captures, LARGEST_SEARCHED, VERIFY)
+    part = textured_part(captures, SEARCHED_SIDE_PX, VERIFY)
     observation = observe_snapshots(part, leave_out=VERIFY)
     model = CameraModel(observation, vocabulary(), {"mask_contrast": MaskContrast})
     likelihood = BlindLikelihood(
@@ -103,7 +103,7 @@ def picture(rows: list[dict[str, Any]], report: Path) -> Figure:
 def main(folder: Path, out: Path) -> None:
     captures = read_cassi(folder)
     about = {"machine": "one thread", "seeds": "0", "command": COMMAND}
-    scale = f"the {LARGEST_SEARCHED} x {LARGEST_SEARCHED} pixels with the most texture, 28 slots"
+    scale = f"the {SEARCHED_SIDE_PX} x {SEARCHED_SIDE_PX} pixels with the most texture, 28 slots"
     file = MeasurementsFile(RESULTS / "cassi-tsa.json", scale=scale, **about)
     likely = MeasurementsFile(RESULTS / "cassi-tsa-blur.json", scale=f"{scale}; scenes 1 to 3", **about)
     diagnosis = diagnose_blind(captures, on_progress=lambda line: print(line, flush=True))

@@ -11,7 +11,7 @@ import torch
 from sci_lightning.captures import read_captures, write_captures
 from sci_lightning.configuration.build import build
 from sci_lightning.diagnosis import diagnose
-from sci_lightning.diagnosis.blind.snapshot_camera import snapshots_of
+from sci_lightning.diagnosis.blind.snapshots import snapshots_of
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.encoder_file import read_encoder_file

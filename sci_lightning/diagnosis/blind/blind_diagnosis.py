@@ -4,7 +4,7 @@ The scenes are integrated out: patches of video have known statistics (:mod:`~sc
 that a hypothesis about the camera has a likelihood (:mod:`~sci_lightning.diagnosis.blind.likelihood`). The search is
 that of a calibrated diagnosis in short (:mod:`~sci_lightning.diagnosis.blind.search`). The prior is only roughly right;
 how far to trust a difference in likelihood follows from how much blocks and snapshots agree about it
-(:mod:`~sci_lightning.diagnosis.blind.likelihood_comparison`).
+(:mod:`~sci_lightning.diagnosis.blind.candidate_comparison`).
 """
 
 from __future__ import annotations
@@ -18,25 +18,26 @@ import torch
 
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis import vocabulary as effects_vocabulary
-from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter
-from sci_lightning.diagnosis.blind.held_out.block_prediction import judge_by_blocks, snapshots_that_judge
-from sci_lightning.diagnosis.blind.held_out.paired_comparison import PredictionVerdict
+from sci_lightning.diagnosis.blind.blind_fit import MIN_SNAPSHOTS, BlindFit, BlindFitter
+from sci_lightning.diagnosis.blind.block_prediction import PredictionVerdict, predict_by_blocks, predictable_snapshots
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prior import BLOCK, LONGEST_VIDEO, MOST_SLOTS, ScenePrior, statistics_for
 from sci_lightning.diagnosis.blind.search import (
     BlindExplanation,
-    BlindNamed,
     BlindSearch,
+    NamedCandidate,
 )
-from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera, snapshots_of
 from sci_lightning.diagnosis.blind.snapshots import (
+    SnapshotCamera,
     observe_snapshots,
+    snapshots_of,
     textured_part,
     usable_snapshots,
     useless_snapshots,
 )
 from sci_lightning.diagnosis.blind.undetermined import SHOWN_IF_STRONG, determined_effects, undetermined_effects
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, datasheet_noise
+from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.result import Result
 from sci_lightning.diagnosis.search.evidence import Estimate, NamedEffect, systematic_limit
 from sci_lightning.diagnosis.search_settings import SearchSettings
@@ -44,9 +45,9 @@ from sci_lightning.encoder.effects import Effect, MaskContrast
 from sci_lightning.errors import BadInput
 from sci_lightning.prior import PatchPrior
 
-LEAST_USABLE = 0.05
+MIN_USABLE_SHARE = 0.05
 """Part of the blocks without a saturated pixel below which nothing can be said."""
-LARGEST_SEARCHED = 256
+SEARCHED_SIDE_PX = 256
 """Side in pixels of the part of a larger field that is searched where there are many slots."""
 OF_THE_FIELD = (
     "mask_rotation",
@@ -57,10 +58,8 @@ OF_THE_FIELD = (
     "rolling_shutter",
 )
 """Effects that depend on the place in the field, and are not looked for where only a part of it is searched."""
-MOST_LISTED = 10
+MAX_LISTED = 10
 """Largest number of snapshots that a note lists by their numbers."""
-FEW_SNAPSHOTS = 3
-"""Fewer snapshots say little about how scenes differ, so that uncertainties are widened."""
 NO_MASK_IS_AS_GOOD = (
     "A camera without any mask predicts held-out pixels as well as the likeliest one{effects}: the snapshots do not "
     "show that their mask is the one of the file, and nothing is named."
@@ -75,10 +74,10 @@ RECORD = "a flat field behind the coding patterns, and an even scene behind one 
 
 @dataclass(frozen=True)
 class BlindEffect(NamedEffect):
-    """An effect that snapshots of unknown scenes ask for; ``delta_nll`` counts calibrated nats.
+    """An effect that snapshots of unknown scenes support; ``delta_nll`` counts calibrated nats.
 
     Attributes:
-        agree: snapshots that ask for it.
+        agree: snapshots that support it.
         snapshots: of how many.
         p_value: probability that chance alone prefers it so clearly, paired over tiles of blocks.
     """
@@ -107,9 +106,9 @@ class BlindDiagnosis(Result):
         notes: what is unusual about the snapshots, in sentences.
         mask_is_visible: whether the snapshots are likelier with the mask than with none, and that by more than chance
             or confirmed by held-out pixels where an effect is named; if not, nothing is named and nothing corrected.
-        prediction: what held-out pixels say about the corrected camera; None if they were not asked.
+        prediction: what held-out pixels say about the corrected camera; None if they were not predicted.
         verification: numbers of the snapshots that were set aside: the search has not seen them.
-        camera: the snapshots as held-out pixels were predicted in them; None if they were not asked.
+        camera: the snapshots as held-out pixels were predicted in them; None if they were not predicted.
     """
 
     mode = "blind"
@@ -126,7 +125,7 @@ class BlindDiagnosis(Result):
 
     @property
     def verdict(self) -> str:
-        """``consistent`` where nothing is asked for, else ``explained``; nobody looked for what has no name.
+        """``consistent`` where nothing is named, else ``explained``; nobody looked for what has no name.
 
         Where no mask is to be seen in the snapshots, it is ``unexplained``; where an effect does not make held-out
         pixels more predictable, or snapshots that were set aside do not confirm what was named, or a camera without any
@@ -172,63 +171,52 @@ def diagnose_blind(
     settings = settings or SearchSettings()
     settings.check_unknown_scenes()
     unknown = [int(number) for number in np.flatnonzero(~captures.known)]
-    aside = [number for number in unknown if number in (captures.verification or ())]
-    if aside and len(aside) == len(unknown):
+    verification = [number for number in unknown if number in (captures.verification or ())]
+    if verification and len(verification) == len(unknown):
         raise BadInput(
             f"{captures.name}: 'verification' sets all {len(unknown)} captures of unknown scenes aside; leave some to "
             "be fitted"
         )
-    observation = observe_snapshots(captures, leave_out=aside)
+    observation = observe_snapshots(captures, leave_out=verification)
     if observation.frames > MOST_SLOTS:
         raise BadInput(
             f"{captures.name}: {observation.frames} slots, where snapshots of unknown scenes are diagnosed up to "
             f"{MOST_SLOTS}: record captures of known scenes"
         )
     vocabulary = effects_vocabulary.with_noise(effects_vocabulary.vocabulary() if vocabulary is None else vocabulary)
-    model = searched = CameraModel(observation, vocabulary, {"mask_contrast": MaskContrast})
-    part = textured_part(captures, LARGEST_SEARCHED, aside) if observation.frames > LONGEST_VIDEO else captures
+    model = searched = _model(observation, vocabulary)
+    part = textured_part(captures, SEARCHED_SIDE_PX, verification) if observation.frames > LONGEST_VIDEO else captures
     if part is not captures:
         of_a_part = {name: effect for name, effect in vocabulary.items() if name not in OF_THE_FIELD}
-        searched = CameraModel(observe_snapshots(part, leave_out=aside), of_a_part, {"mask_contrast": MaskContrast})
+        searched = _model(observe_snapshots(part, leave_out=verification), of_a_part)
     if statistics is None:
         on_progress("statistics of the scenes")
         patterns = observation.patterns[observation.sequences[0]] if observation.grid is None else None
         statistics = statistics_for(observation.frames, patterns)
     prior = ScenePrior(observation.frames, statistics)
     likelihood = BlindLikelihood(searched, prior)
-    if (usable := float(likelihood.usable.double().mean())) < LEAST_USABLE:
+    if (usable := float(likelihood.usable.double().mean())) < MIN_USABLE_SHARE:
         raise BadInput(
             f"{captures.name}: {100 * (1 - usable):.0f} % of the blocks of {BLOCK} x {BLOCK} pixels are saturated "
             f"({observation.full_scale} DN): reduce exposure or aperture"
         )
     noise, stated = datasheet_noise(observation)
     explanation = BlindSearch(BlindFitter(likelihood, settings.min_progress_nats), noise, settings, on_progress).run()
-    judges = [number for number in aside if number in usable_snapshots(captures)]
+    usable_numbers = usable_snapshots(captures)
+    predicted = [*observation.number.tolist(), *(number for number in verification if number in usable_numbers)]
     prediction = camera = None
     withdrawn: tuple[str, ...] = ()
     if explanation.mask_is_visible:
-        named = tuple(one.name for one in explanation.named)
-        corrected = explanation.fit.hypothesis
-        judged = [*observation.number.tolist(), *judges]
-        camera = snapshots_of(captures.take(judged), vocabulary)
-        camera = replace(camera, numbers=tuple(judged[place] for place in camera.numbers))
-        seen = observe_snapshots(part.take(camera.numbers))
-        camera = camera.take(torch.isin(torch.arange(len(camera)), seen.number))
-        judge = BlindLikelihood(CameraModel(seen, vocabulary, {"mask_contrast": MaskContrast}), prior)
-        judging = snapshots_that_judge(judge, noise, corrected)
-        camera = camera.take(judging) if judging.any() else None
-        if camera is not None:
-            if not judging.all():  # every block of the others has a saturated pixel
-                model_of_judges = CameraModel(seen.take(judging), vocabulary, {"mask_contrast": MaskContrast})
-                judge = BlindLikelihood(model_of_judges, prior)
-            apart = camera.verification.nonzero()[:, 0].tolist()
-            prediction = judge_by_blocks(judge, noise, corrected, named, apart, seed, on_progress)
-            # Any mask, weakened enough, would do as well.
-            if named and not prediction.mask_helps() and not explanation.mask_is_clear:
-                withdrawn, prediction, camera = named, None, None
-                explanation = BlindExplanation(
-                    explanation.ideal, explanation.ideal, (), explanation.rounds, False, mask_is_clear=False
-                )
+        prediction, camera = _prediction(captures, part, predicted, vocabulary, prior, noise, explanation, seed)
+    if prediction is not None:
+        gap = prediction.gap
+        on_progress(f"held-out pixels: prediction error {gap.before:.4f} to {gap.after:.4f}")
+        # Any mask, weakened enough, would do as well.
+        if explanation.named and not prediction.mask_helps() and not explanation.mask_is_clear:
+            withdrawn, prediction, camera = tuple(one.name for one in explanation.named), None, None
+            explanation = BlindExplanation(
+                explanation.ideal, explanation.ideal, (), explanation.rounds, False, mask_is_clear=False
+            )
     names = [one.name for one in explanation.named]
     weak = {name: why for name, why in SHOWN_IF_STRONG.items() if name in vocabulary and name not in names}
     return BlindDiagnosis(
@@ -242,16 +230,54 @@ def diagnose_blind(
         rounds=explanation.rounds,
         considered=determined_effects(searched),
         undetermined=undetermined_effects(model) | weak,
-        notes=_notes(captures, likelihood, len(judges), explanation.mask_is_visible, prediction, withdrawn),
+        notes=_notes(captures, likelihood, explanation.mask_is_visible, prediction, withdrawn),
         mask_is_visible=explanation.mask_is_visible,
         prediction=prediction,
-        verification=tuple(aside),
+        verification=tuple(verification),
         camera=camera,
         stated_noise=tuple(effect for effect, _ in stated),
     )
 
 
-def _named(model: CameraModel, fit: BlindFit, named: BlindNamed) -> BlindEffect:
+def _model(observation: Observation, vocabulary: Mapping[str, type[Effect]]) -> CameraModel:
+    """Return the forward model, which can weaken the mask whether or not a lower contrast may be named."""
+    return CameraModel(observation, vocabulary, {"mask_contrast": MaskContrast})
+
+
+def _prediction(
+    captures: Captures,
+    part: Captures,
+    numbers: list[int],
+    vocabulary: Mapping[str, type[Effect]],
+    prior: ScenePrior,
+    ideal: Hypothesis,
+    explanation: BlindExplanation,
+    seed: int,
+) -> tuple[PredictionVerdict | None, SnapshotCamera | None]:
+    """Predict held-out pixels of the part of the field that was searched, in the snapshots of these numbers.
+
+    Returns:
+        what they say about the corrected camera, and the snapshots in which they were predicted; None where every block
+        has a saturated pixel.
+    """
+    corrected = explanation.fit.hypothesis
+    camera = snapshots_of(captures.take(numbers), vocabulary)
+    camera = replace(camera, numbers=tuple(numbers[place] for place in camera.numbers))
+    seen = observe_snapshots(part.take(camera.numbers))
+    camera = camera.take(torch.isin(torch.arange(len(camera)), seen.number))
+    likelihood = BlindLikelihood(_model(seen, vocabulary), prior)
+    predictable = predictable_snapshots(likelihood, ideal, corrected)
+    if not predictable.any():
+        return None, None
+    camera = camera.take(predictable)
+    if not predictable.all():
+        likelihood = BlindLikelihood(_model(seen.take(predictable), vocabulary), prior)
+    names = tuple(one.name for one in explanation.named)
+    verification = camera.verification.nonzero()[:, 0].tolist()
+    return predict_by_blocks(likelihood, ideal, corrected, names, verification, seed), camera
+
+
+def _named(model: CameraModel, fit: BlindFit, named: NamedCandidate) -> BlindEffect:
     """Return an effect with its parameters, their errors, and what speaks for it."""
     effect = model.effects[named.name]
     deviations = dict(zip(fit.free, fit.covariance.diagonal().clamp(min=0).sqrt().tolist(), strict=True))
@@ -278,12 +304,11 @@ def _named(model: CameraModel, fit: BlindFit, named: BlindNamed) -> BlindEffect:
 def _notes(
     captures: Captures,
     likelihood: BlindLikelihood,
-    aside: int,
     mask_is_visible: bool,
     prediction: PredictionVerdict | None,
     withdrawn: tuple[str, ...],
 ) -> tuple[str, ...]:
-    """Say what is unusual about the snapshots, of which ``aside`` only judge, and which names were withdrawn."""
+    """Say what is unusual about the snapshots, and which names were withdrawn."""
     notes, count = [], len(likelihood.model.observation)
     if withdrawn:
         notes.append(NO_MASK_IS_AS_GOOD.format(effects=f" (with {', '.join(withdrawn)})"))
@@ -294,13 +319,13 @@ def _notes(
             "No mask is to be seen in the snapshots: they have no texture, or other patterns were shown than the file "
             "says, or these were displaced further than the search looks."
         )
-    if count < FEW_SNAPSHOTS:
+    if count < MIN_SNAPSHOTS:
         what = "One snapshot says" if count == 1 else "Two snapshots say"
         notes.append(f"{what} little about how scenes differ: uncertainties are widened.")
     useless = useless_snapshots(captures)
     for reason in dict.fromkeys(useless.values()):
         numbers = [number for number, why in useless.items() if why == reason]
-        listed = ", ".join(map(str, numbers[:MOST_LISTED])) + ", .." * (len(numbers) > MOST_LISTED)
+        listed = ", ".join(map(str, numbers[:MAX_LISTED])) + ", .." * (len(numbers) > MAX_LISTED)
         what = f"Snapshot {listed} is" if len(numbers) == 1 else f"{len(numbers)} snapshots ({listed}) are"
         notes.append(f"{what} left out: {reason}. Snapshots are counted from 0.")
     saturated = 1 - float(likelihood.usable.double().mean())

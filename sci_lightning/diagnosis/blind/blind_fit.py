@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, field, replace
 
 import torch
+from scipy.stats import t as student
 
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood, spread
-from sci_lightning.diagnosis.blind.likelihood_comparison import clustered
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from sci_lightning.diagnosis.blind.prior import BLOCK
 from sci_lightning.diagnosis.fit.levenberg_marquardt import maximise
@@ -16,14 +16,20 @@ from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS, Hypothesis, ParameterName
 from sci_lightning.diagnosis.search_settings import SearchSettings
 
-DIFFERENCE = 0.5
+DIFFERENCE_STEP = 0.5
 """Part of a parameter's step over which the likelihood is differentiated."""
-PACE = 0.05
+CATCH_UP_SHARE = 0.05
 """Part of what a fit lacks to what it competes with that an iteration must gain; a slower one does not catch up."""
-ATTEMPTS = 5
+MAX_ATTEMPTS = 5
 """Steps that are tried in an iteration, each with more damping than the one before."""
 ROUGH_BLOCKS = 64
 """Blocks that are enough for the direction of a Newton step, spread evenly over those that are fitted."""
+TILE = 2
+"""Blocks along the side of a tile; blocks of one tile do not count as independent of each other."""
+MIN_BLOCKS_FOR_TILES = 64
+"""Of fewer blocks every one counts by itself: tiles would be too few to say anything."""
+MIN_SNAPSHOTS = 3
+"""Snapshots from which their differences are a measure of the uncertainty."""
 
 
 @dataclass(frozen=True)
@@ -119,11 +125,11 @@ class BlindFitter:
             blocks: ``(blocks,)`` bool: blocks to be fitted.
             iterations: at most.
             alone: the effect whose parameters alone are fitted; None: those of all effects.
-            errors: whether the covariance of the parameters' errors is asked for, which takes as long as an iteration.
+            errors: whether the covariance of the parameters' errors is estimated, which takes as long as an iteration.
             rough: whether a part of the blocks is enough for how the errors depend on each other.
             enough: nats below which an iteration that gains no more is the last one; None: ``min_progress_nats``.
             ahead: ``(blocks, N)`` log-likelihood of what the fit competes with. An iteration that gains less than
-                :data:`PACE` of what lacks to it is the last one. None: there is nothing.
+                :data:`CATCH_UP_SHARE` of what lacks to it is the last one. None: there is nothing.
         """
         others = () if alone is None else [name for name in hypothesis.effects if name != alone]
         constant = tuple((name, parameter) for name in others for parameter in hypothesis.effects[name])
@@ -152,9 +158,9 @@ class BlindFitter:
             return trial, float((trial.log_likelihood - at.log_likelihood).nansum())
 
         def needed(at: BlindFit) -> float:
-            return enough if ahead is None else max(enough, PACE * float((ahead - at.log_likelihood).nansum()))
+            return enough if ahead is None else max(enough, CATCH_UP_SHARE * float((ahead - at.log_likelihood).nansum()))
 
-        best, _ = maximise(best, differentiate, step, needed, iterations, ATTEMPTS)
+        best, _ = maximise(best, differentiate, step, needed, iterations, MAX_ATTEMPTS)
         if errors:
             derivatives = self._differentiate(free, best, rough=rough)
             covariance = errors_of(derivatives.information, clustered(derivatives.scores, self.likelihood.columns))
@@ -244,7 +250,7 @@ class BlindFitter:
         """Return a parameter's step for differences, and the two places, in steps, that lie within its bounds."""
         about = self.model.effects[name].about[parameter]
         value = float(fit.hypothesis.effects[name][parameter])
-        step = about.step * DIFFERENCE * (value if about.log else 1.0)
+        step = about.step * DIFFERENCE_STEP * (value if about.log else 1.0)
         if value - step >= about.low and value + step <= about.high:
             return step, (-1.0, 1.0)
         return step, (1.0, 2.0) if value + 2 * step <= about.high else (-1.0, -2.0)
@@ -294,3 +300,41 @@ def price_of(parameters: int, blocks: int) -> float:
 
 def _parameters(hypothesis: Hypothesis) -> int:
     return sum(len(setting) for name, setting in hypothesis.effects.items() if name not in NOISE_GUESS)
+
+
+def tiles(scores: torch.Tensor, columns: int) -> torch.Tensor:
+    """Return the sums of ``scores`` (p, blocks, N) over the blocks of every tile, ``(p, tiles * N)``."""
+    grid = scores.reshape(len(scores), -1, columns, scores.shape[2])
+    if grid[0].numel() < MIN_BLOCKS_FOR_TILES:
+        return grid.flatten(1)
+    down, across = (-(-side // TILE) * TILE for side in grid.shape[1:3])
+    grid = torch.nn.functional.pad(grid, (0, 0, 0, across - grid.shape[2], 0, down - grid.shape[1]))
+    return grid.unflatten(2, (-1, TILE)).unflatten(1, (-1, TILE)).sum((2, 4)).flatten(1)
+
+
+def clustered(scores: torch.Tensor, columns: int) -> torch.Tensor:
+    """Return the covariance ``(p, p)`` of the sums of ``scores`` (p, blocks, N) over blocks and snapshots.
+
+    Tiles of blocks count as independent, and snapshots; of the two estimates the larger one (by its trace) is
+    returned. Few snapshots say little about their differences, so that their estimate is enlarged by Student's factor.
+
+    Source: White, "Maximum likelihood estimation of misspecified models", Econometrica 1982, for clusters.
+    """
+    best = _spread(tiles(scores, columns))
+    sums = scores.sum(1)
+    sums = sums[:, (sums != 0).any(0)]
+    number = sums.shape[1]
+    if number >= MIN_SNAPSHOTS:
+        between = _spread(sums) * (student.ppf(0.975, number - 1) / 1.96) ** 2
+        best = between if float(between.trace()) > float(best.trace()) else best
+    elif number == 1:
+        best = best * 4  # a single scene says nothing about how scenes differ
+    return best
+
+
+def _spread(values: torch.Tensor) -> torch.Tensor:
+    """Return the covariance of the sum of independent values ``(p, n)``, from how they differ; zeros do not count."""
+    values = values[:, (values != 0).any(0)]
+    number = values.shape[1]
+    centred = values - values.mean(1, keepdim=True) if number > 1 else values
+    return centred @ centred.mT * (number / max(number - 1, 1))

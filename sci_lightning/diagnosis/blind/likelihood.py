@@ -70,7 +70,7 @@ class SeenBlocks:
     is subtracted.
 
     Attributes:
-        places: ``(b,)``, which of the blocks that were asked for.
+        places: ``(b,)``, which of the requested blocks.
         members: ``(M,)``, which snapshots.
         measured: ``(b, M, n)``.
         per_light: ``(b, M, n)``, recorded signal per relative light, 1.0 being full scale.
@@ -198,16 +198,16 @@ class BlindLikelihood:
         counted = self.inside(self.model.border(hypothesis))
         numbers = (counted if blocks is None else counted & blocks).nonzero()[:, 0]
         count, observation = len(self.prior.weights), self.model.observation
-        wanted = torch.ones(count, len(numbers), dtype=torch.bool) if likely is None else likely[:, numbers]
+        requested = torch.ones(count, len(numbers), dtype=torch.bool) if likely is None else likely[:, numbers]
         if weights is not None:
-            wanted = wanted & (weights > 0)[:, None]
+            requested = requested & (weights > 0)[:, None]
         scores = torch.full((count, len(numbers), len(observation)), -math.inf, dtype=torch.float64)
 
         def score(seen: SeenBlocks) -> None:
-            """Write the log-likelihood of some blocks by every component that is wanted."""
+            """Write the log-likelihood of some blocks by every requested component."""
             deviation = seen.deviation
             for component, block, covariance in self.prior.covariances(
-                seen.mask, seen.operator, wanted[:, seen.places]
+                seen.mask, seen.operator, requested[:, seen.places]
             ):
                 covariance = seen.with_brightness(covariance, block)
                 covariance.diagonal(dim1=-2, dim2=-1).add_(seen.noise[block])
@@ -308,27 +308,27 @@ class BlindLikelihood:
         return self._relative_mask(self.model.path(hypothesis), sequence)
 
     def _relative_mask(
-        self, path: LightPath, sequence: torch.Tensor, wanted: torch.Tensor | None = None
+        self, path: LightPath, sequence: torch.Tensor, requested: torch.Tensor | None = None
     ) -> torch.Tensor:
-        """Return the relative mask ``(T, H, W)``, which is right where it is ``wanted``; None: everywhere.
+        """Return the relative mask ``(T, H, W)``, which is right where it is ``requested``; None: everywhere.
 
         The image of a turned or distorted mask takes long, and is computed there only. What it is divided by is the
-        mean of the mask that is neither turned nor distorted, so that it does not depend on what is wanted: the mean
+        mean of the mask that is neither turned nor distorted, so that it does not depend on what is requested: the mean
         over so many mirrors is the same.
         """
         effects = [effect for effect in path.effects.values() if isinstance(effect, Effect)]
         upright = [effect for effect in effects if path.grid is not None or not _turns(effect)]
         even = self._shown(LightPath(upright, path.grid), sequence)
-        seen = even if len(upright) == len(effects) else self._shown(path, sequence, wanted)
+        seen = even if len(upright) == len(effects) else self._shown(path, sequence, requested)
         return seen / even.sum(0)[self._centre].mean().clamp(min=1e-6)
 
-    def _shown(self, path: LightPath, sequence: torch.Tensor, wanted: torch.Tensor | None = None) -> torch.Tensor:
-        """Return what multiplies each frame of the scene where it is ``wanted``, ``(T, H, W)`` float64."""
+    def _shown(self, path: LightPath, sequence: torch.Tensor, requested: torch.Tensor | None = None) -> torch.Tensor:
+        """Return what multiplies each frame of the scene where it is ``requested``, ``(T, H, W)`` float64."""
         displayed = (*path.of(ModulatorEffect), *path.of(RelayEffect))
         seen = LightPath([*displayed, *path.of(ExposureEffect)], path.grid)
-        where = None if wanted is None else wanted.numpy().tobytes()
+        where = None if requested is None else requested.numpy().tobytes()
         key = (where, *(effect_key(effect) for effect in displayed))
-        images = self._images.get(key, lambda: seen.images(self.model.observation.patterns, wanted))
+        images = self._images.get(key, lambda: seen.images(self.model.observation.patterns, requested))
         return seen.during(images, sequence[None])[0].double()
 
     def _pixels_of(self, numbers: torch.Tensor, reach: int) -> torch.Tensor:

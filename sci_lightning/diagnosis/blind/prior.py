@@ -32,7 +32,7 @@ MATRICES = 48
 ITERATIONS = 8
 """Iterations of expectation-maximisation for the shares; they start from those of many videos, and few are needed."""
 PSEUDO_COUNT = 2.0
-"""Blocks by which the shares of many videos hold on: a component that nothing asks for keeps a small share."""
+"""Blocks by which the shares of many videos hold on: a component that explains nothing keeps a small share."""
 
 
 def scene_statistics(place: str | Path) -> PatchPrior:
@@ -120,20 +120,20 @@ class ScenePrior:
         return factors.to(torch.float32)  # twice as fast, and precise enough; Cholesky's is not
 
     def covariances(
-        self, mask: torch.Tensor, operator: torch.Tensor | None, wanted: torch.Tensor
+        self, mask: torch.Tensor, operator: torch.Tensor | None, requested: torch.Tensor
     ) -> Iterator[tuple[torch.Tensor, torch.Tensor, torch.Tensor]]:
         """Yield covariances of blocks of a snapshot without noise, a few pairs of a component and a block at a time.
 
         Args:
             mask: relative mask of the blocks, ``(blocks, T, n)``; with pixels around them where there are optics.
             operator: how much of the light of every pixel reaches every pixel of a block, ``(m, n)``; None: its own.
-            wanted: ``(K, blocks)`` bool, the pairs that are asked for.
+            requested: ``(K, blocks)`` bool, the pairs that are computed.
 
         Yields:
-            components ``(P,)`` and blocks ``(P,)`` of some pairs, in the order of ``wanted.nonzero()``, and their
+            components ``(P,)`` and blocks ``(P,)`` of some pairs, in the order of ``requested.nonzero()``, and their
             covariances ``(P, m, m)``, float64.
         """
-        by_contrast = wanted.unflatten(0, (len(self._contrasts), -1))  # (contrasts, components, blocks)
+        by_contrast = requested.unflatten(0, (len(self._contrasts), -1))  # (contrasts, components, blocks)
         needed = by_contrast.any(0).mT
         covariance = self.factors(math.isqrt(mask.shape[2])).covariance_of(mask, operator, needed)
         place = needed.flatten().cumsum(0).view(needed.shape) - 1

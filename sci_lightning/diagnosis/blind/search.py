@@ -8,11 +8,17 @@ from dataclasses import dataclass, replace
 import torch
 
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price, price_of
-from sci_lightning.diagnosis.blind.candidate import KEPT_Z, MIN_Z, MUCH, CandidateJudge, FittedCandidate
-from sci_lightning.diagnosis.blind.displacement import proposed_displacements
-from sci_lightning.diagnosis.blind.first_pose import first_pose
+from sci_lightning.diagnosis.blind.candidate_comparison import (
+    AMPLE_NATS,
+    KEPT_MIN_Z,
+    MIN_Z,
+    CandidateAssessor,
+    FittedCandidate,
+    LikelihoodComparison,
+    compare,
+)
+from sci_lightning.diagnosis.blind.displacement import first_pose, proposed_displacements
 from sci_lightning.diagnosis.blind.likelihood import spread
-from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from sci_lightning.diagnosis.blind.undetermined import determined_effects
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
@@ -29,31 +35,31 @@ FITTED_BLOCKS = 128
 """Blocks to which candidates are fitted."""
 FINAL_ITERATIONS = 4
 """Iterations of fits that start from a model that was fitted already."""
-ENOUGH = 0.5
+CANDIDATE_PROGRESS_NATS = 0.5
 """Nats below which the fit of a candidate has converged: what decides about it are tens."""
 STARTS_FITTED = 3
 """Starts of a promising candidate that are fitted to the screened blocks."""
-PROMISING = 0.1
+PROMISING_SHARE = 0.1
 """Part of the best candidate's nats that another one must gain, fitted by itself, to be fitted beside all others."""
-HOPE = 2.0
+JOINT_GAIN_FACTOR = 2.0
 """Times as much as by itself a candidate may gain once the other effects are fitted again: if even that does not pay
 for its parameters, it is not fitted."""
 RIVAL_SHARE = 0.3
 """Part of an effect's nats that another one must gain in its place, fitted by itself, to be a rival."""
-WEAK_PART = 0.25
+WEAK_START_SHARE = 0.25
 """Part of a start's distance from the neutral setting at which it is tried as well."""
-BESIDE: dict[str, Setting] = {"mask_blur": {"sigma": 0.7}, "black_level": {"offset": 0.02}}
+FITTED_WITH_POSE: dict[str, Setting] = {"mask_blur": {"sigma": 0.7}, "black_level": {"offset": 0.02}}
 """What is fitted beside the first pose of the mask's image, and from where: either lowers the contrast with which the
 mask is seen, and a search for one effect at a time takes wrong ones for what it has not found yet."""
-SHOWN_ALIKE = {"mask_scale": "mask_distortion", "black_level": "mask_contrast"}
+FIRST_POSE_RIVALS = {"mask_scale": "mask_distortion", "black_level": "mask_contrast"}
 """What the search begins with as the first of two effects may be the second one. Parts of a field do not show a
-distortion as such; of a black level and a leak, fitted together, pruning would drop whichever it asks about first."""
-SURE_Z = 3.0
+distortion as such; of a black level and a leak, fitted together, pruning would drop whichever it tests first."""
+DISTINCT_Z = 3.0
 """Standard deviations below which two hypotheses are not distinguished."""
 
 
 @dataclass(frozen=True)
-class BlindNamed:
+class NamedCandidate:
     """An effect that the search named, with what speaks for it.
 
     Attributes:
@@ -65,7 +71,7 @@ class BlindNamed:
     """
 
     name: str
-    comparison: Comparison
+    comparison: LikelihoodComparison
     nats: float
     penalty: float
     alternatives: tuple[str, ...]
@@ -86,14 +92,14 @@ class BlindExplanation:
 
     ideal: BlindFit
     fit: BlindFit
-    named: tuple[BlindNamed, ...]
+    named: tuple[NamedCandidate, ...]
     rounds: tuple[dict[str, float], ...]
     mask_is_visible: bool = True
     mask_is_clear: bool = True
 
 
 class BlindSearch:
-    """Searches for the effects that snapshots of unknown scenes ask for.
+    """Searches for the effects that snapshots of unknown scenes support.
 
     Args:
         fitter: fits hypotheses.
@@ -111,7 +117,7 @@ class BlindSearch:
         self.all_blocks = likelihood.usable.any(1)
         self.screened_blocks = spread(self.all_blocks & self._inner(), SCREENED_BLOCKS)
         self.fitted_blocks = spread(self.all_blocks, FITTED_BLOCKS)
-        self.judge = CandidateJudge(fitter, self.all_blocks, settings.min_gain_nats)
+        self.assessor = CandidateAssessor(fitter, self.all_blocks, settings.min_gain_nats)
         self._fitted_candidates: dict[frozenset[str], list[FittedCandidate]] = {}
         self._promising: set[str] = set()
         self.candidates = list(determined_effects(fitter.model))
@@ -147,30 +153,32 @@ class BlindSearch:
         if mask.nats <= 0:
             return BlindExplanation(ideal, ideal, (), tuple(rounds), mask_is_visible=False, mask_is_clear=False)
         best = self.fitter.fit(best.hypothesis, self.all_blocks, iterations=FINAL_ITERATIONS, rough=False)
-        return BlindExplanation(ideal, best, self.evidence(best), tuple(rounds), mask_is_clear=self._is_ahead(mask))
+        return BlindExplanation(
+            ideal, best, self.evidence(best), tuple(rounds), mask_is_clear=self._is_distinguished(mask)
+        )
 
     def _posed(self, ideal: BlindFit) -> BlindFit:
         """Return the camera in which the search of a large field begins: the ideal one, and what parts of it show.
 
         The pose of the mask's image that the parts show is fitted together with what hides it from a search for one
-        effect at a time (:data:`BESIDE`), and what has no support is dropped. What is left gives way to an effect that
-        is much like it and makes the snapshots likelier (:data:`SHOWN_ALIKE`).
+        effect at a time (:data:`FITTED_WITH_POSE`), and what has no support is dropped. What is left gives way to an
+        effect that is much like it and makes the snapshots likelier (:data:`FIRST_POSE_RIVALS`).
         """
         pose = first_pose(self.fitter.likelihood, self.noise, self.settings.border_share)
-        begun = {name: setting for name, setting in {**pose, **BESIDE}.items() if name in self.candidates}
+        begun = {name: setting for name, setting in {**pose, **FITTED_WITH_POSE}.items() if name in self.candidates}
         if not pose or not pose.keys() <= begun.keys():
             return ideal
         hypothesis = self.noise
         for name, setting in begun.items():
             hypothesis = hypothesis.with_effect(name, setting)
-        fit = self.prune(self.fitter.fit(hypothesis, self.fitted_blocks, enough=ENOUGH))
+        fit = self.prune(self.fitter.fit(hypothesis, self.fitted_blocks, enough=CANDIDATE_PROGRESS_NATS))
         names = self._deviations(fit)
         if not pose.keys() & set(names) or len(names) > self.settings.max_effects:
-            return ideal  # what is beside the pose has to be asked for by itself
+            return ideal  # what is beside the pose needs support by itself
         # Where there is nothing beside it, pruning compared it with nothing.
-        if len(names) == 1 and not self.judge(fit, ideal, names[0]).clear:
+        if len(names) == 1 and not self.assessor(fit, ideal, names[0]).clear:
             return ideal
-        for name, other in SHOWN_ALIKE.items():
+        for name, other in FIRST_POSE_RIVALS.items():
             if name in fit.hypothesis.effects and other in self.candidates:
                 fit = self._exchanged(fit, name, other)
         names = self._deviations(fit)
@@ -233,12 +241,12 @@ class BlindSearch:
             ahead: a model that they have to catch up with; None for none.
         """
         screened = [entry for entry in self.screen(base, count, starts, names) if entry[1] > 0]
-        least = max(least, PROMISING * screened[0][1]) if screened else least
+        least = max(least, PROMISING_SHARE * screened[0][1]) if screened else least
         more = float(self.fitted_blocks.sum() / self.screened_blocks.sum())  # times as many blocks are fitted
 
         def pays(name: str, nats: float, start: Setting) -> bool:
             cost = price_of(len(start), int(base.log_likelihood.isfinite().sum()))
-            return nats >= least and HOPE * more * nats >= cost
+            return nats >= least and JOINT_GAIN_FACTOR * more * nats >= cost
 
         kept = [entry for entry in screened if pays(*entry)][:count]
         fitted = on_every_core(
@@ -251,8 +259,8 @@ class BlindSearch:
     def _fitted_candidate(self, base: BlindFit, name: str, start: Setting, ahead: BlindFit | None) -> FittedCandidate:
         hypothesis = base.hypothesis.with_effect(name, start)
         behind = None if ahead is None else ahead.log_likelihood
-        fit = self.fitter.fit(hypothesis, self.fitted_blocks, enough=ENOUGH, ahead=behind)
-        return self.judge(fit, base, name)
+        fit = self.fitter.fit(hypothesis, self.fitted_blocks, enough=CANDIDATE_PROGRESS_NATS, ahead=behind)
+        return self.assessor(fit, base, name)
 
     def screen(
         self, base: BlindFit, count: int, starts: int, names: Sequence[str] | None = None
@@ -279,7 +287,7 @@ class BlindSearch:
         }
         tried = self._screened(base, starts_of)
         weaker = {
-            name: [part_of(start, model.effects[name].about, WEAK_PART) for _, start in trials[:STARTS_FITTED]]
+            name: [part_of(start, model.effects[name].about, WEAK_START_SHARE) for _, start in trials[:STARTS_FITTED]]
             for name, trials in tried.items()
             if not model.effects[name].is_discrete()
         }
@@ -330,7 +338,7 @@ class BlindSearch:
         """Return the effect that is named next; None if there is none.
 
         It is the clear one that all others are compared with in vain, beyond what their parameters cost. Another one
-        may make the snapshots likelier, leave nothing to it and have support, if less than a name asks for: what is
+        may make the snapshots likelier, leave nothing to it and have support, if less than a name needs: what is
         clear is then that one of the two is there, and the likelier one is named.
         """
         clear = [one for one in fitted if one.clear]
@@ -340,12 +348,12 @@ class BlindSearch:
         for other in clear[1:]:
             direct = compare(other.fit.log_likelihood, best.fit.log_likelihood, self.columns)
             plainer = self.fitter.model.effects[best.name].plainer == other.name
-            if direct.nats > price(other.fit, best.fit) or (plainer and direct.z > -SURE_Z):
+            if direct.nats > price(other.fit, best.fit) or (plainer and direct.z > -DISTINCT_Z):
                 best = other
-        better = [one for one in fitted if one.supported and not one.clear and self._supersedes(one, best)]
+        better = [one for one in fitted if one.supported and not one.clear and self._replaces(one, best)]
         return max(better, key=lambda one: one.comparison.nats, default=best)
 
-    def _supersedes(self, other: FittedCandidate, one: FittedCandidate) -> bool:
+    def _replaces(self, other: FittedCandidate, one: FittedCandidate) -> bool:
         """Return whether another candidate makes the snapshots likelier than one, which it makes superfluous."""
         if compare(other.fit.log_likelihood, one.fit.log_likelihood, self.columns).nats <= 0:
             return False
@@ -353,12 +361,12 @@ class BlindSearch:
         fit = self.fitter.fit(both, other.fit.blocks, FINAL_ITERATIONS, errors=False)
         return compare(fit.log_likelihood, other.fit.log_likelihood, self.columns).z < MIN_Z
 
-    def _is_ahead(self, comparison: Comparison) -> bool:
+    def _is_distinguished(self, comparison: LikelihoodComparison) -> bool:
         """Return whether a model is so much likelier than one with another effect that the two are distinguished.
 
         A rival that blurs the mask away leaves few blocks to be compared, which may tell much.
         """
-        sure = comparison.z >= SURE_Z or (comparison.nats >= MUCH and comparison.z > KEPT_Z)
+        sure = comparison.z >= DISTINCT_Z or (comparison.nats >= AMPLE_NATS and comparison.z > KEPT_MIN_Z)
         return sure and comparison.calibrated >= self.settings.indistinct_nats
 
     def _deviations(self, fit: BlindFit) -> list[str]:
@@ -370,11 +378,11 @@ class BlindSearch:
         names = self._deviations(fit)
         for name in names if len(names) > 1 else []:
             without = self.fitter.fit(fit.hypothesis.without(name), fit.blocks, FINAL_ITERATIONS)
-            if not self.judge(fit, without, name).supported:
+            if not self.assessor(fit, without, name).supported:
                 fit = without
         return fit
 
-    def evidence(self, fit: BlindFit) -> tuple[BlindNamed, ...]:
+    def evidence(self, fit: BlindFit) -> tuple[NamedCandidate, ...]:
         """Return what speaks for every effect of a model, and what might stand in its place."""
         on_fitted = self.fitter.evaluate(fit.hypothesis, self.fitted_blocks).log_likelihood
         fit = replace(fit, log_likelihood=on_fitted, blocks=self.fitted_blocks)
@@ -383,14 +391,16 @@ class BlindSearch:
         named = []
         for name in sorted(names, key=lambda one: effects[one].rank):
             without = self.fitter.fit(fit.hypothesis.without(name), self.fitted_blocks, FINAL_ITERATIONS, errors=False)
-            one, cost = self.judge(fit, without, name), price(fit, without)
+            one, cost = self.assessor(fit, without, name), price(fit, without)
             on_screened = (fit.log_likelihood - without.log_likelihood)[self.screened_blocks].nan_to_num(0.0)
             rivals = []
             for rival in self.rivals(without, RIVAL_SHARE * float(on_screened.sum()), fit):
                 direct = compare(fit.log_likelihood, rival.fit.log_likelihood, self.columns)
                 if rival.name == name or not rival.possible:
                     continue
-                if not self._is_ahead(direct) or (rival.like_a_scene and not self.judge.asked_for(fit, rival.fit)):
+                if not self._is_distinguished(direct) or (
+                    rival.like_a_scene and not self.assessor.snapshots_prefer(fit, rival.fit)
+                ):
                     rivals.append(rival.name)
-            named.append(BlindNamed(name, one.comparison, one.nats, cost, tuple(rivals)))
+            named.append(NamedCandidate(name, one.comparison, one.nats, cost, tuple(rivals)))
         return tuple(named)

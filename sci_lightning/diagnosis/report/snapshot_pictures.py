@@ -8,9 +8,10 @@ from matplotlib.figure import Figure
 
 from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
-from sci_lightning.diagnosis.blind.held_out.paired_comparison import PairedComparison
-from sci_lightning.diagnosis.blind.held_out.prediction import default_decoder, effective_mask, textured_window
+from sci_lightning.diagnosis.blind.held_out_pixels import PairedComparison
 from sci_lightning.diagnosis.blind.prior import BLOCK
+from sci_lightning.diagnosis.blind.snapshots import textured_window
+from sci_lightning.diagnosis.blind.unknown_scenes import default_decoder, effective_mask
 from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, FAINT, style
 from sci_lightning.encoder import Encoder
 from sci_lightning.operator import SnapshotOperator
@@ -89,7 +90,7 @@ def reconstruction_figure(
     Args:
         measurement: ``(H, W)``, normalised by full scale.
         before, after: the camera as it was given, and the corrected one.
-        decoder: None for :func:`~sci_lightning.diagnosis.blind.held_out.prediction.default_decoder`.
+        decoder: None for :func:`~sci_lightning.diagnosis.blind.unknown_scenes.default_decoder`.
     """
     decoder = default_decoder() if decoder is None else decoder
     rows, columns = textured_window(measurement[None], SIDE_PX)

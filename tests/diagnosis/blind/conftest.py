@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from sci_lightning.captures import Captures
-from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera, snapshots_of
+from sci_lightning.diagnosis.blind.snapshots import SnapshotCamera, snapshots_of
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, VirtualCamera
 

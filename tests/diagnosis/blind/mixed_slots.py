@@ -39,8 +39,8 @@ COLUMNS: list[tuple[str, str, int | None]] = [
 def judged(clips: list[Path], effect: str, strength: float, seed: int) -> tuple[bool, float, float]:
     """Return whether an effect that is hidden by itself is clear, its calibrated nats, and its fitted strength."""
     captures, truth = record(clips, {effect: {EFFECTS[effect]: strength}}, SIDE, seed)
-    contender = judged_by_truth(captures, truth, effect)
-    return contender.clear, contender.nats, float(contender.fit.hypothesis.effects[effect][EFFECTS[effect]])
+    candidate = judged_by_truth(captures, truth, effect)
+    return candidate.clear, candidate.nats, float(candidate.fit.hypothesis.effects[effect][EFFECTS[effect]])
 
 
 def main(clips: Path) -> None:

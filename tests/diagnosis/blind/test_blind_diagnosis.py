@@ -14,7 +14,8 @@ import pytest
 from sci_lightning.captures import Captures, write_captures
 from sci_lightning.diagnosis.blind import blind_diagnosis, search
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis, diagnose_blind
-from sci_lightning.diagnosis.blind.held_out.paired_comparison import PairedComparison, PredictionVerdict
+from sci_lightning.diagnosis.blind.block_prediction import PredictionVerdict
+from sci_lightning.diagnosis.blind.held_out_pixels import PairedComparison
 from sci_lightning.diagnosis.report.report import write_report
 from sci_lightning.diagnosis.report.report_folder import report_folder
 from sci_lightning.diagnosis.report.sentences import headline
@@ -170,12 +171,12 @@ def test_a_camera_that_is_no_better_than_none_is_withdrawn(monkeypatch: pytest.M
     """
     gap = compared(0.7, 0.5, 1e-6)
     verdict = PredictionVerdict(gap, {"mask_contrast": gap}, compared(0.5, 0.5, 0.4))
-    monkeypatch.setattr(blind_diagnosis, "judge_by_blocks", lambda *arguments: verdict)
+    monkeypatch.setattr(blind_diagnosis, "predict_by_blocks", lambda *arguments: verdict)
     kept = diagnosed(snapshots({"mask_contrast": {"leak": 0.2}}, 3, size=(24, 24)), ("mask_contrast",))
     assert kept.names == ("mask_contrast",) and kept.verdict == "partly_explained"
     assert any("only the likelihood" in note for note in kept.notes)
-    monkeypatch.setattr(search, "SURE_Z", 1e9)
-    monkeypatch.setattr(search, "MUCH", 1e9)
+    monkeypatch.setattr(search, "DISTINCT_Z", 1e9)
+    monkeypatch.setattr(search, "AMPLE_NATS", 1e9)
     diagnosis = diagnosed(snapshots({"mask_contrast": {"leak": 0.2}}, 3, size=(24, 24)), ("mask_contrast",))
     assert diagnosis.verdict == "unexplained" and not diagnosis.names
     assert diagnosis.corrected.hypothesis == diagnosis.ideal.hypothesis

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from sci_lightning.diagnosis.blind.blind_diagnosis import diagnose_blind
-from sci_lightning.diagnosis.blind.held_out.paired_comparison import compare
-from sci_lightning.diagnosis.blind.held_out.prediction import Predictor
-from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera, snapshots_of
+from sci_lightning.diagnosis.blind.held_out_pixels import compare_errors
+from sci_lightning.diagnosis.blind.snapshots import SnapshotCamera, snapshots_of
+from sci_lightning.diagnosis.blind.unknown_scenes import Predictor
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from tests.diagnosis.cassi_tsa import read_cassi
 
@@ -37,12 +37,12 @@ def test_a_weaker_mask_predicts_better(shared_data: Path) -> None:
             {"mask_contrast": {"leak": 1.0}},
         )
     )
-    better = compare(ideal, blurred)
+    better = compare_errors(ideal, blurred)
     assert better.agree == 2 and better.p_value < 1e-3
     for before, after in better.by_capture:
         assert after < 0.85 * before
-    assert compare(displaced, blurred).fall > 0.03
-    assert compare(flat, blurred).fall < 0.05
+    assert compare_errors(displaced, blurred).fall > 0.03
+    assert compare_errors(flat, blurred).fall < 0.05
 
 
 @pytest.mark.slow

@@ -11,9 +11,9 @@ import torch
 
 from sci_lightning.captures import Captures
 from sci_lightning.data.reader import find_clips
-from sci_lightning.diagnosis.blind.blind_fit import errors_of
+from sci_lightning.diagnosis.blind.blind_fit import clustered, errors_of
+from sci_lightning.diagnosis.blind.candidate_comparison import compare
 from sci_lightning.diagnosis.blind.likelihood import BRIGHTNESS, BlindLikelihood
-from sci_lightning.diagnosis.blind.likelihood_comparison import clustered, compare
 from sci_lightning.diagnosis.blind.prior import CONTRASTS, ScenePrior
 from sci_lightning.diagnosis.blind.sensor_response import SensorResponse
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots

@@ -9,8 +9,13 @@ import pytest
 import torch
 
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price
-from sci_lightning.diagnosis.blind.candidate import MUCH, CandidateJudge, FittedCandidate
-from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
+from sci_lightning.diagnosis.blind.candidate_comparison import (
+    AMPLE_NATS,
+    CandidateAssessor,
+    FittedCandidate,
+    LikelihoodComparison,
+    compare,
+)
 from sci_lightning.diagnosis.blind.search import BlindSearch
 from sci_lightning.diagnosis.model.camera_model import Hypothesis
 from sci_lightning.diagnosis.search_settings import SearchSettings
@@ -33,21 +38,21 @@ def fit_of(search: BlindSearch, name: str, value: float, spread: float = 1.0) ->
     return BlindFit(hypothesis, nothing, blocks, free, spread * one)
 
 
-def contender(search: BlindSearch, name: str, comparison: Comparison) -> FittedCandidate:
-    return FittedCandidate(name, fit_of(search, name, 0.3), comparison, 32, 25, search.judge.is_like_a_scene(name))
+def candidate(search: BlindSearch, name: str, comparison: LikelihoodComparison) -> FittedCandidate:
+    return FittedCandidate(name, fit_of(search, name, 0.3), comparison, 32, 25, search.assessor.is_like_a_scene(name))
 
 
 def test_snapshots_must_agree_about_what_looks_like_another_scene(search: BlindSearch) -> None:
     """Six of eight snapshots are enough for the modulator; of what looks like a scene the others must mind little."""
-    outvoted, halves = Comparison(220, 4.3, 6, 8, 0.020), Comparison(230, 4.3, 6, 8, 0.074)
-    assert contender(search, "mask_shift", halves).clear
+    outvoted, halves = LikelihoodComparison(220, 4.3, 6, 8, 0.020), LikelihoodComparison(230, 4.3, 6, 8, 0.074)
+    assert candidate(search, "mask_shift", halves).clear
     for name in ("black_level", "optical_blur", "flicker"):
-        assert contender(search, name, outvoted).clear
-        assert not contender(search, name, halves).clear
-        assert contender(search, name, Comparison(220, 4.3, 3, 3, 0.125)).clear  # few have to be unanimous
-        assert not contender(search, name, Comparison(220, 4.3, 3, 4, 0.125)).clear
+        assert candidate(search, name, outvoted).clear
+        assert not candidate(search, name, halves).clear
+        assert candidate(search, name, LikelihoodComparison(220, 4.3, 3, 3, 0.125)).clear  # few have to be unanimous
+        assert not candidate(search, name, LikelihoodComparison(220, 4.3, 3, 4, 0.125)).clear
         for number in (1, 2):  # one or two scenes do not tell the camera from themselves
-            assert not contender(search, name, Comparison(220, 4.3, number, number, 0.5**number)).clear
+            assert not candidate(search, name, LikelihoodComparison(220, 4.3, number, number, 0.5**number)).clear
 
 
 def test_snapshots_are_compared_by_their_signed_ranks() -> None:
@@ -61,13 +66,13 @@ def test_snapshots_are_compared_by_their_signed_ranks() -> None:
 
 def test_the_likelier_of_two_is_named(search: BlindSearch, monkeypatch: pytest.MonkeyPatch) -> None:
     """A clear leak of the mask gives way to a likelier black level that has some support and leaves nothing to it."""
-    leak = contender(search, "mask_contrast", Comparison(43, 3.4, 8, 8, 0.004))
-    black = contender(search, "black_level", Comparison(94, 2.8, 7, 8, 0.008))
-    shutter = contender(search, "rolling_shutter", Comparison(200, 2.5, 6, 8, 0.125))
+    leak = candidate(search, "mask_contrast", LikelihoodComparison(43, 3.4, 8, 8, 0.004))
+    black = candidate(search, "black_level", LikelihoodComparison(94, 2.8, 7, 8, 0.008))
+    shutter = candidate(search, "rolling_shutter", LikelihoodComparison(200, 2.5, 6, 8, 0.125))
     assert leak.clear and black.supported and not black.clear and not shutter.supported
 
     superseded: set[str] = set()
-    monkeypatch.setattr(search, "_supersedes", lambda other, one: one.name in superseded)
+    monkeypatch.setattr(search, "_replaces", lambda other, one: one.name in superseded)
     assert search._winner([leak, black, shutter]) is leak  # both others leave enough to it
     superseded.add("mask_contrast")
     assert search._winner([leak, black, shutter]) is black
@@ -78,7 +83,7 @@ def test_more_parameters_have_to_be_paid_for(search: BlindSearch) -> None:
     """Three nats more are not worth a third parameter, ten are."""
 
     def fitted(name: str, nats: float) -> FittedCandidate:
-        one = contender(search, name, Comparison(nats, 4.0, 4, 4, 0.0625))
+        one = candidate(search, name, LikelihoodComparison(nats, 4.0, 4, 4, 0.0625))
         return replace(one, fit=replace(one.fit, log_likelihood=torch.full((16, 4), nats / 64, dtype=torch.float64)))
 
     shift, flicker = fitted("mask_shift", 409), fitted("flicker", 412)
@@ -93,22 +98,22 @@ def test_what_supersedes_another_effect(search: BlindSearch) -> None:
 
     def fitted(leak: float) -> FittedCandidate:
         fit = search.fitter.evaluate(search.noise.with_effect("mask_contrast", {"leak": leak}), blocks)
-        return FittedCandidate("mask_contrast", fit, Comparison(1, 9.0, 4, 4), 9, 9)
+        return FittedCandidate("mask_contrast", fit, LikelihoodComparison(1, 9.0, 4, 4), 9, 9)
 
-    assert search._supersedes(fitted(0.0), fitted(0.3)) and not search._supersedes(fitted(0.3), fitted(0.0))
+    assert search._replaces(fitted(0.0), fitted(0.3)) and not search._replaces(fitted(0.3), fitted(0.0))
 
 
 def test_few_blocks_may_tell_much_about_the_mask(search: BlindSearch) -> None:
     """A displacement behind a wide blur, of which few blocks are left, is named; a black level is not."""
-    comparison, spread = Comparison(268, 2.1, 6, 8, 0.074), 1e-4
+    comparison, spread = LikelihoodComparison(268, 2.1, 6, 8, 0.074), 1e-4
     far, black = fit_of(search, "mask_shift", 0.3, spread), fit_of(search, "black_level", 0.3, spread)
-    assert search.judge.nats(far, "mask_shift", comparison) == MUCH
-    assert FittedCandidate("mask_shift", far, comparison, MUCH, 88).clear
-    for few in (Comparison(99, 2.1, 6, 8, 0.074), Comparison(268, 1.9, 6, 8, 0.074)):
-        assert search.judge.nats(far, "mask_shift", few) == pytest.approx(few.calibrated)
-    assert search.judge.nats(black, "black_level", comparison) == pytest.approx(comparison.calibrated)
+    assert search.assessor.nats(far, "mask_shift", comparison) == AMPLE_NATS
+    assert FittedCandidate("mask_shift", far, comparison, AMPLE_NATS, 88).clear
+    for few in (LikelihoodComparison(99, 2.1, 6, 8, 0.074), LikelihoodComparison(268, 1.9, 6, 8, 0.074)):
+        assert search.assessor.nats(far, "mask_shift", few) == pytest.approx(few.calibrated)
+    assert search.assessor.nats(black, "black_level", comparison) == pytest.approx(comparison.calibrated)
     near = fit_of(search, "mask_shift", 0.3, spread=1e-2)
-    assert search.judge.nats(near, "mask_shift", comparison) == pytest.approx(0.5 * 2 * 0.3**2 / 1e-2)
+    assert search.assessor.nats(near, "mask_shift", comparison) == pytest.approx(0.5 * 2 * 0.3**2 / 1e-2)
 
 
 def test_a_candidate_that_cannot_pay_is_not_fitted(search: BlindSearch, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,7 +122,9 @@ def test_a_candidate_that_cannot_pay_is_not_fitted(search: BlindSearch, monkeypa
     starts = {name: dict.fromkeys(search.fitter.model.effects[name].about, 0.1) for name in screened}
     monkeypatch.setattr(search, "screen", lambda *_: [(name, nats, starts[name]) for name, nats in screened.items()])
     monkeypatch.setattr(
-        search, "_fitted_candidate", lambda base, name, *_: contender(search, name, Comparison(9.0, 9.0, 4, 4))
+        search,
+        "_fitted_candidate",
+        lambda base, name, *_: candidate(search, name, LikelihoodComparison(9.0, 9.0, 4, 4)),
     )
     base = search.fitter.evaluate(search.noise, search.fitted_blocks)
     fitted = {one.name for one in search._fitted(base, count=3, starts=1)}
@@ -141,9 +148,15 @@ def test_what_cannot_catch_up_is_fitted_no_further(search: BlindSearch, monkeypa
 
 def test_when_two_effects_are_distinguished(search: BlindSearch) -> None:
     """By many blocks that agree, or by few that tell much; a rival that is next to as likely is an alternative."""
-    assert search._is_ahead(Comparison(40, 3.5, 8, 8)) and search._is_ahead(Comparison(774, 2.9, 8, 8))
-    for alike in (Comparison(40, 2.9, 8, 8), Comparison(774, 1.9, 8, 8), Comparison(1, 3.5, 8, 8)):
-        assert not search._is_ahead(alike)
+    assert search._is_distinguished(LikelihoodComparison(40, 3.5, 8, 8)) and search._is_distinguished(
+        LikelihoodComparison(774, 2.9, 8, 8)
+    )
+    for alike in (
+        LikelihoodComparison(40, 2.9, 8, 8),
+        LikelihoodComparison(774, 1.9, 8, 8),
+        LikelihoodComparison(1, 3.5, 8, 8),
+    ):
+        assert not search._is_distinguished(alike)
 
 
 def test_an_effect_that_lost_its_support_is_dropped(search: BlindSearch, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -184,7 +197,7 @@ def test_all_blocks_are_asked_about_what_looks_like_another_scene(
         return replace(fit_of(search, "black_level", 0.3), log_likelihood=torch.full((16, 4), gained))
 
     monkeypatch.setattr(search.fitter, "evaluate", on_all)
-    judge = CandidateJudge(search.fitter, search.all_blocks, search.settings.min_gain_nats)  # remembers nothing yet
+    judge = CandidateAssessor(search.fitter, search.all_blocks, search.settings.min_gain_nats)  # remembers nothing yet
     nats = torch.where(fitted[:, None], torch.tensor([[9.0, 9.0, 9.0, -8.0]]), torch.nan)
     for name, agree in (("black_level", 4), ("mask_shift", 3)):
         fit = replace(fit_of(search, name, 1e-3, spread=1e-8), blocks=fitted, log_likelihood=nats)
@@ -198,9 +211,9 @@ def test_snapshots_themselves_rule_out_what_looks_like_another_scene(search: Bli
     fit, rival = (fit_of(search, name, 0.3) for name in ("mask_contrast", "black_level"))
     for least, asked in ((1.0, True), (-1.0, False)):
         nats = torch.tensor([9.0, 9.0, 9.0, least], dtype=torch.float64).expand(16, 4)
-        assert search.judge.asked_for(replace(fit, log_likelihood=nats), rival) is asked
+        assert search.assessor.snapshots_prefer(replace(fit, log_likelihood=nats), rival) is asked
         few = replace(fit, log_likelihood=nats[:, :2])  # one or two scenes do not tell
-        assert not search.judge.asked_for(few, replace(rival, log_likelihood=rival.log_likelihood[:, :2]))
+        assert not search.assessor.snapshots_prefer(few, replace(rival, log_likelihood=rival.log_likelihood[:, :2]))
 
 
 @pytest.mark.parametrize(
@@ -249,11 +262,13 @@ def test_a_black_level_is_refused_only_beyond_its_error(search: BlindSearch, mon
         weakened = search.fitter.weakened(fit, "black_level", 2.0).effects["black_level"]["offset"]
         assert weakened == pytest.approx(0.05 - 2 * error)
         without = replace(fit, hypothesis=search.noise, log_likelihood=0 * gained)
-        assert search.judge(fit, without, "black_level").possible is possible
-        assert search.judge(fit, replace(without, hypothesis=fit.hypothesis), "black_level").possible
+        assert search.assessor(fit, without, "black_level").possible is possible
+        assert search.assessor(fit, replace(without, hypothesis=fit.hypothesis), "black_level").possible
     monkeypatch.setattr(search.fitter.model, "observation", silent)
     sure = replace(fit_of(search, "black_level", 0.05, spread=1e-6), log_likelihood=gained)
-    assert search.judge(sure, replace(sure, hypothesis=search.noise, log_likelihood=0 * gained), "black_level").possible
+    assert search.assessor(
+        sure, replace(sure, hypothesis=search.noise, log_likelihood=0 * gained), "black_level"
+    ).possible
 
 
 def test_blocks_that_are_lost_make_no_parameter_cheaper(search: BlindSearch) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis.blind.blind_fit import BlindFitter
-from sci_lightning.diagnosis.blind.candidate import FittedCandidate
+from sci_lightning.diagnosis.blind.candidate_comparison import FittedCandidate
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prior import ScenePrior, statistics_for
 from sci_lightning.diagnosis.blind.search import BlindSearch
@@ -37,4 +37,4 @@ def judged_by_truth(captures: Captures, truth: Mapping[str, Mapping[str, Any]], 
         hypothesis = hypothesis.with_effect(effect, setting)
     fit = fitter.fit(hypothesis, search.fitted_blocks)
     without = fitter.fit(hypothesis.without(name), search.fitted_blocks)
-    return search.judge(fit, without, name)
+    return search.assessor(fit, without, name)

@@ -44,7 +44,7 @@ HIDDEN = (
     "none",
 )
 """What is hidden in the cases of a round."""
-BESIDE = " + "
+FITTED_WITH_POSE = " + "
 PAIRS = (
     "mask_shift + mask_blur",
     "mask_rotation + mask_contrast",
@@ -70,7 +70,7 @@ def record(
 
     Args:
         clips: of scenes.
-        hidden: ``none``, names of effects whose parameters are drawn (:data:`BESIDE` stands between them), or
+        hidden: ``none``, names of effects whose parameters are drawn (:data:`FITTED_WITH_POSE` stands between them), or
             parameters by the names of effects.
         side: of a snapshot, pixels.
         seed: of everything random.
@@ -99,7 +99,7 @@ def record(
         planned.kind,
         World(BEYOND, planned.world.patterns, scene),
     )
-    names = hidden.split(BESIDE) if isinstance(hidden, str) and hidden != "none" else []
+    names = hidden.split(FITTED_WITH_POSE) if isinstance(hidden, str) and hidden != "none" else []
     effects = choose_effects(names if isinstance(hidden, str) else hidden, session, seed)
     captures = Captures(
         patterns=planned.patterns,

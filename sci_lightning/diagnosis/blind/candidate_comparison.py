@@ -1,32 +1,97 @@
-"""An effect that competes in a blind search, and what it needs to be named."""
+"""Which of two hypotheses snapshots prefer, in nats calibrated by how much they agree; which effects may be named."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import torch
+from scipy.stats import norm, wilcoxon
 
-from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price
-from sci_lightning.diagnosis.blind.likelihood_comparison import Comparison, compare
+from sci_lightning.diagnosis.blind.blind_fit import MIN_SNAPSHOTS, BlindFit, BlindFitter, price, tiles
 from sci_lightning.diagnosis.blind.undetermined import SHOWN_IF_STRONG
 from sci_lightning.diagnosis.model.recent import Recent
 from sci_lightning.encoder.effects.stage import ModulatorEffect, RelayEffect
 
+MAX_P_SNAPSHOTS = 0.05
+"""Probability of the snapshots' signed ranks by chance below which the snapshots themselves prefer a hypothesis."""
 MIN_Z = 3.0
 """Standard deviations by which an effect must make the snapshots likelier."""
-KEPT_Z = 2.0
+KEPT_MIN_Z = 2.0
 """The same of an effect that was named; lower, so that none is named and dropped by turns."""
-MUCH = 100.0
-"""Nats from which an effect of the mask's image needs :data:`KEPT_Z` standard deviations only: a wide blur leaves few
-blocks. On validation clips no such effect that was not there has gained a third of it."""
-MIN_AGREE = 0.75
-"""Part of the snapshots that must ask for an effect."""
-DARKEST_BY_NOISE = 4.0
+AMPLE_NATS = 100.0
+"""Nats from which an effect of the mask's image needs :data:`KEPT_MIN_Z` standard deviations only: a wide
+blur leaves few blocks. On validation clips no such effect that was not there has gained a third of it."""
+MIN_SUPPORT = 0.75
+"""Part of the snapshots that must support an effect."""
+DARKEST_SIGMA = 4.0
 """Standard deviations of the noise by which the darkest pixels of a snapshot may lie below no light."""
-WEAKEST = 2.0
+WEAKENED_BY_SIGMA = 2.0
 """Standard deviations of its own error by which an effect is weakened before it is called impossible."""
-JUDGED = 16
+HYPOTHESES_CACHED = 16
 """Hypotheses whose likelihood on all blocks is kept: many candidates are compared with the same one."""
+
+
+@dataclass(frozen=True)
+class LikelihoodComparison:
+    """How much likelier one hypothesis makes the snapshots than another one.
+
+    Attributes:
+        nats: difference of the log-likelihood as computed; the prior is only roughly right, so that it is not to be
+            taken at face value.
+        z: standard normal number that is exceeded as often by chance: Wilcoxon's signed ranks of the tiles.
+        agree: how many snapshots prefer the first hypothesis.
+        snapshots: of how many.
+        p_snapshots: probability that chance alone makes the snapshots prefer the first hypothesis so clearly, by
+            Wilcoxon's signed ranks of the snapshots themselves.
+    """
+
+    nats: float
+    z: float
+    agree: int
+    snapshots: int
+    p_snapshots: float = 1.0
+
+    @property
+    def calibrated(self) -> float:
+        """Nats at which a right prior would have been as sure: a difference of d nats then has the variance 2 d."""
+        return math.copysign(min(abs(self.nats), 2 * self.z**2), self.nats)
+
+    @property
+    def snapshots_prefer(self) -> bool:
+        """Whether the snapshots themselves prefer the first hypothesis.
+
+        Three or four have to be unanimous; fewer do not tell.
+        """
+        by_chance = max(MAX_P_SNAPSHOTS, 0.5**self.snapshots)
+        return self.nats > 0 and self.snapshots >= MIN_SNAPSHOTS and self.p_snapshots <= by_chance
+
+    @property
+    def p_value(self) -> float:
+        """Probability that chance alone prefers the first hypothesis so clearly, paired over tiles of blocks."""
+        return float(norm.sf(self.z))
+
+
+def compare(first: torch.Tensor, second: torch.Tensor, columns: int) -> LikelihoodComparison:
+    """Compare two hypotheses on the blocks that count for both.
+
+    How much a tile gains differs by orders of magnitude between dark and bright, even and textured places. Ranks do
+    not depend on that.
+
+    Args:
+        first, second: log-likelihoods ``(blocks, N)``, NaN where a block does not count.
+        columns: of blocks.
+    """
+    difference = (first - second).nan_to_num(0.0)
+    by_snapshot, by_tile = difference.sum(0), tiles(difference[None], columns)[0]
+    by_tile = by_tile[by_tile != 0]
+    z = 0.0
+    if len(by_tile) >= 2:
+        sides = [wilcoxon(by_tile.numpy(), alternative=side).pvalue for side in ("greater", "less")]
+        z = float(norm.isf(max(sides[0], 1e-300)) if sides[0] < sides[1] else -norm.isf(max(sides[1], 1e-300)))
+    differing = by_snapshot[by_snapshot != 0]
+    by_chance = float(wilcoxon(differing.numpy(), alternative="greater").pvalue) if len(differing) else 1.0
+    return LikelihoodComparison(float(by_snapshot.sum()), z, int((differing > 0).sum()), len(differing), by_chance)
 
 
 @dataclass(frozen=True)
@@ -45,7 +110,7 @@ class FittedCandidate:
 
     name: str
     fit: BlindFit
-    comparison: Comparison
+    comparison: LikelihoodComparison
     nats: float
     gain: float
     like_a_scene: bool = False
@@ -54,19 +119,19 @@ class FittedCandidate:
     @property
     def clear(self) -> bool:
         """Whether the effect is so well supported that it may be named."""
-        return self.supported and (self.comparison.z > MIN_Z or self.nats >= MUCH)
+        return self.supported and (self.comparison.z > MIN_Z or self.nats >= AMPLE_NATS)
 
     @property
     def supported(self) -> bool:
         """Whether the effect would be kept if it had been named."""
         comparison = self.comparison
-        agree = comparison.agree >= MIN_AGREE * comparison.snapshots
+        agree = comparison.agree >= MIN_SUPPORT * comparison.snapshots
         if self.like_a_scene:  # errors of the prior look like it all over a snapshot: its blocks do not tell
-            agree = agree and comparison.snapshots_ask
-        return self.possible and agree and self.gain > 0 and comparison.z > KEPT_Z
+            agree = agree and comparison.snapshots_prefer
+        return self.possible and agree and self.gain > 0 and comparison.z > KEPT_MIN_Z
 
 
-class CandidateJudge:
+class CandidateAssessor:
     """Judges what speaks for an effect of a fitted model against the same model without it.
 
     Args:
@@ -77,13 +142,13 @@ class CandidateJudge:
 
     def __init__(self, fitter: BlindFitter, blocks: torch.Tensor, min_gain_nats: float) -> None:
         self.fitter, self.blocks, self.min_gain_nats = fitter, blocks, min_gain_nats
-        self._scores: Recent[torch.Tensor] = Recent(JUDGED)
+        self._scores: Recent[torch.Tensor] = Recent(HYPOTHESES_CACHED)
 
     def __call__(self, fit: BlindFit, without: BlindFit, name: str) -> FittedCandidate:
         """Return an effect of a fit with what speaks for it.
 
         Snapshots have to agree about an effect that looks like a scene of another kind, and the few blocks that are
-        fitted say little about one snapshot: they are asked on all blocks. The nats are those of the fitted blocks,
+        fitted say little about one snapshot: they are compared on all blocks. The nats are those of the fitted blocks,
         which the penalty is for. Such an effect is refused if it leaves less light than none where it is darkest.
 
         Args:
@@ -100,20 +165,20 @@ class CandidateJudge:
         gain = nats - price(fit, without) - self.min_gain_nats
         return FittedCandidate(name, fit, comparison, nats, gain, like_a_scene, possible)
 
-    def nats(self, fit: BlindFit, name: str, comparison: Comparison) -> float:
+    def nats(self, fit: BlindFit, name: str, comparison: LikelihoodComparison) -> float:
         """Return the calibrated nats that an effect of a fit gains: no more than as snapshots agree about it."""
-        much = comparison.nats >= MUCH and comparison.z > KEPT_Z and not self.is_like_a_scene(name)
-        nats = max(comparison.calibrated, MUCH) if much else comparison.calibrated
+        much = comparison.nats >= AMPLE_NATS and comparison.z > KEPT_MIN_Z and not self.is_like_a_scene(name)
+        nats = max(comparison.calibrated, AMPLE_NATS) if much else comparison.calibrated
         return min(nats, self.fitter.distance(fit, name))
 
-    def asked_for(self, fit: BlindFit, rival: BlindFit) -> bool:
-        """Return whether the snapshots themselves ask for a fit rather than for a rival, by all blocks of each.
+    def snapshots_prefer(self, fit: BlindFit, rival: BlindFit) -> bool:
+        """Return whether the snapshots themselves prefer a fit to a rival, by all blocks of each.
 
         Args:
             fit: with an effect that is named.
             rival: with an effect in its place that looks like a scene of another kind.
         """
-        return self._on_all_blocks(fit, rival).snapshots_ask
+        return self._on_all_blocks(fit, rival).snapshots_prefer
 
     def is_like_a_scene(self, name: str) -> bool:
         """Return whether an effect changes the image as a scene of another kind would, and not that of the mask."""
@@ -129,10 +194,10 @@ class CandidateJudge:
         if self.fitter.model.observation.read_noise is None:
             return True
         below = self.fitter.likelihood.below_no_light
-        weakest = self.fitter.weakened(fit, name, WEAKEST)
-        return below(weakest) < DARKEST_BY_NOISE or below(without.hypothesis) >= DARKEST_BY_NOISE
+        weakest = self.fitter.weakened(fit, name, WEAKENED_BY_SIGMA)
+        return below(weakest) < DARKEST_SIGMA or below(without.hypothesis) >= DARKEST_SIGMA
 
-    def _on_all_blocks(self, first: BlindFit, second: BlindFit) -> Comparison:
+    def _on_all_blocks(self, first: BlindFit, second: BlindFit) -> LikelihoodComparison:
         return compare(self._score(first), self._score(second), self.fitter.likelihood.columns)
 
     def _score(self, fit: BlindFit) -> torch.Tensor:

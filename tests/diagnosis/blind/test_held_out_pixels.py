@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from sci_lightning.diagnosis.blind.held_out.held_out_pixels import blue_noise_folds, fill_in
+from sci_lightning.diagnosis.blind.held_out_pixels import blue_noise_folds, fill_in
 from sci_lightning.errors import BadInput
 
 

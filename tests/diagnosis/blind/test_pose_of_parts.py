@@ -8,7 +8,7 @@ import pytest
 
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis.blind.blind_fit import BlindFitter
-from sci_lightning.diagnosis.blind.first_pose import first_pose
+from sci_lightning.diagnosis.blind.displacement import first_pose
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prior import ScenePrior
 from sci_lightning.diagnosis.blind.search import BlindSearch

@@ -8,14 +8,9 @@ import pytest
 import torch
 
 from sci_lightning.decoder import Linear
-from sci_lightning.diagnosis.blind.held_out.paired_comparison import compare
-from sci_lightning.diagnosis.blind.held_out.prediction import (
-    Predictor,
-    default_decoder,
-    effective_mask,
-    textured_window,
-)
-from sci_lightning.diagnosis.blind.snapshot_camera import SnapshotCamera
+from sci_lightning.diagnosis.blind.held_out_pixels import compare_errors
+from sci_lightning.diagnosis.blind.snapshots import SnapshotCamera, textured_window
+from sci_lightning.diagnosis.blind.unknown_scenes import Predictor, default_decoder, effective_mask
 from sci_lightning.errors import BadInput
 
 Record = Callable[..., SnapshotCamera]
@@ -53,7 +48,7 @@ def test_the_right_camera_predicts_best(truth: str, record: Record) -> None:
     for name, other in errors.items():
         if name == truth:
             continue
-        for_it, against = compare(other, errors[truth]), compare(errors[truth], other)
+        for_it, against = compare_errors(other, errors[truth]), compare_errors(errors[truth], other)
         assert for_it.fall > 0 > against.fall and for_it.p_value < 0.05 < against.p_value, name
         assert for_it.agree >= against.agree and for_it.snapshots == 3
 
@@ -91,9 +86,9 @@ def test_nothing_to_predict(value: float, word: str) -> None:
 def test_a_comparison_of_equals_says_nothing(record: Record) -> None:
     camera = record()
     errors = Predictor(camera.measurement, default_decoder(5), folds=1).errors(camera.encoder({}))
-    same = compare(errors, errors)
+    same = compare_errors(errors, errors)
     assert same.p_value == 1 and same.fall == 0 and same.agree == 0
-    few = compare(errors.take([1]), errors.take([1]))
+    few = compare_errors(errors.take([1]), errors.take([1]))
     assert few.snapshots == 1 and few.before == pytest.approx(errors.by_capture[1])
 
 

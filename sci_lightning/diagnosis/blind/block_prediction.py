@@ -2,20 +2,66 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import torch
 
-from sci_lightning.diagnosis.blind.held_out.held_out_pixels import blue_noise_folds
-from sci_lightning.diagnosis.blind.held_out.paired_comparison import PredictionVerdict, compare
-from sci_lightning.diagnosis.blind.held_out.prediction import HeldOutErrors
+from sci_lightning.diagnosis.blind.held_out_pixels import (
+    HeldOutErrors,
+    PairedComparison,
+    blue_noise_folds,
+    compare_errors,
+)
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood, SeenBlocks
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from sci_lightning.diagnosis.blind.prior import BLOCK
 from sci_lightning.diagnosis.model.camera_model import Hypothesis
 
-UNSEEN = 1e6
+HIDDEN_VARIANCE = 1e6
 """Variance of a pixel that is held out, as if noise had drowned it; relative light is about 1."""
+MASK_HELPS_P = 0.01
+"""p-value below which the mask helps to predict held-out pixels."""
+INDIFFERENT = 1e-4
+"""Part of the prediction error below which a change of it is a matter of rounding."""
+UNCONFIRMED_P = 0.05
+"""p-value above which held-out pixels do not confirm what changes their prediction."""
+
+
+@dataclass(frozen=True)
+class PredictionVerdict:
+    """What held-out pixels say about the camera that a diagnosis found.
+
+    Attributes:
+        gap: the ideal camera against the corrected one.
+        by_effect: the corrected camera without one of its effects against the whole one, by effect.
+        without_mask: a camera whose mask is the same everywhere against the corrected one. Whatever weakens a wrong
+            mask makes held-out pixels more predictable; only what is better than no mask at all speaks for a camera.
+        verification: ``gap`` on the snapshots that were set aside; None where there are none.
+    """
+
+    gap: PairedComparison
+    by_effect: dict[str, PairedComparison]
+    without_mask: PairedComparison
+    verification: PairedComparison | None = None
+
+    def mask_helps(self) -> bool:
+        """Return whether the corrected camera predicts held-out pixels better than one without any mask."""
+        return self.without_mask.fall > 0 and self.without_mask.p_value < MASK_HELPS_P
+
+    def contradicted(self) -> tuple[str, ...]:
+        """Return the effects that change what is predicted and do not make held-out pixels more predictable.
+
+        Effects that a decoder absorbs, such as another order of the patterns, have no vote. Where snapshots that were
+        set aside do not confirm the whole camera, all of its effects are contradicted.
+        """
+        if self.verification is not None and _speaks_against(self.verification):
+            return tuple(self.by_effect)
+        return tuple(name for name, evidence in self.by_effect.items() if _speaks_against(evidence))
+
+
+def _speaks_against(evidence: PairedComparison) -> bool:
+    return abs(evidence.fall) > INDIFFERENT and evidence.p_value > UNCONFIRMED_P
 
 
 class BlockPredictor:
@@ -28,7 +74,7 @@ class BlockPredictor:
 
     Args:
         likelihood: knows the snapshots and the prior.
-        blocks: ``(blocks,)`` bool, blocks that judge by every hypothesis.
+        blocks: ``(blocks,)`` bool, blocks that every hypothesis predicts.
         share: part of the pixels that one fold holds out.
         folds: number of folds.
         seed: of the choice of pixels.
@@ -62,7 +108,7 @@ class BlockPredictor:
             deviation = seen.deviation
             for fold in self._folds:
                 hidden = fold[seen.places]
-                noise = torch.where(hidden, UNSEEN, seen.noise)
+                noise = torch.where(hidden, HIDDEN_VARIANCE, seen.noise)
                 factor = torch.linalg.cholesky(covariance + torch.diag_embed(noise))
                 weighted = torch.cholesky_solve(deviation.expand(len(weights), *deviation.shape), factor)
                 distance = (deviation * weighted * ~hidden[..., None]).sum(-2)
@@ -93,43 +139,42 @@ class BlockPredictor:
         return HeldOutErrors(field, variance)
 
 
-def snapshots_that_judge(likelihood: BlindLikelihood, ideal: Hypothesis, corrected: Hypothesis) -> torch.Tensor:
+def predictable_snapshots(likelihood: BlindLikelihood, ideal: Hypothesis, corrected: Hypothesis) -> torch.Tensor:
     """Return which snapshots, (N,) bool, have a block without a saturated pixel where both hypotheses predict."""
     model = likelihood.model
     return likelihood.usable[likelihood.inside(model.border(ideal) | model.border(corrected))].any(0)
 
 
-def judge_by_blocks(
+def predict_by_blocks(
     likelihood: BlindLikelihood,
     ideal: Hypothesis,
     corrected: Hypothesis,
     names: Sequence[str],
-    aside: Sequence[int],
+    verification: Sequence[int],
     seed: int = 0,
-    on_progress: Callable[[str], None] = lambda message: None,
 ) -> PredictionVerdict:
     """Predict held-out pixels by the ideal camera, the corrected one, that without one effect, and one without a mask.
 
     Args:
-        likelihood: of the snapshots that judge.
+        likelihood: of the snapshots.
         ideal, corrected: the two hypotheses.
         names: effects that were named.
-        aside: places of the snapshots that the search has not seen.
+        verification: places of the snapshots that the search has not seen.
         seed: of the choice of pixels.
-        on_progress: called with a one-line message at the end.
     """
     model = likelihood.model
-    judging = likelihood.inside(model.border(ideal) | model.border(corrected)) & likelihood.usable.any(1)
-    predictor = BlockPredictor(likelihood, judging, seed=seed)
+    predicted_blocks = likelihood.inside(model.border(ideal) | model.border(corrected)) & likelihood.usable.any(1)
+    predictor = BlockPredictor(likelihood, predicted_blocks, seed=seed)
     after = predictor.errors(corrected)
     before = predictor.errors(ideal) if names else after
-    gap = compare(before, after)
-    alone = len(names) == 1
-    by_effect = {name: gap if alone else compare(predictor.errors(corrected.without(name)), after) for name in names}
-    without_mask = compare(predictor.errors(ideal.with_effect("mask_contrast", {"leak": 1.0})), after)
-    on_progress(f"held-out pixels: prediction error {gap.before:.4f} to {gap.after:.4f}")
-    verification = compare(before.take(aside), after.take(aside)) if aside else None
-    return PredictionVerdict(gap, by_effect, without_mask, verification)
+    gap = compare_errors(before, after)
+    by_effect = {}
+    for name in names:  # without the only effect, the corrected camera is the ideal one
+        others = before if len(names) == 1 else predictor.errors(corrected.without(name))
+        by_effect[name] = compare_errors(others, after)
+    without_mask = compare_errors(predictor.errors(ideal.with_effect("mask_contrast", {"leak": 1.0})), after)
+    verified = compare_errors(before.take(verification), after.take(verification)) if verification else None
+    return PredictionVerdict(gap, by_effect, without_mask, verified)
 
 
 def _chosen(numbers: torch.Tensor, count: int) -> torch.Tensor:
