@@ -19,8 +19,27 @@ from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
 from sci_lightning.diagnosis.search.selection import Round
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.target_effects import SceneEffect
-from sci_lightning.diagnosis.verdict import verdict
 from sci_lightning.encoder.effects import Effect
+
+
+def verdict(before: Gap, after: Gap, named: int, unnamed: int, remaining: int) -> str:
+    """Return ``consistent``, ``explained``, ``partly_explained`` or ``unexplained``.
+
+    Nothing is left if the misfit is within what chance allows, nothing unnamed was found, and no residual test objects.
+    Then the captures are ``consistent`` with the ideal camera, or ``explained`` by the effects named. Otherwise they
+    are ``partly_explained`` if the effects named make the held-out pixels likelier. Likelihood decides here and not
+    chi2, because chi2 rises towards 1 where the noise had been overestimated.
+
+    Args:
+        before: gap of the ideal camera, on verification captures where some are kept.
+        after: gap of the corrected model, on the same pixels.
+        named: how many effects were named.
+        unnamed: how many deviations without a name were found.
+        remaining: how many residual tests find more than noise in what the corrected model leaves.
+    """
+    if after.within_chance and not unnamed and not remaining:
+        return "explained" if named else "consistent"
+    return "partly_explained" if named and after.nll < before.nll else "unexplained"
 
 
 @dataclass(frozen=True)
@@ -136,7 +155,7 @@ class CalibratedResult(Result):
 
     @property
     def verdict(self) -> str:
-        """consistent, explained, partly_explained or unexplained: :func:`~sci_lightning.diagnosis.verdict.verdict`."""
+        """consistent, explained, partly_explained or unexplained: :func:`verdict`."""
         counts = len(self.effects), len(self.unnamed), len(self.remaining)
         return verdict(*self.judging, *counts)
 

@@ -15,7 +15,8 @@ from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.gap import Gap, held_out_gap, largest_by_chance, variance_of_squares
 from sci_lightning.diagnosis.report.sentences import NOTHING_LEFT, headline
-from sci_lightning.diagnosis.verdict import NEGLIGIBLE, verdict
+from sci_lightning.diagnosis.result import verdict
+from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.diagnosis.report.test_sentences import GHOST, SHIFT, diagnosed
@@ -32,7 +33,7 @@ def test_a_right_model_exceeds_the_limit_once_in_a_thousand_times(count: int) ->
 
 def test_of_many_pixels_only_what_is_negligible_is_allowed() -> None:
     assert largest_by_chance(1.0, 2 / 500) > 1.2
-    assert largest_by_chance(1.0, 2 / 8000) < NEGLIGIBLE < largest_by_chance(1.0, 2 / 7000)
+    assert largest_by_chance(1.0, 2 / 8000) < SearchSettings.negligible_chi2 < largest_by_chance(1.0, 2 / 7000)
 
 
 def test_the_variance_is_that_of_the_statistic() -> None:
@@ -121,4 +122,4 @@ def test_explained_by_many_pixels_means_at_most_the_negligible(tmp_path: Path) -
     few = {name: vocabulary()[name] for name in ("gain", "shot_noise", "read_noise")}
     result = diagnose(read_captures(path), few)
     assert result.verdict == "explained"
-    assert result.after.gap.chi2_limit == NEGLIGIBLE == 1.05 >= result.after.gap.chi2
+    assert result.after.gap.chi2_limit == SearchSettings.negligible_chi2 == 1.05 >= result.after.gap.chi2

@@ -162,7 +162,6 @@ def _diagnosed(
     from sci_lightning.diagnosis import diagnosis as library
     from sci_lightning.diagnosis.blind.blind_diagnosis import diagnose_blind
     from sci_lightning.diagnosis.blind.prior import scene_statistics
-    from sci_lightning.diagnosis.search_settings import SearchSettings
     from sci_lightning.errors import BadInput
 
     settings = SearchSettings(**cfg.search)

@@ -158,7 +158,9 @@ class BlindFitter:
             return trial, float((trial.log_likelihood - at.log_likelihood).nansum())
 
         def needed(at: BlindFit) -> float:
-            return enough if ahead is None else max(enough, CATCH_UP_SHARE * float((ahead - at.log_likelihood).nansum()))
+            return (
+                enough if ahead is None else max(enough, CATCH_UP_SHARE * float((ahead - at.log_likelihood).nansum()))
+            )
 
         best, _ = maximise(best, differentiate, step, needed, iterations, MAX_ATTEMPTS)
         if errors:

@@ -223,6 +223,7 @@ class BlindLikelihood:
         if weights is None:
             weights = self.prior.estimate_weights(scores[:, usable])
         weighted = scores + weights.log()[:, None, None]
+        # Fits differentiate by the components that matter in a block alone; the others explain too little to count.
         share = torch.where(usable, weighted.softmax(0), 0.0).amax(2)
         matters = share > (share.amax(0) / 2).clamp(max=LEAST_SHARE)
 

@@ -76,7 +76,6 @@ class ScenePrior:
     Args:
         frames: T.
         statistics: of patches of video; None for those that come with the package.
-        components: how many components are kept, those with the largest shares; None for all.
         contrasts: variances at which each component comes, over its own; statistics of smooth scenes, for more than 16
             slots, have contrasts of their own.
 
@@ -88,11 +87,10 @@ class ScenePrior:
         self,
         frames: int,
         statistics: PatchPrior | None = None,
-        components: int | None = None,
         contrasts: Sequence[float] = CONTRASTS,
     ) -> None:
         statistics = read_prior() if statistics is None else statistics
-        order = statistics.weights.argsort(descending=True)[:components]
+        order = statistics.weights.argsort(descending=True)
         self._statistics = PatchPrior(
             statistics.level,
             statistics.weights[order] / statistics.weights[order].sum(),

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import torch
-
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price, price_of
 from sci_lightning.diagnosis.blind.candidate_comparison import (
     AMPLE_NATS,
@@ -17,28 +15,21 @@ from sci_lightning.diagnosis.blind.candidate_comparison import (
     LikelihoodComparison,
     compare,
 )
-from sci_lightning.diagnosis.blind.displacement import first_pose, proposed_displacements
+from sci_lightning.diagnosis.blind.displacement import first_pose
 from sci_lightning.diagnosis.blind.likelihood import spread
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
+from sci_lightning.diagnosis.blind.screening import FINAL_ITERATIONS, STARTS_FITTED, Screener
 from sci_lightning.diagnosis.blind.undetermined import determined_effects
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
-from sci_lightning.diagnosis.model.starting_points import starting_settings
 from sci_lightning.diagnosis.search_settings import SearchSettings
-from sci_lightning.encoder.effects.parameter import part_of
 
 OnProgress = Callable[[str], None]
 """Called with a one-line message after every step of the search."""
 
-SCREENED_BLOCKS = 64
-"""Blocks on which candidates are screened, spread evenly over the field."""
 FITTED_BLOCKS = 128
 """Blocks to which candidates are fitted."""
-FINAL_ITERATIONS = 4
-"""Iterations of fits that start from a model that was fitted already."""
 CANDIDATE_PROGRESS_NATS = 0.5
 """Nats below which the fit of a candidate has converged: what decides about it are tens."""
-STARTS_FITTED = 3
-"""Starts of a promising candidate that are fitted to the screened blocks."""
 PROMISING_SHARE = 0.1
 """Part of the best candidate's nats that another one must gain, fitted by itself, to be fitted beside all others."""
 JOINT_GAIN_FACTOR = 2.0
@@ -46,8 +37,6 @@ JOINT_GAIN_FACTOR = 2.0
 for its parameters, it is not fitted."""
 RIVAL_SHARE = 0.3
 """Part of an effect's nats that another one must gain in its place, fitted by itself, to be a rival."""
-WEAK_START_SHARE = 0.25
-"""Part of a start's distance from the neutral setting at which it is tried as well."""
 FITTED_WITH_POSE: dict[str, Setting] = {"mask_blur": {"sigma": 0.7}, "black_level": {"offset": 0.02}}
 """What is fitted beside the first pose of the mask's image, and from where: either lowers the contrast with which the
 mask is seen, and a search for one effect at a time takes wrong ones for what it has not found yet."""
@@ -115,27 +104,19 @@ class BlindSearch:
         likelihood = fitter.likelihood
         self.columns = likelihood.columns
         self.all_blocks = likelihood.usable.any(1)
-        self.screened_blocks = spread(self.all_blocks & self._inner(), SCREENED_BLOCKS)
         self.fitted_blocks = spread(self.all_blocks, FITTED_BLOCKS)
+        self.screener = Screener(fitter, self.all_blocks, settings.border_share)
         self.assessor = CandidateAssessor(fitter, self.all_blocks, settings.min_gain_nats)
         self._fitted_candidates: dict[frozenset[str], list[FittedCandidate]] = {}
         self._promising: set[str] = set()
         self.candidates = list(determined_effects(fitter.model))
-
-    def _inner(self) -> torch.Tensor:
-        """Return the blocks that are not at the edge of the field: most candidates leave them all."""
-        likelihood = self.fitter.likelihood
-        rows, columns = likelihood.rows, likelihood.columns
-        inner = torch.zeros(rows, columns, dtype=torch.bool)
-        inner[1 : rows - 1, 1 : columns - 1] = True
-        return inner.flatten()
 
     def run(self) -> BlindExplanation:
         """Find the most likely model: forward selection, pruning, and what else would explain the snapshots."""
         ideal = self.fitter.evaluate(self.noise, self.fitted_blocks)
         best = self._posed(ideal)
         rounds = []
-        for _ in range(self.settings.max_effects):
+        for _ in range(self.settings.max_effects):  # pruning may drop what an earlier round added: rounds are bounded
             fitted = self.fitted_candidates(best)
             rounds.append({one.name: one.nats for one in fitted})
             winner = self._winner(fitted)
@@ -240,18 +221,20 @@ class BlindSearch:
             names: of the candidates; None for all.
             ahead: a model that they have to catch up with; None for none.
         """
-        screened = [entry for entry in self.screen(base, count, starts, names) if entry[1] > 0]
-        least = max(least, PROMISING_SHARE * screened[0][1]) if screened else least
-        more = float(self.fitted_blocks.sum() / self.screened_blocks.sum())  # times as many blocks are fitted
-
-        def pays(name: str, nats: float, start: Setting) -> bool:
-            cost = price_of(len(start), int(base.log_likelihood.isfinite().sum()))
-            return nats >= least and JOINT_GAIN_FACTOR * more * nats >= cost
-
-        kept = [entry for entry in screened if pays(*entry)][:count]
+        screened = self.screener.screen(base, self.candidates if names is None else names, count, starts)
+        self._promising |= {one.name for one in screened if one.promising}
+        screened = [one for one in screened if one.nats > 0]
+        least = max(least, PROMISING_SHARE * screened[0].nats) if screened else least
+        more = float(self.fitted_blocks.sum() / self.screener.blocks.sum())  # times as many blocks are fitted
+        blocks = int(base.log_likelihood.isfinite().sum())
+        kept = [
+            one
+            for one in screened
+            if one.nats >= least and JOINT_GAIN_FACTOR * more * one.nats >= price_of(len(one.start), blocks)
+        ]
         fitted = on_every_core(
-            lambda entry: self._fitted_candidate(base, entry[0], entry[2], ahead),
-            kept,
+            lambda one: self._fitted_candidate(base, one.name, one.start, ahead),
+            kept[:count],
             self.fitter.likelihood.at_a_time,
         )
         return sorted(fitted, key=lambda one: -one.gain)
@@ -261,78 +244,6 @@ class BlindSearch:
         behind = None if ahead is None else ahead.log_likelihood
         fit = self.fitter.fit(hypothesis, self.fitted_blocks, enough=CANDIDATE_PROGRESS_NATS, ahead=behind)
         return self.assessor(fit, base, name)
-
-    def screen(
-        self, base: BlindFit, count: int, starts: int, names: Sequence[str] | None = None
-    ) -> list[tuple[str, float, Setting]]:
-        """Return (name, nats, start) of every candidate that the model lacks, the most promising first.
-
-        Every start is tried, the best ones at a part of their strength too. The likelihood has local maxima (a mask
-        that is displaced by a whole cell), so that the best starts of the most promising candidates are fitted to a few
-        blocks.
-
-        Args:
-            base: the model.
-            count: candidates whose starts are fitted.
-            starts: of each of them.
-            names: of the candidates; None for all.
-        """
-        model = self.fitter.model
-        proposed = proposed_displacements(self.fitter.likelihood, base.hypothesis, self.settings.border_share)
-        candidates = [
-            name for name in (self.candidates if names is None else names) if name not in base.hypothesis.effects
-        ]
-        starts_of = {
-            name: [*starting_settings(model, name, base.hypothesis), *proposed.get(name, [])] for name in candidates
-        }
-        tried = self._screened(base, starts_of)
-        weaker = {
-            name: [part_of(start, model.effects[name].about, WEAK_START_SHARE) for _, start in trials[:STARTS_FITTED]]
-            for name, trials in tried.items()
-            if not model.effects[name].is_discrete()
-        }
-        for name, trials in self._screened(base, weaker).items():
-            tried[name] = sorted([*tried[name], *trials], key=lambda trial: -trial[0])
-        entries = sorted(
-            ((name, trials) for name, trials in tried.items() if trials), key=lambda entry: -entry[1][0][0]
-        )
-        promising = {name for name, trials in entries[:count] if trials[0][0] > 0}
-        self._promising |= promising
-        best = on_every_core(
-            lambda entry: (
-                self._fitted_start(base, entry[0], entry[1][:starts]) if entry[0] in promising else entry[1][0]
-            ),
-            entries,
-            self.fitter.likelihood.at_a_time,
-        )
-        screened = [(name, *trial) for (name, _), trial in zip(entries, best, strict=True)]
-        return sorted(screened, key=lambda entry: -entry[1])
-
-    def _fitted_start(self, base: BlindFit, name: str, trials: list[tuple[float, Setting]]) -> tuple[float, Setting]:
-        """Return nats and setting of the best of a few starts after a short fit beside the model as it stands."""
-        if self.fitter.model.effects[name].is_discrete():
-            return trials[0]
-        fitted = []
-        for _, start in trials:
-            hypothesis = base.hypothesis.with_effect(name, start)
-            fit = self.fitter.fit(hypothesis, self.screened_blocks, FINAL_ITERATIONS, alone=name, errors=False)
-            nats = compare(fit.log_likelihood, base.log_likelihood, self.columns).nats
-            fitted.append((nats, fit.hypothesis.effects[name]))
-        return max(fitted, key=lambda trial: trial[0])
-
-    def _screened(self, base: BlindFit, starts: dict[str, list[Setting]]) -> dict[str, list[tuple[float, Setting]]]:
-        """Return nats and setting of every start of every candidate as it stands, the best of a candidate first."""
-
-        def nats(trial: tuple[str, Setting]) -> float:
-            fit = self.fitter.evaluate(base.hypothesis.with_effect(*trial), self.screened_blocks)
-            return compare(fit.log_likelihood, base.log_likelihood, self.columns).nats
-
-        trials = [(name, start) for name, settings in starts.items() for start in settings]
-        gains = on_every_core(nats, trials, self.fitter.likelihood.at_a_time)
-        screened: dict[str, list[tuple[float, Setting]]] = {name: [] for name in starts}
-        for (name, start), gained in zip(trials, gains, strict=True):
-            screened[name].append((gained, start))
-        return {name: sorted(entries, key=lambda entry: -entry[0]) for name, entries in screened.items()}
 
     def _winner(self, fitted: list[FittedCandidate]) -> FittedCandidate | None:
         """Return the effect that is named next; None if there is none.
@@ -392,7 +303,7 @@ class BlindSearch:
         for name in sorted(names, key=lambda one: effects[one].rank):
             without = self.fitter.fit(fit.hypothesis.without(name), self.fitted_blocks, FINAL_ITERATIONS, errors=False)
             one, cost = self.assessor(fit, without, name), price(fit, without)
-            on_screened = (fit.log_likelihood - without.log_likelihood)[self.screened_blocks].nan_to_num(0.0)
+            on_screened = (fit.log_likelihood - without.log_likelihood)[self.screener.blocks].nan_to_num(0.0)
             rivals = []
             for rival in self.rivals(without, RIVAL_SHARE * float(on_screened.sum()), fit):
                 direct = compare(fit.log_likelihood, rival.fit.log_likelihood, self.columns)

@@ -185,7 +185,6 @@ class SnapshotCamera:
         numbers: N numbers of the snapshots in their file.
         verification: ``(N,)`` bool, snapshots that only verify.
         vocabulary: classes of effects by name.
-        dark_surround: whether no light comes from beyond the patterns.
         grid: where the mirrors nominally lie; None where every mirror is a pixel.
     """
 
@@ -195,7 +194,6 @@ class SnapshotCamera:
     numbers: tuple[int, ...]
     verification: torch.Tensor
     vocabulary: Mapping[str, type[Effect]]
-    dark_surround: bool = False
     grid: ModulatorGrid | None = None
 
     def __len__(self) -> int:
@@ -280,6 +278,5 @@ def snapshots_of(captures: Captures, vocabulary: Mapping[str, type[Effect]]) -> 
         numbers=tuple(numbers),
         verification=torch.tensor(verification),
         vocabulary=vocabulary,
-        dark_surround=captures.surround == "dark",
         grid=grid_of(captures),
     )

@@ -9,7 +9,7 @@ from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
 from sci_lightning.diagnosis.fit.gap import Gap
 from sci_lightning.diagnosis.result import CalibratedResult
 from sci_lightning.diagnosis.search.evidence import NamedEffect
-from sci_lightning.diagnosis.verdict import NEGLIGIBLE
+from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.effects.parameter import Value
 
@@ -170,7 +170,7 @@ def _what_is_left(result: CalibratedResult) -> str:
 
 def _acceptable_by_chance(gap: Gap) -> bool:
     """Return whether chi2 is acceptable only because there are few pixels."""
-    return NEGLIGIBLE < gap.chi2 <= gap.chi2_limit
+    return SearchSettings.negligible_chi2 < gap.chi2 <= gap.chi2_limit
 
 
 def _chance(gap: Gap) -> str:

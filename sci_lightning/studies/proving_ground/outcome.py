@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from sci_lightning.diagnosis.verdict import NEGLIGIBLE
+from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.files.diagnosis_report import BlindGap, Gap, Gaps, NamedEffect, Unnamed, Verdict, Verification
 from sci_lightning.files.json_file import JsonFile, JsonObject, says
 from sci_lightning.virtual_camera import EFFECTS
@@ -110,7 +110,9 @@ class Outcome(CaseRecord):
     @property
     def chi2_limit(self) -> float:
         """What ``verified_chi2`` may be by chance; more than 1.05 only where there are few pixels."""
-        return self._judged.chi2_limit if "chi2_limit" in self._judged.model_fields_set else NEGLIGIBLE
+        return (
+            self._judged.chi2_limit if "chi2_limit" in self._judged.model_fields_set else SearchSettings.negligible_chi2
+        )
 
     @property
     def unnamed_stages(self) -> tuple[str, ...]:

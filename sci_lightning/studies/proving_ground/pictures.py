@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator, NullLocator
 
-from sci_lightning.diagnosis.verdict import NEGLIGIBLE
+from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.studies.proving_ground.outcome import LEFT_OUT, Failure, Outcome
 from sci_lightning.studies.proving_ground.summary import NORMAL, Proportion
@@ -143,7 +143,13 @@ def gap_figure(outcomes: Sequence[Outcome]) -> Figure:
             axes.plot(before[members], after[members], "o", color=colour, alpha=0.75, markersize=5, label=suite)
     same = np.geomspace(0.5, high, 500)
     axes.plot(same, same, color="#999999", linewidth=1, linestyle=":", label="no change")
-    axes.axhline(NEGLIGIBLE, color="#222222", linewidth=1, linestyle="--", label=f"target {NEGLIGIBLE}")
+    axes.axhline(
+        SearchSettings.negligible_chi2,
+        color="#222222",
+        linewidth=1,
+        linestyle="--",
+        label=f"target {SearchSettings.negligible_chi2}",
+    )
     axes.set(xscale="log", xlim=(0.8, high))
     axes.set(xlabel="held-out reduced chi2 before: ideal camera", ylabel="after: with what was found")
     if after.max() > 2:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 
-from sci_lightning.diagnosis.verdict import NEGLIGIBLE
+from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.studies.proving_ground.outcome import Failure, Outcome
 
 EXACT_SUITES = (
@@ -79,7 +79,7 @@ def summarise(records: Iterable[Outcome | Failure]) -> list[Row]:
         wrong_names("fewer captures: any wrong name", fewer, 0.0),
         interval_coverage([*named, *fewer]),
         at_least(
-            f"right names: chi2 on verification captures at most {NEGLIGIBLE}",
+            f"right names: chi2 on verification captures at most {SearchSettings.negligible_chi2}",
             [outcome for outcome in named if outcome.exact],
             lambda o: o.verified_chi2 <= o.chi2_limit,
             0.95,

@@ -16,6 +16,7 @@ from sci_lightning.diagnosis.blind.candidate_comparison import (
     LikelihoodComparison,
     compare,
 )
+from sci_lightning.diagnosis.blind.screening import ScreenedCandidate
 from sci_lightning.diagnosis.blind.search import BlindSearch
 from sci_lightning.diagnosis.model.camera_model import Hypothesis
 from sci_lightning.diagnosis.search_settings import SearchSettings
@@ -120,7 +121,8 @@ def test_a_candidate_that_cannot_pay_is_not_fitted(search: BlindSearch, monkeypa
     """Four times as many blocks are fitted as screened; three parameters cost a dozen nats."""
     screened = {"mask_shift": 5.0, "flicker": 1.0, "mask_contrast": 1.0}
     starts = {name: dict.fromkeys(search.fitter.model.effects[name].about, 0.1) for name in screened}
-    monkeypatch.setattr(search, "screen", lambda *_: [(name, nats, starts[name]) for name, nats in screened.items()])
+    found = [ScreenedCandidate(name, nats, starts[name], promising=True) for name, nats in screened.items()]
+    monkeypatch.setattr(search.screener, "screen", lambda *_: found)
     monkeypatch.setattr(
         search,
         "_fitted_candidate",

@@ -1,0 +1,136 @@
+"""Screening of candidates in snapshots of unknown scenes: how much each of them gains by itself, on a few blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+
+from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter
+from sci_lightning.diagnosis.blind.candidate_comparison import compare
+from sci_lightning.diagnosis.blind.displacement import proposed_displacements
+from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood, spread
+from sci_lightning.diagnosis.blind.parallel_map import on_every_core
+from sci_lightning.diagnosis.model.camera_model import Setting
+from sci_lightning.diagnosis.model.starting_points import starting_settings
+from sci_lightning.encoder.effects.parameter import part_of
+
+SCREENED_BLOCKS = 64
+"""Blocks on which candidates are screened, spread evenly over the field."""
+STARTS_FITTED = 3
+"""Starts of a promising candidate that are fitted to the screened blocks."""
+WEAK_START_SHARE = 0.25
+"""Part of a start's distance from the neutral setting at which it is tried as well."""
+FINAL_ITERATIONS = 4
+"""Iterations of fits that start from a model that was fitted already."""
+
+
+@dataclass(frozen=True)
+class ScreenedCandidate:
+    """An effect that a model lacks, fitted by itself.
+
+    Attributes:
+        name: of the effect.
+        nats: that it gains on the screened blocks.
+        start: its best setting there, from which a joint fit starts.
+        promising: whether it was among the best before it was fitted.
+    """
+
+    name: str
+    nats: float
+    start: Setting
+    promising: bool
+
+
+class Screener:
+    """Screens candidates on a few blocks.
+
+    Args:
+        fitter: fits hypotheses.
+        usable: ``(blocks,)`` bool, all blocks that count.
+        border_share: largest part of the field by which the mask's image may be displaced.
+
+    Attributes:
+        blocks: ``(blocks,)`` bool, those that are screened; none of them is at the edge of the field, which most
+            candidates leave.
+    """
+
+    def __init__(self, fitter: BlindFitter, usable: torch.Tensor, border_share: float) -> None:
+        self.fitter, self.border_share = fitter, border_share
+        self.blocks = spread(usable & _inner(fitter.likelihood), SCREENED_BLOCKS)
+
+    def screen(self, base: BlindFit, names: Sequence[str], count: int, starts: int) -> list[ScreenedCandidate]:
+        """Return every candidate that a model lacks, the one that gains most first.
+
+        Every start is tried, the best ones at a part of their strength too. The likelihood has local maxima (a mask
+        that is displaced by a whole cell), so that the best starts of the most promising candidates are fitted.
+
+        Args:
+            base: the model.
+            names: of the candidates.
+            count: candidates whose starts are fitted.
+            starts: of each of them.
+        """
+        likelihood, model = self.fitter.likelihood, self.fitter.model
+        proposed = proposed_displacements(likelihood, base.hypothesis, self.border_share)
+        candidates = [name for name in names if name not in base.hypothesis.effects]
+        starts_of = {
+            name: [*starting_settings(model, name, base.hypothesis), *proposed.get(name, [])] for name in candidates
+        }
+        tried = self._tried(base, starts_of)
+        weaker = {
+            name: [part_of(start, model.effects[name].about, WEAK_START_SHARE) for _, start in trials[:STARTS_FITTED]]
+            for name, trials in tried.items()
+            if not model.effects[name].is_discrete()
+        }
+        # a start as strong as the effect usually is may lie beyond the maximum of a weak one
+        for name, trials in self._tried(base, weaker).items():
+            tried[name] = sorted([*tried[name], *trials], key=lambda trial: -trial[0])
+        ranked = sorted(((name, trials) for name, trials in tried.items() if trials), key=lambda one: -one[1][0][0])
+        promising = {name for name, trials in ranked[:count] if trials[0][0] > 0}
+
+        def best(candidate: tuple[str, list[tuple[float, Setting]]]) -> tuple[float, Setting]:
+            name, trials = candidate
+            return self._fitted_start(base, name, trials[:starts]) if name in promising else trials[0]
+
+        settings = on_every_core(best, ranked, likelihood.at_a_time)
+        screened = [
+            ScreenedCandidate(name, nats, start, name in promising)
+            for (name, _), (nats, start) in zip(ranked, settings, strict=True)
+        ]
+        return sorted(screened, key=lambda one: -one.nats)
+
+    def _fitted_start(self, base: BlindFit, name: str, trials: list[tuple[float, Setting]]) -> tuple[float, Setting]:
+        """Return nats and setting of the best of a few starts after a short fit beside the model as it stands."""
+        if self.fitter.model.effects[name].is_discrete():
+            return trials[0]
+        fitted = []
+        for _, start in trials:
+            hypothesis = base.hypothesis.with_effect(name, start)
+            fit = self.fitter.fit(hypothesis, self.blocks, FINAL_ITERATIONS, alone=name, errors=False)
+            fitted.append((self._gain(fit, base), fit.hypothesis.effects[name]))
+        return max(fitted, key=lambda trial: trial[0])
+
+    def _tried(self, base: BlindFit, starts: dict[str, list[Setting]]) -> dict[str, list[tuple[float, Setting]]]:
+        """Return nats and setting of every start of every candidate as it stands, the best of a candidate first."""
+
+        def nats(trial: tuple[str, Setting]) -> float:
+            return self._gain(self.fitter.evaluate(base.hypothesis.with_effect(*trial), self.blocks), base)
+
+        trials = [(name, start) for name, settings in starts.items() for start in settings]
+        gains = on_every_core(nats, trials, self.fitter.likelihood.at_a_time)
+        tried: dict[str, list[tuple[float, Setting]]] = {name: [] for name in starts}
+        for (name, start), gain in zip(trials, gains, strict=True):
+            tried[name].append((gain, start))
+        return {name: sorted(entries, key=lambda entry: -entry[0]) for name, entries in tried.items()}
+
+    def _gain(self, fit: BlindFit, base: BlindFit) -> float:
+        return compare(fit.log_likelihood, base.log_likelihood, self.fitter.likelihood.columns).nats
+
+
+def _inner(likelihood: BlindLikelihood) -> torch.Tensor:
+    """Return the blocks that are not at the edge of the field, ``(blocks,)`` bool."""
+    inner = torch.zeros(likelihood.rows, likelihood.columns, dtype=torch.bool)
+    inner[1 : likelihood.rows - 1, 1 : likelihood.columns - 1] = True
+    return inner.flatten()
