@@ -8,8 +8,7 @@ class that is not ours or trusted, a folder to write to, a server, or a file of 
 from __future__ import annotations
 
 import os
-import shlex
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -19,18 +18,17 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from sci_lightning.cli.composition import Composition, compose, group_members, targets_in
+from sci_lightning.cli.named_files import check_folder, check_paths, elsewhere, named_files
 from sci_lightning.cli.next_command import nearest
 from sci_lightning.cli.next_command import override as quoted
 from sci_lightning.configuration.arguments import check_value
 from sci_lightning.configuration.bounds import ExistingPath
 from sci_lightning.configuration.conf_folder import CONF
-from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
 from sci_lightning.files.plain_data import check_plain_data
-from sci_lightning.plain_text import excerpt, one_printable_line
+from sci_lightning.plain_text import excerpt
 from sci_lightning.runs.encoder_file import checked_encoder
 from sci_lightning.runs.resume import another_training
-from sci_lightning.runs.run_folder import is_first_process
 
 if TYPE_CHECKING:
     from sci_lightning.runs.checkpoint import Checkpoint
@@ -75,14 +73,13 @@ TRAINER = (
 """Settings of the trainer that a checkpoint settles: none of its paths and objects."""
 
 LOGGERS = {"tensorboard", "csv"}
-"""Loggers that write into the run's folder; others send what they log to somebody, and have to be named again, as have
-settings of what is shown and logged."""
+"""Loggers that write into the run's folder; others send what they log to somebody, and have to be named again."""
+
+SHOWN = ("callbacks", "logger")
+"""Sections that say what is shown and logged. Of these a checkpoint settles numbers and what is left out."""
 
 WRITTEN = "data.store"
 """The folder that data sources write to."""
-
-PATHS = {"root", "val_root", "file"}
-"""What settings that name files or folders to read are called."""
 
 FINETUNE = "finetune"
 """The experiment that takes a decoder and starts a new training with it."""
@@ -125,7 +122,7 @@ def with_stored_choices(arguments: Sequence[str]) -> list[str]:
         words.append(f"logger=[{','.join(loggers)}]")
     folder = Path(os.path.abspath(path)).parent  # not resolved: what is named is written, wherever links lead
     if not finetuned and "out" not in given and path.name == "last.ckpt" and folder.name == "checkpoints":
-        _check_folder(folder.parent)
+        check_folder(folder.parent)
         words.append(f"out='{folder.parent}'")
     return [*words, *arguments]
 
@@ -178,11 +175,13 @@ def take_over(composition: Composition) -> dict[str, str]:
         if key.partition(".")[0] in settled and OmegaConf.select(cfg, key, default=ABSENT) is not ABSENT:
             OmegaConf.update(settled, key, OmegaConf.select(cfg, key), merge=False)
     taken = _plain(settled)
-    _check_paths(path, set(_paths("", taken)) - set(_paths("", now)))
+    check_paths(path, set(named_files("", taken)) - set(named_files("", now)))
     trainer = taken.pop("trainer")
     cfg.trainer.update({key: trainer[key] for key in TRAINER if key in trainer})
     if not finetuned:
         cfg.finetune = config.get("finetune") is True
+        for key in SHOWN:
+            _take_numbers(cfg.get(key) or {}, config.get(key) or {}, key, given)
     with open_dict(cfg):
         for key, value in taken.items():
             cfg[key] = value
@@ -204,14 +203,16 @@ def to_repeat(path: Path, composition: Composition) -> list[str]:
             names = {str(_bare(name)) for name in (value if isinstance(value, list) else [value])}
             known = LOGGERS | {"none"} if key == "logger" else set(group_members(key.partition("@")[0]))
             settled = key.partition("/")[0] in ("encoder", "effect", "experiment", "scale") or names <= known
+        elif root in SHOWN:
+            settled = bool(rest) and (value is None or isinstance(value, (bool, int, float)))
         else:
             settled = (root in (*SECTIONS, *VALUES) and key != WRITTEN) or (root == "trainer" and rest in TRAINER)
         if not settled and key not in NOT_AGAIN:
             words.append(str(override.input_line))
     folder = Path(composition.cfg.out).absolute()
-    elsewhere = [] if path.absolute() == _last_of(folder) else [quoted("out", nearest(folder))]
-    files = _elsewhere(path, _paths("", {key: _plain(composition.cfg).get(key) for key in SECTIONS}))
-    return [*composition.own_folders(), *composition.trusted(), *files, *words, *elsewhere]
+    out = [] if path.absolute() == _last_of(folder) else [quoted("out", nearest(folder))]
+    files = elsewhere(path, named_files("", {key: _plain(composition.cfg).get(key) for key in SECTIONS}))
+    return [*composition.own_folders(), *composition.trusted(), *files, *words, *out]
 
 
 def _parsed(arguments: Iterable[str]) -> list[Override]:
@@ -313,65 +314,14 @@ def _merged(stored: Any, before: Any, now: Any) -> Any:
     return now
 
 
-def _check_folder(folder: Path) -> None:
-    """Check that a run's folder can be gone on with although nobody said ``out=``: it may be a stranger's.
-
-    Raises:
-        BadInput: it has a link that leads out of it, over which other files would be written, or a name that would be
-            obeyed.
-    """
-    if "${" in str(folder) or "'" in str(folder) or "\\" in str(folder):
-        raise BadInput(f"{folder}: a name with ${{, ' or \\ would be obeyed, not read; rename the folder")
-    real = folder.resolve()
-    for place, folders, files in os.walk(real):
-        for name in (*folders, *files):
-            path = Path(place) / name
-            if path.is_symlink() and not path.resolve().is_relative_to(real):
-                raise BadInput(
-                    f"{path}: a link that leads out of the run's folder, where other files would be overwritten; to "
-                    f"go on there all the same, say so: out={folder}"
-                )
-
-
-def _paths(key: str, value: Any) -> Iterator[tuple[str, str]]:
-    """Settings that name files to read, and what they name: by what they are called, and whatever looks like a path."""
-    if isinstance(value, Mapping):
-        for name, entry in value.items():
-            yield from _paths(f"{key}.{name}" if key else str(name), entry)
-    elif isinstance(value, list):
-        for entry in value:
-            yield from _paths(key, entry)
-    elif isinstance(value, str) and (
-        key.rpartition(".")[2] in PATHS or "/" in value or "\\" in value or value.startswith((".", "~"))
-    ):
-        yield key, value
-
-
-def _check_paths(path: Path, named: Iterable[tuple[str, str]]) -> None:
-    """Check the files and folders that a checkpoint names, and show them: it may be a stranger's, and they are read.
-
-    Raises:
-        BadInput: one that lies neither in the current folder nor in that of the run. Links count as what they lead to.
-    """
-    named = sorted(named)
-    if elsewhere := _elsewhere(path, named):
-        raise BadInput(
-            f"{path}: this training read files that lie neither in the current folder nor in the run's; if they are "
-            f"yours, say so by repeating: {shlex.join(map(one_printable_line, elsewhere))}"
-        )
-    if named and is_first_process():
-        shown = ", ".join(f"{key}={excerpt(value)}" for key, value in named)
-        PlainConsole().say("as recorded in ", styled(path), f": reads {shown}")
-
-
-def _elsewhere(path: Path, named: Iterable[tuple[str, str]]) -> list[str]:
-    """Return those of the files that a checkpoint names which have to be repeated, as overrides."""
-    own = [Path.cwd().resolve(), path.resolve().parent.parent]
-    return [
-        quoted(key, value)
-        for key, value in dict(named).items()
-        if not any(Path(os.path.expanduser(value)).resolve().is_relative_to(folder) for folder in own)
-    ]
+def _take_numbers(node: Any, stored: Any, place: str, given: Container[str]) -> None:
+    """Take what is no text of a section: a stranger's texts might say where something is written, or what is built."""
+    for key, value in stored.items() if isinstance(stored, Mapping) else ():
+        if key in node and f"{place}.{key}" not in given:
+            if isinstance(value, Mapping) and OmegaConf.is_config(node[key]):
+                _take_numbers(node[key], value, f"{place}.{key}", given)
+            elif value is None or isinstance(value, (bool, int, float)):
+                node[key] = value
 
 
 def _stored(values: Mapping[str, Any]) -> Checkpoint | None:

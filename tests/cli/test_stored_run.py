@@ -36,6 +36,10 @@ SETTLED = [
     "logger=[tensorboard,csv]",
     "logger=none",
     "kernels=plain",
+    "callbacks.pictures=null",
+    "callbacks.failed_training.stop=false",
+    "logger.tensorboard=null",
+    "logger.csv.flush_logs_every_n_steps=1",
     *("out=RUN", "resume=true", "ckpt_path=a.ckpt", "dry_run=true"),
 ]
 """Words that going on needs no more: the checkpoint holds what they say, or they are of one command."""
@@ -45,8 +49,6 @@ REPEATED = [
     "callbacks.last.folder=etc",
     "+callbacks.more={_target_: os.system}",
     "callbacks=mine",
-    "callbacks.pictures=null",
-    "logger.tensorboard=null",
     "logger=wandb",
     "logger=[csv,mlflow]",
     "logger.tensorboard.save_dir=etc",
@@ -110,6 +112,7 @@ def test_a_checkpoint_alone(ran: Ran, refused: Ran, unfinished: Path, tmp_path: 
     assert "as configured there, but trainer.max_epochs=2 (was 1), workers=1 (was 0)" in " ".join(shown.split())
     assert sorted(tmp_path.iterdir()) == before  # it went on in the run's own folder
     result = json.loads((tmp_path / "RUN" / "metrics.json").read_text())
+    assert result["config"]["callbacks"]["pictures"] is None and not (tmp_path / "RUN" / "pictures").exists()
     assert (result["decoder"], result["config"]["seed"], result["config"]["decoder"]["channels"]) == ("e2e_cnn", 3, 8)
     assert torch.load(unfinished, weights_only=True)["global_step"] == 8
 
