@@ -1,4 +1,4 @@
-"""Files and folders that a checkpoint names, or in which it lies: it may be a stranger's, and they are read or written."""
+"""Files and folders that a checkpoint names, or in which it lies: it may be a stranger's."""
 
 from __future__ import annotations
 
