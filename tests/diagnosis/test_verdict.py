@@ -14,6 +14,7 @@ from sci_lightning.captures import read_captures
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.gap import Gap, held_out_gap, largest_by_chance, variance_of_squares
+from sci_lightning.diagnosis.model.camera_model import CameraModel
 from sci_lightning.diagnosis.report.sentences import NOTHING_LEFT, headline
 from sci_lightning.diagnosis.result import verdict
 from sci_lightning.diagnosis.search_settings import SearchSettings
@@ -86,7 +87,8 @@ def test_estimated_parameters_and_maps_widen_the_limit(few: Diagnosis) -> None:
     fitter, fit = Fitter(few.model, few.split), few.after.fit
     free = fitter.fit(fit.hypothesis.with_effect("gain", {"factor": 1.0}))
     assert limit(free) > limit(replace(free, free=()))
-    fitter = Fitter(few.model.with_candidates({"prnu": vocabulary()["prnu"]}), few.split)
+    model = CameraModel(few.observation, {**few.model.vocabulary, "prnu": vocabulary()["prnu"]})
+    fitter = Fitter(model, few.split)
     assert "prnu" not in few.model.effects  # a new model: the one of the diagnosis stays as it was
     mapped = fitter.fit(free.hypothesis.with_effect("prnu", {"std": 0.05}, fitter.model.zero_map("prnu")), iterations=2)
     uncertain = replace(mapped, maps={"prnu": replace(mapped.maps["prnu"], std=0.5)})

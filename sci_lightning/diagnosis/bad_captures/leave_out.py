@@ -76,9 +76,9 @@ def explain_without_bad_captures(
 ) -> tuple[Explanation, tuple[BadCapture, ...]]:
     """Search for the effects that explain the captures, without captures that contradict the others.
 
-    A quick look before the search (:func:`~.robust_screening.suspects`) says without which captures it begins. After
-    it, every capture is judged by the model that was fitted without it: suspects that fit are taken back, and captures
-    that do not fit are left out, and the search is repeated until both agree.
+    A quick look before the search (:func:`~.suspects.suspects`) says without which captures it begins. After it, every
+    capture is compared with the model that was fitted without it: suspects that fit are taken back, and captures that
+    do not fit are left out, and the search is repeated until both agree.
 
     Args:
         whole: the model with all captures for fits and choices.
@@ -169,7 +169,7 @@ def describe(
 def bad_verification_captures(
     fit: Fit, seen: Observation, unseen: Observation, everything: Observation
 ) -> tuple[torch.Tensor, tuple[BadCapture, ...]]:
-    """Judge the verification captures: which of them contradict all others, seen or unseen?
+    """Compare the verification captures with the model: which of them contradict all others, seen or unseen?
 
     Args:
         fit: the model, which has not seen them.
@@ -181,10 +181,10 @@ def bad_verification_captures(
         ``(V,)`` bool, and the bad ones as reports name them.
     """
     numbers = torch.cat((seen.number, unseen.number))
-    judged = everything.take(torch.isin(everything.number, numbers))
-    misfit = misfit_by_capture(fit, judged)
-    odd = outlying(misfit, judged.kinds, most_bad(len(judged)))
-    odd &= torch.isin(judged.number, unseen.number)
-    odd = unexplained(fit, judged, misfit, odd)
-    bad = torch.isin(unseen.number, judged.number[odd])
-    return bad, describe(fit, judged, misfit, odd, "verification")
+    compared = everything.take(torch.isin(everything.number, numbers))
+    misfit = misfit_by_capture(fit, compared)
+    odd = outlying(misfit, compared.kinds, most_bad(len(compared)))
+    odd &= torch.isin(compared.number, unseen.number)
+    odd = unexplained(fit, compared, misfit, odd)
+    bad = torch.isin(unseen.number, compared.number[odd])
+    return bad, describe(fit, compared, misfit, odd, "verification")

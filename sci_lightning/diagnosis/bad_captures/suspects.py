@@ -38,7 +38,7 @@ MIN_EXCESS_CHI2 = 0.5
 MIN_EXCESS_RATIO = 5.0
 """How many times the largest excess of the other captures it must have as well: formulas are a little inexact."""
 MAX_OTHERS_CHI2 = 3.0
-"""Largest chi2 of the other captures. If they do not fit either, an effect is missing, and nobody is to be accused."""
+"""Largest chi2 of the other captures. If they do not fit either, an effect is missing, and no capture is bad."""
 MIN_CAPTURES_OF_KIND = 2
 """Captures of the same kind that must fit: the only one of its kind may show what no other capture can show."""
 MIN_SUSPICIOUS_RATIO = 3.0
@@ -89,9 +89,9 @@ def _changes(fitter: Fitter, ideal: Fit) -> Iterator[torch.Tensor]:
         if effect.noise or effect.map_kind or name in ideal.hypothesis.effects:
             continue
         for start in starting_settings(model, name, ideal.hypothesis):
-            trial = model.predict(with_effect_at(model, ideal.hypothesis, name, start))
-            if trial.bits == ideal.prediction.bits:
-                yield trial.mean
+            predicted = model.predict(with_effect_at(model, ideal.hypothesis, name, start))
+            if predicted.bits == ideal.prediction.bits:
+                yield predicted.mean
 
 
 def _robust_misfit(changes: torch.Tensor, residual: torch.Tensor) -> torch.Tensor:

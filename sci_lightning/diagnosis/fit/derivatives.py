@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import torch
 
-from sci_lightning.diagnosis.fit.parameters import FINE_DIFFERENCE, FreeParameters
+from sci_lightning.diagnosis.fit.parameters import FINE_DIFFERENCE_STEPS, FreeParameters
 from sci_lightning.diagnosis.model.camera_model import Evaluated, Hypothesis
 from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap
 from sci_lightning.diagnosis.model.likelihood import ClippedSignal, Prediction
@@ -158,7 +158,7 @@ def _of_a_clipped_signal(
     """
     slopes, level_slopes = [], []
     # central differences, because the log-likelihood is strongly curved over one step
-    up_and_down = (free.neighbours(at.hypothesis, part) for part in (FINE_DIFFERENCE, -FINE_DIFFERENCE))
+    up_and_down = (free.neighbours(at.hypothesis, part) for part in (FINE_DIFFERENCE_STEPS, -FINE_DIFFERENCE_STEPS))
     for (step, _, above), (back, _, below) in zip(*up_and_down, strict=True):
         one_sided = step == back
         start = at.likelihood.log_likelihood if one_sided else log_likelihood(below)

@@ -73,7 +73,7 @@ class Fit:
 
     @property
     def uncertain_prediction(self) -> Prediction:
-        """The prediction with the maps' uncertainty in its standard deviation, to judge held-out pixels."""
+        """The prediction with the maps' uncertainty in its standard deviation, for pixels that no fit has seen."""
         return with_map_uncertainty(self.prediction, self.maps)
 
     @property

@@ -95,7 +95,7 @@ def held_out_gap(fit: Fit, seed: int, estimated_from: float | None = None) -> Ga
     With nothing held out (one capture of few pixels) the fitted pixels are taken.
 
     Args:
-        fit: the model to be judged.
+        fit: the model.
         seed: of the residuals' randomisation.
         estimated_from: how many pixels the model was fitted to; None for the fitted ones of its fitter.
     """
@@ -104,7 +104,7 @@ def held_out_gap(fit: Fit, seed: int, estimated_from: float | None = None) -> Ga
     residual = residuals(fitter, prediction, seed)
     log_likelihood = fitter.log_likelihood(prediction)
     error = (fitter.dn - prediction.mean.clamp(0, observation.full_scale)).square()
-    judging = (fitter.held_out if fitter.held_out.any() else fitter.fitted) > 0
+    compared = (fitter.held_out if fitter.held_out.any() else fitter.fitted) > 0
 
     def misfit(pixels: torch.Tensor) -> Misfit:
         return Misfit(
@@ -115,11 +115,11 @@ def held_out_gap(fit: Fit, seed: int, estimated_from: float | None = None) -> Ga
 
     by_kind = {}
     for kind in sorted(set(observation.kinds)):
-        pixels = judging & torch.tensor([other == kind for other in observation.kinds])[:, None, None]
+        pixels = compared & torch.tensor([other == kind for other in observation.kinds])[:, None, None]
         if pixels.any():
             by_kind[kind] = misfit(pixels)
-    limit = chi2_limit(fit, residual, judging, estimated_from)
-    return Gap(**asdict(misfit(judging)), pixels=int(judging.sum()), chi2_limit=limit, by_kind=by_kind)
+    limit = chi2_limit(fit, residual, compared, estimated_from)
+    return Gap(**asdict(misfit(compared)), pixels=int(compared.sum()), chi2_limit=limit, by_kind=by_kind)
 
 
 def residuals(fitter: Fitter, prediction: Prediction, seed: int) -> torch.Tensor:
@@ -186,7 +186,7 @@ def largest_by_chance(mean: float, variance: float, probability: float = SearchS
 
 
 def verify(before: Fit, after: Fit, observation: Observation, seed: int) -> Verification:
-    """Judge two fits by captures that they have not seen.
+    """Compare two fits with captures that they have not seen.
 
     Args:
         before: the ideal camera.

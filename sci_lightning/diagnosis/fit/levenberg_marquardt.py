@@ -12,7 +12,7 @@ Point = TypeVar("Point")
 Derivatives = TypeVar("Derivatives")
 
 FIRST_DAMPING = 1e-3
-"""Part of the information's diagonal that is added to it at first: a quadratic objective is maximised in one step."""
+"""Part of the information's diagonal that is added to it at first: one step nearly maximises a quadratic objective."""
 LESS_DAMPING, MORE_DAMPING = 10, 20
 """The damping is divided by the first after a step that was accepted, and multiplied by the second after one that was
 not: a few attempts span the range."""

@@ -1,7 +1,7 @@
 """What a small change of the mean would gain in log-likelihood, with every fitted parameter and map free to respond.
 
 The log-likelihood is approximated by a quadratic function around a fit, as in Rao's score test, so that no candidate
-has to be fitted to be judged.
+has to be fitted to be scored.
 """
 
 from __future__ import annotations

@@ -14,18 +14,18 @@ import torch
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, ParameterName
 from sci_lightning.diagnosis.model.likelihood import Prediction
 
-DIFFERENCE = 0.1
+DIFFERENCE_STEPS = 0.1
 """Part of a parameter's step over which the prediction is differentiated; the prediction is smooth."""
-FINE_DIFFERENCE = 1e-3
+FINE_DIFFERENCE_STEPS = 1e-3
 """Part of a parameter's step over which the log-likelihood itself is differentiated, which is curved."""
-LONGEST_STEP = 20
+MAX_STEPS = 20
 """Steps of a parameter that one iteration may move it by: further, its derivative says nothing."""
-LONGEST_PART = 0.5
+MAX_NOISE_STEP_SHARE = 0.5
 """The same for noise, as a part of its distance from none, if that is more: what has stood in for an effect is many
 times as strong as it should be."""
-LONGEST_LOG_STEP = 1.5
+MAX_LOG_STEP = 1.5
 """The same for a logarithm, in natural units."""
-SMALLEST_STEP = 1e-9
+TEST_STEP = 1e-9
 """A step that leads out of the bounds only where a parameter is at one of them."""
 
 
@@ -59,7 +59,7 @@ class FreeParameters:
         return len(self.names)
 
     def neighbours(
-        self, hypothesis: Hypothesis, part: float = DIFFERENCE
+        self, hypothesis: Hypothesis, part: float = DIFFERENCE_STEPS
     ) -> Iterator[tuple[float, Hypothesis, Prediction]]:
         """For each parameter yield a small change, the hypothesis with it, and what that predicts.
 
@@ -91,7 +91,7 @@ class FreeParameters:
 
     def movable(self, hypothesis: Hypothesis, gradient: torch.Tensor) -> torch.Tensor:
         """Return the indices of the parameters that a gradient ``(p,)`` does not press against a bound."""
-        steps = (math.copysign(SMALLEST_STEP, float(slope)) for slope in gradient)
+        steps = (math.copysign(TEST_STEP, float(slope)) for slope in gradient)
         free = [self._limit(hypothesis, name, step) is None for name, step in zip(self.names, steps, strict=True)]
         return torch.tensor(free, dtype=torch.bool).nonzero()[:, 0]
 
@@ -147,11 +147,11 @@ class FreeParameters:
         value = float(hypothesis.effects[name][parameter])
         if about.log:
             low, high = math.log(max(about.low, 1e-300) / value), math.log(about.high / value)
-            low, high = max(low, -LONGEST_LOG_STEP), min(high, LONGEST_LOG_STEP)
+            low, high = max(low, -MAX_LOG_STEP), min(high, MAX_LOG_STEP)
         else:
-            longest = LONGEST_STEP * about.step
+            longest = MAX_STEPS * about.step
             if self.model.effects[name].noise and isinstance(about.neutral, (int, float)):
-                longest = max(longest, LONGEST_PART * abs(value - about.neutral))
+                longest = max(longest, MAX_NOISE_STEP_SHARE * abs(value - about.neutral))
             low, high = max(about.low - value, -longest), min(about.high - value, longest)
         if step < low:
             return low

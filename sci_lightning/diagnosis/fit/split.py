@@ -1,4 +1,4 @@
-"""Which captures and pixels are fitted, and which are held out to judge the fit.
+"""Which captures and pixels are fitted, and which are held out to validate the fit.
 
 Held-out pixels take part in every choice of the search, so that it may have chosen what happens to suit them. Whole
 captures are therefore set aside before for verification: neither fits nor choices see them, and they are opened once.
@@ -25,7 +25,7 @@ class Split:
     """Fitted and held-out pixels. Pixels of the border are neither.
 
     Attributes:
-        assigned: ``(N, H, W)`` bool: True for pixels that fits may see, False for those that judge, wherever they lie.
+        assigned: ``(N, H, W)`` bool: True for pixels that fits may see, False for held-out ones, wherever they lie.
         held_out_captures: numbers, as in the file, of the captures that are held out as a whole.
         held_out_capture: ``(N,)`` bool, the same in the observation's order.
         block: side of a held-out block in pixels.
@@ -60,12 +60,12 @@ class Split:
 
     @cached_property
     def held_out(self) -> torch.Tensor:
-        """``(N, H, W)`` bool: pixels that only judge."""
+        """``(N, H, W)`` bool: pixels that no fit sees."""
         return ~self.assigned & self._inside
 
     @property
     def pixels(self) -> int:
-        """How many pixels count: those that are fitted and those that judge."""
+        """How many pixels count: fitted and held out."""
         return len(self.assigned) * int(self._inside.sum())
 
     @property

@@ -34,6 +34,8 @@ NOISE_GUESS = {"shot_noise": ("full_well", 1e4), "read_noise": ("std", 1.0)}
 
 REMEMBERED_MODULES = 1000
 """Effects with their parameters that are kept as modules: a search tries the same ones again and again."""
+REMEMBERED_LIGHT_FIELDS = 3
+"""Light fields that are kept: most parameters belong to the sensor, so that a fit needs few at a time."""
 MAP_STEP = 1e-3
 """Change of a map's values over which the derivative of the mean is taken."""
 
@@ -70,7 +72,7 @@ class Evaluated:
         prediction: of every pixel that counts.
         likelihood: of these pixels, with its derivatives.
         objective: log-likelihood of the fitted pixels, penalised by prior and uncertainty of the maps, nats; None where
-            nobody has asked for it.
+            it is not known yet.
     """
 
     hypothesis: Hypothesis
@@ -101,7 +103,6 @@ class CameraModel:
         vocabulary: every effect that may be named, by name.
         free_forms: effects that a hypothesis may contain beside them, by name: free-form deviations; None for those
             that these captures can determine.
-        memory: how many light fields to remember, a count.
     """
 
     def __init__(
@@ -109,7 +110,6 @@ class CameraModel:
         observation: Observation,
         vocabulary: Mapping[str, type[Effect]],
         free_forms: Mapping[str, type[Effect]] | None = None,
-        memory: int = 3,
     ) -> None:
         self.observation = observation
         self.vocabulary = dict(vocabulary)
@@ -119,14 +119,10 @@ class CameraModel:
         self._recorded_before = self._in_window(observation.before)
         self._lit = _lit(observation.scene)
         self._modules: Recent[Effect] = Recent(REMEMBERED_MODULES)
-        self._scenes: Recent[list[torch.Tensor]] = Recent(memory)
+        self._scenes: Recent[list[torch.Tensor]] = Recent(REMEMBERED_LIGHT_FIELDS)
         self._images: Recent[torch.Tensor] = Recent(1)
-        self._modulated: Recent[Signal] = Recent(memory)
-        self._formed: Recent[Signal] = Recent(memory)
-
-    def with_candidates(self, candidates: Mapping[str, type[Effect]]) -> CameraModel:
-        """Return a new model with further effects that may be named."""
-        return CameraModel(self.observation, {**self.vocabulary, **candidates}, self.free_forms)
+        self._modulated: Recent[Signal] = Recent(REMEMBERED_LIGHT_FIELDS)
+        self._formed: Recent[Signal] = Recent(REMEMBERED_LIGHT_FIELDS)
 
     def of_captures(self, observation: Observation) -> CameraModel:
         """Return a new model of the same camera for other captures."""
@@ -199,7 +195,7 @@ class CameraModel:
             effects.append(effect)
         return LightPath(effects, self.observation.grid)
 
-    def laboratory(self, hypothesis: Hypothesis) -> list[SceneEffect]:
+    def target_effects(self, hypothesis: Hypothesis) -> list[SceneEffect]:
         """Return by which effects the targets of a hypothesis differ from what the file says, in order."""
         effects = [
             self._module(name, setting)
@@ -218,7 +214,7 @@ class CameraModel:
     @torch.no_grad()
     def scenes(self, hypothesis: Hypothesis) -> list[torch.Tensor]:
         """Return the scenes of all captures as they are by a hypothesis; shapes as in the observation."""
-        effects = self.laboratory(hypothesis)
+        effects = self.target_effects(hypothesis)
         if not effects:
             return self.observation.scene
 
@@ -235,14 +231,15 @@ class CameraModel:
         if self.observation.dark_surround:
             return Border()
         size = self.observation.size
-        return sum((effect.border(size) for effect in self.laboratory(hypothesis)), self.path(hypothesis).border(size))
+        of_targets = (effect.border(size) for effect in self.target_effects(hypothesis))
+        return sum(of_targets, self.path(hypothesis).border(size))
 
     @torch.no_grad()
     def predict(self, hypothesis: Hypothesis) -> Prediction:
         """Predict mean and standard deviation of every pixel of every capture, of those in the window."""
         path = self.path(hypothesis)
         before_lens = (*path.of(ModulatorEffect), *path.of(RelayEffect), *path.of(ExposureEffect))
-        shown = tuple(effect_key(effect) for effect in self.laboratory(hypothesis))
+        shown = tuple(effect_key(effect) for effect in self.target_effects(hypothesis))
         modulation = shown, tuple(effect_key(effect) for effect in before_lens), path.cells
         optics = tuple(effect_key(effect) for effect in path.of(OpticsEffect))
 

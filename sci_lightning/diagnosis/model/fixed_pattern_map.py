@@ -20,12 +20,12 @@ from sci_lightning.diagnosis.model.camera_model import CameraModel, Evaluated, H
 from sci_lightning.diagnosis.model.likelihood import Prediction
 from sci_lightning.diagnosis.model.smooth_basis import SmoothBasis, orthonormal, prior
 
-STEEPNESS = (1.0, 2.0, 3.0, 4.0)
+PRIOR_STEEPNESSES = (1.0, 2.0, 3.0, 4.0)
 """Powers of the degree with which the prior of a smooth map may fall; the most likely one counts. A steeper prior would
 ask for more digits than maps in single precision have."""
-MEAN_IS_ZERO = 1e4
+CENTRING_INFORMATION_RATIO = 1e4
 """Information about the mean of centred values that is added, as a multiple of that about one of them."""
-HOT_PIXEL_PENALTY = 5.0
+HOT_PIXEL_PENALTY_NATS = 5.0
 """Nats that the value of a hot pixel costs, beside the logarithm of the number of pixels for its place."""
 
 
@@ -136,7 +136,7 @@ class FixedPatternMap:
         """
         if self.smooth is None:
             matrix = torch.diag((self.precision - self.reduce(lost)).flatten())
-            return matrix + MEAN_IS_ZERO * self.precision.mean() if self.centred else matrix
+            return matrix + CENTRING_INFORMATION_RATIO * self.precision.mean() if self.centred else matrix
         return torch.diag(self.precision) - self.smooth.gram(lost)
 
     def shared_variance(self, part: torch.Tensor) -> float:
@@ -300,8 +300,8 @@ def _smoothest_prior(slope: torch.Tensor, curvature: torch.Tensor, values: torch
     flat, degree = orthonormal(*curvature.shape)
     about = (flat * curvature.flatten().double()) @ flat.T
     along = flat @ (slope + curvature * values).flatten().double()
-    best = (STEEPNESS[0], 1e-6, -math.inf)
-    for steepness in STEEPNESS:
+    best = (PRIOR_STEEPNESSES[0], 1e-6, -math.inf)
+    for steepness in PRIOR_STEEPNESSES:
         spread = prior(degree, steepness)
         information, turn = torch.linalg.eigh(spread[:, None] * about * spread)
         std, evidence, _ = _likeliest_prior(turn.T @ (spread * along), information.clamp(min=0))
@@ -325,7 +325,7 @@ def _hot(gradient: torch.Tensor, information: torch.Tensor, values: torch.Tensor
 
 def _hot_penalty(values: torch.Tensor) -> float:
     """Return the nats that naming one more hot pixel costs: which one of all, and how hot."""
-    return math.log(values.numel()) + HOT_PIXEL_PENALTY
+    return math.log(values.numel()) + HOT_PIXEL_PENALTY_NATS
 
 
 def _penalty(values: torch.Tensor, information: torch.Tensor, std: float) -> float:

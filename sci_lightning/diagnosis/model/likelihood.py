@@ -96,7 +96,7 @@ class Prediction:
         deviation: ``(N, H, W)`` its standard deviation, DN.
         bits: effective bits of the converter.
         clipped: the distribution where the signal saturates before the converter does; None if it does not.
-        window: rows and columns of the field that it is of; None where nobody asks.
+        window: rows and columns of the field that it is of; None where it is of no use.
     """
 
     mean: torch.Tensor
@@ -144,9 +144,9 @@ class Intervals:
 
 
 class PixelLikelihood:
-    """Log-likelihood of every pixel with its derivatives; these are computed when they are first asked for.
+    """Log-likelihood of every pixel with its derivatives; these are computed when they are first needed.
 
-    A fit asks for the derivatives only where it stays, which is not known before the log-likelihood is.
+    A fit needs the derivatives only where it stays, which is not known before the log-likelihood is.
 
     Args:
         intervals: what the DN stand for.

@@ -10,7 +10,7 @@ from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap
 
 DENSE = ("row", "column", "smooth")
 """Kinds of maps with few values, each of which many pixels share."""
-RIDGE = 1e-10
+RIDGE_SHARE = 1e-10
 """Part of the largest entry that is added to the diagonal first, where rounding leaves no Cholesky factor."""
 
 
@@ -115,4 +115,4 @@ def _cholesky(information: torch.Tensor) -> torch.Tensor:
         factor, failed = torch.linalg.cholesky_ex(information + ridge * unit)
         if not failed or ridge > len(information):
             return factor
-        ridge = max(RIDGE, 10 * ridge)
+        ridge = max(RIDGE_SHARE, 10 * ridge)

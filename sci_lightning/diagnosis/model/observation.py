@@ -16,12 +16,12 @@ from sci_lightning.errors import BadInput
 
 PILE_UP_SHARES = (1e-4, 1e-3, 0.01, 0.05)
 """Parts of all pixels, the brightest ones, that may have piled up at a saturation level."""
-PILE_UP_WIDTH = 4.0
+PILE_UP_WIDTH_DN = 4.0
 """DN around a saturation level that the read noise fills."""
 
-IMPOSSIBLE_LEVEL = 5.0
+MAX_PLAUSIBLE_LEVEL = 5.0
 """Mean level, in units of full scale, that nobody predicts who gives scenes in the units of the format."""
-TOO_BRIGHT = 20.0
+MIN_REFUSED_RATIO = 20.0
 """Ratio of the predicted and the measured level from which such a scene is refused."""
 
 MAX_LIGHT = 1e6
@@ -118,7 +118,7 @@ class Observation:
         levels = set()
         for share in PILE_UP_SHARES:
             place = float(bright[int(share * len(bright))])
-            near = bright[(bright > place - PILE_UP_WIDTH) & (bright < place + PILE_UP_WIDTH)]
+            near = bright[(bright > place - PILE_UP_WIDTH_DN) & (bright < place + PILE_UP_WIDTH_DN)]
             levels.add(float(near.median()) / self.full_scale)
         return sorted(level for level in levels if 0 < level < 1)
 
@@ -225,7 +225,7 @@ def _check_levels(captures: Captures, known: list[int]) -> None:
         level = float(captures.aperture[n]) * float(opening[captures.sequence[n]] @ captures.scene[n].mean((1, 2)))
         measured, saturated = captures.measurement[n], (captures.measurement[n] == captures.full_scale).mean()
         part = float(measured.mean()) / captures.full_scale
-        if level > IMPOSSIBLE_LEVEL and level > TOO_BRIGHT * part and saturated < 0.5:
+        if level > MAX_PLAUSIBLE_LEVEL and level > MIN_REFUSED_RATIO * part and saturated < 0.5:
             raise BadInput(
                 f"{captures.name}: scene and aperture of capture {n} predict {level:.3g} times full scale, {part:.2g} "
                 "was measured; a scene of 1 fills the sensor's range: is it in DN or percent?"

@@ -26,7 +26,7 @@ class Recent(Generic[T]):
         result = self._results.get(key)
         if result is None:
             result = self._results[key] = compute()
-        with suppress(KeyError):  # another thread may have needed the room already
+        with suppress(KeyError):  # another thread may have removed it already
             self._results.move_to_end(key)
             if len(self._results) > self._size:
                 self._results.popitem(last=False)

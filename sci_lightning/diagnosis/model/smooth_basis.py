@@ -1,9 +1,9 @@
 r"""Smooth maps: functions of the position on the field without detail much finer than a part of its side.
 
-On an axis the functions are Legendre's polynomials up to the degree ``DEGREE``, made orthonormal on the pixels. Uneven
-light varies so smoothly that its factors fall fast with the degree, whatever its slope at the edges is; those of a
-cosine series fall slowly where that slope is not 0. A map is a sum of products of a function of the row and one of the
-column. The constant product is left out, so that the mean over the field is 0.
+On an axis the functions are Legendre's polynomials up to the degree ``MAX_DEGREE``, made orthonormal on the pixels.
+Uneven light varies so smoothly that its factors fall fast with the degree, whatever its slope at the edges is; those of
+a cosine series fall slowly where that slope is not 0. A map is a sum of products of a function of the row and one of
+the column. The constant product is left out, so that the mean over the field is 0.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from functools import lru_cache
 
 import torch
 
-DEGREE = 8
+MAX_DEGREE = 8
 """Largest degree of the polynomials along an axis. They hold nine tenths of the variance of a wave of six half periods,
 and a third of that of one of seven."""
-DETAIL, BEYOND = 6, 12
+MAX_HALF_PERIODS, MAX_TESTED_HALF_PERIODS = 6, 12
 """Half periods along an axis of the waves by which a smooth map is tested: more than the first number, which it must
 not contain, up to the second."""
 
@@ -112,13 +112,13 @@ def beyond(height: int, width: int) -> torch.Tensor:
     """Return the waves ``(K, H * W)`` just finer than a smooth map, of mean square 1."""
     down, across = _cosines(height), _cosines(width)
     of_rows, of_columns = torch.arange(len(down)), torch.arange(len(across))
-    return _products(down, across)[torch.maximum(of_rows[:, None], of_columns).flatten() > DETAIL]
+    return _products(down, across)[torch.maximum(of_rows[:, None], of_columns).flatten() > MAX_HALF_PERIODS]
 
 
 def polynomials(count: int) -> torch.Tensor:
     """Return the polynomials ``(L, n)`` of the place on an axis of n pixels, of mean square 1; the constant first."""
     place = (2 * torch.arange(count, dtype=torch.float64) + 1) / count - 1
-    degrees = range(min(DEGREE, count - 1) + 1)
+    degrees = range(min(MAX_DEGREE, count - 1) + 1)
     columns, _ = torch.linalg.qr(torch.stack([torch.special.legendre_polynomial_p(place, k) for k in degrees], 1))
     return columns.T * columns[-1:].sign().T * math.sqrt(count)
 
@@ -126,7 +126,8 @@ def polynomials(count: int) -> torch.Tensor:
 def _cosines(count: int) -> torch.Tensor:
     """Return the waves ``(L, n)`` along an axis, of 0, 1, 2 .. half periods and of mean square 1."""
     place = (torch.arange(count, dtype=torch.float64) + 0.5) / count
-    waves = torch.stack([torch.cos(math.pi * k * place) for k in range(min(BEYOND, (count - 1) // 2) + 1)])
+    most = min(MAX_TESTED_HALF_PERIODS, (count - 1) // 2)
+    waves = torch.stack([torch.cos(math.pi * k * place) for k in range(most + 1)])
     return waves / waves.square().mean(1, keepdim=True).sqrt()
 
 

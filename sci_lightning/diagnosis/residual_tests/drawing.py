@@ -12,10 +12,10 @@ from matplotlib.image import AxesImage
 
 from sci_lightning.diagnosis.residual_tests.residual_test import Picture
 
-HIDDEN = 3.0
+MAX_SCALE_RATIO = 3.0
 """Factor between two scales beyond which what fills the smaller one can no longer be made out on the larger."""
 OWN = "after, on its own scale"
-LABELS = 10
+MAX_BAR_LABELS = 10
 """Bars at most that are labelled one by one."""
 
 
@@ -26,7 +26,7 @@ def draw_test(
     colours: Sequence[str],
     own: bool = False,
 ) -> None:
-    """Draw pictures of one question, asked of several models, side by side and to the same scale.
+    """Draw pictures of one test of several models, side by side and to the same scale.
 
     Args:
         figure: where to.
@@ -54,14 +54,14 @@ def draw_test(
         grid[0].set_ylabel(pictures[0].unit)
         for axes in grid[1:count]:
             axes.tick_params(labelleft=False)
-    for image, beside in zip(images[count - 1 :], (grid[:count], grid[count:]), strict=False):
-        figure.colorbar(image, ax=list(beside), shrink=0.85, label=pictures[0].unit).outline.set_visible(False)
+    for image, panel in zip(images[count - 1 :], (grid[:count], grid[count:]), strict=False):
+        figure.colorbar(image, ax=list(panel), shrink=0.85, label=pictures[0].unit).outline.set_visible(False)
 
 
 def hidden_by(before: Picture, after: Picture) -> bool:
     """Return whether a picture could not be made out if it were drawn only on the scale of the one before."""
     spans = [high - low for low, high in (limits([before, after]), limits([after]))]
-    return spans[0] > HIDDEN * spans[1]
+    return spans[0] > MAX_SCALE_RATIO * spans[1]
 
 
 def draw_map(axes: Axes, picture: Picture, low: float, high: float) -> AxesImage:
@@ -93,8 +93,8 @@ def limits(pictures: Sequence[Picture]) -> tuple[float, float]:
     errors = [entry.errors if entry.errors is not None else torch.full_like(entry.values, own) for entry in pictures]
     spread = torch.cat([entry.double().flatten() for entry in errors]).nan_to_num(0.0)
     low, high = float((away - 2 * spread).min()), float((away + 2 * spread).max())
-    room = 0.06 * max(high - low, 1e-9)
-    return middle + low - room, middle + high + room
+    margin = 0.06 * max(high - low, 1e-9)
+    return middle + low - margin, middle + high + margin
 
 
 def _curve(axes: Axes, picture: Picture, colour: str) -> None:
@@ -110,7 +110,7 @@ def _bars(axes: Axes, picture: Picture, colour: str) -> None:
     place = np.arange(len(values))
     errors = None if picture.errors is None else 2 * picture.errors.numpy()
     axes.bar(place, values, width=0.7, color=colour, yerr=errors, error_kw={"elinewidth": 0.9, "ecolor": "#8a8f98"})
-    every = max(1, -(-len(values) // LABELS))
+    every = max(1, -(-len(values) // MAX_BAR_LABELS))
     labels = [str(entry) for entry in picture.x][::every]
     turned = max(map(len, labels), default=0) > 3 and sum(map(len, labels)) > 24
     axes.set_xticks(place[::every], labels, rotation=30 if turned else 0, ha="right" if turned else "center")

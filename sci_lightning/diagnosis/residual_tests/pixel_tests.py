@@ -19,7 +19,7 @@ from sci_lightning.diagnosis.residual_tests.residuals import Residuals
 from sci_lightning.diagnosis.search.map_test import map_p_value
 
 BLOCKS_PER_SIDE = 16
-"""Blocks along the longer side of the field at most: few enough that a region of a tenth of the field fills one."""
+"""Blocks along the longer side of the field at most: one is smaller than a region of a tenth of the side."""
 MIN_BLOCK_PIXELS = 4
 """Pixels along the side of a block at least."""
 RADIAL_RINGS = 16

@@ -1,4 +1,4 @@
-"""A question to the residuals and its answer, and how p-values are computed for it."""
+"""A residual test and its result, and how p-values are computed for it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a test finds before it is known how many questions were asked.
+    """What a test finds before it is known how many tests there are.
 
     Attributes:
         statistic: larger values are less likely by chance.
@@ -66,7 +66,7 @@ class ResidualTest:
             explain what is found about the variance, and nothing else.
         question: in plain words.
         statistic, p_value, nats, picture: see :class:`Answer`.
-        corrected: p-value for having asked all the questions, by Holm.
+        corrected: p-value, corrected for the number of tests by Holm.
         significance: corrected p-value below which the test reports a structure.
     """
 

@@ -11,10 +11,16 @@ from scipy.stats import f as fisher
 from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap
 from sci_lightning.diagnosis.model.smooth_basis import SmoothBasis, beyond
 
-FEWEST = 16
+MIN_VALUES = 16
 """Values below which only a trend can be told from chance, because the other distributions hold for many values."""
-TREND = 3
+TREND_DEGREE = 3
 """Degree of the polynomial that a trend over rows or columns is taken for."""
+MIN_KURTOSIS_VALUES = 200
+"""Values from which the kurtosis is nearly normal."""
+BLOCK_PIXELS = 8
+"""Side of the square blocks whose sums are tested."""
+MIN_FINE_DETAIL_SHARE = 0.02
+"""Part of a smooth map's variance that finer detail must have to count: no lamp's ends where the polynomials do."""
 NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0))
 """Displacements (rows, columns) at which values are correlated with each other."""
 
@@ -38,13 +44,13 @@ def map_p_value(one: FixedPatternMap) -> float:
     count = int(known.sum())
     lines = one.kind in ("row", "column")
     trend = [_trend(values.flatten(), known.flatten())] if lines else []
-    if count < FEWEST:
+    if count < MIN_VALUES:
         return min([1.0, *trend])
     values = torch.where(known, (values - values[known].mean()) / values[known].std(), 0.0)
     p_values = [_neighbours(values), _largest(values[known]), *trend]
     if not lines:
         p_values += [_sums(values.sum(0), known.sum(0)), _sums(values.sum(1), known.sum(1)), _blocks(values, known)]
-    if count >= 200:
+    if count >= MIN_KURTOSIS_VALUES:
         kurtosis = float((values[known] ** 4).mean()) - 3
         p_values.append(2 * float(norm.sf(abs(kurtosis) / math.sqrt(24 / count))) if kurtosis > 0 else 1.0)
     return min(1.0, min(p_values) * len(p_values))
@@ -57,22 +63,22 @@ def _neighbours(values: torch.Tensor) -> float:
         if values.shape[0] > down and values.shape[1] > abs(across):
             moved = values.roll((down, across), (0, 1)) * values
             moved = moved[down:, max(across, 0) : values.shape[1] + min(across, 0)]
-            if moved.numel() >= 16:
+            if moved.numel() >= MIN_VALUES:
                 squares += float(moved.sum() ** 2 / (moved != 0).sum().clamp(min=1))
                 count += 1
     return float(chi2.sf(squares, count)) if count else 1.0
 
 
 def _trend(values: torch.Tensor, known: torch.Tensor) -> float:
-    """Return the p-value of a polynomial over the place, of degree ``TREND``, by Fisher's F; exact for few values."""
-    left = int(known.sum()) - TREND - 1
+    """Return the p-value of a polynomial of degree ``TREND_DEGREE``, by Fisher's F, exact for few values."""
+    left = int(known.sum()) - TREND_DEGREE - 1
     if left < 1:
         return 1.0
     place = torch.linspace(-1, 1, len(values), dtype=torch.float64)[known]
-    basis = torch.linalg.qr(torch.stack([place**power for power in range(TREND + 1)], 1)).Q
+    basis = torch.linalg.qr(torch.stack([place**power for power in range(TREND_DEGREE + 1)], 1)).Q
     along = basis.T @ values[known].double()
     trend, total = float(along[1:].square().sum()), float((values[known] - basis[:, 0] * along[0]).square().sum())
-    return float(fisher.sf(trend / TREND / max((total - trend) / left, 1e-30), TREND, left))
+    return float(fisher.sf(trend / TREND_DEGREE / max((total - trend) / left, 1e-30), TREND_DEGREE, left))
 
 
 def _largest(values: torch.Tensor) -> float:
@@ -88,10 +94,9 @@ def _sums(sums: torch.Tensor, counts: torch.Tensor) -> float:
 
 def _blocks(values: torch.Tensor, known: torch.Tensor) -> float:
     """Return the p-value of the sums over square blocks."""
-    side = 8
     pool = torch.nn.functional.avg_pool2d
-    sums = pool(values[None, None], side, ceil_mode=True, divisor_override=1).flatten()
-    counts = pool(known[None, None].to(values), side, ceil_mode=True, divisor_override=1).flatten()
+    sums = pool(values[None, None], BLOCK_PIXELS, ceil_mode=True, divisor_override=1).flatten()
+    counts = pool(known[None, None].to(values), BLOCK_PIXELS, ceil_mode=True, divisor_override=1).flatten()
     return _sums(sums, counts)
 
 
@@ -101,10 +106,6 @@ def _hot_neighbours(hot: torch.Tensor) -> float:
     pairs = int((hot[1:] & hot[:-1]).sum() + (hot[:, 1:] & hot[:, :-1]).sum())
     expected = 2 * count**2 / pixels + 1e-9
     return float(chi2.cdf(2 * expected, 2 * pairs)) if pairs else 1.0
-
-
-FINE_DETAIL = 0.02
-"""Part of a smooth map's variance that finer detail must have to count: no lamp's ends where the polynomials do."""
 
 
 def _finer_than_smooth(one: FixedPatternMap, basis: SmoothBasis) -> float:
@@ -124,4 +125,4 @@ def _finer_than_smooth(one: FixedPatternMap, basis: SmoothBasis) -> float:
     statistic = float((along.square() / values[known]).sum())
     size = float((along / values[known]).square().sum() - (1 / values[known]).sum())
     smooth = float(torch.einsum("k,khw->hw", one.values, basis.seen).square().mean())  # beyond, it is extrapolated
-    return float(chi2.sf(statistic, int(known.sum()))) if size > FINE_DETAIL * smooth else 1.0
+    return float(chi2.sf(statistic, int(known.sum()))) if size > MIN_FINE_DETAIL_SHARE * smooth else 1.0

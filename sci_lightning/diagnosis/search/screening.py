@@ -44,7 +44,7 @@ class Candidate:
 def screen(base: Fit, further: Mapping[str, list[Setting]] | None = None, part: float = 1.0) -> list[Candidate]:
     """Estimate the gain of every effect of the vocabulary that the model lacks; the most promising comes first.
 
-    Noise is left out: it explains variance, and must not be asked about the mean. Where pixels are many, a part of them
+    Noise is left out: it explains variance, and says nothing about the mean. Where pixels are many, a part of them
     is looked at first. That suffices as long as one of the candidates is strong.
 
     Args:
@@ -123,17 +123,17 @@ def _screen_starts(local: LocalGain, name: str, starts: list[Setting]) -> list[C
     """
     fitter, at, model = local.fitter, local.at, local.fitter.model
     about = model.effects[name].about
-    trials = [model.predict(with_effect_at(model, at.hypothesis, name, start)) for start in starts]
-    if any(trial.bits != at.prediction.bits for trial in trials):
+    predictions = [model.predict(with_effect_at(model, at.hypothesis, name, start)) for start in starts]
+    if any(one.bits != at.prediction.bits for one in predictions):
         before = at.likelihood.log_likelihood
-        gains = [float(((fitter.log_likelihood(trial) - before) * fitter.fitted).sum()) for trial in trials]
+        gains = [float(((fitter.log_likelihood(one) - before) * fitter.fitted).sum()) for one in predictions]
         return [Candidate(name, gain, start) for gain, start in zip(gains, starts, strict=True)]
     deviation, count = at.prediction.deviation, float(fitter.fitted.sum())
     chi2 = _chi2(fitter, at.prediction.mean, deviation)
-    large = [0.5 * count * float(torch.log(chi2 / _chi2(fitter, trial.mean, deviation))) for trial in trials]
+    large = [0.5 * count * float(torch.log(chi2 / _chi2(fitter, one.mean, deviation))) for one in predictions]
     candidates = [Candidate(name, gain, start) for gain, start in zip(large, starts, strict=True)]
     if not model.effects[name].is_discrete():
-        changes = torch.stack([trial.mean - at.prediction.mean for trial in trials])
+        changes = torch.stack([one.mean - at.prediction.mean for one in predictions])
         small, factors = local.gain_of_single_changes(changes)
         for i, (gain, factor) in enumerate(zip(small.tolist(), factors.tolist(), strict=True)):
             if gain > candidates[i].gain:
@@ -165,10 +165,12 @@ def rivals(fit: Fit, without: Fit, name: str) -> list[tuple[str, Fit]]:
         if other in fit.hypothesis.effects or effect.noise or effect.map_kind:
             continue
         starts = starting_settings(model, other, without.hypothesis)[: settings.rival_starts]
-        trials = [coarse.model.predict(with_effect_at(model, without.hypothesis, other, start)) for start in starts]
-        if not trials or any(trial.bits != seen.prediction.bits for trial in trials):
+        predictions = [
+            coarse.model.predict(with_effect_at(model, without.hypothesis, other, start)) for start in starts
+        ]
+        if not predictions or any(one.bits != seen.prediction.bits for one in predictions):
             continue
-        changes = torch.stack([change, *(trial.mean - seen.prediction.mean for trial in trials)])
+        changes = torch.stack([change, *(one.mean - seen.prediction.mean for one in predictions)])
         information = local.joint_gain(changes).information
         unexplained = _unexplained(information)
         if unexplained < allowed:

@@ -117,7 +117,7 @@ def _with_a_free_form_first(first: Selected, ideal: Fit, noise: Hypothesis, on_p
     """Select effects beside the strongest free-form deviation; return the model if it is better, else None.
 
     Effects that imitated the deviation are not needed beside it. The model counts if its information criterion is
-    clearly better, and by more than the small errors of names that nothing makes doubtful.
+    clearly better, and by more than the small errors of names that nothing calls in question.
 
     Args:
         first: the model whose names were selected without it.
@@ -141,7 +141,7 @@ def _with_a_free_form_first(first: Selected, ideal: Fit, noise: Hypothesis, on_p
     fit, unnamed = explain_remaining_misfit(fit, ideal, noise, (free_form,), on_progress)
     common = fit.fitter.with_border(first.fit.fitter.split.border)
     # a free form that is as likely as a named effect (stray light as an offset, say) does not take its place,
-    # nor one that is a little likelier than names which nothing makes doubtful: it follows small errors too
+    # nor one that is a little likelier than names which nothing calls in question: it follows small errors too
     gain = bic(common.repeated(fit)) - bic(common.repeated(first.fit))
     better = gain > settings.indistinct_nats and (
         gain > margin or not names_are_certain(first.fit, noise, first.unnamed)
@@ -152,7 +152,7 @@ def _with_a_free_form_first(first: Selected, ideal: Fit, noise: Hypothesis, on_p
 def complete(
     whole: Fitter, fit: Fit, ideal: Fit, noise: Hypothesis, unnamed: Sequence[Unnamed], on_progress: OnProgress
 ) -> tuple[Fit, Sequence[Unnamed]]:
-    """Take in every pixel that the selected model can predict, localise what only shows there, and doubt the names.
+    """Take in every pixel that the selected model can predict, localise what only shows there, and drop spurious names.
 
     Where a name is withdrawn, what has no name is localised anew.
 

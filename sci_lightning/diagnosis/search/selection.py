@@ -140,9 +140,9 @@ def select_noise(fit: Fit, ideal: Fit) -> tuple[Fit, list[str]]:
         start = fit.hypothesis
         for name, parameter in fixed:
             start = start.with_effect(name, {parameter: datasheet.effects[name][parameter]})
-        trial = fitter.fit(start, fixed=fixed, iterations=30)
+        tried = fitter.fit(start, fixed=fixed, iterations=30)
         freed = [name for name, parameter in stated if (name, parameter) not in fixed]
-        value = trial.log_likelihood - len(freed) * price
+        value = tried.log_likelihood - len(freed) * price
         if value > best_value:
-            best, differing, best_value = trial, freed, value
+            best, differing, best_value = tried, freed, value
     return best, differing

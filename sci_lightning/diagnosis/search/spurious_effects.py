@@ -43,7 +43,7 @@ def without_spurious_effects(
     unnamed: Sequence[Unnamed],
     on_progress: Callable[[str], None] = lambda message: None,
 ) -> tuple[Fit, list[Unnamed]]:
-    """Return the model without the names that are doubtful, and what has no name, quantified beside the others.
+    """Return the model without the names that may be spurious, and what has no name, quantified beside the others.
 
     Args:
         fit: the model that the search selected.
@@ -65,7 +65,7 @@ def without_spurious_effects(
 
 
 def names_are_certain(fit: Fit, noise: Hypothesis, unnamed: Sequence[Unnamed]) -> bool:
-    """Return whether a model has names, and none of them is doubtful; the arguments are as above."""
+    """Return whether a model has names, and none of them may be spurious; the arguments are as above."""
     stay = {*noise.effects, *(deviation.name for deviation in unnamed)}
     return not set(fit.hypothesis.effects) <= stay and not doubts_about(fit, stay, unnamed)
 
@@ -163,7 +163,7 @@ class Contribution:
     def disagreement(self) -> float:
         """Return by which part of its strength parts of the captures disagree about the effect.
 
-        Captures, levels of light and places are asked in turn, each by a step of Newton's method with the parameters
+        Captures, levels of light and places are fitted in turn, each by a step of Newton's method with the parameters
         of the other effects eliminated. The result is the root mean square of these steps about their mean, weighted
         with their information and without what chance contributes; 0 where chance suffices, for a fixed-pattern map
         (its test is :func:`~sci_lightning.diagnosis.search.map_test.map_p_value`), and for an effect that the others

@@ -10,7 +10,7 @@ from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
 from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.model.starting_points import starting_settings, with_effect_at
 from sci_lightning.diagnosis.vocabulary import vocabulary
-from sci_lightning.encoder.effects import MapEffect, OpticsEffect, Parameter
+from sci_lightning.encoder.effects import Effect, MapEffect, OpticsEffect, Parameter
 from sci_lightning.encoder.effects.sensor.saturation import Saturation
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.virtual_camera import Session, VirtualCamera
@@ -48,9 +48,13 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> CameraModel:
     return CameraModel(observe(read_captures(path)), vocabulary())
 
 
+def with_more(model: CameraModel, effects: dict[str, type[Effect]]) -> CameraModel:
+    return CameraModel(model.observation, {**model.vocabulary, **effects})
+
+
 def test_two_maps_of_one_sum_give_two_images(model: CameraModel) -> None:
     """The light before the sensor is remembered: by the map's values, not by a number that other maps share."""
-    larger = model.with_candidates({"window": Window})
+    larger = with_more(model, {"window": Window})
     values = torch.randn(16, 16, generator=torch.Generator().manual_seed(0))
     one = Hypothesis({"read_noise": {"std": 1.0}}).with_effect("window", {"std": 0.1}, 0.1 * values)
     other = one.with_effect("window", {"std": 0.1}, 0.1 * values.flip(1))
@@ -60,13 +64,13 @@ def test_two_maps_of_one_sum_give_two_images(model: CameraModel) -> None:
 
 
 def test_a_further_candidate_makes_a_new_model(model: CameraModel) -> None:
-    larger = model.with_candidates({"window": Window})
+    larger = with_more(model, {"window": Window})
     assert "window" in larger.vocabulary and "window" in larger.effects
     assert "window" not in model.vocabulary and "window" not in model.effects
 
 
 def test_an_effect_of_ones_own_may_limit_the_signal_as_saturation_does(model: CameraModel) -> None:
-    own = model.with_candidates({"full_wells": FullWells})
+    own = with_more(model, {"full_wells": FullWells})
     starts = {name: starting_settings(own, name, Hypothesis({})) for name in ("saturation", "full_wells")}
     assert [start["height"] for start in starts["full_wells"]] == [start["level"] for start in starts["saturation"]]
     wells, built_in = (

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from sci_lightning.diagnosis.diagnosis import diagnose
-from sci_lightning.diagnosis.model.fixed_pattern_map import MEAN_IS_ZERO, FixedPatternMap
+from sci_lightning.diagnosis.model.fixed_pattern_map import CENTRING_INFORMATION_RATIO, FixedPatternMap
 from sci_lightning.diagnosis.model.map_system import MapSystem
 from sci_lightning.diagnosis.search.map_test import map_p_value
 from sci_lightning.diagnosis.vocabulary import vocabulary
@@ -50,7 +50,7 @@ def test_as_one_dense_system(kinds: tuple[str, ...]) -> None:
         system.maps, torch.arange(len(design)).split([m.values.numel() for m in system.maps]), strict=True
     ):
         if each.centred:
-            dense[part[:, None], part] += MEAN_IS_ZERO * each.precision.mean()
+            dense[part[:, None], part] += CENTRING_INFORMATION_RATIO * each.precision.mean()
     right = torch.randn(2, len(design), dtype=torch.float64, generator=torch.Generator().manual_seed(5))
     torch.testing.assert_close(system.solve(right), torch.linalg.solve(dense, right.T).T)
 

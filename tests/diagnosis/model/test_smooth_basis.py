@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 import torch
 
-from sci_lightning.diagnosis.model.smooth_basis import DEGREE, DETAIL, SmoothBasis, beyond, polynomials
+from sci_lightning.diagnosis.model.smooth_basis import MAX_DEGREE, MAX_HALF_PERIODS, SmoothBasis, beyond, polynomials
 
 
 def test_polynomials_are_orthonormal() -> None:
     functions = polynomials(40)
-    torch.testing.assert_close(functions @ functions.T / 40, torch.eye(DEGREE + 1, dtype=torch.float64))
+    torch.testing.assert_close(functions @ functions.T / 40, torch.eye(MAX_DEGREE + 1, dtype=torch.float64))
     torch.testing.assert_close(functions[0], torch.ones(40, dtype=torch.float64))
     assert (functions[1].diff() > 0).all()
     assert [len(polynomials(count)) for count in (1, 2, 3)] == [1, 2, 3]
@@ -18,7 +18,7 @@ def test_polynomials_are_orthonormal() -> None:
 
 def test_which_waves_are_smooth() -> None:
     place = (torch.arange(80, dtype=torch.float64) + 0.5) / 80
-    for periods, least, most in ((4, 0, 0.001), (DETAIL, 0.05, 0.15), (DETAIL + 1, 0.5, 1)):
+    for periods, least, most in ((4, 0, 0.001), (MAX_HALF_PERIODS, 0.05, 0.15), (MAX_HALF_PERIODS + 1, 0.5, 1)):
         wave = torch.cos(torch.pi * periods * place)
         rest = wave - (polynomials(80) @ wave / 80) @ polynomials(80)
         assert least < rest.square().mean() / wave.square().mean() < most
