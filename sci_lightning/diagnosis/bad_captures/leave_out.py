@@ -30,7 +30,7 @@ MAX_LEFT_BY_AN_EFFECT_SHARE = 0.2
 
 
 Role = Literal["fits and choices", "verification"]
-"""What a capture would have been used for: see :mod:`~sci_lightning.diagnosis.fit.verification`."""
+"""What a capture would have been used for: see :mod:`~sci_lightning.diagnosis.fit.split`."""
 
 
 @dataclass(frozen=True)
