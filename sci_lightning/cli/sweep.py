@@ -45,7 +45,7 @@ PLACES = {"effect": "encoder", "metric": "metrics"}
 
 
 @dataclass(frozen=True)
-class Row:
+class RowOutcome:
     """What became of one run of a sweep.
 
     Attributes:
@@ -82,14 +82,14 @@ class RowFiles:
     def __init__(self, folder: str | Path) -> None:
         self.folder = Path(folder)
 
-    def write(self, row: Row) -> None:
+    def write(self, row: RowOutcome) -> None:
         with atomic_write(self.folder / f"{row.number}.json") as temporary:
             temporary.write_text(json.dumps(asdict(row)))
 
-    def take(self) -> list[Row]:
+    def take(self) -> list[RowOutcome]:
         """Read all rows, in their order, and remove the files."""
         files = sorted(self.folder.glob("[0-9]*.json"), key=lambda path: int(path.stem))
-        rows = [Row(**json.loads(path.read_text())) for path in files]
+        rows = [RowOutcome(**json.loads(path.read_text())) for path in files]
         shutil.rmtree(self.folder, ignore_errors=True)
         return rows
 
@@ -114,7 +114,7 @@ def mean_scores(folder: Path) -> dict[str, float]:
     return dict(json.loads(path.read_text())["mean"]) if path.is_file() else {}
 
 
-def finished_rows() -> list[Row]:
+def finished_rows() -> list[RowOutcome]:
     """Return all rows of the sweep that this process started, in their order; empty if it started none."""
     folder = HydraConfig.get().callbacks.get("sweep", {}).get("folder") if HydraConfig.initialized() else None
     return [] if folder is None else RowFiles(folder).take()
@@ -176,7 +176,7 @@ class RowLoader(ConfigLoader):
     def load_sweep_config(self, master_config: DictConfig, sweep_overrides: list[str]) -> DictConfig:
         overrides = list(sweep_overrides)
         if os.getpid() == self.process and overrides not in self.planned:
-            self.rows.write(Row(len(self.planned), overrides))
+            self.rows.write(RowOutcome(len(self.planned), overrides))
             self.planned.append(overrides)
         try:
             row = self.loader.load_sweep_config(master_config, sweep_overrides)
@@ -276,8 +276,8 @@ class SweepRows(Callback):
                 _ = job_return.return_value
         except Exception as error:
             outcome = "skipped" if is_skipped(root_cause(error)) else "failed"
-            row = Row(number, overrides, outcome, one_line(error), exit_status(error))
+            row = RowOutcome(number, overrides, outcome, one_line(error), exit_status(error))
             job_return.return_value, job_return.status = None, JobStatus.COMPLETED
         else:
-            row = Row(number, overrides, "done", "", 0, mean_scores(Path(config.hydra.runtime.output_dir)))
+            row = RowOutcome(number, overrides, "done", "", 0, mean_scores(Path(config.hydra.runtime.output_dir)))
         RowFiles(self.folder).write(row)

@@ -9,14 +9,14 @@ from hydra.core.hydra_config import HydraConfig
 from rich.table import Table
 
 from sci_lightning.cli.next_command import dashboard, invocation, print_next
-from sci_lightning.cli.sweep import Row
+from sci_lightning.cli.sweep import RowOutcome
 from sci_lightning.console import PlainConsole
 from sci_lightning.runs.results import UNITS, number
 
 STYLES = {"skipped": "dim", "failed": "red", "unfinished": "red"}
 
 
-def print_summary(rows: Sequence[Row], interrupted: bool = False) -> None:
+def print_summary(rows: Sequence[RowOutcome], interrupted: bool = False) -> None:
     """Print the table of a sweep's rows and a line for each that was skipped.
 
     What to run next follows if any row was scored, unless the sweep was ``interrupted``.
@@ -33,7 +33,7 @@ def print_summary(rows: Sequence[Row], interrupted: bool = False) -> None:
         print_next(console, invocation("tables", paths={"runs": folder}), *lines)
 
 
-def failures(rows: Sequence[Row]) -> list[tuple[str, int]]:
+def failures(rows: Sequence[RowOutcome]) -> list[tuple[str, int]]:
     """Return a line and an exit status for each row that failed, and for a sweep of which no row ran to its end."""
     failed = [(f"[{' '.join(row.overrides)}] {row.line}", row.status) for row in rows if row.outcome == "failed"]
     if unfinished := sum(row.outcome == "unfinished" for row in rows):
@@ -43,13 +43,13 @@ def failures(rows: Sequence[Row]) -> list[tuple[str, int]]:
     return failed
 
 
-def row_names(rows: Sequence[Row]) -> list[str]:
+def row_names(rows: Sequence[RowOutcome]) -> list[str]:
     """Return the overrides in which each row differs from the others; all of them for a single row."""
     common = set(rows[0].overrides).intersection(*(row.overrides for row in rows)) if len(rows) > 1 else set()
     return [" ".join(override for override in row.overrides if override not in common) for row in rows]
 
 
-def sweep_table(rows: Sequence[Row]) -> Table:
+def sweep_table(rows: Sequence[RowOutcome]) -> Table:
     """Lay out one line for each row: the overrides in which rows differ, its scores and its outcome.
 
     Args:

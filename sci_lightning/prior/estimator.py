@@ -29,7 +29,7 @@ FEW_KINDS = 64
 Part = TypeVar("Part")
 
 
-class Prepared(NamedTuple):
+class PreparedMask(NamedTuple):
     """What is computed once for a mask: the moments of its distinct blocks."""
 
     mask: torch.Tensor
@@ -92,7 +92,7 @@ class LinearEstimator:
         if block > self.prior.reach + 1:
             raise BadInput(f"block={block}: the patch statistics reach over {self.prior.reach + 1} pixels")
         self._covariances: dict[tuple[int, torch.device], torch.Tensor] = {}
-        self._kept: list[Prepared] = []
+        self._kept: list[PreparedMask] = []
 
     @torch.compiler.disable
     def __call__(self, measurement: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
@@ -135,7 +135,7 @@ class LinearEstimator:
         first: int,
         last: int,
         measurement: torch.Tensor,
-        prepared: Prepared,
+        prepared: PreparedMask,
         component: torch.Tensor,
         covariance: torch.Tensor,
     ) -> torch.Tensor:
@@ -166,7 +166,7 @@ class LinearEstimator:
         return patches.permute(1, 2, 0).unflatten(1, (len(prepared.mask), -1))
 
     def _components(
-        self, grid: BlockGrid, measurement: torch.Tensor, prepared: Prepared, covariance: torch.Tensor
+        self, grid: BlockGrid, measurement: torch.Tensor, prepared: PreparedMask, covariance: torch.Tensor
     ) -> torch.Tensor:
         """Return which component of the prior every block has, ``(blocks, N)``: the most likely one.
 
@@ -273,13 +273,13 @@ class LinearEstimator:
                 self._covariances[key] = self.prior.covariance(frames, self.block).to(device)
         return self._covariances[key]
 
-    def _prepare(self, grid: BlockGrid, mask: torch.Tensor, covariance: torch.Tensor) -> Prepared:
+    def _prepare(self, grid: BlockGrid, mask: torch.Tensor, covariance: torch.Tensor) -> PreparedMask:
         """Return the moments of the distinct blocks of a padded mask: those kept from an earlier call, or new ones."""
         if mask.is_meta:  # only operations are being counted, and preparing the mask does not count
             blocks, pixels = grid.rows * grid.columns, self.block**2
             inverse = mask.new_empty(1, 1, pixels, pixels).expand(len(covariance), blocks, -1, -1)  # takes no memory
             moments = BlockMoments(mask.new_empty(blocks, pixels), inverse, inverse[:, :, 0, 0])
-            return Prepared(mask, moments, moments, mask.new_empty(blocks, dtype=torch.long))
+            return PreparedMask(mask, moments, moments, mask.new_empty(blocks, dtype=torch.long))
         if torch.is_grad_enabled() and mask.requires_grad:
             return self._computed(grid, mask, covariance, least_memory=False)
         for number, prepared in enumerate(self._kept):
@@ -296,13 +296,13 @@ class LinearEstimator:
 
     def _computed(
         self, grid: BlockGrid, mask: torch.Tensor, covariance: torch.Tensor, least_memory: bool = True
-    ) -> Prepared:
+    ) -> PreparedMask:
         blocks = grid.cut(mask, 0, grid.rows).transpose(0, 1)
         examples, kind = distinct_blocks(blocks)
         if not least_memory:
             moments = BlockMoments.of(blocks[examples], covariance, self.noise**2)
         elif self._matrices(len(examples)) > MEMORY:
-            return Prepared(mask, None, None, kind)
+            return PreparedMask(mask, None, None, kind)
         else:
             count = self._at_once(len(covariance))
             parts = [slice(first, first + count) for first in range(0, len(examples), count)]
@@ -313,7 +313,7 @@ class LinearEstimator:
         if len(examples) > FEW_KINDS and len(covariance) > 1:
             rows, columns = self._apart(mask[:1], grid).shape[1:3]
             apart = moments[self._every(kind.view(grid.rows, grid.columns), rows, columns).flatten()]
-        return Prepared(mask, moments, apart, kind)
+        return PreparedMask(mask, moments, apart, kind)
 
 
 def distinct_blocks(blocks: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:

@@ -74,7 +74,7 @@ class Alignment:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class AlignmentComparison:
     """Patterns as drawn by a homography beside their images.
 
     Attributes:
@@ -160,7 +160,7 @@ def align(shown: list[ShownPattern], matrix: np.ndarray, steps: list[Level]) -> 
     """
     best = Alignment(matrix)
     for level in steps:
-        prepared, start = Prepared(shown, best.matrix, level), best
+        prepared, start = PatternsAtLevel(shown, best.matrix, level), best
         damping, current = 1e-3, prepared.compare(best)
         before, least = current.correlation, LEAST_KEPT * float(current.inside.mean())
         for _ in range(STEPS):
@@ -180,7 +180,7 @@ def align(shown: list[ShownPattern], matrix: np.ndarray, steps: list[Level]) -> 
     return best
 
 
-def _corner_shift(comparison: Comparison, before: np.ndarray, after: np.ndarray) -> float:
+def _corner_shift(comparison: AlignmentComparison, before: np.ndarray, after: np.ndarray) -> float:
     """Return how far a step moves the corners of what is compared, in cells."""
     x, y = comparison.x[[0, 0, -1, -1], [0, -1, 0, -1]], comparison.y[[0, 0, -1, -1], [0, -1, 0, -1]]
     inverse = np.linalg.inv(after) / np.linalg.inv(after)[2, 2]
@@ -188,7 +188,7 @@ def _corner_shift(comparison: Comparison, before: np.ndarray, after: np.ndarray)
     return float(np.hypot(back[0] - x, back[1] - y).max()) / comparison.cell
 
 
-def _step(comparison: Comparison, start: Alignment, damping: float, level: Level) -> Alignment:
+def _step(comparison: AlignmentComparison, start: Alignment, damping: float, level: Level) -> Alignment:
     """Return the alignment after one damped Gauss-Newton step."""
     x, y, inside = comparison.x, comparison.y, comparison.inside
     centre, half = np.array([x.mean(), y.mean()]), max(float(np.ptp(x)), float(np.ptp(y)), 1.0) / 2
@@ -247,7 +247,7 @@ def _within(u: np.ndarray, v: np.ndarray, mirrors: tuple[int, int], margin: tupl
     return np.asarray((u >= margin[1]) & (u <= across) & (v >= margin[0]) & (v <= down))
 
 
-class Prepared:
+class PatternsAtLevel:
     """Images and patterns of a level, blurred alike.
 
     Args:
@@ -284,7 +284,7 @@ class Prepared:
         self._seen = np.ones_like(self._x, bool) if seen is None else seen
         self._images = np.stack([band_pass(image, (1.0, 1.0), level.blur, False, seen) for image in binned])
 
-    def compare(self, alignment: Alignment) -> Comparison:
+    def compare(self, alignment: Alignment) -> AlignmentComparison:
         """Return the patterns as an alignment draws them beside their images."""
         x, y, bent = _undistorted(self._x, self._y, self._field, alignment.distortion)
         u, v = on_modulator(alignment.matrix, x, y)
@@ -299,7 +299,7 @@ class Prepared:
         def drawn(images: list[np.ndarray]) -> np.ndarray:
             return np.stack([map_coordinates(image, mirror, order=order, prefilter=False) * inside for image in images])
 
-        return Comparison(
+        return AlignmentComparison(
             drawn(self._mirrors),
             self._images * inside,
             drawn([slope[1] for slope in self._slopes]),
@@ -314,7 +314,7 @@ class Prepared:
         )
 
 
-def residual(comparison: Comparison, matrix: np.ndarray) -> float:
+def residual(comparison: AlignmentComparison, matrix: np.ndarray) -> float:
     """Return how far the patterns still lie beside their images, in pixels.
 
     It is the root mean square of the displacements of blocks of the field, as far as these show a displacement. What

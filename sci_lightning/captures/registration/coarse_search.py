@@ -167,7 +167,7 @@ PATTERNS = 3
 
 
 @dataclass(frozen=True)
-class Candidate:
+class PlacementCandidate:
     """A place of the modulator.
 
     Attributes:
@@ -287,7 +287,7 @@ class CoarseSearch:
             self._last = (across, down), [band_pass(mirrors, scale, BLUR) for mirrors in self._mirrors]
         return self._last[1]
 
-    def best(self, orientation: Orientation) -> Candidate | None:
+    def best(self, orientation: Orientation) -> PlacementCandidate | None:
         """Return the best displacement of an orientation; None if the modulator is too small by it."""
         smooth = self._blurred(orientation.across, orientation.down)
         to_mirrors = orientation.to_mirrors * self._cell  # a step of one cell
@@ -332,4 +332,4 @@ class CoarseSearch:
         offset = np.array([-left - (width - 1) / 2, -top - (height - 1) / 2])
         first = np.array([self._first[1], self._first[0]]) + (self._cell - 1) / 2
         matrix[:2, 2] = centre + to_mirrors @ offset - orientation.to_mirrors @ first
-        return Candidate(matrix, float(score[peak]))
+        return PlacementCandidate(matrix, float(score[peak]))

@@ -17,12 +17,12 @@ from sci_lightning.captures.captures import Captures
 from sci_lightning.captures.pack import assemble_captures
 from sci_lightning.captures.read import FORMAT_VERSION, read_captures
 from sci_lightning.captures.recipe import FILE, read_recipe
-from sci_lightning.captures.registration.alignment import Alignment, Prepared, align, levels, residual
+from sci_lightning.captures.registration.alignment import Alignment, PatternsAtLevel, align, levels, residual
 from sci_lightning.captures.registration.coarse_search import (
     CELLS,
-    Candidate,
     CoarseSearch,
     Orientation,
+    PlacementCandidate,
     ShownPattern,
     likely_orientations,
     likely_pitches,
@@ -115,7 +115,7 @@ def register(
 
 def _searches(
     shown: list[ShownPattern], field: tuple[int, int], mirrors: tuple[int, int], pitch: tuple[float, float] | None
-) -> Iterator[tuple[str, Iterator[Candidate], int]]:
+) -> Iterator[tuple[str, Iterator[PlacementCandidate], int]]:
     """Yield what is tried, the candidates that it gives, and its cells' side in pixels; the likeliest first."""
     if pitch is None:
         pitches = [one for aspect in ASPECTS for one in likely_pitches(field, mirrors, aspect)]
@@ -131,7 +131,7 @@ def _searches(
         cell = max(1, cell // 2)  # patterns without coarse structure show where they lie in finer cells only
 
 
-def _candidates(search: CoarseSearch, orientations: Iterator[Orientation]) -> Iterator[Candidate]:
+def _candidates(search: CoarseSearch, orientations: Iterator[Orientation]) -> Iterator[PlacementCandidate]:
     for orientation in orientations:
         if (candidate := search.best(orientation)) is not None:
             yield candidate
@@ -139,7 +139,7 @@ def _candidates(search: CoarseSearch, orientations: Iterator[Orientation]) -> It
 
 def _aligned(
     shown: list[ShownPattern],
-    candidate: Candidate,
+    candidate: PlacementCandidate,
     cell: int,
     field: tuple[int, int],
     mirrors: tuple[int, int],
@@ -149,7 +149,7 @@ def _aligned(
     steps = levels(field, cell, perspective)
     alignment = align(shown, candidate.matrix, steps)
     matrix = alignment.matrix
-    prepared = Prepared(shown, matrix, steps[-1])
+    prepared = PatternsAtLevel(shown, matrix, steps[-1])
     last = prepared.compare(alignment)
     return Registration(
         matrix=matrix,

@@ -92,7 +92,7 @@ def diagnose(composition: Composition) -> None:
     from sci_lightning.diagnosis.report.pictures import figures
     from sci_lightning.diagnosis.report.report import log_diagnosis, write_report
     from sci_lightning.diagnosis.report.report_folder import check_no_foreign_report, report_folder
-    from sci_lightning.diagnosis.report.report_page import Provenance
+    from sci_lightning.diagnosis.report.report_page import ReportProvenance
     from sci_lightning.diagnosis.report.terminal import print_report, search_progress
     from sci_lightning.diagnosis.vocabulary import vocabulary
     from sci_lightning.files.stored_array import readable_shape
@@ -127,7 +127,7 @@ def diagnose(composition: Composition) -> None:
         on_progress("writing the report")
         drawn = figures(result)
         with report_folder(out, read) as folder:
-            provenance = Provenance(
+            provenance = ReportProvenance(
                 file=Path(cfg.captures or cfg.measurement).name,
                 name=captures.name,
                 date=datetime.now(timezone.utc).isoformat(timespec="seconds"),

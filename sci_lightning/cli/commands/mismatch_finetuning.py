@@ -19,7 +19,7 @@ from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
 
 if TYPE_CHECKING:  # --help answers without torch
-    from sci_lightning.studies.mismatch.prepare import Prepared
+    from sci_lightning.studies.mismatch.prepare import PreparedStudy
 
 MEAN = "mean_measurement"
 """What records call the decoder whose estimate has the mean measurement in every frame."""
@@ -106,7 +106,7 @@ def _words(cfg: Any, key: str) -> list[str]:
         raise BadInput(f"{key}={cfg[key]}: {str(error).lower()}; give words as on a command line") from error
 
 
-def _write_ideal_encoder(prepared: Prepared, path: Path) -> Path:
+def _write_ideal_encoder(prepared: PreparedStudy, path: Path) -> Path:
     """Write the encoder file of the ideal camera with the noise of the datasheet."""
     from sci_lightning.files.atomic_file import atomic_write
 

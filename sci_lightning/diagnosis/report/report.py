@@ -17,7 +17,7 @@ from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
 from sci_lightning.diagnosis.blind.prior import BLOCK
 from sci_lightning.diagnosis.report.corrected_camera import write_effective_mask, write_encoder
 from sci_lightning.diagnosis.report.pictures import figures
-from sci_lightning.diagnosis.report.report_page import Provenance, report_page
+from sci_lightning.diagnosis.report.report_page import ReportProvenance, report_page
 from sci_lightning.diagnosis.report.sentences import UNCERTAINTY, class_paths
 from sci_lightning.diagnosis.result import CalibratedResult
 from sci_lightning.files.atomic_file import atomic_write
@@ -33,7 +33,7 @@ VERIFIED_BY_NONE: dict[str, Any] = {
 def write_report(
     result: CalibratedResult | BlindDiagnosis,
     out: str | Path,
-    provenance: Provenance | None = None,
+    provenance: ReportProvenance | None = None,
     drawn: Mapping[str, Figure] | None = None,
 ) -> None:
     """Write all files of a diagnosis into the folder ``out``; none is ever half written.
@@ -45,7 +45,7 @@ def write_report(
         drawn: the figures by file name; None to draw them.
     """
     out, drawn = Path(out), figures(result) if drawn is None else drawn
-    provenance = provenance or Provenance()
+    provenance = provenance or ReportProvenance()
     with atomic_write(out / "report.json") as temporary:
         temporary.write_text(json.dumps(describe(result) | provenance.describe(), indent=1) + "\n")
     write_encoder(result, out)

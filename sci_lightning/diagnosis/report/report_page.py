@@ -46,7 +46,7 @@ VERDICTS = {
 
 
 @dataclass(frozen=True)
-class Provenance:
+class ReportProvenance:
     """What was diagnosed, when and how; what is empty or None is not stated.
 
     Attributes:
@@ -70,7 +70,9 @@ class Provenance:
         return captures | date | ({} if self.runtime_s is None else {"runtime_s": self.runtime_s})
 
 
-def report_page(result: CalibratedResult | BlindDiagnosis, provenance: Provenance, drawn: Mapping[str, Figure]) -> str:
+def report_page(
+    result: CalibratedResult | BlindDiagnosis, provenance: ReportProvenance, drawn: Mapping[str, Figure]
+) -> str:
     """Return the page as HTML with all figures in it.
 
     Args:
@@ -131,12 +133,12 @@ def _p_value(value: float) -> str:
     return "< 1e-300" if value < 1e-300 else f"{value:.2g}"
 
 
-def _title(result: CalibratedResult | BlindDiagnosis, provenance: Provenance) -> str:
+def _title(result: CalibratedResult | BlindDiagnosis, provenance: ReportProvenance) -> str:
     effects = f"{VERDICTS[result.verdict]}: {', '.join(result.names) or 'no effect'}"
     return " \u00b7 ".join(filter(None, (effects, provenance.file, provenance.date[:10])))
 
 
-def _source(provenance: Provenance) -> str:
+def _source(provenance: ReportProvenance) -> str:
     """Return which file was diagnosed, what it calls itself, and when."""
     name = provenance.name if provenance.name != Path(provenance.file).stem else ""
     date = provenance.date[:16].replace("T", " ")
@@ -168,7 +170,7 @@ def _effect_rows(result: CalibratedResult | BlindDiagnosis) -> list[tuple[str, .
 
 
 def _footer(
-    result: CalibratedResult | BlindDiagnosis, provenance: Provenance, about_pixels: Mapping[str, str]
+    result: CalibratedResult | BlindDiagnosis, provenance: ReportProvenance, about_pixels: Mapping[str, str]
 ) -> dict[str, str]:
     """Return the rows of the table on how the page was made, by title; what nothing is known of is left out."""
     rows = {**about_pixels, "effects": considered(result.considered), "command": provenance.command}

@@ -27,7 +27,7 @@ DATASHEET = ("bit_depth", "full_well_e", "read_noise_dn")
 
 
 @dataclass(eq=False)
-class Prepared:
+class PreparedStudy:
     """Everything that a run of the protocol needs besides decoders.
 
     Attributes:
@@ -86,7 +86,7 @@ class Prepared:
         return write_record(path, camera.name, name, digest, settings, {"provenance": made.as_json(), **results}), True
 
 
-def prepare(settings: Mapping[str, Any], data: str, folder: str | Path, command: str) -> Prepared:
+def prepare(settings: Mapping[str, Any], data: str, folder: str | Path, command: str) -> PreparedStudy:
     """Return what a run needs; the coding patterns are written to ``folder``, where diagnoses are kept as well.
 
     Args:
@@ -127,7 +127,7 @@ def prepare(settings: Mapping[str, Any], data: str, folder: str | Path, command:
         **{key: settings[key] for key in ("frames", "seed", "calibration", "snapshots")},
     }
     protocol = Protocol(bench, folder, settings["snapshots"], device)
-    return Prepared(bench, cameras, list(settings["scenarios"]), kept, protocol, command)
+    return PreparedStudy(bench, cameras, list(settings["scenarios"]), kept, protocol, command)
 
 
 def trained_decoder(

@@ -11,7 +11,7 @@ from sci_lightning.files.json_file import JsonFile, JsonObject, says, write_json
 from sci_lightning.plain_text import markdown_table
 from sci_lightning.runs.provenance import Provenance
 from sci_lightning.studies.proving_ground.outcome import Failure, Outcome
-from sci_lightning.studies.proving_ground.summary import Row
+from sci_lightning.studies.proving_ground.summary import SuiteScore
 from sci_lightning.version import installed_version
 
 ANSWERS = {True: "yes", False: "**no**", None: ""}
@@ -40,7 +40,7 @@ class Summary(JsonFile):
     sci_lightning: str = says("version of the program")
 
 
-def write_report(out: str | Path, rows: Sequence[Row], provenance: Provenance | None = None) -> None:
+def write_report(out: str | Path, rows: Sequence[SuiteScore], provenance: Provenance | None = None) -> None:
     """Write both files into the folder ``out``; neither is ever half written.
 
     Args:
@@ -76,7 +76,7 @@ def provenance_of(records: Sequence[Outcome | Failure], command: str = "") -> Pr
     )
 
 
-def as_markdown(rows: Sequence[Row]) -> str:
+def as_markdown(rows: Sequence[SuiteScore]) -> str:
     """Return the table, then which targets were missed, then every case that counts against a row."""
     cells = [[row.what, row.figure, row.target, ANSWERS[row.met]] for row in rows]
     lines = [markdown_table(["what", "found (95 % interval)", "target", "reached"], cells)]
@@ -90,7 +90,7 @@ def as_markdown(rows: Sequence[Row]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def as_plain_data(row: Row) -> dict[str, Any]:
+def as_plain_data(row: SuiteScore) -> dict[str, Any]:
     """Return a row as plain data for JSON; keys without a value are absent."""
     content: dict[str, Any] = {"what": row.what, "found": row.figure}
     if row.target:

@@ -34,7 +34,7 @@ MEMORY = 4096.0
 
 
 @dataclass(frozen=True)
-class Row:
+class SuiteScore:
     """One line of the table.
 
     Attributes:
@@ -54,7 +54,7 @@ class Row:
     missed: tuple[str, ...] = ()
 
 
-def summarise(records: Iterable[Outcome | Failure]) -> list[Row]:
+def summarise(records: Iterable[Outcome | Failure]) -> list[SuiteScore]:
     """Return the rows of the table. Where a right answer is expected, a failed case counts as a wrong one."""
     records = list(records)
     failures = [record for record in records if isinstance(record, Failure)]
@@ -93,7 +93,7 @@ def summarise(records: Iterable[Outcome | Failure]) -> list[Row]:
         *times(every),
         memory(every),
         total_time(every),
-        Row(
+        SuiteScore(
             "cases that failed",
             f"{len(failures)} of {len(records)}",
             "0",
@@ -103,7 +103,7 @@ def summarise(records: Iterable[Outcome | Failure]) -> list[Row]:
     ]
 
 
-def by_setting(outcomes: Sequence[Outcome]) -> list[Row]:
+def by_setting(outcomes: Sequence[Outcome]) -> list[SuiteScore]:
     """How often a diagnosis is right for every number of slots, bit depth and datasheet, where there are several."""
     settings: dict[str, Callable[[Outcome], int | str]] = {
         "slots": lambda outcome: outcome.frames,
@@ -119,11 +119,11 @@ def by_setting(outcomes: Sequence[Outcome]) -> list[Row]:
             what = f"{name} {value}" if name == "datasheet" else f"{value} {name}"
             missed = tuple(str(outcome) for outcome in cases if not outcome.right)
             if cases:
-                rows.append(Row(f"{what}: right", in_words(proportion), proportion=proportion, missed=missed))
+                rows.append(SuiteScore(f"{what}: right", in_words(proportion), proportion=proportion, missed=missed))
     return rows
 
 
-def with_rays(outcomes: Sequence[Outcome], failures: Sequence[Failure]) -> list[Row]:
+def with_rays(outcomes: Sequence[Outcome], failures: Sequence[Failure]) -> list[SuiteScore]:
     """What diagnoses say of the imperfect set-up whose light is sampled by rays."""
     if not outcomes and not failures:
         return []
@@ -136,10 +136,10 @@ def with_rays(outcomes: Sequence[Outcome], failures: Sequence[Failure]) -> list[
         wrong_names("rays, nothing hidden: any name but that of its pixels' own PRNU", nothing, 0.05),
         at_least("rays: the hidden effects are named, and no others", hidden, lambda o: o.exact, 0.95, missing),
         wrong_names("rays: any wrong name", hidden, 0.05),
-        Row("rays: the verdict says that something is unexplained", in_words(shown), proportion=shown),
+        SuiteScore("rays: the verdict says that something is unexplained", in_words(shown), proportion=shown),
     ]
     if nothing:
-        rows.insert(1, Row("rays, nothing hidden: any name", in_words(any_name), proportion=any_name))
+        rows.insert(1, SuiteScore("rays, nothing hidden: any name", in_words(any_name), proportion=any_name))
     return rows
 
 
@@ -158,7 +158,9 @@ def failed(failures: Iterable[Failure], suite: str) -> list[str]:
     return [f"{failure.case} failed" for failure in failures if failure.suite == suite]
 
 
-def exact_names(outcomes: Sequence[Outcome], failures: Sequence[Failure], suite: str, what: str, least: float) -> Row:
+def exact_names(
+    outcomes: Sequence[Outcome], failures: Sequence[Failure], suite: str, what: str, least: float
+) -> SuiteScore:
     """How often exactly the hidden effects explain the captures, of those that are as strong as the suite promises."""
     cases = of_suite(outcomes, suite)
     strongest = WEAK_GAIN if suite == "weak" else math.inf
@@ -169,7 +171,7 @@ def exact_names(outcomes: Sequence[Outcome], failures: Sequence[Failure], suite:
     return replace(row, figure=f"{row.figure}; {left_out} not asked: too faint or too strong")
 
 
-def false_alarms(outcomes: Sequence[Outcome], failures: Sequence[Failure], mask: str) -> Row:
+def false_alarms(outcomes: Sequence[Outcome], failures: Sequence[Failure], mask: str) -> SuiteScore:
     """How often something was found though nothing was hidden, behind one kind of mask; noise that is not as the file
     says is no false alarm."""
     cases = [outcome for outcome in of_suite(outcomes, "nothing") if outcome.mask == mask]
@@ -184,14 +186,14 @@ def at_least(
     right: Callable[[Outcome], bool],
     least: float,
     failed_cases: Sequence[str] = (),
-) -> Row:
+) -> SuiteScore:
     """Return a row for a share of right answers that is to be ``least`` or more; failed cases gave none."""
     target = f"at least {least:.0%}"
     proportion = Proportion(sum(map(right, outcomes)), len(outcomes) + len(failed_cases))
     if not proportion.total:
-        return Row(what, "no cases", target, None, proportion)
+        return SuiteScore(what, "no cases", target, None, proportion)
     missed = (*(str(outcome) for outcome in outcomes if not right(outcome)), *failed_cases)
-    return Row(what, in_words(proportion), target, proportion.share >= least, proportion, missed)
+    return SuiteScore(what, in_words(proportion), target, proportion.share >= least, proportion, missed)
 
 
 def at_most(
@@ -200,17 +202,17 @@ def at_most(
     wrong: Callable[[Outcome], bool],
     most: float,
     failed_cases: Sequence[str] = (),
-) -> Row:
+) -> SuiteScore:
     """Return a row for a share of wrong answers that is to be ``most`` or less; failed cases count as wrong."""
     target = f"at most {most:.0%}"
     proportion = Proportion(sum(map(wrong, outcomes)) + len(failed_cases), len(outcomes) + len(failed_cases))
     if not proportion.total:
-        return Row(what, "no cases", target, None, proportion)
+        return SuiteScore(what, "no cases", target, None, proportion)
     missed = (*(str(outcome) for outcome in outcomes if wrong(outcome)), *failed_cases)
-    return Row(what, in_words(proportion), target, proportion.share <= most, proportion, missed)
+    return SuiteScore(what, in_words(proportion), target, proportion.share <= most, proportion, missed)
 
 
-def wrong_names(what: str, outcomes: Sequence[Outcome], most: float) -> Row:
+def wrong_names(what: str, outcomes: Sequence[Outcome], most: float) -> SuiteScore:
     """Return how often something was named that is not hidden, and how often the report itself named the hidden one."""
     row = at_most(what, outcomes, lambda outcome: outcome.confidently_wrong, most)
     if not (hedged := sum(outcome.confidently_wrong and outcome.hedged for outcome in outcomes)):
@@ -224,22 +226,22 @@ def in_words(proportion: Proportion) -> str:
     return f"{proportion.share:.1%} ({proportion.count} of {proportion.total}; {low:.0%} to {high:.0%})"
 
 
-def interval_coverage(outcomes: Sequence[Outcome]) -> Row:
+def interval_coverage(outcomes: Sequence[Outcome]) -> SuiteScore:
     """How often the 95 % intervals of the estimated parameters contain the true values."""
     errors = [(name, error, str(outcome)) for outcome in outcomes for name, error in outcome.errors]
     proportion = Proportion.of(abs(error) <= NORMAL for _, error, _ in errors)
     what, target = "95 % intervals that hold the truth", "90 % to 99 %"
     if not errors:
-        return Row(what, "no cases", target, None, proportion)
+        return SuiteScore(what, "no cases", target, None, proportion)
     missed = tuple(f"{name} {error:+.1f} std: {case}" for name, error, case in errors if abs(error) > NORMAL)
     # Among few parameters, all intervals may contain the truth, although one in a hundred should not.
     met = proportion.share >= 0.9 and proportion.interval[0] <= 0.99
     rms = math.sqrt(sum(error**2 for _, error, _ in errors) / len(errors))
     figure = f"{in_words(proportion)}; errors of {rms:.2f} stated standard deviations, root mean square"
-    return Row(what, figure, target, met, proportion, missed)
+    return SuiteScore(what, figure, target, met, proportion, missed)
 
 
-def closed_gap(outcomes: Iterable[Outcome]) -> Row:
+def closed_gap(outcomes: Iterable[Outcome]) -> SuiteScore:
     """How often the named effects remove nearly all of chi2's excess over 1."""
     counted = [outcome for outcome in outcomes if outcome.chi2_before > CLOSABLE_CHI2]
     what = f"{CLOSED_SHARE:.0%} of chi2's excess closed (where it was above {CLOSABLE_CHI2})"
@@ -249,14 +251,14 @@ def closed_gap(outcomes: Iterable[Outcome]) -> Row:
     return replace(row, figure=f"{row.figure}; median {median(outcome.closed for outcome in counted):.1%} closed")
 
 
-def times(outcomes: Sequence[Outcome]) -> list[Row]:
+def times(outcomes: Sequence[Outcome]) -> list[SuiteScore]:
     """How long the diagnoses took, a row for every size."""
     rows = []
     for size in sorted({outcome.size for outcome in outcomes}):
         cases = [outcome for outcome in outcomes if outcome.size == size]
         longest, allowed = max(outcome.seconds for outcome in cases), SECONDS.get(size)
         rows.append(
-            Row(
+            SuiteScore(
                 f"time, {size[0]} x {size[1]}",
                 f"median {median(outcome.seconds for outcome in cases):.1f} s, longest {longest:.1f} s ({len(cases)} "
                 f"cases; median {median(outcome.cpu_seconds for outcome in cases):.1f} s of a processor)",
@@ -268,16 +270,18 @@ def times(outcomes: Sequence[Outcome]) -> list[Row]:
     return rows
 
 
-def total_time(outcomes: Sequence[Outcome]) -> Row:
+def total_time(outcomes: Sequence[Outcome]) -> SuiteScore:
     """The processor time of all cases, captures and comparison with the truth included."""
     hours = sum(outcome.total_cpu_seconds or outcome.cpu_seconds for outcome in outcomes) / 3600
-    return Row("processor time of all cases", f"{hours:.2f} hours of one core for {len(outcomes)} cases")
+    return SuiteScore("processor time of all cases", f"{hours:.2f} hours of one core for {len(outcomes)} cases")
 
 
-def memory(outcomes: Sequence[Outcome]) -> Row:
+def memory(outcomes: Sequence[Outcome]) -> SuiteScore:
     """The largest memory that a diagnosis took."""
     most = max((outcome.memory_mib for outcome in outcomes), default=0.0)
-    return Row("memory", f"at most {most:.0f} MiB", f"below {MEMORY:.0f} MiB", most < MEMORY if outcomes else None)
+    return SuiteScore(
+        "memory", f"at most {most:.0f} MiB", f"below {MEMORY:.0f} MiB", most < MEMORY if outcomes else None
+    )
 
 
 NORMAL = 1.959964

@@ -15,7 +15,7 @@ from sci_lightning.console import PlainConsole
 from sci_lightning.diagnosis.bad_captures.suspects import most_bad, outlying, suspicious
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
 from sci_lightning.diagnosis.report.report import describe
-from sci_lightning.diagnosis.report.report_page import Provenance, report_page
+from sci_lightning.diagnosis.report.report_page import ReportProvenance, report_page
 from sci_lightning.diagnosis.report.terminal import print_report
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.vocabulary import vocabulary
@@ -71,7 +71,7 @@ def test_every_report_says_so(result: Diagnosis) -> None:
     check("report", earlier)  # written before such captures were looked for
     with pytest.raises(ValidationError):
         check("report", content | {"bad_captures": [{"capture": 1}]})
-    page = report_page(result, Provenance(), result.plot())
+    page = report_page(result, ReportProvenance(), result.plot())
     assert "Left out:" in page and "capture 31 (dynamic, kept for verification) does not fit the others" in page
     console = PlainConsole(file=io.StringIO(), width=200)
     print_report(result, console)

@@ -28,7 +28,7 @@ from sci_lightning.diagnosis.report.pictures import (
 )
 from sci_lightning.diagnosis.report.pictures import test_figure as draw_test_figure
 from sci_lightning.diagnosis.report.report import describe, write_report
-from sci_lightning.diagnosis.report.report_page import WIDE_INCHES, Provenance, report_page
+from sci_lightning.diagnosis.report.report_page import WIDE_INCHES, ReportProvenance, report_page
 from sci_lightning.diagnosis.report.svg import svg
 from sci_lightning.diagnosis.residual_tests.drawing import OWN, nearly_largest
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
@@ -50,7 +50,7 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
     return diagnose(read_captures(path), few)
 
 
-SOURCE = Provenance(
+SOURCE = ReportProvenance(
     file="a<b>.h5",
     name="Lab 1",
     date="2026-11-21T23:05:06+00:00",
@@ -73,7 +73,7 @@ def blank_figures(result: Diagnosis) -> dict[str, Figure]:
     return {f"{name}.png": Figure(figsize=(1, 1)) for name in (*names, *unnamed)}
 
 
-def page(result: Diagnosis, source: Provenance = SOURCE) -> str:
+def page(result: Diagnosis, source: ReportProvenance = SOURCE) -> str:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sci_lightning.diagnosis.report.sections.MAX_TEST_FIGURES", 1)
         return report_page(result, source, blank_figures(result))
@@ -158,9 +158,9 @@ def test_files(result: Diagnosis, tmp_path: Path) -> None:
 
 
 def test_a_report_without_provenance(result: Diagnosis) -> None:
-    text = page(result, Provenance())
+    text = page(result, ReportProvenance())
     assert "<title>explained: mask_shift, column_noise</title>" in text
-    assert not re.search(r"<th>(run time|command)</th>", text) and Provenance().describe() == {}
+    assert not re.search(r"<th>(run time|command)</th>", text) and ReportProvenance().describe() == {}
 
 
 def test_a_page_of_a_camera_in_which_nothing_is_hidden(tmp_path: Path) -> None:
@@ -234,7 +234,7 @@ def test_what_files_contribute_is_shown_and_never_obeyed(result: Diagnosis) -> N
     ghost = Unnamed(evil, evil, evil, 1e-20, 99.0, torch.rand(32, 40))
     rounds = (Round({evil: 9.0}, {}, None),)
     other = replace(result, effects=(effect, *result.effects[1:]), unnamed=(ghost,), rounds=rounds)
-    text = page(other, Provenance(evil, evil, evil, 1.0, evil))
+    text = page(other, ReportProvenance(evil, evil, evil, 1.0, evil))
     text += svg(evidence_figure(rounds, ()), evil) + svg(unnamed_figure(ghost), evil)
     assert "<img" not in text and "\x1b" not in text and "\u202e" not in text
     assert text.count("&lt;img src=x onerror=alert(1)&gt;\\x1b[31m\\u202e&amp;") > 10

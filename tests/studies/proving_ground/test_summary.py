@@ -13,14 +13,14 @@ from skimage.io import imread
 from sci_lightning.studies.proving_ground.outcome import Failure, Outcome, parse_record
 from sci_lightning.studies.proving_ground.pictures import write_pictures
 from sci_lightning.studies.proving_ground.report import write_report
-from sci_lightning.studies.proving_ground.summary import Proportion, Row, summarise
+from sci_lightning.studies.proving_ground.summary import Proportion, SuiteScore, summarise
 from tests.files.formats import check
 from tests.studies.proving_ground.conftest import LOST
 
 GAIN = {"gain": {"factor": 1.1}}
 
 
-def row(rows: list[Row], start: str) -> Row:
+def row(rows: list[SuiteScore], start: str) -> SuiteScore:
     (line,) = (row for row in rows if row.what.startswith(start))
     return line
 
