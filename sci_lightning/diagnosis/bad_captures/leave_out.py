@@ -100,18 +100,18 @@ def explain_without_bad_captures(
             numbers = ", ".join(map(str, sorted(observation.number[left_out].tolist())))
             on_progress(f"search without capture{'s' * (int(left_out.sum()) > 1)} {numbers}")
             start = ideal_camera(whole.of_captures(observation.take(~left_out)), settings)
-        found = searched[tuple(left_out.tolist())] = explain(start, on_progress)
+        explanation = searched[tuple(left_out.tolist())] = explain(start, on_progress)
         if not settings.find_bad_captures:
-            return found, ()
-        misfit = misfit_by_capture(found.fit, observation)
+            return explanation, ()
+        misfit = misfit_by_capture(explanation.fit, observation)
         if left_out.any():
             odd = outlying(misfit, observation.kinds, most)
             if bool((odd == left_out).all()):
-                odd = unexplained(found.fit, observation, misfit, odd)
+                odd = unexplained(explanation.fit, observation, misfit, odd)
         else:
             odd = suspicious(misfit, most)
         if bool((odd == left_out).all()):
-            return found, describe(found.fit, observation, misfit, odd, "fits and choices")
+            return explanation, describe(explanation.fit, observation, misfit, odd, "fits and choices")
         left_out = odd
         if tuple(odd.tolist()) in searched:
             break

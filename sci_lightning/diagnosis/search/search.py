@@ -108,8 +108,8 @@ def explain(ideal: Fit, on_progress: OnProgress) -> Explanation:
     names = [name for name in completed.hypothesis.effects if name not in noise.effects and name not in free_forms]
     if settled.fitter.split.border != whole.split.border:
         ideal = settled.fitter.fit(noise, fixed=stated, iterations=30)
-    found = tuple(names if left else names + differing)
-    explanation = Explanation(ideal, settled, found, tuple(selected.rounds), tuple(left))
+    effects = tuple(names if left else names + differing)
+    explanation = Explanation(ideal, settled, effects, tuple(selected.rounds), tuple(left))
     return _without_contradicted_maps(explanation, on_progress)
 
 

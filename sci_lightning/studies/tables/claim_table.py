@@ -100,10 +100,10 @@ def verdict_table(
     for claim, comparisons in _verdicts(claims, tables, runs, costs):
         counts = []
         for scope in SCOPES:
-            verdicts = [verdict for each in comparisons for verdict in each.by_scope.get(scope, {}).values()]
+            verdicts = [verdict for comparison in comparisons for verdict in comparison.by_scope.get(scope, {}).values()]
             given = [f"{verdicts.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in verdicts]
             counts.append(", ".join(given))
-        missing = sum(not each.by_scope for each in comparisons)
+        missing = sum(not comparison.by_scope for comparison in comparisons)
         rows.append([claim["claim"], *counts, str(missing or "")])
     heading = ["claim", *SCOPES, "rows not yet run"]
     return Grid("verdicts", "Verdicts on the paper's claims, by row and metric", heading, rows, [NOTE])
