@@ -100,7 +100,7 @@ def verdict_table(
     for claim, comparisons in _verdicts(claims, tables, runs, costs):
         counts = []
         for scope in SCOPES:
-            verdicts = [verdict for comparison in comparisons for verdict in comparison.by_scope.get(scope, {}).values()]
+            verdicts = [verdict for one in comparisons for verdict in one.by_scope.get(scope, {}).values()]
             given = [f"{verdicts.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in verdicts]
             counts.append(", ".join(given))
         missing = sum(not comparison.by_scope for comparison in comparisons)
