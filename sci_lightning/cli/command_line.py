@@ -105,13 +105,6 @@ def check_choices(arguments: Iterable[str]) -> None:
             raise BadInput(f"{group}={excerpt(value)}: no such {group}; choose one of {options}")
 
 
-VALUE_OPTIONS = (
-    *("--cfg", "-c", "--info", "-i", "--package", "-p", "--config-dir", "-cd", "--config-name", "-cn"),
-    *("--config-path", "-cp", "--shell-completion", "-sc"),
-)
-"""Options of Hydra that are followed by a value of their own."""
-
-
 def with_keys(words: Sequence[str], keys: Sequence[str]) -> list[str]:
     """Return a command line in which every plain word is written as a setting, quoted as Hydra takes it.
 
@@ -121,11 +114,12 @@ def with_keys(words: Sequence[str], keys: Sequence[str]) -> list[str]:
             refused where the settings are checked.
     """
     remaining = iter(keys)
+    valued = {"--cfg", "-c", "--info", "-i", *(name for names in OPTIONS for name in names)}
     written: list[str] = []
     for before, word in zip(("", *words), words, strict=False):
         # the key of a setting has no slash, but a path may be runs/lr=0.1/report.json
         is_plain = not re.match(r"-|~|\+*[\w.@]+=|hydra/", word)
-        if is_plain and before not in VALUE_OPTIONS and (key := next(remaining, None)) is not None:
+        if is_plain and before not in valued and (key := next(remaining, None)) is not None:
             word = override(key, word)
         written.append(word)
     return written

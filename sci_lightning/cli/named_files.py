@@ -18,7 +18,7 @@ PATHS = {"root", "val_root", "file"}
 """What settings that name files or folders to read are called."""
 
 
-def check_folder(folder: Path) -> None:
+def check_links(folder: Path) -> None:
     """Check that a run's folder can be gone on with although nobody said ``out=``: it may be a stranger's.
 
     Raises:

@@ -134,8 +134,8 @@ def evaluate(configuration: Iterable[str] | Mapping[str, Any]) -> Evaluation:
             "data=six_scenes", "data.root=DIR"]``, or the same as a dictionary of plain values by setting.
 
     Raises:
-        BadInput: settings or files that do not fit, or a folder ``out`` that holds a training.
-        HydraException: an override that cannot be read, or that chooses or sets what does not exist.
+        BadInput: overrides that cannot be read, settings or files that do not fit, or a folder ``out`` that holds a
+            training.
     """
     from sci_lightning.cli.commands.evaluate import evaluation_of
 
@@ -151,8 +151,7 @@ def tables(configuration: Iterable[str] | Mapping[str, Any]) -> Tables:
             dictionary of plain values by setting, ``{"runs": ["outputs/a", "outputs/b"], "mosaic": 0}``.
 
     Raises:
-        BadInput: settings that do not fit, or folders in which there is no run.
-        HydraException: an override that cannot be read, or that sets what does not exist.
+        BadInput: overrides that cannot be read, settings that do not fit, or folders in which there is no run.
     """
     from sci_lightning.cli.commands.tables import tables_of
 
@@ -175,8 +174,7 @@ def design_mask(configuration: Iterable[str] | Mapping[str, Any] = ()) -> Design
             of plain values by setting.
 
     Raises:
-        BadInput: settings out of their range, or that do not go together.
-        HydraException: an override that cannot be read, or that sets what does not exist.
+        BadInput: overrides that cannot be read, settings out of their range, or that do not go together.
     """
     from sci_lightning.studies.mask_design import design_mask as design_and_write
 

@@ -18,7 +18,7 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf, open_dict
 
 from sci_lightning.cli.composition import Composition, compose, group_members, targets_in
-from sci_lightning.cli.named_files import check_folder, check_paths, elsewhere, named_files
+from sci_lightning.cli.named_files import check_links, check_paths, elsewhere, named_files
 from sci_lightning.cli.next_command import nearest
 from sci_lightning.cli.next_command import override as quoted
 from sci_lightning.configuration.arguments import check_value
@@ -48,19 +48,8 @@ SECTIONS = {
 """Sections of a configuration that a checkpoint settles, and the groups whose classes they may name."""
 
 VALUES = (
-    *(
-        "frames",
-        "size",
-        "crop",
-        "batch_size",
-        "core_minutes",
-        "seed",
-        "precision",
-        "initialisation",
-        "kernels",
-        "scale",
-    ),
-    *("mask_tile", "mask_bits", "mask_sharpness", "mask_start"),
+    *("frames", "size", "crop", "batch_size", "core_minutes", "seed", "scale", "precision"),
+    *("initialisation", "kernels", "mask_tile", "mask_bits", "mask_sharpness", "mask_start"),
 )
 """Plain settings that a checkpoint settles."""
 
@@ -122,7 +111,7 @@ def with_stored_choices(arguments: Sequence[str]) -> list[str]:
         words.append(f"logger=[{','.join(loggers)}]")
     folder = Path(os.path.abspath(path)).parent  # not resolved: what is named is written, wherever links lead
     if not finetuned and "out" not in given and path.name == "last.ckpt" and folder.name == "checkpoints":
-        check_folder(folder.parent)
+        check_links(folder.parent)
         words.append(f"out='{folder.parent}'")
     return [*words, *arguments]
 

@@ -1,7 +1,7 @@
 """The diagnosis of a camera: where do captures and model disagree, and which effect is missing?
 
 Read :mod:`sci_lightning.diagnosis.diagnosis` first: its call tree is the method. The folders depend on each other in
-one direction: model, fit, search, residual tests, report.
+one direction: model, target_effects, fit, residual_tests, search, bad_captures, blind (unknown scenes), report.
 """
 
 from __future__ import annotations

@@ -128,7 +128,7 @@ class CalibratedResult(Result):
         rounds: what the search considered, round by round.
         correlation: of the errors of the corrected camera's parameters.
         remaining: residual tests that find more than noise in what the corrected camera leaves, see
-            :func:`remaining_tests`; verdict and headline follow from them.
+            :func:`~sci_lightning.diagnosis.diagnosis.remaining_tests`; verdict and headline follow from them.
         verification: the gap on captures that nothing has seen, on which the verdict rests; None where none are kept.
         bad_captures: captures that do not fit the others and count nowhere.
         unknown_scenes: what snapshots of unknown scenes say about the corrected camera; None where there are none.

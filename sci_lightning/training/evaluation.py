@@ -21,8 +21,8 @@ from sci_lightning.runs.precision import describe_precision, device_of_accelerat
 from sci_lightning.runs.results import RunMetrics
 from sci_lightning.training.callbacks import Progress, ScenePictures
 from sci_lightning.training.run import run_metrics
+from sci_lightning.training.scored_pipeline import ScoredPipeline
 from sci_lightning.training.scoring import build_metrics
-from sci_lightning.training.system import System
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def evaluate(
     watch = None if decoder.global_steps else progress.show_tile
     choice = TileChoice(settings["tile"], say=say, watch=watch)
     metrics = build_metrics(settings.get("metrics") or {}, size)
-    system = System(encoder, decoder, camera=camera, metrics=metrics, tile=choice, seed=settings["seed"])
+    tested = ScoredPipeline(encoder, decoder, camera=camera, metrics=metrics, tile=choice, seed=settings["seed"])
     pictures = ScenePictures(out / "pictures", f"{names['decoder']}, tested on {tested_on}", settings["pictures"])
     callbacks = [progress, pictures]
     trainer = build(settings["trainer"], "trainer", logger=False, enable_checkpointing=False, callbacks=callbacks)
@@ -89,7 +89,7 @@ def evaluate(
     with trainer.strategy.precision_plugin.test_step_context():  # what cannot be decoded is refused before it starts
         snapshot = number.expand(snapshots.batch_size or 1, *size)
         choice.tiling(decoder, snapshot, number.expand(settings["frames"], *size))
-    trainer.test(system, snapshots, verbose=False)
-    scores = run_metrics(system, names, {**checkpoint.config, "evaluate": settings})
+    trainer.test(tested, snapshots, verbose=False)
+    scores = run_metrics(tested, names, {**checkpoint.config, "evaluate": settings})
     write_json(scores.as_json(), out / "metrics.json")
     return Evaluation(out, scores, tuple(pictures.written.values()))

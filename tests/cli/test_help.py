@@ -40,6 +40,12 @@ def test_every_file_says_what_it_is(path: Path) -> None:
     assert first_comment(path.read_text()), "no comment at its top"
 
 
+@pytest.mark.parametrize("path", sorted(CONF.glob("*.yaml")), ids=lambda path: path.stem)
+def test_every_setting_of_a_command_says_what_it_is(path: Path) -> None:
+    unsaid = {setting.key for setting in read_settings(path.read_text()) if not setting.about and "." not in setting.key}
+    assert unsaid <= {"debug", "out"}
+
+
 def test_what_is_read_of_a_file() -> None:
     settings = read_settings("# above\na: 1   # beside\n\nb:     # of b\n  c: [1, 2]\nhydra:\n  d: 1\n")
     assert [(setting.key, setting.value, setting.about) for setting in settings] == [

@@ -59,7 +59,7 @@ def write_report(
 
 
 def describe(result: CalibratedResult | BlindDiagnosis) -> dict[str, Any]:
-    """Return the content of ``report.json`` without its provenance, as plain data; the schema describes every field."""
+    """Return the content of ``report.json`` without its provenance, as plain data."""
     noise = {name: values for name, values in result.hypothesis.effects.items() if result.model.effects[name].noise}
     return {
         "format": "sci-diagnosis",

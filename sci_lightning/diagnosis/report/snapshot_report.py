@@ -44,7 +44,7 @@ class SnapshotReport:
             console.say(styled("needed for more", "yellow"), f": {sentence}")
 
     def write(self, path: str | Path) -> None:
-        """Write ``snapshots.json``; the schema ``snapshots`` describes every field."""
+        """Write ``snapshots.json``, see :class:`sci_lightning.files.diagnosis_report.SnapshotFacts`."""
         content = {
             "format": "sci-snapshots",
             "format_version": 1,

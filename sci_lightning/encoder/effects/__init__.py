@@ -2,7 +2,8 @@
 
 A new effect is one file ``<stage>/<name>.py`` with one class, such as ``relay/mask_shift.py`` with ``MaskShift``, and
 one file ``conf/effect/<name>.yaml`` that names it and gives its values; then commands take ``effect=<name>`` and every
-diagnosis considers it. No list needs an edit: this package finds its effects by their files, and
+diagnosis of known scenes considers it without any list; what snapshots of unknown scenes cannot tell it from stands in
+:mod:`sci_lightning.diagnosis.blind.undetermined`. This package finds its effects by their files, and
 ``from sci_lightning.encoder.effects import MaskShift`` loads the file when the name is used. An effect outside of this
 package is used the same way, by the path of its class: ``_target_: my_module.MyEffect``.
 

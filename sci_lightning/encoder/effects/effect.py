@@ -36,7 +36,7 @@ class Effect(nn.Module):
     stage: ClassVar[str]
     """``modulator``, ``relay``, ``exposure``, ``optics`` or ``sensor``; set by the base class of the stage."""
     rank: ClassVar[float]
-    """Effects act in the order of their ranks: modulator 10 to 19, relay 20s, exposure 30s, optics 40s, sensor 50s."""
+    """Effects act in the order of their ranks: modulator from 10, relay 20, exposure 30, optics 40, sensor 50 to 60."""
     about: ClassVar[dict[str, Parameter]]
     """Every parameter by name: its unit, its range, its neutral value and where a search for it starts."""
     map_kind: ClassVar[str | None] = None

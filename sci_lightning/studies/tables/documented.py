@@ -32,7 +32,7 @@ def benchmark(path: Path, part: str) -> DocumentedTable:
     """Return a table of a file that ``python -m sci_lightning.benchmark`` wrote.
 
     Args:
-        path: of the file (``schemas/benchmark.json``).
+        path: of the file (in the format ``Benchmark``).
         part: ``counts``, ``forward``, ``training`` or ``machine``.
 
     Raises:
