@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -49,6 +50,18 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def members(group: str) -> list[str]:
     """The names in a group of the configuration, found by listing it: a new member is tested by being there."""
     return sorted(path.stem for path in (CONF / group).glob("*.yaml"))
+
+
+def next_lines(printed: str) -> list[str]:
+    """The lines that a command says to run next."""
+    return re.findall(r"^(?:next:|  or:) (.*)$", printed, re.MULTILINE)
+
+
+@pytest.fixture
+def adopted_encoders() -> Iterator[None]:
+    """Encoder files that a test adopts in this process are gone after it."""
+    yield
+    ConfigStore.instance().repo.pop("encoder", None)
 
 
 @pytest.fixture

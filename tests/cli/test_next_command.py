@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 import shutil
 import subprocess
@@ -14,11 +13,8 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from sci_lightning.cli.next_command import browser, dashboard, invocation, override, print_next
 from sci_lightning.console import PlainConsole
-from tests.end_to_end.test_train import TINY
-
-
-def next_lines(printed: str) -> list[str]:
-    return re.findall(r"^(?:next:|  or:) (.*)$", printed, re.MULTILINE)
+from tests.conftest import next_lines
+from tests.training.small_training import TINY
 
 
 @pytest.mark.parametrize("value", ["run/a.ckpt", "my runs/a,b.ckpt", "it's [1]", "a=b{c}", "back\\slash", "$HOME/x y"])

@@ -15,8 +15,8 @@ from sci_lightning.cli.composition import Composition, compose, plain
 from sci_lightning.cli.settings import complete
 from sci_lightning.cli.stored_run import to_repeat, with_stored_choices
 from sci_lightning.runs.checkpoint_contents import checkpoint_digest
-from tests.cli.test_encoder_file import encoder_file
-from tests.end_to_end.test_train import TINY
+from tests.encoder_files import encoder_file
+from tests.training.small_training import TINY
 
 Ran = Callable[..., str]
 SETTLED = [

@@ -23,7 +23,7 @@ from sci_lightning.decoder import (
     RevSCI,
     STFormer,
 )
-from tests.decoder.test_published import as_published
+from tests.decoder.transcriptions import as_published
 from tests.decoder.transcriptions.birnat import birnat
 from tests.decoder.transcriptions.e2e_cnn import e2e_cnn
 from tests.decoder.transcriptions.efficientsci import efficientsci

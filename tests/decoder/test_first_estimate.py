@@ -11,8 +11,8 @@ from sci_lightning.decoder import E2ECNN, Decoder, Linear
 from sci_lightning.errors import BadInput
 from sci_lightning.operator import SnapshotOperator
 from tests.conftest import members
-from tests.decoder.test_complexity import PUBLISHED
-from tests.decoder.test_decoders import SMALL
+from tests.decoder.published_facts import PUBLISHED
+from tests.decoder.small import SMALL
 
 NETWORKS = sorted(set(PUBLISHED) & set(members("decoder")))
 

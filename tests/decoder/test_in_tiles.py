@@ -20,7 +20,7 @@ from sci_lightning.decoder.tiling.tiling import Tiling
 from sci_lightning.errors import BadInput
 from sci_lightning.operator import SnapshotOperator
 from tests.conftest import members
-from tests.decoder.test_decoders import SMALL
+from tests.decoder.small import SMALL
 
 FRAMES, HEIGHT, WIDTH = 3, 75, 130
 TILE = {"birnat": (46, 46), "pnp_fastdvdnet": (80, 80)}

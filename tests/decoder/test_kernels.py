@@ -15,7 +15,7 @@ from sci_lightning.decoder.layers import kernels
 from sci_lightning.decoder.layers.convolution import Conv3d
 from sci_lightning.errors import BadInput
 from tests.conftest import members
-from tests.decoder.test_decoders import SMALL
+from tests.decoder.small import SMALL
 
 WIDE = {
     "res2former": ["decoder.dim=64", "decoder.depths=[1,1]"],

@@ -21,7 +21,7 @@ from sci_lightning.encoder.mask import LearnedStructural
 from sci_lightning.errors import BadInput, MachineFailure
 from sci_lightning.runs.checkpoint import write_weights
 from tests.conftest import members
-from tests.decoder.test_decoders import SMALL
+from tests.decoder.small import SMALL
 
 Run = Refused = Callable[..., str]
 FAST = ("gap_tv", "linear")

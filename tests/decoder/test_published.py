@@ -17,8 +17,8 @@ from sci_lightning.decoder import E2ECNN, Decoder, Res2former
 from sci_lightning.decoder.published import authors_keys, load_published, our_state, unpack
 from sci_lightning.errors import BadInput
 from tests.conftest import members
-from tests.decoder.test_complexity import FILES
-from tests.decoder.transcriptions import as_published
+from tests.decoder.published_facts import FILES
+from tests.decoder.transcriptions import as_published, random_state
 
 State = dict[str, torch.Tensor]
 DENOISERS = {"pnp_ffdnet": "ffdnet_gray", "pnp_fastdvdnet": "fastdvdnet_gray"}  # facts are of one iteration
@@ -63,11 +63,6 @@ def test_merged_renamed_and_unused_keys() -> None:
     del state["attn.q.weight"]
     with pytest.raises(BadInput, match=r"'attn.q.weight' \('qkv.weight' here\) is missing, Merged needs it"):
         load_published(decoder, state)
-
-
-def random_state(decoder: Decoder) -> State:
-    """A state as its authors save it, of values that keep activations near 1."""
-    return {key: 0.1 * torch.randn_like(value) for key, value in as_published(decoder).items()}
 
 
 @pytest.fixture

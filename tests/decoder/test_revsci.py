@@ -2,22 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 import torch
-from torch.multiprocessing.reductions import StorageWeakRef
-from torch.utils._python_dispatch import TorchDispatchMode
-from torch.utils._pytree import tree_leaves
 
-from sci_lightning.decoder import Decoder, RevSCI
-
-
-def gradients(decoder: Decoder, measurement: torch.Tensor, mask: torch.Tensor) -> list[torch.Tensor]:
-    """Of the measurement, the mask and every parameter."""
-    inputs = [measurement.clone().requires_grad_(), mask.clone().requires_grad_()]
-    loss = (decoder(*inputs) - 0.5).square().mean()
-    return list(torch.autograd.grad(loss, [*inputs, *decoder.parameters()]))
+from sci_lightning.decoder import RevSCI
+from tests.decoder.gradients import Peak, gradients
 
 
 @pytest.mark.parametrize(("blocks", "channels"), [(50, 16), (6, 64)])
@@ -42,30 +31,6 @@ def test_the_same_gradients_in_mixed_precision() -> None:
     for expected, outcome in zip(reference[2:], mixed, strict=True):
         assert outcome.dtype == torch.float32
         assert (outcome - expected).norm() < 0.1 * expected.norm()
-
-
-class Peak(TorchDispatchMode):
-    """The most bytes that tensors made since the start have taken at a time."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.alive: dict[StorageWeakRef, int] = {}
-        self.at_most = 0
-        self.bytes = 0
-
-    def __torch_dispatch__(self, function: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
-        result = function(*args, **(kwargs or {}))
-        for tensor in tree_leaves(result):
-            if isinstance(tensor, torch.Tensor):
-                storage = tensor.untyped_storage()
-                reference = StorageWeakRef(storage)
-                self.at_most += storage.nbytes() - self.alive.get(reference, 0)
-                self.alive[reference] = storage.nbytes()
-        if self.at_most > self.bytes:  # only then can it be a new peak, and what is no longer alive has to be known
-            self.alive = {storage: size for storage, size in self.alive.items() if not storage.expired()}
-            self.at_most = sum(self.alive.values())
-            self.bytes = max(self.bytes, self.at_most)
-        return result
 
 
 def test_memory_does_not_grow_with_depth() -> None:

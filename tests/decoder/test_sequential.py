@@ -11,7 +11,7 @@ from sci_lightning.decoder import Decoder, Res2former, STFormer
 from sci_lightning.decoder.layers.sequential import computed_as_larger
 from sci_lightning.decoder.tiling.memory import LiveBytes
 from sci_lightning.runs.precision import mixed_precision
-from tests.decoder.test_revsci import Peak, gradients
+from tests.decoder.gradients import Peak, gradients
 
 NETWORKS: dict[str, Callable[[bool], Decoder]] = {
     "res2former": lambda checkpoint: Res2former(16, (4, 4), checkpoint=checkpoint),

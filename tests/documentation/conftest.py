@@ -22,11 +22,11 @@ from skimage.io import imsave
 import sci_lightning
 from sci_lightning.decoder import Res2former
 from sci_lightning.virtual_camera import Session, VirtualCamera
-from tests.cli.test_encoder_file import encoder_file
+from tests.clips import clips
 from tests.conftest import ROOT
-from tests.decoder.test_published import as_published
+from tests.decoder.transcriptions import as_published
 from tests.documentation.pages import ONLY_IMPORTED, SMALL, SMALL_DECODER, own_files, reduced, split
-from tests.test_configs import clips
+from tests.encoder_files import encoder_file
 
 Run = Callable[[str], None]
 CORRECTED = """

@@ -15,8 +15,8 @@ from scipy.io import savemat
 from sci_lightning.decoder import E2ECNN
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.checkpoint import read_checkpoint
+from tests.clips import clips
 from tests.conftest import members
-from tests.test_configs import clips
 from tests.training.small_training import TINY
 
 Refused = Callable[..., str]

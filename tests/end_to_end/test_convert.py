@@ -15,8 +15,8 @@ from safetensors.torch import save_file
 from sci_lightning.decoder import E2ECNN
 from sci_lightning.encoder.mask.structure import structure
 from sci_lightning.runs.checkpoint import read_checkpoint
-from tests.decoder.test_published import as_published, random_state
-from tests.end_to_end.test_train import TINY
+from tests.decoder.transcriptions import as_published, random_state
+from tests.training.small_training import TINY
 
 Run = Refused = Callable[..., str]
 DECODER = ["decoder=e2e_cnn", "decoder.channels=6"]

@@ -14,7 +14,7 @@ import pytest
 import torch
 
 from tests.conftest import ROOT
-from tests.end_to_end.test_train import TINY
+from tests.training.small_training import TINY
 
 
 class KeepMask(L.Callback):

@@ -12,8 +12,8 @@ import pytest
 import torch
 
 from sci_lightning.runs.checkpoint import read_checkpoint
-from tests.cli.test_encoder_file import encoder_file
-from tests.end_to_end.test_train import TINY
+from tests.encoder_files import encoder_file
+from tests.training.small_training import TINY
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 SMALL = [*TINY, "trainer.max_epochs=1", "data.scenes_count=1", "callbacks.pictures=null", "logger=none"]

@@ -20,7 +20,7 @@ from sci_lightning.runs.checkpoint import read_checkpoint, write_weights
 from sci_lightning.training.system import System
 from sci_lightning.training.training_checkpoint import TrainingCheckpointIO
 from tests.conftest import members
-from tests.decoder.test_decoders import SMALL
+from tests.decoder.small import SMALL
 
 
 class OneClip(Clips):

@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from sci_lightning.decoder.denoiser import FFDNet
-from tests.cli.test_next_command import next_lines
+from tests.conftest import next_lines
 
 Run = Callable[..., str]
 SHORT = ["decoder.iterations=[3]", "frames=4", "size=[32,32]"]

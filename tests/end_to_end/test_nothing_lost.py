@@ -14,7 +14,7 @@ import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from tests.conftest import ROOT
-from tests.end_to_end.test_train import TINY
+from tests.training.small_training import TINY
 
 Ran = Callable[..., str]
 OWN = """

@@ -18,7 +18,7 @@ from sci_lightning.encoder.effects import Effect
 from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.conftest import members
-from tests.end_to_end.test_train import TINY
+from tests.training.small_training import TINY
 
 Run = Callable[..., str]
 SLOPE = 0.137

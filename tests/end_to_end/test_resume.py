@@ -12,8 +12,8 @@ import pytest
 import torch
 
 from sci_lightning.runs.checkpoint import load_file
-from tests.end_to_end.test_sweep import KILLED
-from tests.end_to_end.test_train import TINY
+from tests.end_to_end.killed_training import KILLED
+from tests.training.small_training import TINY
 
 # windows of a larger mask and sensor noise: everything that is random in a step
 RUN = [

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import signal
 import subprocess
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import lightning as L
 import pytest
 import torch
 
@@ -20,43 +17,13 @@ from sci_lightning.cli.composition import plain
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.studies.tables.paper_figures import swept
 from tests.conftest import ROOT, members
+from tests.end_to_end.killed_training import KILLED, steps
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 ROWS = ["experiment=table2", "scale=smoke", "decoder=e2e_cnn,metasci", "data.scenes_count=1"]
 QUICK = ["trainer.accelerator=cpu", "metrics.qscore=null", "logger=none", "out=sweep"]
 STEPS = ["data.clips_per_epoch=20", "callbacks.last.every_minutes=null", "callbacks.last.every_n_steps=1"]
-KILLED = "+callbacks.steps={_target_: tests.end_to_end.test_sweep.Steps, kill_at: {%s}}"
-
-
-class Steps(L.Callback):
-    """Notes every step in a file, and kills the run and all its processes once, at a stated step.
-
-    Args:
-        kill_at: the step at which the training of each decoder waits; when all of them have come there, the processes
-            are killed. A folder with a file ``killed_once`` has seen this before: the run goes through.
-    """
-
-    def __init__(self, kill_at: Mapping[str, int]) -> None:
-        self.kill_at = kill_at
-
-    def on_train_batch_start(self, trainer: L.Trainer, *_: Any) -> None:
-        decoder = type(trainer.lightning_module.decoder).__name__
-        with Path("steps.txt").open("a") as file:
-            file.write(f"{decoder} {trainer.global_step}\n")
-        if self.kill_at.get(decoder) != trainer.global_step or Path("killed_once").exists():
-            return
-        while not all(step in steps(Path(), name) for name, step in self.kill_at.items()):
-            time.sleep(0.01)
-        if decoder != next(iter(self.kill_at)):
-            signal.pause()
-        Path("killed_once").touch()
-        os.killpg(0, signal.SIGKILL)
-
-
-def steps(folder: Path, decoder: str) -> list[int]:
-    lines = [line.split() for line in (folder / "steps.txt").read_text().splitlines()]
-    return [int(step) for name, step in lines if name == decoder]
 
 
 def reached(folder: Path) -> int:

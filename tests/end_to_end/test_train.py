@@ -15,8 +15,8 @@ import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from sci_lightning.runs.checkpoint import read_checkpoint
+from tests.clips import clips
 from tests.files.formats import check
-from tests.test_configs import clips
 from tests.training.small_training import TINY
 
 Command = Callable[..., subprocess.CompletedProcess[str]]

@@ -25,7 +25,7 @@ from sci_lightning.errors import BadInput, MachineFailure
 from sci_lightning.files.atomic_file import ABANDONED_AFTER, atomic_write
 from tests.captures.conftest import write
 from tests.conftest import ROOT
-from tests.end_to_end.test_train import TINY
+from tests.training.small_training import TINY
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 

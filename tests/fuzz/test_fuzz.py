@@ -28,9 +28,9 @@ from sci_lightning.decoder import Decoder
 from sci_lightning.encoder import Encoder
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.checkpoint import Checkpoint, read_checkpoint, write_weights
-from tests.end_to_end.test_train import TINY
 from tests.fuzz.hostile import mutations, values
-from tests.runs.test_checkpoint import CONFIG, content
+from tests.runs.small_checkpoint import CONFIG, content
+from tests.training.small_training import TINY
 
 SHORT = settings(
     deadline=None,

@@ -10,39 +10,12 @@ from typing import Any
 
 import pytest
 import torch
-from torch import nn
 
 import sci_lightning
-from sci_lightning.configuration.build import build
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.checkpoint import read_checkpoint, write_weights
 from sci_lightning.training.system import System
-
-CONFIG: dict[str, Any] = {
-    "encoder": {
-        "_target_": "sci_lightning.encoder.Encoder",
-        "mask": {"_target_": "sci_lightning.encoder.mask.RandomBinary", "frames": 4, "size": [8, 8], "seed": 0},
-        "sensor": {"_target_": "sci_lightning.encoder.sensor.ClipQuantise", "bit_depth": 8},
-        "effects": {},
-    },
-    "decoder": {"_target_": "sci_lightning.decoder.E2ECNN", "frames": 4, "channels": 4, "blocks": 1},
-    "names": {"encoder": "rbw_sr", "decoder": "e2e_cnn"},
-    "frames": 4,
-    "size": [8, 8],
-    "crop": [8, 8],
-    "seed": 0,
-}
-
-
-def content() -> dict[str, Any]:
-    """What a checkpoint of weights holds."""
-    modules = nn.ModuleDict({part: build(CONFIG[part], part) for part in ("encoder", "decoder")})
-    return {"config": {**CONFIG}, "state_dict": modules.state_dict()}
-
-
-def saved(path: Path, **changes: Any) -> Path:
-    torch.save({**content(), **changes}, path)
-    return path
+from tests.runs.small_checkpoint import CONFIG, content, saved
 
 
 @pytest.mark.parametrize("name", ["a.ckpt", "a.safetensors"])

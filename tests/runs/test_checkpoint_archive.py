@@ -20,7 +20,7 @@ import torch
 from sci_lightning.cli.failure_line import exit_status, one_line
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.checkpoint import load_file, read_checkpoint
-from tests.runs.test_checkpoint import CONFIG, content, saved
+from tests.runs.small_checkpoint import CONFIG, content, saved
 
 Change = Callable[[Path], None]
 

@@ -38,3 +38,10 @@ def one_capture(coding: np.ndarray, scene: np.ndarray | float = 1.0, *, exposure
     video = np.broadcast_to(np.float32(scene), coding.shape)[None]
     sequence = np.arange(len(coding))[None]
     return Acquisition(coding, sequence, video, np.ones(1), np.full(1, exposure), ("unknown",))
+
+
+def one_mirror(row: int = 8, column: int = 5, size: tuple[int, int] = (16, 16)) -> Acquisition:
+    """Two slots in which a single mirror shows half of the light."""
+    coding = np.zeros((2, *size))
+    coding[:, row, column] = 0.5
+    return one_capture(coding)

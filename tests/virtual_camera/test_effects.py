@@ -10,17 +10,11 @@ import pytest
 from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY
 from sci_lightning.virtual_camera.hardware.camera import Camera
 from sci_lightning.virtual_camera.random_numbers import stream
-from tests.virtual_camera.conftest import SMALL, Signal, one_capture
+from tests.virtual_camera.conftest import SMALL, Signal, one_capture, one_mirror
 
 STAGES = ("capture", "scene", "modulator", "relay", "exposure", "optics", "sensor")
 INPUT = SMALL.acquisition(1)
 IDEAL = Camera(SMALL, {}, 1)
-
-
-def one_mirror(row=8, column=5, size=(16, 16)):
-    coding = np.zeros((2, *size))
-    coding[:, row, column] = 0.5
-    return one_capture(coding)
 
 
 def one_slot_each(slots=4, size=(16, 16)):

@@ -9,8 +9,7 @@ import pytest
 from scipy.special import ndtr
 
 from sci_lightning.virtual_camera.hardware.relay import Relay
-from tests.virtual_camera.conftest import SMALL, Signal, one_capture
-from tests.virtual_camera.test_effects import one_mirror
+from tests.virtual_camera.conftest import SMALL, Signal, one_capture, one_mirror
 
 RANDOM = np.random.default_rng(2).random((1, 12, 15))
 

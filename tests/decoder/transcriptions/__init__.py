@@ -47,3 +47,8 @@ TRANSCRIPTIONS: Mapping[str, Published] = {
 def as_published(decoder: Decoder) -> dict[str, torch.Tensor]:
     """Return the decoder's state under its authors' keys, the same tensors."""
     return {authors_keys(decoder, key)[0]: value for key, value in decoder.state_dict().items()}
+
+
+def random_state(decoder: Decoder) -> dict[str, torch.Tensor]:
+    """A state as its authors save it, of values that keep activations near 1."""
+    return {key: 0.1 * torch.randn_like(value) for key, value in as_published(decoder).items()}

@@ -18,10 +18,10 @@ from sci_lightning.cli.notebook import train
 from sci_lightning.cli.settings import complete
 from sci_lightning.cli.stored_run import with_stored_choices
 from sci_lightning.errors import BadInput
-from tests.cli.test_encoder_file import _store, encoder_file
-from tests.end_to_end.test_train import TINY
+from tests.encoder_files import encoder_file
+from tests.training.small_training import TINY
 
-__all__ = ["_store"]  # the fixture
+pytestmark = pytest.mark.usefixtures("adopted_encoders")
 
 QUIET = ["metrics.qscore=null", "data.scenes_count=1", "callbacks.pictures=null", "logger=none"]
 FIXED = ["system.lr=1e-30", "system.final_lr=1e-30"]

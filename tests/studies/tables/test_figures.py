@@ -18,8 +18,8 @@ from sci_lightning.studies.tables.cost import cost_figure
 from sci_lightning.studies.tables.dynamic_range import checker, distinguishable_steps, patch_error, wedge
 from sci_lightning.studies.tables.paper_figures import paper_figures
 from sci_lightning.studies.tables.run import find_runs
-from tests.end_to_end.test_train import TINY
 from tests.studies.tables.conftest import Made
+from tests.training.small_training import TINY
 
 PAPER: dict[str, Any] = paper_figures()
 

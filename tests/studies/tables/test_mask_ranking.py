@@ -12,7 +12,7 @@ from sci_lightning.cli.command import run
 from sci_lightning.cli.commands import mask_ranking
 from sci_lightning.cli.composition import compose
 from sci_lightning.errors import BadInput
-from tests.test_configs import clips
+from tests.clips import clips
 
 
 def few(frames: int, side: int, seed: int) -> list[tuple[str, torch.Tensor]]:

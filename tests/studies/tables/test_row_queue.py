@@ -7,38 +7,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from sci_lightning.studies.tables.row_queue import RowQueue
 from sci_lightning.studies.tables.rows import TableRow
 from tests.conftest import ROOT
-
-ROWS = [TableRow("table3", "rbw_sr", 1, name) for name in ("one", "two", "three")]
-WAITS = """
-import pathlib, signal, sys
-from sci_lightning.runs.run_folder import run_folder
-place = pathlib.Path(sys.argv[1])
-def stop(*_):
-    (place / "asked").touch()
-    sys.exit(130)
-signal.signal(signal.SIGTERM, stop)
-with run_folder(place):
-    (place / "running").touch()
-    signal.pause()
-"""
-"""Stands for a training: takes its folder, and ends when it is asked to, with the status of a stopped one."""
-
-
-def queue(folder: Path, script: Callable[[TableRow], str], workers: int = 1) -> tuple[RowQueue, list[str]]:
-    finished: list[str] = []
-
-    def command(row: TableRow) -> list[str]:
-        return ["-c", script(row), str(folder / row.folder)]
-
-    return RowQueue(ROWS, folder, command, lambda row: finished.append(row.decoder), print, workers), finished
+from tests.studies.tables.waiting_rows import ROWS, WAITS, queue
 
 
 def test_a_row_that_fails_stops_no_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -67,7 +42,7 @@ def wait_for(path: Path) -> None:
 QUEUE = """
 import sys
 from pathlib import Path
-from tests.studies.tables.test_row_queue import WAITS, queue
+from tests.studies.tables.waiting_rows import WAITS, queue
 queue(Path(sys.argv[1]), lambda row: WAITS, workers=2)[0].run()
 """
 
