@@ -37,11 +37,7 @@ def test_in_a_process_of_its_own(command, tmp_path):
     (sheet,) = (tmp_path / "outputs" / "captures").glob("*/contact_sheet.png")
     assert str(sheet.relative_to(tmp_path)) in done.stdout and sheet.stat().st_size > 10_000
     done = command("captures", "info", "none.h5")
-    assert (done.returncode, done.stderr, done.stdout) == (
-        2,
-        "error: none.h5: no such file or folder; give captures= one that exists\n",
-        "",
-    )
+    assert (done.returncode, done.stdout) == (2, "") and re.fullmatch("error: none.h5: .*captures=.*\n", done.stderr)
 
 
 def test_info(here, tmp_path):
@@ -68,7 +64,7 @@ def test_info_names_wrong_labels(here, tmp_path):
     with h5py.File(tmp_path / "captures.h5", "a") as file:
         file["kind"][1] = "static"
     printed = here("info", "captures.h5", "out=a.png")
-    assert "capture 1 is labelled static, its patterns and scene are those of a dark one" in printed
+    assert re.search("capture 1 is labelled static, .*dark", printed)
 
 
 def test_pack(here, tmp_path):
@@ -87,9 +83,7 @@ def test_register(here, tmp_path):
     whole = captures(matrix, size=(40, 44), mirrors=(48, 48), sensor_to_modulator=None)
     write_captures(tmp_path / "own.h5", whole.take(range(8, 12)))
     printed = here("register", "own.h5", "pitch=[1.2,1.2]")
-    assert re.search(
-        r"48 x 48 mirrors of 1\.25\d? x 1\.25\d? pixels .* cover 100 % of the field; residual 0\.", printed
-    )
+    assert re.search(r"48 x 48 mirrors of 1\.25\d? x 1\.25\d? .* 100 % .*residual 0\.", printed)
     assert "sci_lightning.diagnose captures=own.h5" in printed
     assert "mirrors" in here("info", "own.h5", "out=a.png")
     with pytest.raises(SystemExit):

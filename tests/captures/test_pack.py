@@ -275,14 +275,14 @@ def test_nothing_outside_of_the_folder_is_read(folder, tmp_path, name):
     np.save(tmp_path / "scene.npy", np.full((4, 6), 0.5))
     (folder / "link.npy").symlink_to(tmp_path / "scene.npy")
     recipe(folder, {"measurement": "shot0.tif", "scene": name})
-    with pytest.raises(BadInput, match=r"scene: .* out of .*; copy the file into this folder"):
+    with pytest.raises(BadInput, match=r"scene: .* out of "):
         pack_captures(folder, tmp_path / "a.h5")
 
 
 @pytest.mark.parametrize("name", ["a\0b", "\x1b[2J", "x" * 500])
 def test_names_that_nobody_can_write(folder, tmp_path, name):
     recipe(folder, {"measurement": "shot0.tif"}, name=name)
-    with pytest.raises(BadInput, match="name: expected at most 200 printable characters"):
+    with pytest.raises(BadInput, match=r"name: .* 200 printable"):
         pack_captures(folder, tmp_path / "a.h5")
 
 
@@ -290,7 +290,7 @@ def test_more_slots_than_anybody_packs(folder, tmp_path):
     words = ["masks.tif", "all_off"]
     entries = [{"measurement": "shot0.tif", "sequence": "all_off"} for _ in range(100)]
     recipe(folder, *entries, patterns=words, frames=100_000)
-    with pytest.raises(BadInput, match="100 entries of 100000 slots, expected at most 5,000,000 slots"):
+    with pytest.raises(BadInput, match=r"100 entries of 100000 slots.* 5,000,000"):
         pack_captures(folder, tmp_path / "a.h5")
 
 

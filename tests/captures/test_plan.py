@@ -109,9 +109,7 @@ def test_own_mask(plan, tmp_path: Path) -> None:
     shown = np.stack([imread(path) for path in sorted((tmp_path / "LAB" / "patterns").glob("slot_*.png"))])
     assert np.abs(shown / 255 - mask).max() <= 0.5 / 255 + 1e-9
     assert not (tmp_path / "LAB" / "targets").exists()
-    assert (
-        "dark: fewer than 5 captures leave none of them for verification." in (tmp_path / "LAB" / "plan.md").read_text()
-    )
+    assert "dark: fewer than 5 captures" in (tmp_path / "LAB" / "plan.md").read_text()
 
 
 @pytest.mark.parametrize(

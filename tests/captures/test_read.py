@@ -315,7 +315,7 @@ def test_a_type_that_numpy_has_no_name_for(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.attrs.update({"format": "sci-captures", "format_version": 1, "bit_depth": 8})
         h5py.h5d.create(file.id, b"measurement", h5py.h5t.UNIX_D32LE, h5py.h5s.create_simple((1, 2, 2)))
-    with pytest.raises(BadInput, match="'measurement' holds values of a type that is not read"):
+    with pytest.raises(BadInput, match=r"'measurement' .*type that is not read"):
         read_captures(tmp_path / "a.h5")
 
 
@@ -342,7 +342,7 @@ def test_strings_that_are_compressed(file):
     with h5py.File(path, "r+") as stored:
         del stored["kind"]
         stored.create_dataset("kind", data=["dark"] * 3, dtype=h5py.string_dtype(), chunks=(3,), compression="gzip")
-    with pytest.raises(BadInput, match="'kind' is compressed or compact, expected strings that are stored as they are"):
+    with pytest.raises(BadInput, match="'kind' is compressed or compact"):
         read_captures(path)
 
 

@@ -88,7 +88,7 @@ def test_a_pattern_that_moves(step: tuple[int, int], tmp_path: Path) -> None:
     captures = captures_of_snapshots(snapshot(patterns), 12, tmp_path / "mask.mat", step=step, verification=[0])
     assert captures.frames == 6 and np.array_equal(captures.patterns, patterns) and not captures.known.any()
     assert captures.verification == (0,)
-    with pytest.raises(BadInput, match=r"one pattern of 40 x 40 pixels; .* a mask that moves .* give 'mask_step="):
+    with pytest.raises(BadInput, match=r"one pattern of 40 x 40 .*mask_step="):
         captures_of_snapshots(snapshot(patterns), 12, tmp_path / "mask.mat")
     with pytest.raises(BadInput, match="does not end at the edge"):
         captures_of_snapshots(snapshot(patterns), 12, tmp_path / "mask.mat", step=(0, 7))
@@ -180,7 +180,7 @@ def test_fractions_beside_dn(tmp_path: Path) -> None:
     np.save(tmp_path / "fractions.npy", random.random((40, 40)))
     np.save(tmp_path / "dn.npy", random.integers(0, 255, (40, 40)).astype(np.uint8))
     np.save(tmp_path / "divided.npy", random.integers(0, 255, (40, 40)) / 255)
-    with pytest.raises(BadInput, match=r"dn\.npy: DN, the first file has fractions of full scale"):
+    with pytest.raises(BadInput, match=r"dn\.npy: DN, .*fractions"):
         read_snapshots([tmp_path / "fractions.npy", tmp_path / "dn.npy"])
     assert read_snapshots([tmp_path / "divided.npy", tmp_path / "dn.npy"])[1] == 8
     dn, bits = read_snapshots([tmp_path / "fractions.npy"], None, 12)

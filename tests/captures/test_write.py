@@ -63,7 +63,7 @@ def test_unknown_scenes_are_not_stored(virtual, tmp_path):
 def test_what_cannot_be_read_is_not_written(virtual, tmp_path):
     captures = read_captures(virtual[0])
     wrong = replace(captures, bit_depth=4)
-    with pytest.raises(BadInput, match=r"a\.h5: 'measurement' of capture \d+ holds \d+, expected .* 0 to 15"):
+    with pytest.raises(BadInput, match=r"a\.h5: 'measurement' of capture \d+ .* 0 to 15"):
         write_captures(tmp_path / "a.h5", wrong)
     assert not list(tmp_path.iterdir())
 

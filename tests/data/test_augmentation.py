@@ -102,9 +102,9 @@ def test_arguments_out_of_range_are_refused(arguments, message):
 def test_clips_too_short_or_too_small_are_named():
     augmentation = Augmentation(8, (32, 40), scale=(0.5, 2))
     augmentation.check((8, 16, 20), "just enough")
-    with pytest.raises(BadInput, match="a clip: has 7 frames; a training clip needs 8"):
+    with pytest.raises(BadInput, match=r"a clip: has 7 frames; .* 8"):
         augmentation.check((7, 16, 20), "a clip")
-    with pytest.raises(BadInput, match="a clip: has 16 x 19 pixels; a training clip needs 16 x 20"):
+    with pytest.raises(BadInput, match=r"a clip: has 16 x 19 .* 16 x 20"):
         augmentation.check((8, 16, 19), "a clip")
 
 

@@ -54,10 +54,10 @@ def test_only_those_behind_the_mask(captures: Captures) -> None:
 
 
 def test_none_to_test_on(captures: Captures, tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=r"lab.h5: captures of 4 x 16 x 24, the mask is 8 x 16 x 24 \(T x H x W\)"):
+    with pytest.raises(BadInput, match=r"lab\.h5: .*4 x 16 x 24.*8 x 16 x 24"):
         CapturedSnapshots(captures, torch.zeros(8, 16, 24))
-    with pytest.raises(BadInput, match="none of its 3 captures of a known scene that moves shows the encoder's mask"):
+    with pytest.raises(BadInput, match=r"none of its 3 captures .*moves shows .*mask"):
         CapturedSnapshots(captures, 1 - mask(captures))
     still = captures.take([kind != "dynamic" for kind in captures.kind])
-    with pytest.raises(BadInput, match=rf"none of its {len(still)} captures is of a known scene that moves"):
+    with pytest.raises(BadInput, match=rf"none of its {len(still)} captures is .*moves"):
         CapturedSnapshots(still, mask(captures))

@@ -41,7 +41,7 @@ def test_val_root_is_held_out_whole(make, tree, tmp_path, noise):
 def test_val_root_inside_root_is_not_trained_on(make, tree):
     folder = make(val_root=tree / "clip3.npz")
     assert [clip.name for clip in folder.training] == ["clip0.npz", "clip1.npz", "clip2.npz", "clip4.npz"]
-    with pytest.raises(BadInput, match=r"every clip is in val_root=.* too; none is left to train on"):
+    with pytest.raises(BadInput, match=r"val_root=.* none is left"):
         make(val_root=tree).clips()
 
 
@@ -64,7 +64,7 @@ def test_arguments_reach_the_clips(make):
 def test_a_single_clip_asks_for_val_root(make, tree):
     single = make(tree / "clip0.npz")
     assert [scene.name for scene in single.scenes()] == ["clip0"]  # it can be tested on
-    with pytest.raises(BadInput, match=r"clip0\.npz: holds a single clip.*give val_root"):
+    with pytest.raises(BadInput, match=r"clip0\.npz: .*single.*val_root"):
         single.clips()
 
 

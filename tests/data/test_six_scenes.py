@@ -84,7 +84,7 @@ def test_originals_come_before_others_but_after_none_that_are_too_short(make, sa
 def test_files_that_are_all_too_short_are_named(make, save):
     save("kobe8_cacti", 8)
     save("kobe31_cacti", 31)
-    with pytest.raises(BadInput, match=r"kobe needs 32 frames, but kobe31_cacti\.mat has 31, kobe8_cacti\.mat has 8"):
+    with pytest.raises(BadInput, match=r"kobe .*32 .*kobe31_cacti\.mat .*31, kobe8_cacti\.mat .*8"):
         make("kobe").scenes()
 
 
@@ -92,33 +92,33 @@ def test_missing_scenes_are_named_with_what_is_left(make, save):
     save("kobe_cacti", 32)
     save("dropped_frames", 8)  # is not the scene "drop"
     save("traffic_cacti", 48)
-    with pytest.raises(BadInput, match=r"drop, crash: no file such as drop_cacti\.mat .*data\.scenes=\[kobe,traffic\]"):
+    with pytest.raises(BadInput, match=r"drop, crash: no file .*=\[kobe,traffic\]"):
         make("kobe", "drop", "crash", "traffic")
-    with pytest.raises(BadInput, match=r"drop: no file such as drop_cacti\.mat or drop\.mat$"):
+    with pytest.raises(BadInput, match=r"drop: .*drop_cacti\.mat or drop\.mat$"):
         make("drop")
 
 
 def test_scenes_shorter_than_a_snapshot_are_named(make, all_scenes):
     with pytest.raises(
         BadInput,
-        match=r"runner, drop: shorter than a snapshot of 10 .*=\[kobe,traffic,crash,aerial\]' leaves them",
+        match=r"runner, drop: .* 10 .*=\[kobe,traffic,crash,aerial\]'",
     ):
         make(frames=10)
 
 
 def test_another_size_is_refused_not_resized(make, all_scenes):
-    with pytest.raises(BadInput, match=r"kobe_cacti\.mat: frames of \(8, 10\) pixels; the mask's size is \(10, 8\)"):
+    with pytest.raises(BadInput, match=r"kobe_cacti\.mat: .*\(8, 10\).*\(10, 8\)"):
         make("kobe", size=(10, 8)).scenes()
 
 
 def test_a_missing_key_is_named(make, save):
     save("kobe_cacti", 32, key="video")
-    with pytest.raises(BadInput, match=r"kobe_cacti\.mat: no array named 'orig'; the file holds video"):
+    with pytest.raises(BadInput, match=r"kobe_cacti\.mat: .*'orig'; .*video"):
         make("kobe").scenes()
 
 
 def test_unknown_scenes_and_folders_are_named(make, tmp_path):
-    with pytest.raises(BadInput, match=r"lena: no file lena\.mat.*choose from kobe, traffic"):
+    with pytest.raises(BadInput, match=r"lena: .*lena\.mat.* kobe, traffic"):
         make("lena")
     with pytest.raises(BadInput, match="absent: no such folder"):
         SixScenes(tmp_path / "absent", 8, (8, 10))
@@ -134,7 +134,7 @@ def test_scenes_of_your_own(make, save, tmp_path, noise):
     for scene in scenes:
         assert scene.video[0].min() >= 0 and 0.9 < scene.video[0].max() <= 1
     assert torch.equal(scenes[1].video[0], torch.from_numpy(noise(8, 8, 10)) / 255)
-    with pytest.raises(BadInput, match=r"lab07: no file lab07\.mat.* of this folder, lab01, lab02, lab03"):
+    with pytest.raises(BadInput, match=r"lab07: .*lab07\.mat.* lab01, lab02, lab03"):
         make("lab07")
     with pytest.raises(BadInput, match="lab02 needs 10 frames"):
         make("lab02", frames=10).scenes()

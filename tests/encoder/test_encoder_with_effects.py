@@ -70,11 +70,10 @@ def test_seeded_noise() -> None:
 def test_learning_reaches_the_mask_through_effects_and_windows() -> None:
     effects = [MaskShift(dx=0.4), OpticalBlur(sigma=0.5), Prnu(size=(16, 16), std=0.1), ShotNoise(full_well=1e3)]
     system = System(camera(*effects, learned=True), E2ECNN(frames=4, channels=4, blocks=1))
-    mask, origin = system._window(8, 8)
-    q = system.encoder.path.cells
-    assert mask.shape == (4, 8 * q, 8 * q)
     video = torch.rand(2, 4, 8, 8)
-    system.loss(system(video, mask, origin), video).backward()
+    measurement, mask = system.observe(video)
+    assert measurement.shape == (2, 8, 8) and mask.shape == (4, 8, 8)
+    system.training_step(video, 0).backward()
     weight = system.encoder.mask.weight
     assert torch.isfinite(weight.grad).all() and weight.grad.any()
 

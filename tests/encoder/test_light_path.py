@@ -43,9 +43,9 @@ def test_parameters_are_named_by_effect() -> None:
 
 def test_noise_is_stated_once() -> None:
     mask = RandomBinary(4, SIZE)
-    with pytest.raises(BadInput, match=r"read noise is stated twice, as encoder.sensor.read_noise=1.5 and .* with 2"):
+    with pytest.raises(BadInput, match=r"encoder\.sensor\.read_noise=1\.5 .* 2"):
         Encoder(mask, ClipQuantise(read_noise=1.5), effects=[ReadNoise(std=2.0)])
-    with pytest.raises(BadInput, match=r"shot noise is stated twice, as encoder.sensor.full_well=9000"):
+    with pytest.raises(BadInput, match=r"twice.*encoder\.sensor\.full_well=9000"):
         Encoder(mask, ClipQuantise(full_well=9000.0), effects=[ShotNoise(full_well=1e4)])
     Encoder(mask, ClipQuantise(read_noise=1.5), effects=[ReadNoise(std=0.0), ShotNoise(full_well=1e4)])
 
@@ -61,7 +61,7 @@ def test_what_is_no_effect_of_a_stage() -> None:
         rank = 45
         about = {"part": Parameter("1", 0.0, 0, 1)}
 
-    with pytest.raises(BadInput, match=r"Alone derives from Effect alone; derive it from .* OpticsEffect"):
+    with pytest.raises(BadInput, match=r"Alone .* OpticsEffect"):
         LightPath([Alone()])
     with pytest.raises(BadInput, match="'values': this name cannot be used"):
         LightPath([Values()])

@@ -140,7 +140,7 @@ def test_measured_refuses(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"4 x 6 x 6.*the run needs 8 x 6 x 6.*frames=4"):
         Measured(tmp_path / "good.npy", frames=8)
     scipy.io.savemat(tmp_path / "two.mat", {"a": good, "b": good})
-    with pytest.raises(BadInput, match=r"no array named 'mask'.*a \(6, 4, 6\)|no array named 'mask'.*a \("):
+    with pytest.raises(BadInput, match=r"'mask'.*a \("):
         Measured(tmp_path / "two.mat")
     (tmp_path / "broken.mat").write_bytes((tmp_path / "two.mat").read_bytes()[:200])
     (tmp_path / "broken.npy").write_bytes((tmp_path / "good.npy").read_bytes()[:-40])
@@ -158,7 +158,7 @@ def test_measured_refuses(tmp_path: Path) -> None:
 
 def test_pickles_are_not_read(tmp_path: Path) -> None:
     np.save(tmp_path / "objects.npy", np.array([print], dtype=object), allow_pickle=True)
-    with pytest.raises(BadInput, match="expected a numeric array of 3 dimensions, found object"):
+    with pytest.raises(BadInput, match="3 dimensions, found object"):
         Measured(tmp_path / "objects.npy")
 
 

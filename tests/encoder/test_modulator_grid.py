@@ -199,9 +199,9 @@ def test_a_mask_is_learned_through_a_homography() -> None:
 
 def test_encoder_refuses_half_of_it() -> None:
     mask = RandomBinary(4, MIRRORS)
-    with pytest.raises(BadInput, match=r"encoder.sensor_to_modulator needs 'encoder.size=\[H,W\]'"):
+    with pytest.raises(BadInput, match=r"encoder\.sensor_to_modulator .*encoder\.size="):
         Encoder(mask, ClipQuantise(), sensor_to_modulator=np.eye(3).tolist())
-    with pytest.raises(BadInput, match=r"encoder.size=\[20, 24\]: the mask is \[33, 40\]"):
+    with pytest.raises(BadInput, match=r"encoder\.size=\[20, 24\].*\[33, 40\]"):
         Encoder(mask, ClipQuantise(), size=SIZE)
     with pytest.raises(BadInput, match="singular"):
         Encoder(mask, ClipQuantise(), sensor_to_modulator=np.zeros((3, 3)).tolist(), size=SIZE)

@@ -25,7 +25,7 @@ def encoder() -> Encoder:
 
 def test_without_deepinv(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "deepinv.physics", None)
-    with pytest.raises(BadInput, match=r"needs deepinv.*pip install 'sci-lightning\[deepinv\]'"):
+    with pytest.raises(BadInput, match=r"sci-lightning\[deepinv\]"):
         encoder().as_deepinv()
 
 
@@ -78,9 +78,7 @@ def test_with_a_broken_deepinv(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "deepinv", types.ModuleType("deepinv"))
     sys.modules["deepinv"].__path__ = []
     monkeypatch.setattr(sys, "meta_path", [Broken(), *sys.meta_path])
-    with pytest.raises(
-        BadInput, match=r"deepinv cannot be imported: operator torchvision::nms does not exist; .* fits torch"
-    ):
+    with pytest.raises(BadInput, match=r"deepinv .*torchvision::nms"):
         encoder().as_deepinv()
 
 

@@ -52,9 +52,9 @@ def test_values_that_cover_two_by_two_pixels() -> None:
 
 
 def test_masks_that_do_not_fit() -> None:
-    with pytest.raises(BadInput, match=r"'encoder.weight', is \(4, 8, 8\), expected \(8, 8, 8\)"):
+    with pytest.raises(BadInput, match=r"'encoder.weight'.*\(4, 8, 8\).*\(8, 8, 8\)"):
         published_mask(torch.ones(4, 8, 8), None, 8, (8, 8))
-    with pytest.raises(BadInput, match=r"'encoder.weight', is \(8, 8\), expected \(4, 8, 8\)"):
+    with pytest.raises(BadInput, match=r"'encoder.weight'.*\(8, 8\).*\(4, 8, 8\)"):
         published_mask(torch.rand(8, 8), None, 4, (8, 8))
     with pytest.raises(BadInput, match="'continuous_mask', is"):
         published_mask(torch.ones(4, 8, 8), torch.ones(4, 8, 9), 4, (8, 8))

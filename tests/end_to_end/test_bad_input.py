@@ -72,14 +72,14 @@ def test_a_setting_that_does_not_exist_is_told_from_those_that_do(refused: Refus
 
 
 def test_a_name_that_is_nearly_right(refused: Refused) -> None:
-    assert "no such decoder; did you mean res2former? Else choose one of" in refused("train", "decoder=res3former")
+    assert "no such decoder; did you mean res2former?" in refused("train", "decoder=res3former")
     assert "did you mean" not in refused("train", "decoder=transformer")
 
 
 def test_a_setting_of_a_choice_that_has_no_default(refused: Refused) -> None:
-    assert "error: give data.root=..; --help says what it is" in refused("train", "data=folder")
+    assert "error: give data.root=.." in refused("train", "data=folder")
     line = refused("evaluate", "decoder=gap_tv", "data=six_scenes")
-    assert "error: give data.root=..; --help says what it is" in line
+    assert "error: give data.root=.." in line
 
 
 def test_a_size_that_is_one_number(refused: Refused, command: Callable[..., subprocess.CompletedProcess[str]]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -85,7 +86,7 @@ def test_decoders_that_fail_do_not_stop_the_others(
         benchmark.main()
     out, err = capsys.readouterr()
     assert caught.value.code == 2 and len(measured) == len(members("decoder"))
-    assert "decoders could not be measured: res2former: did not fit; res2former_l: did not fit" in err
+    assert "res2former: did not fit; res2former_l: did not fit" in err
     assert err.startswith(f"error: 2 of {len(measured)}") and "53.49" in out
     result = json.loads((tmp_path / "run" / "benchmark.json").read_text())
     check("benchmark", result)
@@ -129,7 +130,7 @@ def checkpoint_of(configuration: Callable[..., DictConfig]) -> Callable[[Path], 
 def test_bad_input(refused: Run) -> None:
     assert "decoder=res3former: no such decoder" in refused("benchmark", "decoder=res3former")
     assert "fp8" in refused("benchmark", "precision=fp8")
-    assert "reduced=tiny: no such scale of networks; choose one of cpu, gpu30" in refused("benchmark", "reduced=tiny")
+    assert re.search("reduced=tiny: .*cpu, gpu30", refused("benchmark", "reduced=tiny"))
     assert "no such file" in refused("benchmark", "ckpt_path=none.ckpt")
     assert "choose auto, cpu" in refused("benchmark", "device=tpu")
     assert "a whole number from 1" in refused("benchmark", "repeats=0")

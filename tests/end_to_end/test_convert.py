@@ -86,7 +86,7 @@ def test_a_binary_mask_is_kept_as_it_is(published: dict[str, torch.Tensor], ran:
 
 def test_without_a_mask(published: dict[str, torch.Tensor], ran: Run, tmp_path: Path) -> None:
     told = ran("convert", "checkpoint=bare.pth", *DECODER, "size=[16,24]", "out=out.ckpt")
-    assert "encoder=rbw_osr: no mask in the file, a random one" in told
+    assert "encoder=rbw_osr: no mask in the file" in told
     assert read_checkpoint(tmp_path / "out.ckpt").encoder().transmittance().shape == (8, 16, 24)
     np.save(tmp_path / "mask.npy", np.full((8, 16, 24), 0.25))
     mine = ["encoder=rbw_sr", "encoder/mask=measured", "encoder.mask.file=mask.npy", "size=[16,24]"]
@@ -113,7 +113,7 @@ def test_bad_input(published: dict[str, torch.Tensor], refused: Refused, tmp_pat
     (tmp_path / "notes.pth").write_text("not weights")
     assert "not a readable checkpoint" in line("notes.pth")
     torch.save(torch.nn.Linear(2, 2), tmp_path / "whole.pth")
-    assert "refused, nothing was executed; have whoever wrote it save a state_dict" in line("whole.pth")
+    assert "refused, nothing was executed" in line("whole.pth")
     torch.save([torch.ones(2)], tmp_path / "list.pth")
     assert "not a dictionary" in line("list.pth")
     torch.save({**published, "fc.weight": torch.ones(2)}, tmp_path / "more.pth")

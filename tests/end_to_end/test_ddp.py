@@ -70,5 +70,5 @@ def test_the_death_of_one_process_ends_the_other_with_one_line(rank: int, tmp_pa
     _, told = process.communicate(timeout=120)  # ends when every process has closed its standard error
     lines = [line for line in told.splitlines() if "Initializing distributed" not in line]
     assert len(lines) == 1, told
-    assert "one of the processes of this training was ended from outside" in lines[0]
+    assert "ended from outside" in lines[0]
     assert "go on with ckpt_path=" in lines[0] and process.returncode == (-9 if rank == 0 else 1)

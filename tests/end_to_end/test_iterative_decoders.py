@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 from collections.abc import Callable
 from pathlib import Path
@@ -40,7 +41,7 @@ def test_evaluate_in_tiles(ran: Run, refused: Run, tmp_path: Path) -> None:
         scores.append(json.loads((tmp_path / "run" / "metrics.json").read_text())["mean"]["psnr"])
     assert abs(scores[0] - scores[1]) < 1e-4
     line = refused("evaluate", "decoder=gap_tv", "tile=[16,2]", *SHORT, *SCENE)
-    assert "tile=[16,2] is smaller than the halo of 4 pixels" in line
+    assert "tile=[16,2]" in line and "halo of 4" in line
 
 
 def test_with_an_encoder(ran: Run, tmp_path: Path) -> None:
@@ -72,10 +73,10 @@ def test_refused(refused: Run) -> None:
     line = refused("evaluate", *SCENE)
     assert "ckpt_path=" in line and "decoder=gap_tv" in line
     line = refused("evaluate", "decoder=e2e_cnn", *SCENE)
-    assert "decoder=e2e_cnn has 817,608 parameters to learn: train it first" in line
+    assert "decoder=e2e_cnn has 817,608 parameters to learn" in line
     assert "no such file" in refused("evaluate", "decoder=gap_tv", "ckpt_path=no.ckpt", *SCENE)
     line = refused("evaluate", "decoder=gap_tv", "decoder.strengths=[0]", *SCENE)
-    assert "decoder.strengths=[0]: expected a list of numbers above 0" in line
+    assert "decoder.strengths=[0]: expected a list" in line
     line = refused("evaluate", "decoder=gap_tv", "decoder.motion=5", *SCENE)
     assert "decoder.motion=5: expected a MotionFilter or null" in line
     assert "decoder=gap_tv has nothing to learn" in refused("train", "decoder=gap_tv")
@@ -113,7 +114,7 @@ def test_a_denoiser_is_trained_by_itself(ran: Run, refused: Run, tmp_path: Path)
     assert otherwise["mean"]["psnr"] != as_trained["mean"]["psnr"]
     assert "does not fit decoder=pnp_ffdnet as configured" in refused("evaluate", trained, "decoder=pnp_ffdnet", *SCENE)
     line = refused("evaluate", trained, "+decoder.motion=null", *SCENE)
-    assert "needs a decoder as well, built as it was trained: decoder=pnp_ffdnet" in line
+    assert "needs a decoder as well" in line and "decoder=pnp_ffdnet" in line
     assert "E2ECNN has no denoiser" in refused("train", "system=denoiser", "decoder=e2e_cnn", *SHORT[1:])
 
 
@@ -142,4 +143,4 @@ def test_settings_that_do_not_converge(refused: Run, tmp_path: Path) -> None:
     np.save(tmp_path / "mask.npy", np.full((4, 32, 32), 0.25, np.float32))
     steep = ["decoder=gap_tv", *SHORT, "decoder.strengths=[1e-40]", "mask=mask.npy"]
     line = refused("reconstruct", *steep, "measurement=snapshot.npy", "device=cpu")
-    assert "GAP iteration 1 of 3: the residual became nan: stopped" in line and "decoder.strengths" in line
+    assert re.search("iteration 1 of 3: .*nan", line) and "decoder.strengths" in line

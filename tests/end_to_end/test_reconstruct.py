@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -100,7 +101,7 @@ def test_a_mask_that_does_not_belong(warnings: Callable[..., list[str]], camera:
     assert warnings("measurement=snapshot.npy", "mask=mask.npy") == []
     np.save(tmp_path / "turned.npy", mask.transpose(0, 2, 1))
     (line,) = warnings("measurement=snapshot.npy", "mask=turned.npy")
-    assert "snapshot.npy: the mask fits this snapshot better when it is transposed" in line
+    assert "snapshot.npy: the mask fits this snapshot better" in line
     np.save(tmp_path / "other.npy", (np.random.default_rng(1).random(mask.shape) < 0.5).astype(np.float32))
     (line,) = warnings("measurement=snapshot.npy", "mask=other.npy")
     assert "does not seem to belong to this snapshot" in line
@@ -138,7 +139,7 @@ def test_numbers_that_do_not_fit_the_full_scale(
 def test_what_cannot_be_decoded_well(warnings: Callable[..., list[str]], camera: np.ndarray, tmp_path: Path) -> None:
     np.save(tmp_path / "saturated.npy", np.full((SIDE, SIDE), 255, np.uint8))
     (line,) = warnings("measurement=saturated.npy", "mask=mask.npy")
-    assert "100 % of the pixels are saturated (full_scale=255)" in line
+    assert "100 % of the pixels are saturated" in line and "full_scale=255" in line
     np.save(tmp_path / "snapshot.npy", camera.astype(np.float32))
     np.save(tmp_path / "ones.npy", np.ones((4, SIDE, SIDE), np.float32))
     assert any(
@@ -176,8 +177,8 @@ def test_tiles_that_cannot_be(
 
     np.save(tmp_path / "snapshot.npy", camera.astype(np.float32))
     given = [*QUICK, "measurement=snapshot.npy", "mask=mask.npy"]
-    assert "tile=[2,64] is smaller than the halo of 4 pixels" in refused("reconstruct", *given, "tile=[2,64]")
-    assert "tile=half: give auto, none, or height and width" in refused("reconstruct", *given, "tile=half")
+    assert re.search(r"tile=\[2,64\] .*halo of 4", refused("reconstruct", *given, "tile=[2,64]"))
+    assert "tile=half: give auto, none" in refused("reconstruct", *given, "tile=half")
     monkeypatch.setattr(tile_choice, "SMALL", 100)
     monkeypatch.setattr(tile_choice, "free_memory", lambda device: 1000)
     line = refused("reconstruct", *given, "tile=none")

@@ -142,7 +142,7 @@ def test_rows_that_cannot_be_composed_do_not_stop_the_others(command: Command, t
 
 def test_a_sweep_of_which_no_row_exists(refused: Callable[..., str]) -> None:
     line = refused("train", "-m", "encoder=rbw_sr", "encoder.mask.bit=1,2", "out=sweep")
-    assert "none of the 2 rows exists: encoder.mask.bit is no setting" in line
+    assert "encoder.mask.bit is no setting" in line
 
 
 def test_one_row_without_a_sweep(ran: Callable[..., str], tmp_path: Path) -> None:

@@ -61,9 +61,7 @@ def test_metrics_file(run: Path) -> None:
         assert result["mean"][metric] == pytest.approx(np.mean(values))
         assert result["baseline"][metric] > 0
     assert set(result["mean"]) == {"psnr", "ssim", "qscore"}
-    assert result["conventions"]["qscore"].startswith(
-        "Q of HDR-VDP-2.2.2, luma-display, 30 pixels per degree, per frame"
-    )
+    assert result["conventions"]["qscore"].startswith("Q of HDR-VDP-2.2.2, luma-display, 30 pixels")
     assert result["parameters"] > 0 and result["macs"] > 0 and result["seconds_per_measurement"] > 0
     assert result["device"].startswith("cpu")
     checkpoint = torch.load(run / "checkpoints" / "last.ckpt", weights_only=True)
@@ -147,9 +145,7 @@ def test_evaluate_with_the_trained_and_with_another_encoder(run: Path, command: 
     assert set(other["mean"]) == {"psnr", "qscore"} and other["mean"]["qscore"] != result["mean"]["qscore"]
 
     done = command("evaluate", ckpt, *scenes, "size=[48,48]", "out=d")  # before the scenes are looked at
-    assert (
-        done.returncode == 2 and "size=[48, 48]: the mask has 32 x 32 pixels; to test with the trained" in done.stderr
-    )
+    assert done.returncode == 2 and "size=[48, 48]: the mask has 32 x 32" in done.stderr
     assert not (tmp_path / "d" / "metrics.json").exists()
 
 
@@ -168,7 +164,7 @@ def test_evaluate_on_the_benchmark(run: Path, command: Command, tmp_path: Path, 
     done = command("evaluate", *few, "encoder=rbw_sr")  # its random mask takes any size
     assert done.returncode == 2 and done.stderr.endswith("; add 'size=[256,256]'\n")
     done = command("evaluate", *few, "encoder=lsw_sr", "encoder.mask.tile=[8,8]")
-    assert done.returncode == 2 and "build the encoder.mask that was trained: encoder.mask.tile=null" in done.stderr
+    assert done.returncode == 2 and "encoder.mask.tile=null" in done.stderr
     tiled = [*TINY, "size=[256,256]", "crop=[32,32]", "encoder.mask.tile=[32,32]", "data.scenes_count=1"]
     limits = [f"benchmark.root={shared_data}/benchmark", "benchmark.scenes=[runner,drop]", "trainer.max_epochs=1"]
     done = command("train", *tiled, *limits, "data.snapshots_per_scene=1", "out=run")

@@ -60,7 +60,7 @@ def test_only_the_wanted_array_is_read(tmp_path: Path, monkeypatch: pytest.Monke
         np.testing.assert_array_equal(
             read_array(tmp_path / name, prefer="mask", dimensions=3), np.moveaxis(wanted, -1, 0)
         )
-    with pytest.raises(BadInput, match=r"a\.mat: expected a numeric array of 3 dimensions, found struct"):
+    with pytest.raises(BadInput, match=r"a\.mat: .*3 dimensions, found struct"):
         read_array(tmp_path / "a.mat", prefer="mask", key="s", dimensions=3)
 
 
@@ -116,9 +116,7 @@ def test_complex_numbers(tmp_path: Path, ending: str) -> None:
     else:
         with h5py.File(path, "w") as file:
             file["mask"] = array
-    with pytest.raises(
-        BadInput, match=r"expected a numeric array of 3 dimensions, found complex|the file holds nothing"
-    ):
+    with pytest.raises(BadInput, match=r"found complex|holds nothing"):
         read_array(path, prefer="mask", dimensions=3)
 
 
@@ -197,10 +195,7 @@ def test_an_unneeded_bomb_is_not_read(tmp_path: Path) -> None:
 
 def test_npy_that_declares_too_much(tmp_path: Path) -> None:
     line = hostile_files.refusal(READ, npy(tmp_path / "a.npy", (2**20, 2**12, 2**12)))
-    assert line == (
-        f"{tmp_path}/a.npy: its array of shape (1048576, 4096, 4096) declares 17592186044416 bytes, "
-        "the file holds 0 of them, damaged or truncated"
-    )
+    assert line.startswith(f"{tmp_path}/a.npy: ") and "(1048576, 4096, 4096) declares 17592186044416 bytes" in line
     with pytest.raises(BadInput, match="damaged or truncated"):
         read_array(npy(tmp_path / "a.npy", (2, 3, 4), bytes(23)), prefer="mask", dimensions=3)
 
@@ -208,9 +203,9 @@ def test_npy_that_declares_too_much(tmp_path: Path) -> None:
 def test_bounds() -> None:
     assert 2**28 < memory_bound() < 2**50
     check_stored("a", 2**26, 1, compressed=True)
-    with pytest.raises(BadInput, match=r"^a declares .* at most .* may be read \(50% of this machine's memory\); make"):
+    with pytest.raises(BadInput, match=r"^a declares .* at most .*50%"):
         check_memory("a", memory_bound() + 1)
-    with pytest.raises(BadInput, match="a declares 100 bytes, the file holds 99 of them"):
+    with pytest.raises(BadInput, match=r"a declares 100 bytes.* 99"):
         check_stored("a", 100, 99, compressed=False)
 
 
@@ -225,7 +220,7 @@ def test_a_matrix_of_version_4_that_leads_back(tmp_path: Path, columns: int) -> 
 def test_a_matrix_of_numbers_that_holds_none(tmp_path: Path, kind: int) -> None:
     """SciPy crashes over some of these."""
     path = matlab5(tmp_path / "a.mat", matrix(b"mask", (4, 4, 2), struct.pack("<II", kind, 32) + bytes(32)))
-    with pytest.raises(BadInput, match=f"holds elements of type {kind}, expected numbers"):
+    with pytest.raises(BadInput, match=f"type {kind}, expected numbers"):
         read_array(path, prefer="mask", dimensions=3)
 
 

@@ -56,7 +56,7 @@ def test_one_name_of_pictures_in_two_formats(tmp_path: Path) -> None:
     for number, pattern in enumerate(BINARY):
         Image.fromarray(255 * pattern).save(folder / f"{number}.bmp")
     (folder / "notes.txt").touch()
-    with pytest.warns(InputWarning, match=r"the same 12 names as \.png and \.bmp; those of \.png"):
+    with pytest.warns(InputWarning, match=r"12 .*\.png .*\.bmp; .*\.png"):
         np.testing.assert_array_equal(read_mask_file(folder), BINARY)
     np.testing.assert_array_equal(read_mask_file(folder / "*.bmp"), BINARY)
     (folder / "3.bmp").unlink()
@@ -95,7 +95,7 @@ def test_a_square_mask_and_a_cube(tmp_path: Path) -> None:
 
 def test_dn_with_a_dark_level() -> None:
     dn = 40 + 860.0 * BINARY * RANDOM.uniform(0.9, 1, BINARY.shape)
-    with pytest.raises(BadInput, match=r"a: .*found 40 to .*mask_dark=40 mask_white=8\d\d"):
+    with pytest.raises(BadInput, match=r"a: .*mask_dark=40 mask_white=8\d\d"):
         transmittance(dn, "a", settings="mask_")
     np.testing.assert_allclose(transmittance(dn, "a", 40, 900), (dn - 40) / 860, atol=1e-6)
     for dark, white, line in ((40, None, "mask_white="), (900, 40, "larger than"), (0, 200, "beyond mask_dark=0")):

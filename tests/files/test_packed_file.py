@@ -40,12 +40,12 @@ def test_every_format(tmp_path: Path, name: str) -> None:
 
 def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.raw").write_bytes(bytes(100))
-    with pytest.raises(BadInput, match=r"a\.raw: 100 bytes .* 5 x 7 pixels in Mono12p, 53 bytes"):
+    with pytest.raises(BadInput, match=r"a\.raw: 100 bytes .* 5 x 7 .*Mono12p, 53"):
         read_pictures(tmp_path / "a.raw", prefer="", raw=RawLayout("Mono12p", SIZE))
     with pytest.raises(BadInput, match=r"a\.raw: .*raw_format=Mono12p 'raw_size"):
         read_pictures(tmp_path / "a.raw", prefer="")
     (tmp_path / "a.raw").write_bytes(b"\xff" * 70)
-    with pytest.raises(BadInput, match=r"a\.raw: values up to 65535 in Mono12, whose largest is 4095"):
+    with pytest.raises(BadInput, match=r"a\.raw: .*65535 in Mono12.* 4095"):
         read_pictures(tmp_path / "a.raw", prefer="", raw=RawLayout("Mono12", SIZE))
 
 

@@ -51,7 +51,7 @@ def test_many_masks_at_once_and_a_tile_is_its_repetition() -> None:
 
 
 def test_what_is_refused() -> None:
-    with pytest.raises(BadInput, match="the mask has 5 slots, the score was made for 4"):
+    with pytest.raises(BadInput, match=r"5 slots, .* 4"):
         MaskScore(4)(random(8, frames=5))
     with pytest.raises(BadInput, match="aperture=0"):
         MaskScore(4, aperture=0)

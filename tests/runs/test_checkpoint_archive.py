@@ -221,7 +221,7 @@ SET = b"cbuiltins\nset\n"
 )
 def test_keys_of_one_hash(tmp_path: Path, flood: bytes) -> None:
     """Such a file of half a megabyte keeps a dictionary busy for minutes."""
-    with pytest.raises(BadInput, match="over 1,000 keys that are huge numbers or tuples"):
+    with pytest.raises(BadInput, match=r"1,000 keys .*tuples"):
         load_file(pickled(tmp_path / "a.ckpt", b"}(", text("a"), flood, b"u"))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -41,25 +42,22 @@ def test_what_names_stand_for(native: bool) -> None:
     assert resolve_precision(32, CPU) == resolve_precision(None, CPU) == "32-true"
     assert resolve_precision("bf16-mixed", CPU) == "bf16-mixed", "Lightning's name is taken where it is emulated"
     for name in (16, "16-mixed"):
-        with pytest.raises(BadInput, match=f"precision={name}: processors do not compute networks in float16; choose"):
+        with pytest.raises(BadInput, match=f"precision={name}: .*float16"):
             resolve_precision(name, CPU)
     assert resolve_precision(16, torch.device("cuda")) == "16-mixed"
     if native:
         assert resolve_precision("bf16", CPU) == "bf16-mixed"
     else:
-        with pytest.raises(BadInput, match=r"precision=bf16: this processor does not multiply bfloat16.*precision=32"):
+        with pytest.raises(BadInput, match=r"precision=bf16: .*precision=32"):
             resolve_precision("bf16", CPU)
 
 
 def test_one_line_says_it(native: bool) -> None:
     line = describe_precision(resolve_precision("auto", CPU), CPU)
     if native:
-        assert (
-            line
-            == "precision: networks in bfloat16, which this processor multiplies natively; precision=32 for float32"
-        )
+        assert line.startswith("precision: networks in bfloat16") and "precision=32" in line
     else:
-        assert line == "precision: float32; this processor does not multiply bfloat16"
+        assert line.startswith("precision: float32")
 
 
 @pytest.mark.parametrize(
@@ -132,7 +130,7 @@ def test_a_training_goes_on_in_the_precision_that_it_began_with(native: bool) ->
         fresh, _ = _with_precision(config, replace(checkpoint, resumable=False))
         assert fresh["trainer"]["precision"] == ("bf16-mixed" if native else "32-true")
     asked = {**config, "trainer": {**config["trainer"], "precision": "32-true"}}
-    with pytest.raises(BadInput, match=r"trainer.precision=bf16-mixed, now it is 32-true"):
+    with pytest.raises(BadInput, match=r"trainer\.precision=bf16-mixed, .*32-true"):
         check_same_run("last.ckpt", before, _with_precision(asked, checkpoint)[0])
 
 
@@ -146,7 +144,5 @@ def test_bad_input(refused: Callable[..., str], tmp_path: Path) -> None:
         more = [f"measurement={tmp_path}/none.tiff"] if name == "reconstruct" else []
         assert "precision=fp8: expected auto, 32, bf16, 16" in refused(name, "precision=fp8", *more)
     small = ["scale=smoke", "decoder=e2e_cnn", "trainer.accelerator=cpu", "out=run"]
-    assert "precision=16: processors do not compute networks in float16" in refused("train", *small, "precision=16")
-    assert "precision=16: processors do not compute networks in float16" in refused(
-        "benchmark", "device=cpu", "precision=16"
-    )
+    for words in (("train", *small), ("benchmark", "device=cpu")):
+        assert re.search("precision=16: .*float16", refused(*words, "precision=16"))

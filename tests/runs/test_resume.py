@@ -38,7 +38,7 @@ def test_finished(configuration: Configuration, tmp_path: Path) -> None:
         tmp_path, plain(configuration("train", "decoder=e2e_cnn", f"out={tmp_path}", "workers=3"))
     )
     assert result is not None and result == written
-    with pytest.raises(BadInput, match=r"decoder.blocks is 5, now 4\); give another out="):
+    with pytest.raises(BadInput, match=r"decoder\.blocks is 5, now 4.* out="):
         load_finished_metrics(tmp_path, plain(configuration("train", "decoder=e2e_cnn", "decoder.blocks=4")))
     (tmp_path / "metrics.json").write_text("[]")
     with pytest.raises(BadInput, match="not the metrics of a run"):

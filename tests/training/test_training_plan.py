@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -22,20 +23,20 @@ def test_the_paper_scale_is_the_published_one(ran: Callable[..., str], tmp_path:
     """100 epochs of 24,500 clips in batches of 16, float32, without DAVIS at hand; nothing is left behind."""
     printed = ran("train", "scale=paper", "encoder=lsw_sr", *SMALL, "dry_run=true")
     steps, step, hours = printed.splitlines()[:3]
-    assert steps == "153,100 steps of 16 clips: 100 epochs of 24,500 clips, 2,449,600 examples"
-    assert "32-true" in step and hours.startswith("training takes about ") and "on this machine" in hours
+    assert re.findall(r"[\d,]*\d", steps) == ["153,100", "16", "100", "24,500", "2,449,600"]
+    assert "32-true" in step and re.search(r"about .* (hours|days)", hours)
     assert not list(tmp_path.iterdir())
 
 
 def test_a_plan_with_a_limit_on_time(ran: Callable[..., str]) -> None:
     printed = ran("train", "scale=cpu", *SMALL, "core_minutes=0.5", "dry_run=true")
-    assert "steps of 4 clips in 0.5 minutes of processor time, about: " in printed
-    assert "training ends after 30 seconds of processor time" in printed
+    assert "steps of 4 clips in 0.5 minutes" in printed
+    assert "ends after 30 seconds of processor time" in printed
 
 
 def test_a_plan_with_a_limit_on_the_duration(ran: Callable[..., str]) -> None:
     printed = ran("train", "scale=cpu", *SMALL, "trainer.max_time=00:00:00:20", "dry_run=true")
-    assert "steps of 4 clips in 20 seconds, about: " in printed and "training ends after 20 seconds\n" in printed
+    assert "steps of 4 clips in 20 seconds" in printed and "ends after 20 seconds\n" in printed
 
 
 @pytest.mark.parametrize(("limit", "steps"), [("10", "10 steps"), ("0.1", "33 steps"), ("1.0", "333 steps")])
@@ -51,15 +52,15 @@ def test_a_plan_without_batches(refused: Callable[..., str]) -> None:
 
 def test_a_plan_counts_the_clips_of_the_data(ran: Callable[..., str], refused: Callable[..., str]) -> None:
     printed = ran("train", *SMALL, "size=[32,32]", "batch_size=3", "trainer.max_epochs=2", "dry_run=true")
-    assert printed.startswith("666 steps of 3 clips: 2 epochs of 1,000 clips, 1,998 examples")
-    assert "data.root is missing: give it, or data.clips_per_epoch=" in refused("train", "data=davis", "dry_run=true")
+    assert re.findall(r"[\d,]*\d", printed)[:5] == ["666", "3", "2", "1,000", "1,998"]
+    assert re.search(r"data\.root .*data\.clips_per_epoch=", refused("train", "data=davis", "dry_run=true"))
     assert "no whole batch" in refused("train", *SMALL, "batch_size=2000", "dry_run=true")
 
 
 def test_the_batch_is_of_all_processes() -> None:
     assert [share_of_batch(16, processes) for processes in (1, 2, 8, 16)] == [16, 8, 2, 1]
     assert share_of_batch(1, 4) == 1
-    with pytest.raises(BadInput, match="batch_size=16 cannot be shared out to 3 processes: give a multiple of 3"):
+    with pytest.raises(BadInput, match=r"batch_size=16 .* multiple of 3"):
         share_of_batch(16, 3)
 
 
@@ -72,12 +73,12 @@ def test_durations(seconds: float, text: str) -> None:
 
 
 def test_the_duration_in_a_sentence() -> None:
-    assert duration_line(170 * 86400) == "training takes about 170 days on this machine"
-    assert duration_line(7200) == "training takes about 2.0 hours on this machine"
-    assert duration_line(10**6, 45) == "training ends after 45 minutes of processor time"
+    assert "about 170 days" in duration_line(170 * 86400)
+    assert "about 2.0 hours" in duration_line(7200)
+    assert "ends after 45 minutes of processor time" in duration_line(10**6, 45)
     assert "5 minutes on this machine" in duration_line(300, 45)
-    assert duration_line(7200, 45, 600) == "training ends after 10 minutes"
-    assert duration_line(7200, 45, 6000) == "training ends after 45 minutes of processor time"
+    assert duration_line(7200, 45, 600).endswith("ends after 10 minutes")
+    assert "ends after 45 minutes of processor time" in duration_line(7200, 45, 6000)
     assert TrainingPlan(100, 1, 100, 1, 0.1, "cpu").lines()[0].startswith("100 steps of 1 clip: 1 epoch of 100 clips")
 
 

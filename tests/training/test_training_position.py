@@ -111,7 +111,7 @@ def test_a_longer_plan_goes_on_with_the_next_clips(tmp_path: Path, quiet: None) 
 @pytest.mark.parametrize(("options", "key"), [({"max_epochs": 2}, "max_epochs=2"), ({"max_steps": 14}, "max_steps=14")])
 def test_a_checkpoint_beyond_the_plan(tmp_path: Path, quiet: None, options: dict[str, int], key: str) -> None:
     train(tmp_path)
-    with pytest.raises(BadInput, match=f"15 steps were made, in epoch 3: more than trainer.{key} asks for"):
+    with pytest.raises(BadInput, match=rf"15 .* 3: .*trainer\.{key}"):
         train(tmp_path, **options)
 
 
@@ -134,5 +134,5 @@ def test_place(steps: int, validated: bool, accumulate: int, place: tuple[int, i
     "position", [None, [], {}, {"steps": -1}, {"steps": True, "batches_per_epoch": 5}, {"steps": 2**70}]
 )
 def test_positions_that_are_none(position: Any) -> None:
-    with pytest.raises(BadInput, match=r"a\.ckpt: damaged: it does not say how many steps"):
+    with pytest.raises(BadInput, match=r"a\.ckpt: damaged: .*steps"):
         TrainingPosition.read("a.ckpt", {"position": position}, 5)

@@ -79,12 +79,12 @@ def one() -> Captures:
 @pytest.mark.slow
 def test_without_contrast(one: Captures) -> None:
     flat = one.take([3, 6, 7])
-    with pytest.raises(BadInput, match="every pattern that is shown to an even target is the same everywhere"):
+    with pytest.raises(BadInput, match=r"every pattern .*even target .*same everywhere"):
         register(replace(flat, sequence=np.full_like(flat.sequence, 5)))
     with pytest.raises(BadInput, match="no pattern is shown to an even target"):
         register(one.take([0, 1, 2]))
     noise = np.random.default_rng(0).integers(90, 110, one.measurement.shape).astype(np.uint8)
-    with pytest.raises(BadInput, match=r"no pattern can be found in its image .best correlation 0"):
+    with pytest.raises(BadInput, match=r"best correlation 0"):
         register(replace(one, measurement=noise), pitch=(1.3, 1.3))
     said: list[str] = []
     unknown = replace(one, measurement=noise, scene=np.full_like(one.scene, np.nan))
@@ -109,9 +109,7 @@ def test_into_a_file(one: Captures, tmp_path: Path) -> None:
     write_captures(file, one)
     with h5py.File(file, "a") as stored:
         stored.attrs["lab"] = "book 3"
-    with pytest.raises(
-        BadInput, match=r"'patterns' is float32 of shape .6, 60, 64., expected .*captures register finds it"
-    ):
+    with pytest.raises(BadInput, match=r"'patterns' .*6, 60, 64.*captures register"):
         read_captures(file)
     matrix = homography((1.3, 1.3), 2.0, SIZE, MIRRORS)
     assert write_homography(file, matrix) == file
@@ -139,7 +137,7 @@ def test_into_a_folder(one: Captures, style: str, tmp_path: Path) -> None:
     }
     text = yaml.safe_dump(recipe, default_flow_style=style == "braces", sort_keys=False)
     (tmp_path / "captures.yaml").write_text("# our lab\n" + text)
-    with pytest.raises(BadInput, match=r"that of the patterns is \(60, 64\); .* captures register"):
+    with pytest.raises(BadInput, match=r"patterns .*\(60, 64\); .*captures register"):
         pack_captures(tmp_path, tmp_path / "a.h5")
     assert read_unregistered(tmp_path).sensor_to_modulator is None
     matrix = homography((1.3, 1.3), 2.0, SIZE, MIRRORS)
@@ -151,7 +149,7 @@ def test_into_a_folder(one: Captures, style: str, tmp_path: Path) -> None:
     assert packed.sensor_to_modulator is not None and np.allclose(packed.sensor_to_modulator, matrix, rtol=1e-14)
     (tmp_path / "captures.yaml").write_text(text + "\nsensor_to_modulator: [[1, 0], [0, 1]]\n" * (style == "block"))
     if style == "block":
-        with pytest.raises(BadInput, match="sensor_to_modulator: expected three rows of three numbers"):
+        with pytest.raises(BadInput, match=r"sensor_to_modulator: .*three rows"):
             pack_captures(tmp_path, tmp_path / "a.h5")
 
 

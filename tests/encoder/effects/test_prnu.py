@@ -27,5 +27,5 @@ def test_map_from_a_file(tmp_path: Path) -> None:
     effect = Prnu(size=(2, 2), file=tmp_path / "map.npy", std=0.1)
     assert effect.map.tolist() == [[0, 1], [2, -1]]
     assert "map" in effect.state_dict()
-    with pytest.raises(BadInput, match=r"map of prnu is \(2, 2\), this run needs \(3, 2\)"):
+    with pytest.raises(BadInput, match=r"prnu is \(2, 2\).*\(3, 2\)"):
         Prnu(size=(3, 2), file=tmp_path / "map.npy")

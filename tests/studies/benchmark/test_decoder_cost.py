@@ -114,7 +114,7 @@ def test_calls_take_turns() -> None:
 
 @pytest.mark.parametrize("name", [pytest.param("Killed", marks=pytest.mark.slow), "TooLarge"])
 def test_want_of_memory(name: str) -> None:
-    with pytest.raises(BadInput, match="did not fit into memory; give a smaller size="):
+    with pytest.raises(BadInput, match=r"memory; .*size="):
         decoder_cost({"_target_": f"{__name__}.{name}"}, **SETTINGS)
 
 

@@ -58,7 +58,7 @@ def test_parts(file: Path) -> None:
 
 
 def test_what_is_not_there(file: Path) -> None:
-    with pytest.raises(BadInput, match=r"no table benchmark\.speed; choose benchmark\.counts, benchmark\.forward"):
+    with pytest.raises(BadInput, match=r"benchmark\.speed; .*benchmark\.counts, benchmark\.forward"):
         build(file, "speed")
     file.write_text(json.dumps({**CONTENT, "format_version": 1}))
     with pytest.raises(BadInput, match="expected format sci-benchmark 2"):

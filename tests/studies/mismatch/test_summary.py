@@ -122,7 +122,7 @@ def test_documented_table(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="no records of nothing cameras"):
         mismatch(tmp_path, "nothing")
     (tmp_path / "foreign.json").write_text("{}")
-    with pytest.raises(BadInput, match=r"foreign\.json: .*not a record of the mismatch protocol"):
+    with pytest.raises(BadInput, match=r"foreign\.json: .*not a record"):
         mismatch(tmp_path, "")
 
 

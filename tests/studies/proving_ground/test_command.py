@@ -141,7 +141,7 @@ def test_a_line_that_was_cut_off_is_run_again(tmp_path: Path, record: Callable[.
 @pytest.mark.parametrize("end", ["", "\n"])
 def test_a_foreign_file_among_the_records(content: str, end: str, tmp_path: Path) -> None:
     (tmp_path / "foreign.jsonl").write_text(content + end)
-    with pytest.raises(BadInput, match=r"foreign\.jsonl, line 1: not a record of the proving ground"):
+    with pytest.raises(BadInput, match=r"foreign\.jsonl, line 1: not a record"):
         Records(tmp_path / "foreign.jsonl").read()
 
 

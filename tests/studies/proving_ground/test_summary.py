@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -142,7 +143,7 @@ def test_files(records: list[Outcome | Failure], tmp_path: Path) -> None:
     assert "| pairs: exact set of names, explained | 0.0% (0 of 1; 0% to 79%) | at least 95% | **no** |" in text
     assert "- pairs: exact set of names, explained: 0.0% (0 of 1; 0% to 79%); the target is at least 95%." in text
     assert "- gain + black_level -> gain (structural, 8 bits; chi2 10 to 2, 5 s)" in text
-    assert "Not tried: triples: exact set of names, explained; fewer captures: any wrong name." in text
+    assert re.search("Not tried: triples: .*; fewer captures: ", text)
     content = json.loads((tmp_path / "summary.json").read_text())
     check("proving_ground_summary", content)
     single = content["rows"][0]

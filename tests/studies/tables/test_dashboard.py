@@ -60,7 +60,7 @@ def test_a_dashboard_that_is_there_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "log").mkdir()
     check_dashboard(tmp_path / "log")
     (tmp_path / "log" / "events").touch()
-    with pytest.raises(BadInput, match="log is there already, and would show its runs beside these; give another out="):
+    with pytest.raises(BadInput, match=r"log is there already.* out="):
         check_dashboard(tmp_path / "log")
     with pytest.raises(BadInput, match="there already"):
         check_dashboard(tmp_path / "log" / "events")

@@ -34,7 +34,7 @@ def test_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest
     mask_ranking.mask_ranking(compose("mask_ranking", words))
     again = json.loads((tmp_path / "r" / "mask_ranking.json").read_text())["masks"]
     assert [row["psnr_dB"] == 99 for row in again] == [False, True, False]
-    with pytest.raises(BadInput, match=r"0\.2\.json: measured with seconds=0\.2; give these, or another folder"):
+    with pytest.raises(BadInput, match=r"0\.2\.json: .*seconds=0\.2"):
         mask_ranking.mask_ranking(compose("mask_ranking", [*words, "seconds=0.3"]))
 
 

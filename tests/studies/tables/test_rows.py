@@ -78,9 +78,9 @@ def test_what_is_kept(made: Made, tmp_path: Path) -> None:
         assert content["mean"]["psnr"] == psnr and content["provenance"]["commit"] == "0123abcd"
         assert content["config"]["data"] == {"root": "CLIPS"} and str(tmp_path) not in path.read_text()
     check_recipe(ROW, tmp_path / "kept", {"size": [64, 64], "system": {"lr": 1}})  # what only one of them says
-    with pytest.raises(BadInput, match=r"trained with size=\[64, 64\], now it is \[32, 32\]; remove .*label=NAME"):
+    with pytest.raises(BadInput, match=r"size=\[64, 64\].*\[32, 32\]; .*label="):
         check_recipe(ROW, tmp_path / "kept", {"size": [32, 32]})
-    with pytest.raises(BadInput, match="trained with initialisation=layers, now it is unit_variance"):
+    with pytest.raises(BadInput, match=r"initialisation=layers, .*unit_variance"):
         check_recipe(ROW, tmp_path / "kept", {"initialisation": "unit_variance"})
     check_recipe(ROW, tmp_path / "kept", {"data": {"root": "/elsewhere/OTHER"}})  # a place is no part of a recipe
     check_recipe(ROW, tmp_path / "kept", {"system": {"cuda_graph": True}})  # nor is what a GPU needs to be fast
