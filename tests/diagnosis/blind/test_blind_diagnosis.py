@@ -199,7 +199,7 @@ def test_bad_input(change: dict[str, int], message: str) -> None:
 
 
 def test_settings_of_known_scenes_are_refused() -> None:
-    with pytest.raises(BadInput, match=r"search\.name_share=0\.2: .* min_progress_nats"):
+    with pytest.raises(BadInput, match=r"search\.name_share=0\.2: .*min_progress_nats"):
         diagnose_blind(snapshots(count=1), settings=SearchSettings(min_progress_nats=0.1, name_share=0.2))
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import torch
 
-from sci_lightning.captures import Captures
 from sci_lightning.data.reader import find_clips
 from sci_lightning.diagnosis.blind.blind_fit import clustered, errors_of
 from sci_lightning.diagnosis.blind.candidate_comparison import compare
@@ -17,41 +16,12 @@ from sci_lightning.diagnosis.blind.likelihood import BRIGHTNESS, BlindLikelihood
 from sci_lightning.diagnosis.blind.prior import CONTRASTS, ScenePrior
 from sci_lightning.diagnosis.blind.sensor_response import SensorResponse
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting, datasheet_noise
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Setting, datasheet_noise
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder.effects import BlackLevel, ReadNoise, ResponseGamma
 from sci_lightning.encoder.light_path import LightPath
+from tests.diagnosis.blind.smooth_scenes import COUNT, FRAMES, SIZE, likelihood_of, snapshots
 from tests.diagnosis.blind.validation import record
-
-SIZE, FRAMES, COUNT = 32, 3, 4
-
-
-def snapshots(seed: int = 0, brightness: float = 1.0) -> Captures:
-    """Return snapshots of smooth scenes behind random masks."""
-    random = np.random.default_rng(seed)
-    patterns = random.integers(0, 2, (FRAMES, SIZE, SIZE)).astype(np.float32)
-    y, x = np.indices((SIZE, SIZE)) / SIZE
-    phase = random.uniform(0, 6, (COUNT, FRAMES, 1, 1))
-    scene = 0.3 + 0.2 * np.sin(5 * x + phase) * np.cos(4 * y + phase)
-    light = brightness * (patterns * scene).sum(1) / 2
-    dn = np.floor(255 * (light + random.normal(0, 0.002, light.shape)).clip(0, 1) + 0.5).astype(np.uint8)
-    return Captures(
-        patterns,
-        np.tile(np.arange(FRAMES), (COUNT, 1)),
-        dn,
-        np.full((COUNT, FRAMES, SIZE, SIZE), np.nan, np.float32),
-        np.ones(COUNT, np.float32),
-        np.ones(COUNT, np.float32),
-        ("unknown",) * COUNT,
-        8,
-        name="test",
-    )
-
-
-def likelihood_of(captures: Captures) -> tuple[BlindLikelihood, Hypothesis]:
-    observation = observe_snapshots(captures)
-    model = CameraModel(observation, vocabulary(), {})
-    return BlindLikelihood(model, ScenePrior(FRAMES)), datasheet_noise(observation)[0]
 
 
 def test_a_block_is_gaussian() -> None:

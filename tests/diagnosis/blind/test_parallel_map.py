@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
-from tests.diagnosis.blind.test_likelihood import likelihood_of, snapshots
+from tests.diagnosis.blind.smooth_scenes import likelihood_of, snapshots
 
 
 @pytest.fixture(params=[1, 2])

@@ -20,7 +20,7 @@ from sci_lightning.diagnosis.blind.screening import ScreenedCandidate
 from sci_lightning.diagnosis.blind.search import BlindSearch
 from sci_lightning.diagnosis.model.camera_model import Hypothesis
 from sci_lightning.diagnosis.search_settings import SearchSettings
-from tests.diagnosis.blind.test_likelihood import likelihood_of, snapshots
+from tests.diagnosis.blind.smooth_scenes import likelihood_of, snapshots
 
 
 @pytest.fixture(scope="module")

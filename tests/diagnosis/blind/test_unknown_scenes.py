@@ -42,4 +42,4 @@ def test_the_report_says_so(result: Diagnosis, tmp_path: Path) -> None:
     report = json.loads((tmp_path / "report.json").read_text())
     check("report", report)
     assert report["mode"] == "calibrated" and report["unknown_scenes"]["agree"][1] == 3
-    assert "3 snapshots of unknown scenes: held-out pixels are predicted to" in (tmp_path / "report.html").read_text()
+    assert "3 snapshots of unknown scenes: " in (tmp_path / "report.html").read_text()

@@ -51,7 +51,7 @@ def test_the_file_may_choose(captures: Captures, tmp_path: Path) -> None:
     assert unseen is not None and set(unseen.number.tolist()) == {3, 20}
     assert chosen.take([20, 0, 3]).verification == (0, 2)
     assert set_aside(observe(replace(captures, verification=())), 5)[1] is None
-    with pytest.raises(BadInput, match="every capture with a known scene is set aside"):
+    with pytest.raises(BadInput, match=r"every capture .*set aside"):
         set_aside(observe(replace(captures, verification=tuple(range(len(captures))))), 5)
 
 

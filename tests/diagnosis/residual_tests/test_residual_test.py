@@ -5,14 +5,9 @@ from __future__ import annotations
 import json
 
 import pytest
-import torch
 
-from sci_lightning.diagnosis.residual_tests import Picture, ResidualTest
 from sci_lightning.diagnosis.residual_tests.residual_test import corrected
-
-
-def with_p(p_value: float) -> ResidualTest:
-    return ResidualTest("rows", "mean", "?", 1.0, p_value, 0.0, p_value, Picture("curve", torch.zeros(3)))
+from tests.diagnosis.small_diagnosis import with_p
 
 
 def test_holm() -> None:

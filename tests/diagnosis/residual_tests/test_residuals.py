@@ -9,7 +9,7 @@ import torch
 
 from sci_lightning.diagnosis.model.camera_model import datasheet_noise
 from sci_lightning.diagnosis.residual_tests import Residuals
-from tests.diagnosis.fit.test_fit import NOISE, fitter
+from tests.diagnosis.fit.small_fit import NOISE, fitter
 
 
 @pytest.fixture(scope="module")

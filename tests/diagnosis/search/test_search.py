@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from sci_lightning.diagnosis.search.selection import select_effects
-from tests.diagnosis.fit.test_fit import NOISE, fitter
+from tests.diagnosis.fit.small_fit import NOISE, fitter
 
 
 @pytest.mark.parametrize(
