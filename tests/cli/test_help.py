@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -77,19 +78,27 @@ def test_help_in_a_process_of_its_own(command: Command) -> None:
     assert cut.stderr == "" and cut.stdout.count("\n") == 1
 
 
-@pytest.mark.parametrize("name", PROGRAMS)
-def test_help_and_completion_need_no_torch(name: str) -> None:
+SHOWN = """
+import contextlib, io, json, os, runpy, sys
+out = []
+for name, *words in json.loads(sys.argv[1]):
+    sys.argv, os.environ["COMP_LINE"], said = ["", *words], f"{name} ", io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.suppress(SystemExit):
+        runpy.run_module(f"sci_lightning.{name}", run_name="__main__")
+    out.append([bool(said.getvalue()), sorted({"torch", "lightning"} & sys.modules.keys())])
+print(json.dumps(out))
+"""
+
+
+def test_help_and_completion_need_no_torch() -> None:
     """They answer at once, and importing torch and Lightning takes seconds."""
-    show = "import sys; from runpy import run_module\n"
-    for words in (["--help"], ["-sc", "query=bash"]):
-        if name in ("captures", "virtual_camera.reveal") and words != ["--help"]:
-            continue
-        show += f"sys.argv = ['', *{words}]\n"
-        show += f"try: run_module('sci_lightning.{name}', run_name='__main__')\nexcept SystemExit: pass\n"
-    show += "print('loaded', *{'torch', 'lightning'} & sys.modules.keys())"
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COMP_LINE": f"{name} "}
-    done = subprocess.run([sys.executable, "-c", show], env=environment, capture_output=True, text=True)
-    assert done.stdout.splitlines()[-1] == "loaded", done.stdout[-300:] + done.stderr
+    calls = [[name, "--help"] for name in PROGRAMS]
+    calls += [[name, "-sc", "query=bash"] for name in PROGRAMS if name not in ("captures", "virtual_camera.reveal")]
+    words = [sys.executable, "-W", "ignore", "-c", SHOWN, json.dumps(calls)]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, check=True)
+    for call, (said, loaded) in zip(calls, json.loads(done.stdout), strict=True):
+        assert said and not loaded, (call, loaded)
 
 
 def called(monkeypatch: pytest.MonkeyPatch, *words: str) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,8 +18,10 @@ from sci_lightning.cli.composition import Composition, compose, plain
 from sci_lightning.cli.settings import complete
 from sci_lightning.cli.stored_run import to_repeat, with_stored_choices
 from sci_lightning.runs.checkpoint_contents import checkpoint_digest
+from tests.conftest import ROOT
 from tests.encoder_files import encoder_file
 from tests.training.small_training import TINY
+from tests.warm_process import WarmProcesses
 
 Ran = Callable[..., str]
 SETTLED = [
@@ -90,11 +94,22 @@ def test_other_command_lines_stay_as_they_are(tmp_path: Path) -> None:
 SHORT = [*TINY, "seed=3", "data.scenes_count=1", "metrics.qscore=null", "logger=none", "callbacks.pictures=null"]
 
 
+@pytest.fixture(scope="module")
+def half_a_run(tmp_path_factory: pytest.TempPathFactory, warm_processes: WarmProcesses) -> Path:
+    """The folder of a run of which half is done."""
+    place = tmp_path_factory.mktemp("half")
+    words = [*SHORT, "trainer.max_epochs=1", "out=RUN"]
+    done = warm_processes.run("sci_lightning.train", words, place, {**os.environ, "PYTHONPATH": str(ROOT)})
+    assert done.returncode == 0, done.stderr
+    (place / "RUN" / "metrics.json").unlink()
+    return place / "RUN"
+
+
 @pytest.fixture
-def unfinished(ran: Ran, tmp_path: Path) -> Path:
-    """The last checkpoint of a run of which half is done."""
-    ran("train", *SHORT, "trainer.max_epochs=1", "out=RUN")
-    (tmp_path / "RUN" / "metrics.json").unlink()
+def unfinished(half_a_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The last checkpoint of such a run, in the current folder."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(half_a_run, "RUN")
     return tmp_path / "RUN" / "checkpoints" / "last.ckpt"
 
 
