@@ -36,7 +36,7 @@ class Evidence(JsonObject):
     delta_nll: float = says("rise of the negative log-likelihood, nats", default=0)
     delta_bic: float = says("rise of the Bayesian information criterion", default=0)
     agree: Agree = says("blind mode: snapshots that ask for the effect, and of how many", default=[0, 0])
-    p_value: Share = says("blind mode: that chance alone prefers the effect so clearly, over snapshots", default=1)
+    p_value: Share = says("blind mode: that chance alone prefers the effect so clearly, over tiles", default=1)
 
 
 class NamedEffect(JsonObject):
@@ -62,7 +62,7 @@ class Gap(Misfit):
     """The misfit on pixels that no fit has seen."""
 
     pixels: int = says("that it was computed from", ge=1)
-    chi2_limit: float = says("largest chi2 of a right model, by chance once in a thousand times", ge=1.05)
+    chi2_limit: float = says("largest chi2 of a right model, by chance once in 1 / search.significance times", gt=0)
     by_kind: dict[Kind, Misfit] = says("the same by kind of capture")
 
 

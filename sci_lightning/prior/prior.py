@@ -45,11 +45,6 @@ class PatchPrior:
     autocovariance: torch.Tensor
 
     @property
-    def lags(self) -> int:
-        """The number of frames that the statistics reach over."""
-        return self.autocovariance.shape[1]
-
-    @property
     def reach(self) -> int:
         """L, the largest displacement, in pixels."""
         return self.autocovariance.shape[2] // 2

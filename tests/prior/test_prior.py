@@ -28,7 +28,7 @@ def test_shipped_statistics() -> None:
     """They are small, describe video (neighbours alike, frames less so with their distance) and reach 16 frames."""
     prior = read_prior()
     assert SHIPPED.stat().st_size < 2**20
-    assert prior.lags >= 16 and prior.reach >= 7
+    assert prior.autocovariance.shape[1] >= 16 and prior.reach >= 7
     assert 0.3 < prior.level < 0.7
     middle = prior.reach
     in_time = prior.merged().autocovariance[0, :, middle, middle]

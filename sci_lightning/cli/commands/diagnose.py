@@ -166,6 +166,8 @@ def _diagnosed(
 
     settings = SearchSettings(**cfg.search)
     if captures.known.any():
+        if cfg.prior is not None:
+            raise BadInput(f"prior={cfg.prior}: the scenes are known, so that nothing is assumed of them; leave it out")
         return library.diagnose(captures, candidates, cfg.seed, cfg.free_forms, settings, on_progress)
     if cfg.free_forms:
         raise BadInput("free_forms=true: no scene is known, so that nothing without a name is looked for; leave it out")

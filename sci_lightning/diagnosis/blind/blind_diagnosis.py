@@ -158,7 +158,7 @@ def diagnose_blind(
     Args:
         captures: of one camera; only those with unknown scenes are used.
         vocabulary: effects that may be named beside noise, by name; None for every effect of the package.
-        seed: for the report; nothing here is random.
+        seed: chooses the pixels that are held out, and stands in the report.
         settings: thresholds and budgets; None for the defaults.
         on_progress: called with a one-line message after every step of the search.
         statistics: of patches of video; None for those that come with the package.

@@ -11,6 +11,7 @@ from scipy.stats import t as student
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood, spread
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from sci_lightning.diagnosis.blind.prior import BLOCK
+from sci_lightning.diagnosis.fit.information_criterion import bic_penalty
 from sci_lightning.diagnosis.fit.levenberg_marquardt import maximise
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS, Hypothesis, ParameterName
@@ -297,7 +298,7 @@ def price(fit: BlindFit, other: BlindFit) -> float:
 
 def price_of(parameters: int, blocks: int) -> float:
     """Return how many nats so many parameters cost that are fitted to so many blocks."""
-    return 0.5 * parameters * math.log(max(blocks * BLOCK**2, 2))
+    return bic_penalty(parameters, max(blocks * BLOCK**2, 2))
 
 
 def _parameters(hypothesis: Hypothesis) -> int:

@@ -204,11 +204,6 @@ class SnapshotCamera:
         """(H, W) of the field in pixels."""
         return int(self.measurement.shape[1]), int(self.measurement.shape[2])
 
-    @property
-    def set_aside(self) -> tuple[int, ...]:
-        """Numbers of the snapshots that only verify."""
-        return tuple(n for n, aside in zip(self.numbers, self.verification.tolist(), strict=True) if aside)
-
     def encoder(self, effects: Mapping[str, Setting]) -> Encoder:
         """Return the camera with these effects: values of their parameters by name, by effect."""
         return self.encoder_of(LightPath(self.vocabulary[name](**setting) for name, setting in effects.items()))

@@ -15,7 +15,12 @@ def bic(fit: Fit) -> float:
     fixed-pattern map counts as the one parameter that describes it.
     """
     parameters = sum(len(setting) for setting in fit.hypothesis.effects.values())
-    return fit.log_likelihood - 0.5 * parameters * math.log(fit.fitter.pixels)
+    return fit.log_likelihood - bic_penalty(parameters, fit.fitter.pixels)
+
+
+def bic_penalty(parameters: int, pixels: float) -> float:
+    """Return half of ln(n) for each parameter, n pixels, in nats."""
+    return 0.5 * parameters * math.log(pixels)
 
 
 def bic_gain(smaller: Fit, larger: Fit) -> float:

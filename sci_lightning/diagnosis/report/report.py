@@ -5,7 +5,6 @@ Everything here reads a :class:`~sci_lightning.diagnosis.result.Result`, of know
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from sci_lightning.diagnosis.report.report_page import ReportProvenance, report_
 from sci_lightning.diagnosis.report.sentences import UNCERTAINTY, class_paths
 from sci_lightning.diagnosis.result import CalibratedResult
 from sci_lightning.files.atomic_file import atomic_write
+from sci_lightning.files.json_file import write_json
 from sci_lightning.version import installed_version
 
 VERIFIED_BY_NONE: dict[str, Any] = {
@@ -46,8 +46,7 @@ def write_report(
     """
     out, drawn = Path(out), figures(result) if drawn is None else drawn
     provenance = provenance or ReportProvenance()
-    with atomic_write(out / "report.json") as temporary:
-        temporary.write_text(json.dumps(describe(result) | provenance.describe(), indent=1) + "\n")
+    write_json(describe(result) | provenance.describe(), out / "report.json")
     write_encoder(result, out)
     if isinstance(result, BlindDiagnosis) and result.effects and result.camera is not None:
         write_effective_mask(result.camera.encoder_of(result.model.path(result.hypothesis)), out)

@@ -15,7 +15,6 @@ from sci_lightning.diagnosis.report import pictures
 from sci_lightning.diagnosis.report.sentences import chi2, count_of, fallen, further_notes, nats_gained
 from sci_lightning.diagnosis.residual_tests import ResidualTest
 from sci_lightning.diagnosis.result import CalibratedResult
-from sci_lightning.diagnosis.search_settings import SearchSettings
 
 MAX_TEST_FIGURES = 8
 """Residual tests that are drawn."""
@@ -113,7 +112,7 @@ def _cards(result: CalibratedResult) -> list[Card]:
     before, after = result.before.gap, result.after.gap
     limit = f"; chance reaches {chi2(after.chi2_limit)} with {after.pixels:,} pixels"
     count, questions = len(result.effects), [test.significant for test in result.before.tests]
-    chi2_label = f"held-out reduced χ² (1 = noise{limit if after.chi2_limit > SearchSettings.negligible_chi2 else ''})"
+    chi2_label = f"held-out reduced χ² (1 = noise{limit if after.chi2_limit > result.settings.negligible_chi2 else ''})"
     cards = {
         "chi2": Card(_change(chi2(before.chi2), chi2(after.chi2)), chi2_label),
         "rmse_dn": Card(f"{_change(f'{before.rmse_dn:.3g}', f'{after.rmse_dn:.3g}')} DN", "held-out RMS error"),

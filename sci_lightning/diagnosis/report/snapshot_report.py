@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.diagnosis.blind.snapshot_facts import SnapshotFacts, still_needed
-from sci_lightning.files.atomic_file import atomic_write
+from sci_lightning.files.json_file import write_json
 from sci_lightning.version import installed_version
 
 
@@ -54,5 +53,4 @@ class SnapshotReport:
             "needed": list(self.needed),
             "sci_lightning": installed_version(),
         }
-        with atomic_write(path) as temporary:
-            temporary.write_text(json.dumps(content, indent=1) + "\n")
+        write_json(content, path)

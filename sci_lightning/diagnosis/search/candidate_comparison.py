@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain
+from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, bic_penalty
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 from sci_lightning.diagnosis.search.screening import Candidate, screen
 from sci_lightning.encoder.effects.parameter import part_of
@@ -141,7 +141,7 @@ def fit_candidates(best: Fit, screened: list[Candidate]) -> dict[str, Fit]:
     settings, fits, reached = fitter.settings, dict[str, Fit](), -math.inf
     first, others = screened[: settings.candidates_fitted], screened[settings.candidates_fitted :]
     for candidate in (*first, *(one for one in others if fitter.model.effects[one.name].is_discrete())):
-        price = settings.min_gain_nats + 0.5 * len(candidate.start) * math.log(fitter.pixels)
+        price = settings.min_gain_nats + bic_penalty(len(candidate.start), fitter.pixels)
         if candidate.gain > max(settings.min_gain_nats, settings.screened_share * price):
             start = candidate.added(fitter.model, best.hypothesis)
             fit = fitter.fit(start, 20, to_reach=reached - settings.abandon_nats, from_afar=True)

@@ -14,7 +14,7 @@ import torch
 from scipy.stats import chi2
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.fit.information_criterion import bic_gain, prune, with_common_pixels
+from sci_lightning.diagnosis.fit.information_criterion import bic_gain, bic_penalty, prune, with_common_pixels
 from sci_lightning.diagnosis.fit.local_gain import LocalGain
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.fit.split import NO_BORDER
@@ -79,7 +79,7 @@ class FreeFormCandidate:
 
     def bic_gain(self, pixels: float) -> float:
         """Return the expected gain beyond the penalty for the numbers and for their choice, in nats."""
-        return self.gain - 0.5 * self.numbers * math.log(pixels) - self.choice_penalty
+        return self.gain - bic_penalty(self.numbers, pixels) - self.choice_penalty
 
     def added(self, fitter: Fitter, hypothesis: Hypothesis) -> Hypothesis:
         """Return the hypothesis with the deviation at its start."""

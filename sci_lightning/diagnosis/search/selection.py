@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, prune
+from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, bic_penalty, prune
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, datasheet_noise
 from sci_lightning.diagnosis.search.candidate_comparison import compare_candidates
 from sci_lightning.diagnosis.search.displacement import far_displacements
@@ -132,7 +132,7 @@ def select_noise(fit: Fit, ideal: Fit) -> tuple[Fit, list[str]]:
     """
     fitter = fit.fitter
     datasheet, stated = datasheet_noise(fitter.model.observation)
-    price = fitter.settings.min_gain_nats + 0.5 * math.log(fitter.pixels)
+    price = fitter.settings.min_gain_nats + bic_penalty(1, fitter.pixels)
     price += fitter.settings.formula_error * fit.explained_nats(ideal)
     best, differing, best_value = fit, [name for name, _ in stated], -math.inf
     for combination in range(2 ** len(stated)):

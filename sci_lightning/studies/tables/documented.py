@@ -28,7 +28,7 @@ from sci_lightning.studies.tables.grid import DocumentedTable
 from sci_lightning.virtual_camera import OTHER_FIELDS
 
 
-def benchmark(path: Path, part: str) -> DocumentedTable:
+def benchmark(path: str | Path, part: str) -> DocumentedTable:
     """Return a table of a file that ``python -m sci_lightning.benchmark`` wrote.
 
     Args:
@@ -47,7 +47,7 @@ def benchmark(path: Path, part: str) -> DocumentedTable:
     return DocumentedTable(heading, body, measured.provenance, decoded)
 
 
-def mismatch(path: Path, part: str) -> DocumentedTable:
+def mismatch(path: str | Path, part: str) -> DocumentedTable:
     """Return the table of the mismatch protocol: mean PSNR in dB of the scenes, by camera, decoder and scenario.
 
     Args:
@@ -57,13 +57,14 @@ def mismatch(path: Path, part: str) -> DocumentedTable:
     Raises:
         BadInput: a file that is no record, or no record of this part.
     """
-    records = [record for record in read_records(path) if record["camera"].startswith(part)] if path.is_dir() else []
-    if path.is_dir() and not records:
+    present = read_records(path) if Path(path).is_dir() else []
+    records = [record for record in present if record["camera"].startswith(part)]
+    if Path(path).is_dir() and not records:
         raise BadInput(f"{path}: no records of {part or 'any'} cameras; copy cases/ of a run into it")
     return _of_records(records, summary_table(records, published=True))
 
 
-def blind_mismatch(path: Path, part: str) -> DocumentedTable:
+def blind_mismatch(path: str | Path, part: str) -> DocumentedTable:
     """Return what blind diagnoses are worth: PSNR in dB with and without one factor of brightness, and the names.
 
     Args:
@@ -74,11 +75,11 @@ def blind_mismatch(path: Path, part: str) -> DocumentedTable:
         BadInput: a file that is no record, or a part.
     """
     _without_parts("blind_mismatch", part)
-    records = diagnosed_blind(read_records(path)) if path.is_dir() else []
+    records = diagnosed_blind(read_records(path)) if Path(path).is_dir() else []
     return _of_records(records, blind_table(records))
 
 
-def finetuning(path: Path, part: str) -> DocumentedTable:
+def finetuning(path: str | Path, part: str) -> DocumentedTable:
     """Return what fine-tuning is worth, of the records that ``python -m sci_lightning.mismatch.finetuning`` writes.
 
     Args:
@@ -89,7 +90,7 @@ def finetuning(path: Path, part: str) -> DocumentedTable:
         BadInput: a file that is no record, or a part.
     """
     _without_parts("finetuning", part)
-    records = read_records(path) if path.is_dir() else []
+    records = read_records(path) if Path(path).is_dir() else []
     return _of_records(records, finetuning_table(records))
 
 
@@ -115,7 +116,7 @@ class Measurements(JsonFile):
     notes: list[str] = says("sentences below the table, Markdown", default=[])
 
 
-def measurements(path: Path, part: str) -> DocumentedTable:
+def measurements(path: str | Path, part: str) -> DocumentedTable:
     """Return the table of a file of :class:`Measurements`; a list of numbers is shown as ``26.67 / .811``.
 
     Raises:
@@ -144,7 +145,7 @@ def _cell(value: Cell | None, column: Column, path: str | Path) -> str:
 PROVING_GROUND = ("summary", "outside", "rays")
 
 
-def proving_ground(path: Path, part: str) -> DocumentedTable:
+def proving_ground(path: str | Path, part: str) -> DocumentedTable:
     """Return a table of the cases that ``python -m sci_lightning.proving_ground`` left in a folder.
 
     Args:
@@ -158,9 +159,9 @@ def proving_ground(path: Path, part: str) -> DocumentedTable:
     if part not in PROVING_GROUND:
         parts = ", ".join(f"proving_ground.{part}" for part in PROVING_GROUND)
         raise BadInput(f"proving_ground.{part}: no such table; choose {parts}")
-    records = Records(path / "cases.jsonl").read()
+    records = Records(Path(path) / "cases.jsonl").read()
     outcomes = [record for record in records if isinstance(record, Outcome)]
-    provenance = _summarised(path) if records else NOT_YET
+    provenance = _summarised(Path(path)) if records else NOT_YET
     if part == "summary":
         rows = [row for row in summarise(records) if row.figure != "no cases"] if records else []
         cells = [[row.what, row.figure, row.target, ANSWERS[row.met]] for row in rows]
@@ -197,7 +198,7 @@ def _case(outcome: Outcome) -> list[str]:
 
 
 def _summarised(path: Path) -> Provenance:
-    provenance = read_json(path / "summary.json", Summary).provenance
+    provenance = read_json(Path(path) / "summary.json", Summary).provenance
     if provenance is None:
         raise BadInput(f"{path}: summary.json does not say where it was measured")
     return provenance
