@@ -53,7 +53,7 @@ def test_importing_it_loads_neither_torch_nor_hydra() -> None:
 
 def test_commands_that_train_nothing_start_without_lightning() -> None:
     """Together with torch's compiler it takes longer to import than a small reconstruction."""
-    modules = ["cli.encoder_and_decoder", "diagnosis.diagnosis", "training.loggers", "virtual_camera"]
+    modules = ["cli.encoder_and_decoder", "diagnosis.diagnosis", "cli.commands.diagnose", "virtual_camera"]
     modules.append("studies.tables.mosaic")
     program = f"import sys, {', '.join(f'sci_lightning.{module}' for module in modules)}\n"
     program += "print(*({'lightning', 'torch._dynamo', 'torchmetrics'} & set(sys.modules)))"

@@ -104,7 +104,7 @@ def check_command_settings(cfg: DictConfig, command: str) -> None:
     settings = {key: _plain_value(cfg[key]) for key in types if key in cfg and not OmegaConf.is_missing(cfg, key)}
     for key, value in settings.items():
         annotation = types[key]
-        if annotation == Size and isinstance(value, int):
+        if annotation in (Size, Size | None) and isinstance(value, int):
             raise BadInput(f"{key}={value}: expected [height,width]; of a square '{key}=[{value},{value}]'")
         if is_dataclass(annotation) and isinstance(annotation, type):
             check_value(key, value, Mapping[str, Any])
