@@ -71,9 +71,13 @@ def check_paths(path: Path, named: Iterable[tuple[str, str]]) -> None:
 
 def elsewhere(path: Path, named: Iterable[tuple[str, str]]) -> list[str]:
     """Return those of the files that a checkpoint names which have to be repeated, as overrides."""
-    own = [Path.cwd().resolve(), path.resolve().parent.parent]
-    return [
-        quoted(key, value)
-        for key, value in dict(named).items()
-        if not any(Path(os.path.expanduser(value)).resolve().is_relative_to(folder) for folder in own)
-    ]
+    folder = path.resolve().parent
+    own = [Path.cwd().resolve(), folder.parent if folder.name == "checkpoints" else folder]
+
+    def is_own(name: str) -> bool:
+        try:
+            return any(Path(os.path.expanduser(name)).resolve().is_relative_to(folder) for folder in own)
+        except (OSError, ValueError, RuntimeError):  # no name of a file
+            return False
+
+    return [quoted(key, value) for key, value in dict(named).items() if not is_own(value)]

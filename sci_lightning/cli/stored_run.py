@@ -67,8 +67,8 @@ LOGGERS = {"tensorboard", "csv"}
 SHOWN = ("callbacks", "logger")
 """Sections that say what is shown and logged. Of these a checkpoint settles numbers and what is left out."""
 
-WRITTEN = "data.store"
-"""The folder that data sources write to."""
+WRITTEN = ("data.store", "benchmark.store")
+"""Folders that data sources write to."""
 
 FINETUNE = "finetune"
 """The experiment that takes a decoder and starts a new training with it."""
@@ -107,7 +107,7 @@ def with_stored_choices(arguments: Sequence[str]) -> list[str]:
         f"{group}={names[group]}" for group in CHOICES if group not in given and _is_member(group, names.get(group))
     ]
     loggers = checkpoint.config.get("logger") or {}
-    if not finetuned and "logger" not in given and LOGGERS.issuperset(loggers):
+    if not finetuned and "logger" not in given and isinstance(loggers, Mapping) and LOGGERS.issuperset(loggers):
         words.append(f"logger=[{','.join(loggers)}]")
     folder = Path(os.path.abspath(path)).parent  # not resolved: what is named is written, wherever links lead
     if not finetuned and "out" not in given and path.name == "last.ckpt" and folder.name == "checkpoints":
@@ -160,7 +160,7 @@ def take_over(composition: Composition) -> dict[str, str]:
     settled = OmegaConf.create(merged)
     if finetuned:
         settled.merge_with(OmegaConf.load(CONF / "experiment" / f"{FINETUNE}.yaml"))
-    for key in (*(key for key in given if not _is_group(key)), WRITTEN):  # what the command line itself says
+    for key in (*(key for key in given if not _is_group(key)), *WRITTEN):  # what the command line itself says
         if key.partition(".")[0] in settled and OmegaConf.select(cfg, key, default=ABSENT) is not ABSENT:
             OmegaConf.update(settled, key, OmegaConf.select(cfg, key), merge=False)
     taken = _plain(settled)
@@ -195,7 +195,7 @@ def to_repeat(path: Path, composition: Composition) -> list[str]:
         elif root in SHOWN:
             settled = bool(rest) and (value is None or isinstance(value, (bool, int, float)))
         else:
-            settled = (root in (*SECTIONS, *VALUES) and key != WRITTEN) or (root == "trainer" and rest in TRAINER)
+            settled = (root in (*SECTIONS, *VALUES) and key not in WRITTEN) or (root == "trainer" and rest in TRAINER)
         if not settled and key not in NOT_AGAIN:
             words.append(str(override.input_line))
     folder = Path(composition.cfg.out).absolute()
@@ -270,20 +270,34 @@ def _admitted(path: Path, config: Mapping[str, Any], composition: Composition, w
     devices = stored["trainer"].get("devices")
     if isinstance(devices, int) and devices > (os.cpu_count() or 1):  # every one is a process
         raise BadInput(f"{path}: trainer.devices={devices}, more than this machine has; give trainer.devices=1")
-    own = set(targets_in(_plain(composition.cfg)))
+    for key in (*sections, "trainer", *SHOWN):
+        if not isinstance(config.get(key, {}), Mapping):
+            raise BadInput(f"{path}: its {key} is {excerpt(repr(config[key]))}, expected a mapping")
+    if words := _words_of_hydra(stored):
+        raise BadInput(f"{path}: holds '{excerpt(min(words))}', which says how to build something; a file may not")
+    now = _plain(composition.cfg)
     for key in sections:
         if SECTIONS[key] in ("encoder", "decoder"):
             check_targets(path, stored.get(key), tuple(composition.cfg.get("trusted") or ()))
-        elif other := {*targets_in(stored.get(key))} - own.union(composition.targets(SECTIONS[key])):
+        elif other := {*targets_in(stored.get(key))} - {*targets_in(now.get(key)), *composition.targets(SECTIONS[key])}:
             raise BadInput(
-                f"{path}: its training used {excerpt(min(other))}, which does not come with the package: say again "
+                f"{path}: its training used {excerpt(min(other))}, no {SECTIONS[key]} of the package: say again "
                 f"where it is named, 'hydra.searchpath=[FOLDER]' {SECTIONS[key]}=.."
             )
-    if isinstance(stored.get("data"), Mapping):
-        stored["data"] = {key: value for key, value in stored["data"].items() if f"data.{key}" != WRITTEN}
+    for section in {key.partition(".")[0] for key in WRITTEN} & stored.keys():
+        stored[section] = {key: value for key, value in stored[section].items() if f"{section}.{key}" not in WRITTEN}
     if "encoder" in stored:
         stored["encoder"] = checked_encoder(path, stored["encoder"])
     return stored
+
+
+def _words_of_hydra(content: Any) -> set[str]:
+    """Return the keys in plain data that Hydra would obey: all that begin with a line, but for ``_target_``."""
+    if isinstance(content, Mapping):
+        return {str(key) for key in content if str(key).startswith("_") and key != "_target_"}.union(
+            *map(_words_of_hydra, content.values())
+        )
+    return set().union(*map(_words_of_hydra, content)) if isinstance(content, (list, tuple)) else set()
 
 
 def _plain(cfg: DictConfig) -> dict[str, Any]:

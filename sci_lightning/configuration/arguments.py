@@ -7,6 +7,7 @@ ones are allowed (:mod:`sci_lightning.configuration.bounds`). pydantic does the 
 from __future__ import annotations
 
 import inspect
+import os
 import re
 from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
@@ -89,7 +90,7 @@ def is_absent(path: str, annotation: Any) -> bool:
     if kind is None:
         return any(is_absent(path, part) for part in get_args(annotation) if get_origin(annotation) is not Literal)
     is_name = kind.or_name and not Path(path).suffix and "/" not in path
-    return not is_name and not re.search(r"[*?\[]", path) and not Path(path).expanduser().exists()
+    return not is_name and not re.search(r"[*?\[]", path) and not os.path.exists(os.path.expanduser(path))
 
 
 def _adapter(annotation: Any) -> TypeAdapter[Any]:

@@ -60,7 +60,7 @@ class ClipStore:
     def __init__(self, clips: Iterable[Path], store: str | Path | None = None, *, open_maps: int = 128) -> None:
         self.clips = list(clips)
         self.open_maps = open_maps
-        folder = Path(store).expanduser() if store is not None else _default_folder()
+        folder = Path(os.path.expanduser(store)) if store is not None else _default_folder()
         self._verified: set[int] = set()
         self._files = [folder / f"{_fingerprint(clip)}.npy" for clip in self.clips]
         quiet = all(map(_layout, self._files)) or os.environ.get("LOCAL_RANK", "0") != "0"
