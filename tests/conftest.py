@@ -21,6 +21,7 @@ from omegaconf import DictConfig
 from sci_lightning.cli import command as command_frame
 from sci_lightning.cli.composition import store_defaults
 from sci_lightning.configuration.conf_folder import CONF
+from sci_lightning.encoder.mask import design
 from tests.warm_process import WarmProcesses
 
 ROOT = Path(__file__).parents[1]
@@ -55,6 +56,17 @@ def members(group: str) -> list[str]:
 def next_lines(printed: str) -> list[str]:
     """The lines that a command says to run next."""
     return re.findall(r"^(?:next:|  or:) (.*)$", printed, re.MULTILINE)
+
+
+@pytest.fixture
+def short_design(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The search for a designed mask, which takes seconds, ends after one step; what it found is forgotten after."""
+    for name in ("design_structural", "design_binary"):
+        search = getattr(design, name)
+        monkeypatch.setattr(design, name, lambda *given, search=search, **more: search(*given, **{**more, "steps": 1}))
+    design.designed_start.cache_clear()
+    yield
+    design.designed_start.cache_clear()
 
 
 @pytest.fixture

@@ -42,6 +42,7 @@ def one_step(cfg: DictConfig) -> System:
     return system
 
 
+@pytest.mark.usefixtures("short_design")
 @pytest.mark.parametrize(("encoder", "bits"), CAMERAS)
 def test_encoders_and_bits(encoder: str, bits: int, configuration: Configuration) -> None:
     choices = [f"encoder={encoder}", f"encoder.mask.bits={bits}", "decoder.channels=4", "decoder.blocks=1"]

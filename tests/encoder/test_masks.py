@@ -173,6 +173,7 @@ def test_a_binary_mask_has_one_bit(name: str, build: Callable[..., Mask]) -> Non
         kind(**settings, bits=9)
 
 
+@pytest.mark.usefixtures("short_design")
 @pytest.mark.parametrize("choice", ["scale=cpu", "experiment=short_cpu", "experiment=quickstart"])
 @pytest.mark.parametrize("name", members("encoder/mask"))
 def test_a_scale_sets_what_the_mask_knows(choice: str, name: str, build: Callable[..., Mask]) -> None:
