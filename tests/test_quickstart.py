@@ -96,7 +96,7 @@ def test_an_encoder_of_its_own_file(configuration: Configuration, monkeypatch: p
     content = OmegaConf.create({"_target_": "sci_lightning.encoder.Encoder", "mask": {"file": "mask.npy"}})
     monkeypatch.setattr(ConfigStore.instance(), "repo", {**ConfigStore.instance().repo})
     ConfigStore.instance().store(group="encoder", name="from_a_file", node=content)
-    for choice in ("experiment=quickstart", "experiment=short_cpu", "scale=cpu", "scale=smoke"):
+    for choice in ("experiment=quickstart", "scale=cpu", "scale=smoke"):
         assert configuration("train", choice, "encoder=from_a_file").encoder == content
 
 

@@ -31,7 +31,8 @@ class Provenance(JsonObject):
     commit: str = says("of the program, the first digits of its hash; + behind it: files had been changed")
     scale: str = says("of conf/scale, or in words what was reduced; full if nothing was")
     seeds: str = says("of the runs, such as 0, 1, 2; none where nothing is random")
-    command: str = says("that makes the measurement again, if one line does", default="")
+    command: str = says("that makes the measurement again", default="")
+    reconstructed: bool = says("the command was not noted: it is the nearest one, found afterwards", default=False)
 
     def sentence(self) -> str:
         """Return the line of Markdown that stands below the table."""
@@ -40,7 +41,8 @@ class Provenance(JsonObject):
         machine, scale = (" and ".join(text.split(BETWEEN)) for text in (self.machine, self.scale))
         parts = [machine, self.date, f"commit {self.commit}", f"scale: {scale}", f"seeds: {self.seeds}"]
         commands = " and ".join(f"`{command}`" for command in self.command.split(BETWEEN))
-        return "; ".join(parts) + "." + (f" Made by {commands}." if self.command else "")
+        made = "The command was not noted; the nearest one:" if self.reconstructed else "Made by"
+        return "; ".join(parts) + "." + (f" {made} {commands}." if self.command else "")
 
     def as_json(self) -> dict[str, Any]:
         """Return the entry of a JSON file, without what is empty."""
@@ -116,6 +118,7 @@ def joined(provenances: Sequence[Provenance]) -> Provenance:
         date=dates[0] if len(dates) == 1 else f"{dates[0]} to {dates[-1]}",
         seeds=", ".join(seeds),
         commit=commits,
+        reconstructed=any(one.reconstructed for one in provenances),
         **values,
     )
 

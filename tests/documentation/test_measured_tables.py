@@ -53,8 +53,11 @@ def test_every_file_of_measurements_is_shown_and_follows_its_schema() -> None:
     shown = {path for _, _, path in table_sources(ROOT)}
     for path in (ROOT / "docs" / "results").rglob("*.json"):
         assert shown & {path, *path.parents}, f"{name(path)} is in no table"
-        if json.loads(path.read_text()).get("format") == "sci-measurements":
-            check("measurements", json.loads(path.read_text()))
+        content = json.loads(path.read_text())
+        if content.get("format") == "sci-measurements":
+            check("measurements", content)
+        if "provenance" in content:  # a case of the proving ground has that of its folder's summary
+            assert content["provenance"].get("command"), f"{name(path)} does not say by which command it was made"
 
 
 def test_figures_of_the_text_stand_in_a_table() -> None:

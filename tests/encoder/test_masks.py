@@ -174,11 +174,10 @@ def test_a_binary_mask_has_one_bit(name: str, build: Callable[..., Mask]) -> Non
 
 
 @pytest.mark.usefixtures("short_design")
-@pytest.mark.parametrize("choice", ["scale=cpu", "experiment=short_cpu", "experiment=quickstart"])
+@pytest.mark.parametrize("choice", ["scale=cpu", "experiment=quickstart"])
 @pytest.mark.parametrize("name", members("encoder/mask"))
 def test_a_scale_sets_what_the_mask_knows(choice: str, name: str, build: Callable[..., Mask]) -> None:
-    tile = (4, 4) if choice == "experiment=short_cpu" else (8, 8)
-    assert build(name, choice, "crop=[4,4]").tile == (tile if name != "measured" else (H, W))
+    assert build(name, choice, "crop=[4,4]").tile == ((8, 8) if name != "measured" else (H, W))
 
 
 def test_a_pattern_that_moves_by_whole_pixels() -> None:
