@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -15,6 +16,7 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from sci_lightning.encoder.mask import (
+    LearnedIndex,
     LearnedStructural,
     Mask,
     Measured,
@@ -87,6 +89,21 @@ def test_structural_masks_sum_to_one(bits: int) -> None:
     for mask in (RandomStructural(bits, 8, (9, 9))(), LearnedStructural(bits, 8, (9, 9))()):
         assert torch.equal(mask.sum(0), torch.ones(9, 9))
         assert mask.max() <= (1 if bits == 1 else 1 - 2.0**-bits)
+
+
+@pytest.mark.parametrize("settings", [{"sharpness": 4.0}, {"start": "designed"}])
+def test_a_fixed_structural_mask_is_the_start_of_a_learned_one(settings: dict[str, Any]) -> None:
+    """The control of learning: same seed, same mask; another seed is a random mask of the same sharpness."""
+    fixed, learned = (kind(4, 8, (8, 8), seed=3, **settings)() for kind in (RandomStructural, LearnedStructural))
+    assert torch.equal(fixed, learned) and not torch.equal(fixed, RandomStructural(4, 8, (8, 8), seed=3)())
+
+
+def test_one_index_per_pixel_is_learned_by_the_released_gradient() -> None:
+    mask = LearnedIndex(4, (1, 5))
+    mask.weight.data = torch.tensor([[0.0, 0.25, 0.49, 0.75, 1.0]])
+    assert mask().argmax(0).tolist() == [[0, 1, 1, 3, 3]] and torch.equal(mask().sum(0), torch.ones(1, 5))
+    (mask() * torch.tensor([0.5, 3.0, -0.25, -9.0])[:, None, None]).sum().backward()
+    assert mask.weight.grad is not None and mask.weight.grad.tolist() == [[-(0.5 + 1 - 0.25 - 1)] * 5]
 
 
 def test_checkpoint_holds_the_real_valued_mask() -> None:

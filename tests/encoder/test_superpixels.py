@@ -8,13 +8,21 @@ from pathlib import Path
 import pytest
 import torch
 
-from sci_lightning.encoder.mask import LearnedBinary, LearnedStructural, Mask, RandomBinary, RandomStructural
+from sci_lightning.encoder.mask import (
+    LearnedBinary,
+    LearnedIndex,
+    LearnedStructural,
+    Mask,
+    RandomBinary,
+    RandomStructural,
+)
 from sci_lightning.errors import BadInput
 from sci_lightning.files.modulator_files import Layout, read_planes, timing_of, write_planes
 from tests.conftest import members
 
 KINDS: dict[str, Callable[..., Mask]] = {
     "learned_binary": LearnedBinary,
+    "learned_index": LearnedIndex,
     "learned_structural": lambda *args, **settings: LearnedStructural(3, *args, **settings),
     "random_binary": RandomBinary,
     "random_structural": lambda *args, **settings: RandomStructural(3, *args, **settings),

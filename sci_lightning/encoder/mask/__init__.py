@@ -2,6 +2,7 @@
 
 from sci_lightning.encoder.mask.design import MaskDesign, design_binary, design_structural
 from sci_lightning.encoder.mask.learned_binary import LearnedBinary
+from sci_lightning.encoder.mask.learned_index import LearnedIndex
 from sci_lightning.encoder.mask.learned_structural import LearnedStructural
 from sci_lightning.encoder.mask.mask import Mask
 from sci_lightning.encoder.mask.measured import Measured, read_mask
@@ -13,6 +14,7 @@ from sci_lightning.encoder.mask.shifting import Shifting, moved_pattern
 
 __all__ = [
     "LearnedBinary",
+    "LearnedIndex",
     "LearnedStructural",
     "Mask",
     "MaskDesign",

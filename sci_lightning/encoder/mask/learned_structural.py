@@ -6,9 +6,8 @@ import torch
 from torch import nn
 
 from sci_lightning.configuration.bounds import Bits, Frames, Pixels, Positive, Seed, Size
-from sci_lightning.encoder.mask.mask import Mask, Start, check_start
-from sci_lightning.encoder.mask.structure import check_bits, structure, uniform
-from sci_lightning.errors import BadInput
+from sci_lightning.encoder.mask.mask import Mask, Start
+from sci_lightning.encoder.mask.structure import check_bits, structure
 
 
 class LearnedStructural(Mask):
@@ -21,10 +20,8 @@ class LearnedStructural(Mask):
         bits: mask bit depth, 1 to 8 (1: one open slot per pixel).
         frames, size, tile, repeat: see :class:`~sci_lightning.encoder.mask.Mask`.
         seed: seed of the initial real-valued mask.
-        sharpness: the power, > 0. 1 is the published start. With a larger power the light of a pixel falls into fewer
-            slots at the start; a decoder learns to undo such a mask in fewer steps, and training can soften it again.
-        start: ``published`` for uniform values; ``designed`` for the mask that
-            :func:`~sci_lightning.encoder.mask.design.design_structural` finds in seconds, whatever the sharpness.
+        sharpness, start: see :meth:`~sci_lightning.encoder.mask.Mask.structural_start`; training can soften a sharp
+            start again.
 
     Source: "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), Algorithm 1.
     """
@@ -43,13 +40,8 @@ class LearnedStructural(Mask):
         start: Start = "published",
     ) -> None:
         super().__init__(frames, size, tile, repeat)
-        if not sharpness > 0:
-            raise BadInput(f"mask sharpness must be positive, got {sharpness!r}")
         self.bits = check_bits(bits)
-        first = (
-            self.designed(bits, True, seed) if check_start(start) else uniform(self.pattern_shape, seed) ** sharpness
-        )
-        self.weight = nn.Parameter(first)
+        self.weight = nn.Parameter(self.structural_start(bits, seed, sharpness, start))
 
     @torch.no_grad()
     def project_(self) -> None:

@@ -9,6 +9,7 @@ import torch
 from torch import nn
 
 from sci_lightning.configuration.bounds import Frames, Pixels, Size
+from sci_lightning.encoder.mask.structure import uniform
 from sci_lightning.errors import BadInput
 
 Start: TypeAlias = Literal["published", "designed"]
@@ -91,6 +92,23 @@ class Mask(nn.Module):
         tile = (height, width) if small else (min(TILE[0], height), min(TILE[1], width))
         pattern = designed_start(frames, bits, structural, tile, seed)
         return pattern.repeat(1, -(-height // tile[0]), -(-width // tile[1]))[:, :height, :width].clone()
+
+    def structural_start(self, bits: int, seed: int, sharpness: float, start: str) -> torch.Tensor:
+        """Return the real-valued mask from which a structural mask of ``bits`` bits is made, in the pattern's shape.
+
+        Args:
+            bits, seed: see :class:`~sci_lightning.encoder.mask.LearnedStructural`.
+            sharpness: the power of uniform values, > 0. 1 is the published start. With a larger power the light of a
+                pixel falls into fewer slots; a decoder learns to undo such a mask in fewer steps.
+            start: ``published`` for these; ``designed`` for the mask that
+                :func:`~sci_lightning.encoder.mask.design.design_structural` finds in seconds, whatever the sharpness.
+
+        Raises:
+            BadInput: a sharpness that is not positive, or another start.
+        """
+        if not sharpness > 0:
+            raise BadInput(f"mask sharpness must be positive, got {sharpness!r}")
+        return self.designed(bits, True, seed) if check_start(start) else uniform(self.pattern_shape, seed) ** sharpness
 
     @torch.no_grad()
     def project_(self) -> None:

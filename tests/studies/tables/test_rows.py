@@ -21,8 +21,9 @@ TABLES = paper_figures()["tables"]
 
 def test_every_row_of_the_tables_is_trained_once() -> None:
     rows = plan(TABLES, seeds=1)
-    assert len(rows) == len(set(rows)) == 7 + 4 + 5 + 4 + 3  # Tables 2, 3, 4; 5 random; 5 learned without 4 bits
-    assert {row.encoder for row in rows} == {"rbw_osr", "rbw_sr", "rsw_sr", "lsw_sr"}
+    # Tables 2, 3, 4; 5 random; 5 learned without 4 bits; controls
+    assert len(rows) == len(set(rows)) == 7 + 4 + 5 + 4 + 3 + 7
+    assert {row.encoder for row in rows} == {"rbw_osr", "rbw_sr", "rsw_sr", "lsw_sr", "fsw_sr", "lsw_index_sr"}
     assert {row.tests for row in rows if row.encoder == "rbw_osr"} == {("rbw_sr",)}
     assert not any(row.tests for row in rows if row.encoder != "rbw_osr")
     assert [row.bits for row in rows if row.encoder == "rbw_sr"] == [1, 1, 1, 1]
@@ -30,17 +31,17 @@ def test_every_row_of_the_tables_is_trained_once() -> None:
 
 def test_rows_that_decide_claims_come_first_and_have_several_seeds() -> None:
     rows = plan(TABLES, seeds=3)
-    assert len(rows) == 23 + 2 * 7
-    assert [row.seed for row in rows] == [0] * 7 + [1] * 7 + [0] * 16 + [2] * 7
-    assert {row.decoder for row in rows[:7]} == {"e2e_cnn", "res2former"}
-    assert {row.name for row in rows[:7]} == {row.name for row in rows[7:14]} == {row.name for row in rows[-7:]}
+    assert len(rows) == 30 + 2 * 10
+    assert [row.seed for row in rows] == [0] * 10 + [1] * 10 + [0] * 20 + [2] * 10
+    assert {row.decoder for row in rows[:10]} == {"e2e_cnn", "res2former"}
+    assert {row.name for row in rows[:10]} == {row.name for row in rows[10:20]} == {row.name for row in rows[-10:]}
 
 
 def test_further_seeds_of_the_other_rows_come_last() -> None:
     rows = plan(TABLES, seeds=3, other_seeds=2)
-    assert rows[:37] == plan(TABLES, seeds=3)
-    assert [row.seed for row in rows[37:]] == [1] * 16
-    assert {row.name for row in rows[37:]} == {row.name for row in rows[14:30]}
+    assert rows[:50] == plan(TABLES, seeds=3)
+    assert [row.seed for row in rows[50:]] == [1] * 20
+    assert {row.name for row in rows[50:]} == {row.name for row in rows[20:40]}
 
 
 def test_a_part_of_the_rows() -> None:
@@ -48,6 +49,10 @@ def test_a_part_of_the_rows() -> None:
     assert {row.decoder for row in plan(TABLES, 1, ["revsci"])} == {"revsci"}
     assert plan(TABLES, 1, ["lsw_sr_4bit_e2e_cnn"]) == [TableRow("table4", "lsw_sr", 4, "e2e_cnn")]
     assert not plan(TABLES, 1, ["table9"])
+    assert {row.name for row in plan(TABLES, 1, ["controls"])} >= {
+        "fsw_sr_4bit_e2e_cnn",
+        "lsw_index_sr_1bit_res2former",
+    }
 
 
 ROW = TableRow("table2", "rbw_osr", 1, "e2e_cnn", 2, ("rbw_sr",))
