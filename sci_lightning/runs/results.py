@@ -40,6 +40,9 @@ class RunMetrics(JsonFile):
     parameters: int = says("that the decoder learned", ge=0, le=MOST)
     macs: int = says("multiply-accumulates to decode one measurement of the mask's size", ge=0, le=MOST)
     training_steps: int | None = says("of the optimiser in the whole training, if it recorded them", default=None, ge=0)
+    clips_seen: int | None = says(
+        "in the whole training, where they are not its steps times the batch", default=None, ge=0
+    )
     config: Mapping[str, Any] = says("the run's plain configuration")
     mask_score: float | None = says("dB expected of a linear decoder behind the mask, in kept rows", default=None)
     provenance: Provenance | None = says("in rows that are kept for the tables", default=None)

@@ -24,6 +24,9 @@ MARGIN = 0.25
 """Room beside the outermost circles, as a part of what lies between them."""
 FONT = 7.0
 
+PAPER_CLIPS = 100 * 24_500
+"""Clips of 256 x 256 that the paper's trainings see: 100 epochs of all groups of eight frames of DAVIS 2017."""
+
 Box = tuple[float, float, float, float]
 """Left, bottom, right, top, in points."""
 
@@ -63,6 +66,16 @@ def _cost(name: str, figures: Mapping[str, Any], config: Mapping[str, Any] | Non
     with torch.device("meta"):
         decoder = build(config, f"decoder={name}")
     return Cost(figures, count_parameters(decoder), count_as_paper(decoder, 8, 256, 256, figures["macs_rules"]))
+
+
+def share_of_paper(run: ScoredRun, macs: float) -> float | None:
+    """Return what a training computed as a part of what the paper's training of that network does; None if not known.
+
+    Args:
+        run: ours.
+        macs: multiply-accumulates of the network as published, for one measurement of 256 x 256, T = 8.
+    """
+    return None if run.computation is None else run.computation / (6.0 * macs * PAPER_CLIPS)
 
 
 def cost_figure(table: Mapping[str, Any], runs: Sequence[ScoredRun], paper: Mapping[str, Mapping[str, Any]]) -> Figure:

@@ -70,6 +70,9 @@ class ScoredRun:
         seconds: to decode one measurement.
         device: on which it was decoded.
         training_steps: of the optimiser; None where the run did not record them.
+        clips_seen: in the whole training; None where the run did not record them.
+        computation: of the training in operations, 6 for each multiply-accumulate of decoding its clips (one forward
+            pass, a backward pass twice as long, two operations each); None where its clips are not known.
         mask_score: expected PSNR of the best linear decoder behind the mask, in dB; None where it was not computed.
         provenance: of a row that is kept; None of others.
     """
@@ -86,6 +89,8 @@ class ScoredRun:
     seconds: float
     device: str
     training_steps: int | None = None
+    clips_seen: int | None = None
+    computation: float | None = None
     mask_score: float | None = None
     provenance: Provenance | None = None
 
@@ -140,6 +145,7 @@ class _Tested(_Part):
 
 class _Trainer(_Part):
     max_steps: int | None = Field(None, ge=-1, le=MOST)
+    accumulate_grad_batches: int = Field(1, ge=1, le=MOST)
 
 
 class _Config(_Part):
@@ -151,6 +157,8 @@ class _Config(_Part):
     core_minutes: float | None = Field(None, ge=0, le=1e9)
     frames: int | None = Field(None, ge=1, le=10_000)
     size: Size
+    crop: Size | None = None
+    batch_size: int | None = Field(None, ge=1, le=MOST)
     seed: int = Field(ge=-(2**63), le=2**64)
     finetune: Any = None
 
@@ -170,6 +178,7 @@ class _Metrics(_Part):
     parameters: int
     macs: int
     training_steps: int | None = None
+    clips_seen: int | None = None
     mask_score: Score | None = None
     provenance: Provenance | None = None
     config: _Config
@@ -239,6 +248,11 @@ def _run(path: Path, metrics: _Metrics) -> ScoredRun:
         scale += f", {config.core_minutes:g} core minutes"
     elif steps is not None and steps > 0:
         scale += f", {steps} steps"
+    clips, crop = metrics.clips_seen, config.crop or config.size
+    if clips is None and metrics.training_steps is not None and config.batch_size:
+        accumulated = config.trainer.accumulate_grad_batches if config.trainer else 1
+        clips = metrics.training_steps * config.batch_size * accumulated
+    part = crop[0] * crop[1] / (config.size[0] * config.size[1])  # macs are those of the mask's size
     height, width = tested.size or config.size
     setting = RunSetting(
         scale=scale,
@@ -260,6 +274,8 @@ def _run(path: Path, metrics: _Metrics) -> ScoredRun:
         seconds=metrics.seconds_per_measurement,
         device=excerpt(metrics.device),
         training_steps=metrics.training_steps,
+        clips_seen=clips,
+        computation=None if clips is None else 6.0 * metrics.macs * part * clips,
         mask_score=metrics.mask_score,
         provenance=metrics.provenance,
     )
