@@ -16,6 +16,7 @@ from sci_lightning.decoder.res2former import Res2former
 from sci_lightning.decoder.revsci import RevSCI
 from sci_lightning.decoder.sci3d import SCI3D
 from sci_lightning.decoder.stformer import STFormer
+from sci_lightning.decoder.universal import Universal
 
 __all__ = [
     "ADMM",
@@ -34,4 +35,5 @@ __all__ = [
     "Res2former",
     "RevSCI",
     "STFormer",
+    "Universal",
 ]

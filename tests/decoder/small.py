@@ -26,4 +26,5 @@ SMALL = {
     "revsci": ["decoder.blocks=2", "decoder.channels=16"],
     "sci3d": ["decoder.phases=3", "decoder.channels=[8,16,32]", "decoder.inner=3"],
     "stformer": ["decoder.dim=8", "decoder.units=1"],
+    "universal": ["decoder.widths=[4,6,8]", "decoder.passes=2", "decoder.window=4", *START],
 }

@@ -23,7 +23,7 @@ from tests.conftest import members
 from tests.decoder.small import SMALL
 
 FRAMES, HEIGHT, WIDTH = 3, 75, 130
-TILE = {"birnat": (46, 46), "pnp_fastdvdnet": (80, 80)}
+TILE = {"birnat": (46, 46), "pnp_fastdvdnet": (80, 80), "universal": (48, 48)}
 """Tiles of decoders whose halo is larger than the 32 pixels of the others' tiles."""
 
 FIELD = {
@@ -62,8 +62,8 @@ def test_in_tiles_as_at_once(name: str, input_: str, make_decoder: Callable[...,
     more = ["decoder.first_estimate=linear"] if input_ == "linear" else []
     decoder = make_decoder(name, FRAMES, *SMALL.get(name, []), *more).eval()
     for parameter in decoder.parameters():
-        if parameter.numel() == 1:  # a gain that starts from 0 hides what stands before it
-            parameter += 0.1
+        if not parameter.any():  # a gain or a layer that starts from 0 hides what stands before it
+            parameter.normal_(std=0.1)
     video, mask, measurement = scene()
     tiles: list[int] = []
     tiling = Tiling(TILE.get(name, (32, 32)), watch=lambda number, of: tiles.append(of))
