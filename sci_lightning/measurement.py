@@ -24,7 +24,10 @@ UNCHANGED = {
 """Operations, by torch's name without underscores, whose result is in the same units: light added is noise or a dark
 level."""
 
-IN_PLACE = UNCHANGED - {"getitem", "unsqueeze", "squeeze", "flip", "mean", "stack", "cat", "index_select", "narrow"}
+REARRANGED = {"getitem", "unsqueeze", "squeeze", "flip", "stack", "cat", "index_select", "narrow"}
+"""Those after which pixels may be somewhere else."""
+
+IN_PLACE = UNCHANGED - REARRANGED - {"mean"}
 """Those after which every pixel is where it was, so that the measurement still belongs to its mask."""
 
 ANOTHER_MASK = 0.02
@@ -45,11 +48,13 @@ class Measurement(torch.Tensor):
 
     :math:`v = s\,R(a \sum_t M_t \odot x_t)`, with the values v, the full scale s and the aperture a. Slices, copies and
     sums keep s, a product with a number k makes it k s. After any other operation the scale is unknown, and decoders
-    refuse the tensor. ``torch.Tensor(y)`` and files forget everything: a plain tensor.
+    refuse the tensor. ``torch.Tensor(y)`` and files forget everything: a plain tensor. Where every snapshot has a scale
+    of its own, slices and joined measurements keep those of their snapshots.
 
     Args:
         values: ``(N, H, W)``, a tensor or an array; floating, or integers (DN).
-        aperture: a, the scale of the light before the sensor, > 0; 1 for a plain sum of mask times frame.
+        aperture: a, the scale of the light before the sensor, > 0; 1 for a plain sum of mask times frame; ``(N,)``
+            where each snapshot has its own.
         full_scale: s, the value that stands for a full sensor, > 0; for integers it must be stated.
 
     Raises:
@@ -66,7 +71,7 @@ class Measurement(torch.Tensor):
         0.25
     """
 
-    aperture: float
+    aperture: float | torch.Tensor
     full_scale: float | None
     """None: not known, after an operation that leaves it open."""
     camera: Camera | None
@@ -78,7 +83,7 @@ class Measurement(torch.Tensor):
 
     @staticmethod
     def __new__(
-        cls, values: torch.Tensor | np.ndarray, aperture: float = 1.0, full_scale: float | None = None
+        cls, values: torch.Tensor | np.ndarray, aperture: float | torch.Tensor = 1.0, full_scale: float | None = None
     ) -> Measurement:
         plain = as_float_tensor(values)
         if not plain.is_floating_point():
@@ -88,20 +93,29 @@ class Measurement(torch.Tensor):
                 )
             plain = plain.float()
         full_scale = 1.0 if full_scale is None else full_scale
-        if not (aperture > 0 and full_scale > 0):
+        if isinstance(aperture, torch.Tensor) and aperture.shape not in ((), plain.shape[:-2]):
+            raise BadInput(
+                f"Measurement: aperture of shape {tuple(aperture.shape)} for values {tuple(plain.shape)}: give one "
+                "number, or one for each snapshot"
+            )
+        if not (torch.as_tensor(aperture > 0).all() and full_scale > 0):
             raise BadInput(f"Measurement: aperture={aperture} and full_scale={full_scale} must both be positive")
         return _measurement(plain.as_subclass(torch.Tensor), aperture, full_scale, None, False)
 
     @classmethod
     def recorded_by(
-        cls, camera: Camera | None, values: torch.Tensor, aperture: float, mask: torch.Tensor | None = None
+        cls,
+        camera: Camera | None,
+        values: torch.Tensor,
+        aperture: float | torch.Tensor,
+        mask: torch.Tensor | None = None,
     ) -> Measurement:
         """Return values ``(N, H, W)``, fractions of full scale, with the camera that undoes its own effects.
 
         Args:
             camera: see :attr:`camera`.
             values: of the measurement.
-            aperture: of the camera.
+            aperture: of the camera, or ``(N,)`` of each snapshot.
             mask: ``(T, H, W)`` behind which it was recorded, which decoders then compare with theirs.
         """
         measurement = _measurement(values, aperture, 1.0, camera, False)
@@ -141,6 +155,8 @@ class Measurement(torch.Tensor):
                     "where it lies: encoder.normalised(part, origin=(row, column)) undoes its effects"
                 )
             recorded = self.camera.linearise(recorded)
+        if isinstance(self.aperture, torch.Tensor):
+            return recorded / self.aperture[..., None, None].to(recorded)
         return recorded if self.aperture == 1 else recorded / self.aperture
 
     @classmethod
@@ -156,15 +172,18 @@ class Measurement(torch.Tensor):
         if not known or func.__name__ == "as_subclass":
             return result
         first = known[0]
-        scale = _scale_after(func.__name__.strip("_"), operands, known)
-        measurement = _measurement(result, first.aperture, scale, first.camera, first.is_linear)
+        aperture = _aperture_after(func, args, kwargs or {}, known, result)
+        scale = None if aperture is None else _scale_after(func.__name__.strip("_"), operands, known)
+        kept = first.aperture if aperture is None else aperture
+        measurement = _measurement(result, kept, scale, first.camera, first.is_linear)
         if scale is not None and func.__name__.strip("_") in (*IN_PLACE, "mul", "div", "truediv", "rmul"):
             measurement.mask_mark = first.mask_mark
         return measurement
 
     def __repr__(self, **_: Any) -> str:  # type: ignore[override]  # torch's argument is for its own use
         scale = "unknown scale" if self.full_scale is None else f"full scale {self.full_scale:g}"
-        return f"Measurement({self.as_subclass(torch.Tensor)!r}, aperture {self.aperture:g}, {scale})"
+        aperture = f"{self.aperture.tolist()}" if isinstance(self.aperture, torch.Tensor) else f"{self.aperture:g}"
+        return f"Measurement({self.as_subclass(torch.Tensor)!r}, aperture {aperture}, {scale})"
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Measurement:
         copied = self.as_subclass(torch.Tensor).__deepcopy__(memo)
@@ -175,18 +194,48 @@ class Measurement(torch.Tensor):
 
 
 def _measurement(
-    values: torch.Tensor, aperture: float, full_scale: float | None, camera: Camera | None, is_linear: bool
+    values: torch.Tensor,
+    aperture: float | torch.Tensor,
+    full_scale: float | None,
+    camera: Camera | None,
+    is_linear: bool,
 ) -> Measurement:
     result = values.as_subclass(Measurement)
     result.aperture, result.full_scale, result.camera, result.is_linear = aperture, full_scale, camera, is_linear
     return result
 
 
+def _aperture_after(
+    func: Callable[..., Any], args: Any, kwargs: dict[str, Any], known: list[Measurement], result: torch.Tensor
+) -> float | torch.Tensor | None:
+    """Return the aperture of an operation's result, None if its snapshots have none of their own that follows."""
+    first = known[0]
+    if not any(isinstance(one.aperture, torch.Tensor) for one in known):
+        return first.aperture
+    if func.__name__.strip("_") in REARRANGED:  # a map of the scales goes the way of the pixels
+        given = args[0]
+        maps = [_scale_map(one) for one in given] if isinstance(given, (list, tuple)) else _scale_map(given)
+        scales = func(maps, *args[1:], **kwargs)
+        first_pixels = scales[..., :1, :1]
+        return first_pixels[..., 0, 0] if scales.numel() and bool((scales == first_pixels).all()) else None
+    if result.shape != first.shape:  # as a mean over snapshots of several scales
+        return None
+    other = [one.aperture for one in known[1:]]
+    alike = all(torch.equal(torch.as_tensor(one), torch.as_tensor(first.aperture)) for one in other)
+    return first.aperture if alike else None
+
+
+def _scale_map(values: torch.Tensor) -> torch.Tensor:
+    aperture = torch.as_tensor(getattr(values, "aperture", 1.0), device=values.device)
+    return aperture[..., None, None].expand(values.shape)
+
+
 def _scale_after(name: str, operands: Any, known: list[Measurement]) -> float | None:
     """Return the full scale of an operation's result, None if that does not follow."""
     first = known[0]
     scales = [one.full_scale for one in known]
-    alike = all((one.aperture, one.is_linear) == (first.aperture, first.is_linear) for one in known)
+    several = any(isinstance(one.aperture, torch.Tensor) for one in known)  # compared before, for each snapshot
+    alike = all(one.is_linear == first.is_linear and (several or one.aperture == first.aperture) for one in known)
     if first.full_scale is None or None in scales or not alike:
         return None
     if name in ("stack", "cat"):
@@ -225,18 +274,19 @@ def as_float_tensor(values: torch.Tensor | np.ndarray) -> torch.Tensor:
     return torch.as_tensor(values.astype(np.float32) if values.dtype.kind == "f" else values)
 
 
-def marked(mask: torch.Tensor, aperture: float, undone: bool) -> torch.Tensor:
+def marked(mask: torch.Tensor, aperture: float | None, undone: bool) -> torch.Tensor:
     """Return a camera's mask, which remembers that plain measurements behind it are no sums of mask times frame.
 
     Args:
         mask: ``(T, H, W)``.
-        aperture: of the camera.
+        aperture: of the camera; None where every snapshot has its own.
         undone: whether the camera has effects of optics or sensor to be undone.
     """
     if aperture == 1 and not undone:
         return mask
     mask = mask.view_as(mask)  # the mark is this tensor's alone, not that of the buffer that it may be
-    mask.camera_aperture = aperture  # type: ignore[attr-defined]
+    text = "one for each snapshot" if aperture is None else f"{aperture:.3g}"
+    mask.camera_aperture = text  # type: ignore[attr-defined]
     return mask
 
 
@@ -268,7 +318,7 @@ def linear_with_mask(measurement: torch.Tensor, mask: torch.Tensor) -> tuple[tor
         measurement = measurement.linear()
     elif aperture is not None:
         raise BadInput(
-            f"a plain tensor as measurement beside the mask of a camera of aperture {aperture:.3g} does not say what "
+            f"a plain tensor as measurement beside the mask of a camera of aperture {aperture} does not say what "
             "it is: give what the encoder returned; or encoder.normalised(y) of what it recorded, a fraction of full "
             "scale; or sci.Measurement(y) of a sum of mask times frame"
         )

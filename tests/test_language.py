@@ -32,6 +32,9 @@ DIALECT = {
 }
 """Names that a reader from outside cannot guess, and what to say instead."""
 
+CONTRACT = {("encoder/encoder.py", "told")}
+"""Names that the user's settings have: ``encoder.told``."""
+
 PARTS = re.compile(r"(^|_)(each|told|chart|charts|toll|whole_file)(_|$)|^chosen_")
 """Parts of names that are dialect wherever they stand."""
 
@@ -53,11 +56,11 @@ def names(tree: ast.AST) -> set[tuple[str, int]]:
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(PACKAGE)))
 def test_names(file: Path) -> None:
-    tree = ast.parse(file.read_text())
+    tree, path = ast.parse(file.read_text()), str(file.relative_to(PACKAGE))
     wrong = [
         f"line {line}: {name}: {DIALECT.get(name, 'DESIGN.md, Language')}"
         for name, line in sorted(names(tree), key=lambda entry: entry[1])
-        if name in DIALECT or PARTS.search(name.lower())
+        if (name in DIALECT or PARTS.search(name.lower())) and (path, name) not in CONTRACT
     ]
     assert not wrong, "\n".join(wrong)
 

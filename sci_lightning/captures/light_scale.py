@@ -53,29 +53,35 @@ def full_scale_of(values: np.ndarray, bit_depth: int | None = None) -> tuple[flo
 
 
 def resolve_aperture(
-    given: float | str | None, encoder: Encoder, mask: torch.Tensor, brightest: float, own_mask: bool
-) -> tuple[float, str]:
+    given: float | str | torch.Tensor | None, encoder: Encoder, mask: torch.Tensor, brightest: float, own_mask: bool
+) -> tuple[float | torch.Tensor, str]:
     """Return the aperture of a snapshot and where it comes from.
 
     Args:
-        given: what the user states: a number, ``auto`` for an ordinary exposure, or None.
+        given: what the user states: a number, ``auto`` for an ordinary exposure, or None; or what measurements carry.
         encoder: that took the snapshot.
         mask: ``(T, H, W)``.
         brightest: largest value of the snapshot, in units of full scale.
         own_mask: whether the mask is the encoder's own; else its automatic aperture is that of ``mask``.
 
     Raises:
-        BadInput: a stated aperture that is neither ``auto`` nor a positive number.
+        BadInput: a stated aperture that is neither ``auto`` nor a positive number; none, where the encoder gives every
+            snapshot a scale of its own.
     """
+    if isinstance(given, torch.Tensor):
+        return given, "the measurement's"
     ordinary = 1 / max(1.0, float(mask.sum(0).mean()))
     if given is not None and given != "auto":
         if isinstance(given, str) or not 0 < given < float("inf"):
             raise BadInput(f"aperture={given}: give a positive number, or auto for an exposure that white fills")
         return given, "as given"
-    states = given is None and (encoder.sensor.bit_depth is not None or encoder.aperture != 1)
-    if states and (own_mask or encoder.aperture != encoder.mask.automatic_aperture):
-        return encoder.aperture, "the encoder's"
-    if states or given == "auto":
+    if given == "auto":
+        return ordinary, "white fills the sensor"
+    aperture = encoder.aperture
+    states = encoder.sensor.bit_depth is not None or aperture != 1
+    if states and (own_mask or aperture != encoder.mask.automatic_aperture):
+        return aperture, "the encoder's"
+    if states:
         return ordinary, "white fills the sensor"
     if brightest > 1:
         return 1.0, "values exceed full scale, as in a sum of frames"

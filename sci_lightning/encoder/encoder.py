@@ -9,6 +9,7 @@ import torch
 from torch import nn
 
 from sci_lightning.configuration.bounds import Size
+from sci_lightning.encoder.aperture import Aperture
 from sci_lightning.encoder.effects.effect import Effect
 from sci_lightning.encoder.effects.stage import OpticsEffect, SensorEffect
 from sci_lightning.encoder.irradiance import check_irradiance, misfit
@@ -45,17 +46,18 @@ class Encoder(nn.Module):
     Args:
         mask: the transmittance M, ``(T, H, W)`` in [0, 1].
         sensor: the response R, light to measurement.
-        aperture: a, scale of the light before the sensor, > 0. ``auto`` takes the mask's own ("automatic aperture":
-            2/T for binary masks, 1 for structural ones), with which a white scene just fills the sensor on average.
+        aperture: a, scale of the light before the sensor: ``auto`` (the mask's own "automatic aperture"), a number > 0,
+            ``1/T`` or ``per_snapshot``, see :class:`~sci_lightning.encoder.aperture.Aperture`.
         effects: effects, each name at most once; None is ignored, and of a mapping only the values are used.
         sensor_to_modulator: nominal homography, 3 x 3, of a mask whose values belong to mirrors on a grid of their own:
             homogeneous (x, y, 1) of a pixel's centre to (u, v, 1) in mirrors, both from 0 at the first centre. None
             where every value of the mask is a pixel's.
         size: (H, W) of the field in pixels, with a homography; the mask's own size is then that of the modulator.
+        told: whether decoders know a; else they take it to be the mask's own, and are wrong by what it is not.
 
     Raises:
-        BadInput: an aperture that is neither ``auto`` nor a positive number; an effect given twice; noise stated both
-            by the sensor and as an effect; an effect of fewer bits with a sensor that does not round; a homography
+        BadInput: an aperture that is no positive number and none of these words; an effect given twice; noise stated
+            both by the sensor and as an effect; an effect of fewer bits with a sensor that does not round; a homography
             that is singular or shows the field too little of the mask, or one without a size.
 
     It is computed in full precision even under ``torch.autocast``.
@@ -71,13 +73,12 @@ class Encoder(nn.Module):
         effects: Mapping[str, Effect | None] | Iterable[Effect | None] | None = (),
         sensor_to_modulator: Sequence[Sequence[float]] | None = None,
         size: Size | None = None,
+        told: bool = True,
     ) -> None:
         super().__init__()
         self.mask = Measured.of(mask) if isinstance(mask, torch.Tensor) else mask
         self.sensor = sensor
-        if aperture != "auto" and (isinstance(aperture, str) or not aperture > 0):
-            raise BadInput(f"encoder aperture must be 'auto' or a positive number, got {aperture!r}")
-        self._aperture = aperture
+        self.aperture_setting = Aperture(aperture, told)
         given = effects.values() if isinstance(effects, Mapping) else effects or ()
         if sensor_to_modulator is not None and size is None:
             raise BadInput("encoder.sensor_to_modulator needs 'encoder.size=[H,W]', the field in pixels")
@@ -116,8 +117,12 @@ class Encoder(nn.Module):
 
     @property
     def aperture(self) -> float:
-        """The scale of the light before the sensor."""
-        return self.mask.automatic_aperture if isinstance(self._aperture, str) else float(self._aperture)
+        """The scale by which decoders divide: that of the light before the sensor, unless they are not told it.
+
+        Raises:
+            BadInput: it is another one for each snapshot, which the measurement carries.
+        """
+        return self.aperture_setting.divisor(self.mask)
 
     @property
     def dn(self) -> float:
@@ -132,7 +137,7 @@ class Encoder(nn.Module):
             ``(T, qH, qW)``, with q x q cells per pixel (``path.cells``) where a displaced mask is seen through a
             blurring lens, else q = 1. It remembers the aperture, see :mod:`sci_lightning.measurement`.
         """
-        return marked(self.path.transmittance(self.mask()), self.aperture, self._is_to_be_linearised)
+        return self._marked(self.path.transmittance(self.mask()))
 
     def transmittance_window(self, top: int, left: int, height: int, width: int) -> torch.Tensor:
         """Return the part ``(T, qh, qw)`` of :meth:`transmittance` of h x w pixels from pixel (top, left) on.
@@ -157,7 +162,7 @@ class Encoder(nn.Module):
         if not self.path.shows_patterns_as_commanded:
             light = pixels.square().sum(0)
             pixels = pixels * (light >= LEAST_LIGHT * light.mean())
-        return marked(pixels, self.aperture, self._is_to_be_linearised)
+        return self._marked(pixels)
 
     def forward(self, video: torch.Tensor) -> Measurement:
         """Record ``video`` (N, T, H, W) with the whole mask, as :meth:`record` does.
@@ -170,14 +175,18 @@ class Encoder(nn.Module):
             BadInput: as :meth:`record`; a video that is no irradiance: integers, values of 0 to 255, NaN.
         """
         check_irradiance(video)
-        camera = self if self._is_to_be_linearised else None
         mask = self.transmittance()
         shown = mask if self.path.cells == 1 and self.path.shows_patterns_as_commanded else None
-        return Measurement.recorded_by(camera, self.record(video, mask), self.aperture, shown)
+        recorded = self.record(video, mask)
+        aperture = recorded.aperture if isinstance(recorded, Measurement) else self.aperture
+        return Measurement.recorded_by(self._linearising, recorded, aperture, shown)
 
     @property
-    def _is_to_be_linearised(self) -> bool:
-        return bool(self.path.of(OpticsEffect) or self.path.of(SensorEffect))
+    def _linearising(self) -> Encoder | None:
+        return self if bool(self.path.of(OpticsEffect)) or bool(self.path.of(SensorEffect)) else None
+
+    def _marked(self, mask: torch.Tensor) -> torch.Tensor:
+        return marked(mask, None if self.aperture_setting.is_carried else self.aperture, self._linearising is not None)
 
     @full_precision()
     def record(self, video: torch.Tensor, mask: torch.Tensor, origin: tuple[int, int] = (0, 0)) -> torch.Tensor:
@@ -189,7 +198,8 @@ class Encoder(nn.Module):
             origin: (row, column) of the window's first pixel in the field.
 
         Returns:
-            measurement ``(N, H, W)``, normalised by the sensor's full scale.
+            measurement ``(N, H, W)``, normalised by the sensor's full scale; a :class:`.Measurement` where decoders are
+            told a scale for each snapshot, else a plain tensor.
 
         Raises:
             BadInput: video and mask differ in T, H or W; a window that is not inside the field.
@@ -197,12 +207,18 @@ class Encoder(nn.Module):
         q = self.path.cells
         if video.ndim != 4 or (video.shape[1], video.shape[2] * q, video.shape[3] * q) != mask.shape:
             raise misfit(tuple(video.shape), (len(mask), mask.shape[1] // q, mask.shape[2] // q))
-        image = self.aperture * SnapshotOperator(mask, q)(video)
+        image = SnapshotOperator(mask, q)(video)
+        aperture = self.aperture_setting.scale(image, self.mask, q, self.dn)
+        image = aperture * image
         if not len(self.path.effects):
-            return self.sensor(image)
-        light = self._signal(image, origin, q)
-        light = self.path.respond(self.path.form(light))
-        return self._convert(_draw(light) if self.path.of(SensorEffect) else light.mean)
+            recorded = self.sensor(image)
+        else:
+            light = self._signal(image, origin, q)
+            light = self.path.respond(self.path.form(light))
+            recorded = self._convert(_draw(light) if self.path.of(SensorEffect) else light.mean)
+        if isinstance(aperture, torch.Tensor) and self.aperture_setting.is_known:
+            return Measurement.recorded_by(self._linearising, recorded, aperture.flatten())
+        return recorded
 
     @full_precision()
     def linearise(self, measurement: torch.Tensor, origin: tuple[int, int] = (0, 0)) -> torch.Tensor:
@@ -237,7 +253,7 @@ class Encoder(nn.Module):
         Args:
             measurement: a :class:`.Measurement`, or plain values normalised by full scale, a tensor or an array.
             aperture: the light scale that it was recorded with, one number or one for each snapshot ``(N,)``; None for
-                this encoder's own.
+                what the measurement carries, and of plain values this encoder's own.
             origin: (row, column) of its first pixel in the field.
 
         Raises:
@@ -247,6 +263,7 @@ class Encoder(nn.Module):
             recorded = measurement.recorded()
             if measurement.is_linear:
                 return Measurement.of_linear(recorded)
+            aperture = measurement.aperture if aperture is None else aperture
         else:
             recorded = as_float_tensor(measurement)
             if not recorded.is_floating_point():
@@ -255,7 +272,7 @@ class Encoder(nn.Module):
                 )
         scale = self.aperture if aperture is None else aperture
         if isinstance(scale, torch.Tensor):
-            scale = scale[:, None, None]
+            scale = scale[..., None, None].to(recorded.device)
         return Measurement.of_linear(self.linearise(recorded, origin) / scale)
 
     def __repr__(self) -> str:
@@ -267,7 +284,7 @@ class Encoder(nn.Module):
         effects = f", effects: {', '.join(self.path.names)}" if self.path.names else ""
         return (
             f"Encoder(T={self.mask.frames}, {height} x {width} pixels, {type(self.mask).__name__} mask, {depth}"
-            f"aperture {self.aperture:.4g}, {response}{effects})"
+            f"aperture {self.aperture_setting.in_words(self.mask)}, {response}{effects})"
         )
 
     @torch.no_grad()

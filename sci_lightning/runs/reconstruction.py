@@ -49,7 +49,8 @@ class Reconstruction:
         measurement: ``(N, H, W)``, fractions of full scale.
         mask: ``(T, H, W)``, as the decoder got it.
         full_scale: the number in the file that is 1.0 in ``measurement``.
-        aperture: light scale: ``measurement`` is near the aperture times the sum over time of mask times frame.
+        aperture: light scale: ``measurement`` is near the aperture times the sum over time of mask times frame;
+            ``(N,)`` where every snapshot has its own.
         warnings: what speaks against mask, numbers or result, a line each; empty if nothing does.
         white: the value of ``video`` that pictures show as white.
     """
@@ -58,7 +59,7 @@ class Reconstruction:
     measurement: torch.Tensor
     mask: torch.Tensor
     full_scale: float
-    aperture: float
+    aperture: float | torch.Tensor
     warnings: tuple[str, ...] = ()
     white: float = 1.0
 
@@ -100,7 +101,7 @@ def reconstruct(
     mask_white: float | None = None,
     raw: RawLayout | None = None,
     full_scale: float | None = None,
-    aperture: float | str | None = None,
+    aperture: float | str | torch.Tensor | None = None,
     tile: str | Sequence[int] = "auto",
     device: str = "auto",
     precision: str | int = "auto",
@@ -137,8 +138,9 @@ def reconstruct(
             :func:`~sci_lightning.files.mask_file.transmittance`.
         raw: how a file of raw numbers without a header is packed.
         full_scale: the number that is 1.0; None: of the encoder's sensor, or chosen from the numbers.
-        aperture: light scale; ``auto`` for an exposure that a white scene fills; None: that of the encoder's sensor, or
-            chosen from the numbers, see :mod:`sci_lightning.captures.light_scale`.
+        aperture: light scale; ``auto`` for an exposure that a white scene fills; None: what the measurement
+            carries (``(N,)`` where every snapshot has its own), that of the encoder's sensor, or chosen from the
+            numbers, see :mod:`sci_lightning.captures.light_scale`.
         tile: see :class:`~sci_lightning.decoder.tiling.tile_choice.TileChoice`.
         device, precision: as the settings of the commands, ``auto`` or such as ``cuda:1`` and ``bf16``.
         out: folder for ``reconstruction.npy``, frames, animations and an overview; None writes nothing.
@@ -189,7 +191,9 @@ def reconstruct(
     _check_fit(patterns, values, decoder, frames, f"mask={mask}" if mask else "the encoder's mask", snapshot.name)
     light, why = resolve_aperture(aperture, encoder, patterns, float(values.max()), own)
     exposure = bit_depth is not None or float(values.max()) <= 1
-    doubt = snapshot.doubt(1.0 if exposure else max(1.0, light * float(patterns.sum(0).max())))
+    scales = torch.as_tensor(light).reshape(-1, 1, 1)
+    darkest, lightest = (float(scale) for scale in scales.aminmax())
+    doubt = snapshot.doubt(1.0 if exposure else max(1.0, lightest * float(patterns.sum(0).max())))
 
     pipeline.to(torch_device)
     patterns = patterns.to(torch_device)
@@ -218,10 +222,11 @@ def reconstruct(
         with torch.no_grad():
             linear, patterns = linear_with_mask(pipeline.linearise(values.to(torch_device), light), patterns)
             linear = linear.cpu()
-        say(f"full_scale={snapshot.full_scale:g} ({snapshot.chosen or 'as given'}), aperture={light:.4g} ({why})")
+        in_words = f"{darkest:.4g}" if darkest == lightest else f"{darkest:.4g} to {lightest:.4g}"
+        say(f"full_scale={snapshot.full_scale:g} ({snapshot.chosen or 'as given'}), aperture={in_words} ({why})")
         if networks:
             say(describe_precision(computed_in, torch_device))
-        for line in (doubt, mask_warning(linear * light, patterns.cpu())):
+        for line in (doubt, mask_warning(linear * scales, patterns.cpu())):
             if line:
                 doubted(line)
         with torch.no_grad(), mixed_precision(computed_in, torch_device):
@@ -229,7 +234,7 @@ def reconstruct(
     finally:
         decoder.watch = earlier
     bright = bright_end(video)
-    if not warnings and (line := doubtful_brightness(bright, snapshot.full_scale, light)):
+    if not warnings and (line := doubtful_brightness(bright, snapshot.full_scale, lightest)):
         doubted(line)
     white = bright if bright > 0 and not SEEN[0] <= bright <= SEEN[1] else 1.0
     result = Reconstruction(video, values, patterns.cpu(), snapshot.full_scale, light, tuple(warnings), white)

@@ -73,7 +73,8 @@ def export(composition: Composition) -> None:
     about = {"decoder": trained["names"]["decoder"] if trained else composition.choice("decoder")}
     if checkpoint is not None:
         encoder = checkpoint.encoder()
-        about["aperture"] = f"{float(encoder.aperture):.9g}"
+        own = encoder.aperture_setting.is_carried
+        about["aperture"] = "per_snapshot" if own else f"{float(encoder.aperture):.9g}"
     model = onnx_graph(decoder, frames, about)
     if checkpoint is None:
         warn("no ckpt_path=: the weights are random, good for trying out a runtime and its speed, not for decoding")

@@ -244,6 +244,6 @@ def _without_places(content: Any) -> Any:
         return {key: _without_places(value) for key, value in content.items()}
     if isinstance(content, (list, tuple)):
         return [_without_places(value) for value in content]
-    if isinstance(content, str) and "/" in content and " " not in content:
+    if isinstance(content, str) and "/" in content and " " not in content and content != "1/T":  # an aperture
         return os.path.basename(content.rstrip("/"))
     return content
