@@ -44,6 +44,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; at run time PUBLIC_NAME
     from sci_lightning.runs.reconstruction import Reconstruction, reconstruct
     from sci_lightning.training.run import Run
     from sci_lightning.virtual_camera import Session, VirtualCamera
+    from sci_lightning.weights import load_weights
 
     __version__: str
 
@@ -70,6 +71,7 @@ PUBLIC_NAMES = {
     "load_checkpoint": "runs.checkpoint:read_checkpoint",
     "load_decoder": "cli.notebook:load_decoder",
     "load_video": "data.video:load_video",
+    "load_weights": "weights:load_weights",
     "masks": "encoder.mask",
     "metrics": "metrics",
     "pack_captures": "captures.pack:pack_captures",
@@ -106,6 +108,7 @@ __all__ = [
     "load_checkpoint",
     "load_decoder",
     "load_video",
+    "load_weights",
     "masks",
     "metrics",
     "pack_captures",

@@ -18,6 +18,7 @@ from sci_lightning.encoder.encoder import check_recording
 from sci_lightning.errors import BadInput
 from sci_lightning.plain_text import with_article
 from sci_lightning.runs.checkpoint import Checkpoint, read_checkpoint
+from sci_lightning.weights import shipped, weights_file
 
 MASK_SHAPE = ("tile", "bits", "repeat")
 """Settings of a mask on which the shape of what was trained depends."""
@@ -26,10 +27,10 @@ UNTRAINED = {"frames": 8, "size": [256, 256], "seed": 0}
 
 
 def resolve_checkpoint(command: str, composition: Composition) -> Checkpoint:
-    """Return the checkpoint ``ckpt_path=``, or one made of ``decoder=`` where that has no learned parameters.
+    """Return the checkpoint of ``ckpt_path=`` or ``weights=``, or one made of ``decoder=``, which has nothing to learn.
 
-    With both, the decoder is as ``decoder=`` says and filled from the checkpoint. Without a checkpoint the encoder is
-    the one that ``encoder=`` names, else ``rbw_osr``.
+    With both, the decoder is as ``decoder=`` says and filled from the checkpoint. Weights that come along are those of
+    the decoder of their name. Without a checkpoint the encoder is the one that ``encoder=`` names, else ``rbw_osr``.
 
     Args:
         command: whose configuration it is.
@@ -40,8 +41,8 @@ def resolve_checkpoint(command: str, composition: Composition) -> Checkpoint:
     """
     cfg, name = composition.cfg, composition.choice("decoder")
     settings = cfg.get("decoder")
-    if cfg.ckpt_path is not None:
-        checkpoint = read_checkpoint(cfg.ckpt_path, cfg.trusted)
+    if (path := _checkpoint_path(cfg, name)) is not None:
+        checkpoint = read_checkpoint(path, cfg.trusted)
         if settings is None:
             return checkpoint
         if "_target_" not in settings:
@@ -57,6 +58,17 @@ def resolve_checkpoint(command: str, composition: Composition) -> Checkpoint:
     if settings is None:
         raise BadInput("give ckpt_path=RUN/checkpoints/last.ckpt, or a decoder that needs no training: decoder=gap_tv")
     return _untrained(command, composition)
+
+
+def _checkpoint_path(cfg: DictConfig, decoder: str) -> Path | None:
+    """Return the checkpoint that is asked for by its path, by a name or by that of its decoder; None for none."""
+    if (named := cfg.get("weights")) is not None:
+        if cfg.ckpt_path is not None:
+            raise BadInput(f"weights={named} and ckpt_path={cfg.ckpt_path}: give one of them")
+        return weights_file(named)
+    if cfg.ckpt_path is not None:
+        return Path(cfg.ckpt_path)
+    return weights_file(decoder) if decoder in shipped() else None
 
 
 def _untrained(command: str, composition: Composition) -> Checkpoint:

@@ -45,8 +45,9 @@ def load_decoder(
     >>> network = sci.load_decoder("res2former", ["scale=smoke"])  # weights as they start, nothing learned yet
 
     Args:
-        source: the name of a decoder in ``conf/decoder``, whose weights are those that it starts with; or the path of a
-            checkpoint, ``RUN/checkpoints/last.ckpt``; or, together with ``name``, that of published weights.
+        source: the name of a decoder in ``conf/decoder``, whose weights come along or are those that it starts with;
+            or the path of a checkpoint, ``RUN/checkpoints/last.ckpt``; or, together with ``name``, that of published
+            weights.
         overrides: of a decoder that is configured by its name: ``["frames=10", "decoder.dim=48"]``.
         name: of the decoder that published weights belong to, such as ``res2former``.
         trusted: packages beside this one whose classes a checkpoint may name.
@@ -56,6 +57,7 @@ def load_decoder(
     """
     from sci_lightning.decoder.published import load_published
     from sci_lightning.runs.checkpoint import load_file, read_checkpoint
+    from sci_lightning.weights import load_weights, shipped
 
     names = group_members("decoder")
     chosen = str(source) if str(source) in names and name is None else name
@@ -65,12 +67,15 @@ def load_decoder(
         return read_checkpoint(source, trusted).decoder()
     if chosen not in names:
         raise BadInput(f"{chosen}: no such decoder; choose one of {', '.join(names)}")
+    overrides = list(overrides)
     decoder: Decoder = built(compose("train", [f"decoder={chosen}", *overrides]).cfg, "decoder")
     if name is not None:
         try:
             load_published(decoder, load_file(Path(source)))
         except BadInput as error:
             raise BadInput(f"{source}: {error}") from error
+    elif chosen in shipped() and not any(word.startswith("decoder.") for word in overrides):
+        load_weights(chosen).fill("decoder", decoder)
     return decoder.eval()
 
 

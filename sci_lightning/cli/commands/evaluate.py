@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, built, plain
-from sci_lightning.cli.settings import CommandSettings, Count, Kernels, Name, Precision
+from sci_lightning.cli.settings import CommandSettings, Count, Kernels, Name, NamedOrPath, Precision
 from sci_lightning.configuration.bounds import ExistingPath, Frames, Seed, Size
 from sci_lightning.console import PlainConsole, styled
 
@@ -25,6 +25,7 @@ class EvaluateSettings(CommandSettings):
     """Types and ranges of ``conf/evaluate.yaml``, which states the defaults and what they mean."""
 
     ckpt_path: ExistingPath | None
+    weights: NamedOrPath | None
     captures: ExistingPath | None
     pictures: Count
     trusted: Sequence[Name]

@@ -32,6 +32,7 @@ class ReconstructSettings(CommandSettings):
     """Types and ranges of ``conf/reconstruct.yaml``, which states the defaults and what they mean."""
 
     ckpt_path: ExistingPath | None
+    weights: NamedOrPath | None
     trusted: Sequence[Name]
     measurement: ExistingPath
     key: Name | None
@@ -71,12 +72,17 @@ def reconstruct(composition: Composition) -> None:
     from sci_lightning.files.packed_file import raw_layout
     from sci_lightning.runs.reconstruction import FILES
     from sci_lightning.runs.reconstruction import reconstruct as decode_snapshots
+    from sci_lightning.weights import ANY_MASK, BEST
 
     cfg = composition.cfg
     out, console, frames = Path(cfg.out), PlainConsole(), cfg.frames
     settings = plain(OmegaConf.masked_copy(cfg, list(SETTINGS)))
+    if cfg.get("decoder") is None and cfg.ckpt_path is None and cfg.weights is None:
+        cfg.weights = BEST
+        console.print(f"weights={BEST}: come along and decode behind any mask; decoder= or ckpt_path= choose another")
     checkpoint = resolve_checkpoint("reconstruct", composition)
-    if cfg.ckpt_path is None and cfg.mask is None and not _mask_is_known(composition):
+    mask_of_training = (cfg.ckpt_path or cfg.weights) and checkpoint.config["names"]["encoder"] != ANY_MASK
+    if not mask_of_training and cfg.mask is None and not _mask_is_known(composition):
         raise BadInput(
             "nothing says which mask the snapshot was taken with, and a random one would decode noise: give mask=FILE "
             "(MAT, NPY, H5), encoder=FOUND/encoder.yaml or ckpt_path=RUN/checkpoints/last.ckpt"
