@@ -28,9 +28,10 @@ VALUE = re.compile(r"<!-- value: (?P<key>\w+), from (?P<path>\S+) -->[^<\n]*<!--
 
 
 def pages(root: str | Path) -> list[Path]:
-    """Return README.md and every page below docs/ of a clone of the repository."""
+    """Return README.md, every page below docs/ and every model card of a clone of the repository."""
     root = Path(root)
-    return [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
+    cards = (root / "sci_lightning" / "weights").glob("*.md")
+    return [root / "README.md", *sorted((root / "docs").rglob("*.md")), *sorted(cards)]
 
 
 def updated(page: str | Path, root: str | Path) -> str:
