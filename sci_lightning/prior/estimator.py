@@ -35,9 +35,11 @@ class PreparedMask(NamedTuple):
     mask: torch.Tensor
     """The mask itself, padded to whole blocks."""
     moments: BlockMoments | None
-    """Moments of the distinct blocks; None if they are too large to be kept."""
+    """Moments of the distinct blocks, as far as ``computed``; None if they are too large to be kept."""
+    computed: torch.Tensor
+    """Which moments there are by now, ``(K, distinct blocks)`` bool: a block needs those of its likeliest component."""
     apart: BlockMoments | None
-    """The same of the blocks that do not overlap, one after another, or of the distinct ones where those are few."""
+    """Moments of the blocks that do not overlap, one after another, or of the distinct ones where those are few."""
     kind: torch.Tensor
     """For every block of the grid, row by row, which of the distinct blocks it is."""
 
@@ -57,8 +59,8 @@ class LinearEstimator:
 
     With a mixture of several Gaussians, the component under which the block of the measurement is most likely makes the
     estimate. Blocks overlap, and their estimates are averaged with a smooth window. The matrices depend on the mask
-    alone: they are computed at the first measurement, once for every distinct block (a mask that repeats a tile has
-    few), and kept for the next ones. Large images are estimated in strips, so that memory stays bounded.
+    alone: they are computed when a measurement first needs them, once for every distinct block (a mask that repeats a
+    tile has few), and kept for the next ones. Large images are estimated in strips, so that memory stays bounded.
 
     Args:
         noise: standard deviation of the noise, in units of the measurement: sensor noise, and what the prior misses.
@@ -117,6 +119,7 @@ class LinearEstimator:
         covariance = self.covariance(len(mask), mask.device)
         prepared = self._prepare(grid, mask, covariance)
         component = self._components(grid, measurement, prepared, covariance)
+        self._complete(grid, prepared, component, covariance)
         window = grid.window(mask.device)
         video = measurement.new_zeros(len(measurement), *mask.shape)
         weight = measurement.new_zeros(mask.shape[1:])
@@ -279,7 +282,7 @@ class LinearEstimator:
             blocks, pixels = grid.rows * grid.columns, self.block**2
             inverse = mask.new_empty(1, 1, pixels, pixels).expand(len(covariance), blocks, -1, -1)  # takes no memory
             moments = BlockMoments(mask.new_empty(blocks, pixels), inverse, inverse[:, :, 0, 0])
-            return PreparedMask(mask, moments, moments, mask.new_empty(blocks, dtype=torch.long))
+            return PreparedMask(mask, moments, mask.new_empty(0), moments, mask.new_empty(blocks, dtype=torch.long))
         if torch.is_grad_enabled() and mask.requires_grad:
             return self._computed(grid, mask, covariance, least_memory=False)
         for number, prepared in enumerate(self._kept):
@@ -299,21 +302,49 @@ class LinearEstimator:
     ) -> PreparedMask:
         blocks = grid.cut(mask, 0, grid.rows).transpose(0, 1)
         examples, kind = distinct_blocks(blocks)
+        blocks = blocks[examples]
+        computed = torch.ones(len(covariance), len(blocks), dtype=torch.bool, device=mask.device)
         if not least_memory:
-            moments = BlockMoments.of(blocks[examples], covariance, self.noise**2)
-        elif self._matrices(len(examples)) > MEMORY:
-            return PreparedMask(mask, None, None, kind)
-        else:
-            count = self._at_once(len(covariance))
-            parts = [slice(first, first + count) for first in range(0, len(examples), count)]
-            moments = BlockMoments.in_parts(
-                blocks[examples], covariance, self.noise**2, self._reported("matrices", parts)
-            )
-        apart = moments
-        if len(examples) > FEW_KINDS and len(covariance) > 1:
-            rows, columns = self._apart(mask[:1], grid).shape[1:3]
-            apart = moments[self._every(kind.view(grid.rows, grid.columns), rows, columns).flatten()]
-        return PreparedMask(mask, moments, apart, kind)
+            moments = BlockMoments.of(blocks, covariance, self.noise**2)
+            return PreparedMask(mask, moments, computed, moments, kind)
+        if self._matrices(len(blocks)) > MEMORY:
+            return PreparedMask(mask, None, ~computed, None, kind)
+        if len(blocks) <= FEW_KINDS or len(covariance) == 1:
+            moments = self._moments(blocks, covariance)
+            return PreparedMask(mask, moments, computed, moments, kind)
+        rows, columns = self._apart(mask[:1], grid).shape[1:3]
+        kinds, place = self._every(kind.view(grid.rows, grid.columns), rows, columns).unique(return_inverse=True)
+        apart = self._moments(blocks[kinds], covariance)[place.flatten()]
+        return PreparedMask(mask, BlockMoments.to_be_filled(blocks, len(covariance)), ~computed, apart, kind)
+
+    def _moments(self, blocks: torch.Tensor, covariance: torch.Tensor) -> BlockMoments:
+        """Return the moments of blocks by all components, computed with little memory beside the result."""
+        moments, count = BlockMoments.to_be_filled(blocks, len(covariance)), self._at_once(len(covariance))
+        parts = [slice(first, first + count) for first in range(0, len(blocks), count)]
+        for part in self._reported("matrices", parts):
+            one = BlockMoments.of(blocks[part], covariance, self.noise**2)
+            moments.inverse[:, part], moments.log_determinant[:, part] = one.inverse, one.log_determinant
+        return moments
+
+    def _complete(
+        self, grid: BlockGrid, prepared: PreparedMask, component: torch.Tensor, covariance: torch.Tensor
+    ) -> None:
+        """Compute the moments of the distinct blocks by the components ``(blocks, N)`` that are not there yet."""
+        if prepared.moments is None or component.is_meta or prepared.computed.all():
+            return
+        wanted = torch.zeros_like(prepared.computed)
+        wanted[component, prepared.kind.unsqueeze(1)] = True
+        missing = wanted & ~prepared.computed
+        with torch.inference_mode(False), torch.no_grad():  # as what was prepared before
+            masks = grid.cut(prepared.mask, 0, grid.rows).transpose(0, 1)
+            examples = torch.zeros(len(prepared.moments.total), dtype=torch.long, device=masks.device)
+            examples[prepared.kind] = torch.arange(len(masks), device=masks.device)
+            for number in missing.any(1).nonzero()[:, 0].tolist():
+                kinds = missing[number].nonzero()[:, 0].split(self._at_once(1))
+                for some in self._reported(f"component {number + 1} of {len(covariance)}", kinds):
+                    one = BlockMoments.of(masks[examples[some]], covariance[number : number + 1], self.noise**2)
+                    prepared.moments.inverse[number, some] = one.inverse[0]
+            prepared.computed.logical_or_(missing)
 
 
 def distinct_blocks(blocks: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import torch
@@ -79,8 +78,8 @@ class BlockGrid:
         return F.fold(blocks.flatten(1, 2), size, self.block, stride=self.stride)
 
 
-MOST_PRODUCTS = 2**24
-"""So many products of two mask values are kept at a time, 64 MiB."""
+MOST_PRODUCTS = 2**19
+"""So many products of two mask values are computed at a time: 2 MiB, which a core's cache holds."""
 
 
 def block_covariance(mask: torch.Tensor, covariance: torch.Tensor) -> torch.Tensor:
@@ -96,14 +95,19 @@ def block_covariance(mask: torch.Tensor, covariance: torch.Tensor) -> torch.Tens
         ``(K, blocks, n, n)``; differentiable in both arguments.
     """
     slots, pixels = mask.shape[1:]
-    by_pixels = covariance.permute(2, 4, 1, 3, 0).reshape(pixels * pixels, slots * slots, len(covariance))
+    p, q = torch.tril_indices(pixels, pixels, device=mask.device)  # the result is symmetric
+    pair = torch.zeros(pixels, pixels, dtype=torch.long, device=mask.device)
+    pair[p, q] = pair[q, p] = torch.arange(len(p), device=mask.device)
+    of_pairs = covariance.permute(2, 4, 0, 1, 3)[p, q].flatten(2).split(list(range(1, pixels + 1)))
     parts = []
-    for part in mask.split(max(1, MOST_PRODUCTS // (slots * pixels) ** 2)):
-        values = part.permute(2, 0, 1)
-        products = values[:, None, :, :, None] * values[None, :, :, None, :]
-        sums = products.reshape(pixels * pixels, len(part), slots * slots) @ by_pixels
-        parts.append(sums.permute(2, 1, 0).unflatten(2, (pixels, pixels)))
-    return torch.cat(parts, dim=1)
+    for part in mask.split(max(1, MOST_PRODUCTS // (pixels * slots**2))):
+        values = part.permute(2, 1, 0).contiguous()  # blocks last: the products below are then those of long rows
+        rows = [
+            of_row @ (values[row].unsqueeze(1) * values[: row + 1].unsqueeze(1)).flatten(1, 2)  # (row + 1, K, blocks)
+            for row, of_row in enumerate(of_pairs)
+        ]
+        parts.append(torch.cat(rows).permute(1, 2, 0).contiguous()[..., pair.flatten()])
+    return torch.cat(parts, dim=1).unflatten(2, (pixels, pixels))
 
 
 @dataclass(frozen=True)
@@ -251,22 +255,11 @@ class BlockMoments:
         return cls(mask.sum(1), inverse, log_determinant)
 
     @classmethod
-    def in_parts(
-        cls, mask: torch.Tensor, covariance: torch.Tensor, noise_variance: float, parts: Iterable[slice]
-    ) -> BlockMoments:
-        """As :meth:`of`, of a part of the blocks at a time, which takes little memory beside the result; no gradients.
-
-        Args:
-            mask, covariance, noise_variance: as there.
-            parts: which together are all blocks.
-        """
-        blocks, components, pixels = len(mask), len(covariance), mask.shape[2]
+    def to_be_filled(cls, mask: torch.Tensor, components: int) -> BlockMoments:
+        """Return moments of blocks ``(blocks, T, n)`` whose inverses and determinants have still to be written."""
+        blocks, pixels = len(mask), mask.shape[2]
         inverse = mask.new_empty(components, blocks, pixels, pixels)
-        log_determinant = mask.new_empty(components, blocks)
-        for part in parts:
-            one = cls.of(mask[part], covariance, noise_variance)
-            inverse[:, part], log_determinant[:, part] = one.inverse, one.log_determinant
-        return cls(mask.sum(1), inverse, log_determinant)
+        return cls(mask.sum(1), inverse, mask.new_empty(components, blocks))
 
     def __getitem__(self, blocks: torch.Tensor | slice) -> BlockMoments:
         """Return the moments of some of the blocks."""

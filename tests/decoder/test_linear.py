@@ -59,6 +59,31 @@ def test_a_tile_costs_its_distinct_blocks_and_a_mask_is_prepared_once(monkeypatc
     assert prepared == [4, 49, 49]
 
 
+def test_a_block_has_the_matrix_of_its_likeliest_component_computed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And what was computed for one measurement is there for the next one."""
+    computed = []
+    original = BlockMoments.of
+
+    def counted(mask: torch.Tensor, covariance: torch.Tensor, noise: float) -> BlockMoments:
+        computed.append(len(mask) * len(covariance))
+        return original(mask, covariance, noise)
+
+    monkeypatch.setattr(BlockMoments, "of", counted)
+    mask, measurements = random_mask(side=40), 4 * torch.rand(2, 40, 40, generator=torch.Generator().manual_seed(2))
+    components = len(Linear().estimator.prior.weights)
+    sparing = Linear()
+    one = sparing(measurements[:1], mask)
+    assert sum(computed) == 25 * components + 81  # of 81 blocks 25 do not overlap, and tell the components apart
+    both = sparing(measurements, mask)
+    torch.testing.assert_close(both[:1], one)
+    assert sum(computed) <= 25 * components + 2 * 81
+    spent = len(computed)
+    sparing(measurements, mask)
+    assert len(computed) == spent
+    monkeypatch.setattr(estimator, "FEW_KINDS", 81)
+    torch.testing.assert_close(Linear()(measurements, mask), both, atol=1e-4, rtol=0)
+
+
 def test_the_memory_for_prepared_masks_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     decoder = Linear(mixture=False)
     for number in range(5):
