@@ -1,126 +1,148 @@
-"""The paper's tables with our kept rows in them, and verdicts on its claims.
+"""The rows of the paper's tables that are kept, with what each took, and verdicts on the paper's claims.
 
-``paper.table5`` is one of the tables, ``paper.psnr`` all of them in short, ``paper.trained`` what of this has been
-trained, ``paper.verdicts`` a line for each claim.
+``paper.rows`` are those of one folder, ``paper.published`` those of published networks in all folders, ``paper.claims``
+every contrast of the claims, ``paper.verdicts`` a line for each claim.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+import statistics
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from sci_lightning.errors import BadInput
 from sci_lightning.plain_text import in_markdown
-from sci_lightning.runs.provenance import NOT_YET, Provenance, joined
+from sci_lightning.runs.provenance import BETWEEN, NOT_YET, Provenance, joined
 from sci_lightning.studies.tables.claim_table import claim_table, verdict_table
-from sci_lightning.studies.tables.grid import DocumentedTable, Grid
+from sci_lightning.studies.tables.grid import DocumentedTable
 from sci_lightning.studies.tables.line import Line, lines_of
 from sci_lightning.studies.tables.paper_figures import paper_figures
 from sci_lightning.studies.tables.run import ScoredRun, find_runs
-from sci_lightning.studies.tables.score_table import HEADING, SCORES, score_table
+from sci_lightning.studies.tables.score_table import MASK_NOTE, MASK_SCORE, SCORES, scores, seeds
 
-OURS = HEADING.index(f"ours: {SCORES}")
-"""Column of our scores in the paper's tables."""
 ENCODERS = {
     ("rbw_osr", "rbw_osr"): "RBw/oSR",
     ("rbw_osr", "rbw_sr"): "RBw/oSR, tested through RBw/SR",
     ("rbw_sr", "rbw_sr"): "RBw/SR",
     ("rsw_sr", "rsw_sr"): "RSw/SR",
     ("lsw_sr", "lsw_sr"): "LSw/SR",
+    ("fsw_sr", "fsw_sr"): "FSw/SR",
+    ("lsw_index_sr", "lsw_index_sr"): "LSw/SR, one index per pixel",
 }
-"""Columns of the table of all PSNRs, by the encoders of training and test."""
-PSNR_NOTE = (
-    "PSNR in dB, the paper's in brackets; behind ±: the standard deviation over the seeds. "
-    "Masks of LSw/SR have 4 bits where the row does not say otherwise."
+"""Cameras, by the encoders of training and test; the last two are controls of ours."""
+ROWS = ["network", "camera", "parameters", "clips seen", "computation", f"ours: {SCORES}", "the paper's", "seeds",
+        "trained on"]  # fmt: skip
+NOTE = (
+    "Clips seen: those of the training, of 8 frames each, as often as it saw them. Computation: 6 x "
+    "multiply-accumulates x clips, as a part of that of the published network and schedule. Behind ±: the standard "
+    "deviation over the seeds."
 )
+SMALL_BUDGETS = "cpu"
+"""How the names of scales begin whose rows are a study of masks and recipes, and not of the published networks."""
 
 
 def paper_table(path: str | Path, part: str) -> DocumentedTable:
-    """Return one of the paper's tables, or its claims, with the rows that are kept in a folder.
+    """Return the rows that are kept in a folder, or what they say of the paper's claims.
 
     Args:
-        path: the folder, such as ``docs/results/tables/cpu``; as long as it is not there, the table is empty.
-        part: ``table2`` to ``table5``, ``psnr`` (the PSNR of these four, a line for each decoder), ``trained`` (the
-            PSNR of the rows that are there), ``claims`` (every comparison) or ``verdicts`` (a line for each claim).
+        path: the folder, such as ``docs/results/tables/cpu``; for ``published`` the one above. As long as it is not
+            there, the table is empty.
+        part: ``rows``, ``published``, ``claims`` (every contrast) or ``verdicts`` (a line for each claim); for the last
+            two, what lies in the folders beside ``path`` are controls.
 
     Raises:
         BadInput: another part, or a file of no use.
     """
-    path = Path(path)
-    paper = paper_figures()
+    path, paper = Path(path), paper_figures()
+    if part == "published":
+        folders = [runs for folder in _folders(path) if (runs := _runs(folder)) and not _is_small(runs)]
+    elif part in ("rows", "claims", "verdicts"):
+        folders = [_runs(path)]
+    else:
+        raise BadInput(f"paper.{part}: no such table; choose one of rows, published, claims, verdicts")
+    runs = [run for folder in folders for run in folder]
+    if part in ("claims", "verdicts"):
+        others = [run for folder in _folders(path.parent) if folder != path for run in _runs(folder)]
+        grid = (claim_table if part == "claims" else verdict_table)(paper, runs, None, others)
+        heading, rows, notes = grid.heading, grid.rows, grid.notes
+    else:
+        heading, rows, notes = ROWS, [row for folder in folders for row in _rows(paper, folder)], [NOTE]
+        if part == "rows" and any(run.mask_score is not None for run in runs):
+            heading, notes = [*ROWS, MASK_SCORE], [NOTE, MASK_NOTE]
+        rows = [row[: len(heading)] for row in rows]
+    texts = [[in_markdown(cell) for cell in row] for row in (heading, *rows)]
+    return DocumentedTable(texts[0], texts[1:], _provenance(runs), [in_markdown(note) for note in notes])
+
+
+def _folders(path: Path) -> list[Path]:
+    return sorted(folder for folder in path.iterdir() if folder.is_dir()) if path.is_dir() else []
+
+
+def _runs(path: Path) -> list[ScoredRun]:
     runs, lines = find_runs([path]) if path.is_dir() else ([], [])
     if lines:
         raise BadInput(lines[0])
-    if part in ("claims", "verdicts"):
-        scored = [claim for claim in paper["claims"] if "cost" not in claim]
-        grid = (claim_table if part == "claims" else verdict_table)(scored, paper["tables"], runs)
-    elif part in ("psnr", "trained"):
-        grid = (_psnr if part == "psnr" else _trained_psnr)(paper["tables"], runs)
-    elif part in paper["tables"]:
-        table = {key: value for key, value in paper["tables"][part].items() if key != "cost"}
-        grid = _trained(score_table(part, table, runs))
-    else:
-        parts = [*paper["tables"], "psnr", "trained", "claims", "verdicts"]
-        raise BadInput(f"paper.{part}: no such table; choose one of {', '.join(parts)}")
-    return DocumentedTable(*_cells(grid), _provenance(runs), [in_markdown(note) for note in grid.notes])
+    return runs
 
 
-def _trained(grid: Grid) -> Grid:
-    """Return a table of scores without the rows that have not been trained; an empty one stays as it is."""
-    rows = [row for row in grid.rows if row[OURS]]
-    if not rows or len(rows) == len(grid.rows):
-        return grid
-    return replace(grid, rows=rows, notes=["Rows that have not been trained yet are left out.", *grid.notes])
+def _is_small(runs: Sequence[ScoredRun]) -> bool:
+    return all(run.setting.scale.startswith(SMALL_BUDGETS) for run in runs)
 
 
-def _psnr(tables: Mapping[str, Any], runs: Sequence[ScoredRun]) -> Grid:
-    """The PSNR of Tables 2 to 5 in one: decoders below each other, pairs of encoders side by side."""
-    cells: dict[str, dict[str, list[str]]] = {}
-    for name, encoder, line in _named_lines(tables, runs):
-        texts = cells.setdefault(name, {column: [] for column in ENCODERS.values()})[encoder]
-        if (text := _psnr_cell(line)) not in texts:
-            texts.append(text)
-    rows = [[name, *("; ".join(texts) for texts in row.values())] for name, row in cells.items()]
-    return Grid("psnr", "Tables 2 to 5: PSNR", ["decoder", *ENCODERS.values()], rows, [PSNR_NOTE])
-
-
-def _trained_psnr(tables: Mapping[str, Any], runs: Sequence[ScoredRun]) -> Grid:
-    """The PSNR of what was trained, and nothing else: a line for each decoder and encoder."""
-    rows = {
-        (name, encoder): [name, encoder, f"{psnr:.2f}", f"{line.paper['psnr']:.2f}"]
-        for name, encoder, line in _named_lines(tables, runs)
-        if (psnr := line.mean().get("psnr")) is not None
-    }
-    return Grid("psnr", "PSNR", ["decoder", "camera", "ours (dB)", "the paper's (dB)"], list(rows.values()), [])
-
-
-def _named_lines(tables: Mapping[str, Any], runs: Sequence[ScoredRun]) -> Iterator[tuple[str, str, Line]]:
-    """Yield every line of Tables 2 to 5 after the names of its decoder and of its encoder."""
-    by_bits = {fields["decoder"] for fields in tables["table5"]["columns"].values()}
+def _rows(paper: Mapping[str, Any], runs: Sequence[ScoredRun]) -> list[list[str]]:
+    """Return a row for each network and camera that was trained; those of the paper's tables first, in its order."""
+    tables = paper["tables"]
     names = {row["match"]["decoder"]: name for key in ("table2", "table4") for name, row in tables[key]["rows"].items()}
-    for key in ("table2", "table3", "table5", "table4"):  # Table 4 repeats Table 5's learned mask of 4 bits
-        for line in lines_of(tables[key], runs):
-            fields = {**tables[key]["columns"][line.column], **tables[key]["rows"][line.row]["match"]}
-            name = names[line.decoder] + (f", {fields['bits']}-bit mask" if line.decoder in by_bits else "")
-            yield name, ENCODERS[fields["encoder"], fields["test_encoder"]], line
+    lines = [
+        line for key in ("table2", "table3", "table5", "table4") for line in lines_of(tables[key], runs) if line.runs
+    ]
+    others: dict[Any, list[ScoredRun]] = defaultdict(list)
+    for run in sorted(runs, key=lambda run: (str(run.fields), run.seed)):
+        if not any(run in line.runs for line in lines):
+            others[str(run.fields), run.group].append(run)
+    lines += [Line("", "", {}, tuple(group), str(group[0].fields["decoder"])) for group in others.values()]
+    rows = {}
+    for line in lines:
+        first, fields = line.runs[0], line.runs[0].fields
+        camera = ENCODERS.get((str(fields["encoder"]), str(fields["test_encoder"])), str(fields["encoder"]))
+        bits = "" if "RBw" in camera else f"{fields['bits']} bit{'s' * (fields['bits'] != 1)}"
+        camera = ", ".join([camera, *filter(None, [bits]), *first.variant])
+        clips = sorted(run.clips_seen for run in line.runs if run.clips_seen is not None)
+        score = [run.mask_score for run in line.runs if run.mask_score is not None]
+        rows[line.decoder, camera] = [
+            names.get(line.decoder, line.decoder),
+            camera,
+            f"{first.parameters:,}",
+            " to ".join(f"{count:,}" for count in dict.fromkeys([*clips[:1], *clips[-1:]])),
+            _computation(paper, line),
+            scores(line.mean(), line.spread()),
+            scores(line.paper),
+            seeds(line.runs),
+            _machines(line.runs),
+            f"{statistics.fmean(score):.2f}" if score else "",
+        ]
+    return list(rows.values())
 
 
-def _psnr_cell(line: Line) -> str:
-    """Our PSNR, if there is one, and the paper's in brackets."""
-    ours, spread = line.mean().get("psnr"), line.spread().get("psnr")
-    text = "" if ours is None else f"{ours:.2f} " + ("" if spread is None else f"± {spread:.2f} ")
-    return f"{text}({line.paper['psnr']:.2f})"
+def _computation(paper: Mapping[str, Any], line: Line) -> str:
+    """The computation of the trainings as a part of the published one's, in percent; their mean."""
+    macs = {name: figures["macs_G"] for name, figures in paper["decoders"].items()} | paper["counted"]
+    spent = [run.computation for run in line.runs if run.computation is not None]
+    if line.decoder not in macs or not spent:
+        return ""
+    whole = 6 * macs[line.decoder] * 1e9 * paper["schedule"]["epochs"] * paper["schedule"]["clips"]
+    return f"{100 * statistics.fmean(spent) / whole:.2g} %"
 
 
-def _cells(grid: Grid) -> tuple[list[str], list[list[str]]]:
-    """The heading and the rows as Markdown."""
-    heading, *rows = [[in_markdown(cell) for cell in row] for row in (grid.heading, *grid.rows)]
-    return heading, rows
+def _machines(runs: Sequence[ScoredRun]) -> str:
+    """The processors that trained, without what else their provenance says."""
+    machines = [machine for run in runs if run.provenance for machine in run.provenance.machine.split(BETWEEN)]
+    return " and ".join(dict.fromkeys(machine.partition(", x86_64")[0] for machine in sorted(machines)))
 
 
-def _provenance(runs: list[ScoredRun]) -> Provenance:
+def _provenance(runs: Sequence[ScoredRun]) -> Provenance:
     if not runs:
         return NOT_YET
     if missing := [run.path for run in runs if run.provenance is None]:

@@ -34,7 +34,12 @@ class Line:
     @property
     def group(self) -> tuple[RunSetting, int] | None:
         """What the runs have in common, setting and parameters; None if there are none."""
-        return self.runs[0].group if self.runs else None
+        return self.runs[0].group[:2] if self.runs else None
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What is to be known of the runs besides, such as ``untiled masks`` and ``designed start``."""
+        return (*self.runs[0].setting.recipe, *self.runs[0].variant) if self.runs else ()
 
     def ours(self) -> dict[str, list[float]]:
         """The scores of every seed by metric, of the metrics that every run has."""
@@ -65,14 +70,14 @@ def lines_of(table: Mapping[str, Any], runs: Sequence[ScoredRun]) -> list[Line]:
                 continue
             wanted = {**fields, **row["match"]}
             paper = dict(zip(METRICS, row[column], strict=True))
-            groups = _grouped(run for run in runs if wanted.items() <= run.fields.items())
-            lines += [Line(name, column, paper, group, wanted["decoder"]) for group in groups or [()]]
+            lines += [Line(name, column, paper, group, wanted["decoder"]) for group in grouped(wanted, runs) or [()]]
     return lines
 
 
-def _grouped(runs: Iterable[ScoredRun]) -> list[tuple[ScoredRun, ...]]:
-    """Runs that differ in nothing but the seed, together."""
+def grouped(wanted: Mapping[str, Any], runs: Iterable[ScoredRun]) -> list[tuple[ScoredRun, ...]]:
+    """Return the runs with these fields, in groups of those that differ in nothing but the seed."""
     groups = defaultdict(list)
-    for run in sorted(runs, key=lambda run: (str(run.setting), run.seed)):
+    matching = [run for run in runs if wanted.items() <= run.fields.items()]
+    for run in sorted(matching, key=lambda run: (str(run.setting), run.variant, run.seed)):
         groups[run.group].append(run)
     return [tuple(group) for group in groups.values()]

@@ -87,7 +87,7 @@ def make_tables(
     cost = costs(paper["decoders"], {name: decoders[name] for name in decoders if name in paper["decoders"]})
     grids = [encoder_table(paper["encoders"], encoders)]
     grids += [score_table(name, table, runs, cost) for name, table in paper["tables"].items()]
-    grids += [table(paper["claims"], paper["tables"], runs, cost) for table in (claim_table, verdict_table)]
+    grids += [table(paper, runs, cost) for table in (claim_table, verdict_table)]
     recorded = wedges({name: encoders[name] for name in paper["encoders"]}, sensor)
     grids.append(dynamic_range_table(recorded, sensor))
     grids.append(run_table(runs))

@@ -36,6 +36,8 @@ class RunSetting:
         size: (H, W) of the tested frames.
         scenes: names of the tested scenes.
         conventions: of the scores, by metric.
+        recipe: what all of them may share or not besides, in words: ``masks tiled 8 x 8`` or ``untiled masks``, and
+            ``linear first estimate``.
     """
 
     scale: str
@@ -43,11 +45,13 @@ class RunSetting:
     size: tuple[int, int]
     scenes: tuple[str, ...]
     conventions: tuple[tuple[str, str], ...]
+    recipe: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         number = len(self.scenes)
         frames = "" if self.frames == PAPERS_FRAMES else f"T = {self.frames}, "
-        return f"{self.scale}: {frames}{' x '.join(map(str, self.size))}, {number} scene{'s' * (number != 1)}"
+        size = f"{frames}{' x '.join(map(str, self.size))}, {number} scene{'s' * (number != 1)}"
+        return ", ".join([f"{self.scale}: {size}", *self.recipe])
 
 
 @dataclass(frozen=True)
@@ -73,6 +77,7 @@ class ScoredRun:
         clips_seen: in the whole training; None where the run did not record them.
         computation: of the training in operations, 6 for each multiply-accumulate of decoding its clips (one forward
             pass, a backward pass twice as long, two operations each); None where its clips are not known.
+        variant: what tells apart runs of the same fields and setting, in words: ``designed start``, ``aperture 1/T``.
         mask_score: expected PSNR of the best linear decoder behind the mask, in dB; None where it was not computed.
         provenance: of a row that is kept; None of others.
     """
@@ -91,13 +96,14 @@ class ScoredRun:
     training_steps: int | None = None
     clips_seen: int | None = None
     computation: float | None = None
+    variant: tuple[str, ...] = ()
     mask_score: float | None = None
     provenance: Provenance | None = None
 
     @property
-    def group(self) -> tuple[RunSetting, int]:
-        """What runs must have in common to be averaged or compared."""
-        return self.setting, self.parameters
+    def group(self) -> tuple[RunSetting, int, tuple[str, ...]]:
+        """What runs must have in common to be averaged."""
+        return self.setting, self.parameters, self.variant
 
     @property
     def checkpoint(self) -> Path | None:
@@ -126,18 +132,26 @@ class _Part(BaseModel):
 class _Mask(_Part):
     target: str = Field(alias="_target_", max_length=LONGEST_TEXT)
     bits: int | None = Field(None, ge=1, le=64)
+    tile: Size | None = None
+    start: Name = "published"
 
 
-class _Effects(_Part):
+class _Camera(_Part):
     effects: dict[Name, Any] | None = None
+    aperture: float | Name | None = None
+    told: bool = True
 
 
-class _Encoder(_Effects):
+class _Encoder(_Camera):
     mask: _Mask
 
 
+class _Decoder(_Part):
+    first_estimate: Name = "published"
+
+
 class _Tested(_Part):
-    encoder: _Effects | None = None
+    encoder: _Camera | None = None
     size: Size | None = None
     captures: Any = None
     camera: Any = None
@@ -150,8 +164,9 @@ class _Trainer(_Part):
 
 class _Config(_Part):
     encoder: _Encoder
+    decoder: _Decoder = _Decoder()
     evaluate: _Tested | None = None
-    test_encoders: dict[str, _Effects | None] | None = None
+    test_encoders: dict[str, _Camera | None] | None = None
     trainer: _Trainer | None = None
     scale: str | None = Field(None, max_length=LONGEST_TEXT)
     core_minutes: float | None = Field(None, ge=0, le=1e9)
@@ -239,7 +254,7 @@ def _run(path: Path, metrics: _Metrics) -> ScoredRun:
         "decoder": excerpt(metrics.decoder)
         + (" + fine-tuning" if config.finetune is True else "")
         + (" + assumed camera" if tested.camera else ""),
-        "test_encoder": excerpt(metrics.test_encoder) + _tested_effects(config, tested, metrics.test_encoder),
+        "test_encoder": excerpt(metrics.test_encoder) + _effects(_tested_camera(config, tested, metrics.test_encoder)),
         "mask": excerpt(config.encoder.mask.target.rpartition(".")[2]),
         "bits": config.encoder.mask.bits or 1,
     }
@@ -254,12 +269,23 @@ def _run(path: Path, metrics: _Metrics) -> ScoredRun:
         clips = metrics.training_steps * config.batch_size * accumulated
     part = crop[0] * crop[1] / (config.size[0] * config.size[1])  # macs are those of the mask's size
     height, width = tested.size or config.size
+    mask, camera = config.encoder.mask, _tested_camera(config, tested, metrics.test_encoder)
+    recipe = []
+    if "tile" in mask.model_fields_set:
+        recipe.append(f"masks tiled {mask.tile[0]} x {mask.tile[1]}" if mask.tile else "untiled masks")
+    recipe += [f"{excerpt(config.decoder.first_estimate)} first estimate"] * (
+        config.decoder.first_estimate != "published"
+    )
+    variant = [f"{excerpt(mask.start)} start"] * (mask.start != "published")
+    if camera and camera.aperture not in (None, "auto", 1):
+        variant.append(f"aperture {excerpt(str(camera.aperture))}" + ("" if camera.told else ", not told"))
     setting = RunSetting(
         scale=scale,
         frames=config.frames or PAPERS_FRAMES,
         size=(height, width),
         scenes=tuple(sorted(list(metrics.scenes)[:MOST_SCENES])),
         conventions=tuple(sorted((key, excerpt(text)) for key, text in metrics.conventions.items())),
+        recipe=tuple(recipe),
     )
     return ScoredRun(
         path=path,
@@ -276,19 +302,21 @@ def _run(path: Path, metrics: _Metrics) -> ScoredRun:
         training_steps=metrics.training_steps,
         clips_seen=clips,
         computation=None if clips is None else 6.0 * metrics.macs * part * clips,
+        variant=tuple(variant),
         mask_score=metrics.mask_score,
         provenance=metrics.provenance,
     )
 
 
-def _effects(encoder: _Effects) -> str:
+def _effects(camera: _Camera | None) -> str:
     """The effects of an encoder as they follow its name; one that is null is none."""
-    names = [name for name, effect in (encoder.effects or {}).items() if effect is not None]
+    effects = (camera.effects if camera else None) or {}
+    names = [name for name, effect in effects.items() if effect is not None]
     return "".join(f" + {name}" for name in names[:MOST_EFFECTS])
 
 
-def _tested_effects(config: _Config, tested: _Tested, name: str) -> str:
-    """The effects of the encoder that was tested with: of ``evaluate``, of ``test_encoders``, or the trained one's."""
+def _tested_camera(config: _Config, tested: _Tested, name: str) -> _Camera | None:
+    """The encoder that was tested with: of ``evaluate``, of ``test_encoders``, or the trained one."""
     if tested.captures is not None:  # a real camera's, which nobody knows
-        return ""
-    return _effects(tested.encoder or (config.test_encoders or {}).get(name) or config.encoder)
+        return None
+    return tested.encoder or (config.test_encoders or {}).get(name) or config.encoder

@@ -20,6 +20,11 @@ That interval says what to expect of *other scenes*. The paper's claims are read
 those means would come out the same way in another training is a narrower question, which more seeds can decide. Its
 interval has the second term alone: the scenes are held fixed.
 
+Seeds are added where a comparison is undecided, so that a verdict is looked at several times, and each look is another
+chance to decide falsely. The plan of looks therefore stands in ``paper_figures.yaml`` before the first one: of L looks,
+each has an interval of confidence 1 - (1 - c) / L, and by Bonferroni's inequality all of them hold together with
+probability c at least, whenever one stops and however the looks depend on each other.
+
 Why not a hierarchical bootstrap: with six scenes and three seeds, resampling covers much less than it promises (the
 percentile interval of six values is too narrow by a quarter), and a row of one seed has nothing to resample. The
 interval over other scenes errs on the wide side: the interaction counts in both terms. Both intervals count seeds of
@@ -37,6 +42,7 @@ import numpy as np
 from scipy import stats
 
 CONFIDENCE = 0.95
+"""Of all looks at a comparison together."""
 ENOUGH_LEARNED = 3.0
 """How much better than the mean measurement, in dB, a training must be for its row to decide anything."""
 
@@ -60,10 +66,16 @@ class Interval:
     low: float = -math.inf
     high: float = math.inf
 
-    def verdict(self, threshold: float = 0.0) -> str:
-        """Return ``reproduced`` above the threshold, ``contradicted`` below it, ``undecided`` around it."""
+    def verdict(self, threshold: float = 0.0, paper: float | None = None) -> str:
+        """Return ``reproduced`` above the threshold, ``contradicted`` below it, ``undecided`` around it.
+
+        Args:
+            threshold: of the claim.
+            paper: the paper's difference. Above the threshold, an interval that does not hold it has the sign of the
+                claim and not its size: ``sign only``.
+        """
         if self.low > threshold:
-            return "reproduced"
+            return "reproduced" if paper is None or self.low <= paper <= self.high else "sign only"
         return "contradicted" if self.high < threshold else "undecided"
 
 
@@ -88,13 +100,15 @@ def interval(
     confidence: float = CONFIDENCE,
     *,
     same_scenes: bool = False,
+    looks: int = 1,
 ) -> Interval:
     """Return the weighted sum of rows' scores, scene by scene, and its confidence interval.
 
     Args:
         rows: weights (1 for what is ahead, -1 for what is behind), scores of the same scenes, and the spread of the
             seeds of rows like this one, see :func:`seed_spread`.
-        confidence: of the interval.
+        confidence: of the intervals of all looks together.
+        looks: how often the comparison is looked at, as planned before the first look.
         same_scenes: hold the scenes fixed: the interval is for other trainings, tested on these very scenes.
     """
     scenes = sorted(set.intersection(*(set(seed) for _, row, _ in rows for seed in row)))
@@ -110,6 +124,7 @@ def interval(
     parts = [(part, spread.freedom) for spread, part in of_seeds.items()]
     if not same_scenes:
         parts.append((float(np.var(differences, ddof=1)) / len(scenes), len(scenes) - 1))
+    confidence = 1 - (1 - confidence) / looks
     # a part that comes out small by chance lends its degrees of freedom to the others: no sum is narrower than a part
     half = max(_half_width(chosen, confidence) for chosen in (parts, *([part] for part in parts)))
     return Interval(mean, mean - half, mean + half)

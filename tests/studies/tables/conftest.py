@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-MASKS = {"rbw": "RandomBinary", "rsw": "RandomStructural", "lsw": "LearnedStructural"}
+MASKS = {"rbw": "RandomBinary", "rsw": "RandomStructural", "fsw": "RandomStructural", "lsw": "LearnedStructural"}
 
 Made = Callable[..., Path]
 
@@ -34,9 +34,12 @@ def made(tmp_path: Path) -> Made:
         baseline: float = 15.0,
         unevenness: float = 0.0,
         steps: int | None = None,
+        parameters: int = 1000,
+        mask: dict[str, Any] | None = None,
     ) -> Path:
-        mask = {"_target_": f"sci_lightning.encoder.mask.{MASKS[encoder[:3]]}", **({"bits": bits} if bits else {})}
-        config = {"encoder": {"mask": mask, "effects": effects or {}}, "seed": seed, "size": size, "scale": scale}
+        target = f"sci_lightning.encoder.mask.{MASKS[encoder[:3]]}"
+        settings = {"_target_": target, **({"bits": bits} if bits else {}), **(mask or {})}
+        config = {"encoder": {"mask": settings, "effects": effects or {}}, "seed": seed, "size": size, "scale": scale}
         every = {"psnr": psnr, "ssim": psnr / 40, "qscore": psnr + 15}
         mean = {key: every[key] for key in metrics}
         scenes = {
@@ -53,7 +56,7 @@ def made(tmp_path: Path) -> Made:
             "mean": mean,
             "baseline": {**mean, "psnr": baseline},
             "conventions": {"qscore": "Q of HDR-VDP-2.2.2"},
-            "parameters": 1000,
+            "parameters": parameters,
             "macs": 1000,
             "seconds_per_measurement": 0.25,
             "device": "cpu (x86-64)",

@@ -14,8 +14,6 @@ from PIL import Image
 
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.console import PlainConsole
-from sci_lightning.studies.tables.claim_table import SCOPES, claim_table, verdict_table
-from sci_lightning.studies.tables.cost import Cost
 from sci_lightning.studies.tables.grid import Grid
 from sci_lightning.studies.tables.line import METRICS, lines_of
 from sci_lightning.studies.tables.paper_figures import paper_figures
@@ -131,129 +129,6 @@ def test_gain(made: Made, tmp_path: Path) -> None:
     gains = [cells for cells in grid_of("table4", tmp_path).rows if cells[:2] == ["E2E-CNN", "Gain"]]
     assert [cells[2] for cells in gains] == ["", "+2.00, +0.050, +2.00"]
     assert gains[1][3:5] == ["+2.97, +0.058, +2.41", "-0.97, -0.008, -0.41"]
-
-
-def claims_of(folder: Path) -> Grid:
-    return claim_table(PAPER["claims"], TABLES, find_runs([folder])[0])
-
-
-def verdict_on(grid: Grid, claim: str, row: str, scope: str = "on these scenes") -> list[str]:
-    """The cells of PSNR, SSIM and Q-Score and the verdict in a scope, of the claim that begins so."""
-    (cells,) = [cells for cells in grid.rows if cells[0].startswith(claim) and cells[2] == row]
-    return [*cells[3:6], cells[grid.heading.index(scope)]]
-
-
-def test_claims_are_decided_by_intervals(made: Made, tmp_path: Path) -> None:
-    """Ahead by more than scenes and seeds vary: reproduced; behind: contradicted; in between, and of one seed: not."""
-    for seed in (0, 1, 2):
-        for bits, learned in ((1, 32.0), (2, 30.2), (4, 28.0)):
-            made(f"r{bits}{seed}", "rsw_sr", "res2former", 30 + seed / 10, bits=bits, seed=seed, unevenness=4)
-            made(f"l{bits}{seed}", "lsw_sr", "res2former", learned + seed / 10, bits=bits, seed=seed, unevenness=4.2)
-    grid, claim = claims_of(tmp_path), "Learned masks are ahead of random"
-    psnr, *_, verdict = verdict_on(grid, claim, "1-bit", "on other scenes")
-    assert re.fullmatch(r"\+2\.00 \[\+1\.8\d, \+2\.1\d\] \[\+1\.[45]\d, \+2\.[45]\d\] \(paper \+0\.37\)", psnr)
-    assert verdict == "reproduced in PSNR, Q-Score; undecided in SSIM"  # SSIM varies by as many units as PSNR here
-    assert verdict_on(grid, claim, "2-bit", "on other scenes")[3] == "undecided in all three"
-    assert verdict_on(grid, claim, "2-bit")[3] == "reproduced in all three"  # it does not hold from scene to scene
-    assert "contradicted in PSNR" in verdict_on(grid, claim, "4-bit", "on other scenes")[3]
-    assert verdict_on(grid, claim, "3-bit")[0::3] == ["(paper +0.99)", "not yet run"]
-    assert {cells[0] for cells in grid.rows} == {claim["claim"] for claim in PAPER["claims"]}
-    assert all(cells[1].startswith(("Section", "not in the text")) for cells in grid.rows)
-
-
-def test_one_seed_decides_nothing(made: Made, tmp_path: Path) -> None:
-    made("r1", "rsw_sr", "res2former", 20.0, bits=1)
-    made("l1", "lsw_sr", "res2former", 29.0, bits=1)
-    psnr, *_, verdict = verdict_on(claims_of(tmp_path), "Learned masks are ahead of random", "1-bit")
-    assert psnr == "+9.00 (paper +0.37)"
-    assert verdict.startswith("undecided in all three (no row") and "one seed" in verdict
-
-
-def test_a_faster_processor_decides_nothing(made: Made, tmp_path: Path) -> None:
-    """Seeds that were trained where as many minutes make half the steps count only against their like."""
-    claim = "Learned masks of 4 bits are ahead"
-    for seed, steps in ((0, 12_000), (1, 6_000), (2, 7_000)):
-        made(f"l4{seed}", "lsw_sr", "res2former", 30.0 - bool(seed), bits=4, seed=seed, steps=steps)
-        made(f"r4{seed}", "rsw_sr", "res2former", 29.0 - bool(seed), bits=4, seed=seed, steps=steps)
-    made("l30", "lsw_sr", "res2former", 29.5, bits=3, steps=12_500)
-    made("l32", "lsw_sr", "res2former", 20.0, bits=3, seed=2, steps=12_500)  # its like made fewer
-    grid = claims_of(tmp_path)
-    assert verdict_on(grid, claim, "4-bit, 3-bit")[0].startswith("+0.50 [")
-    assert verdict_on(grid, "Learned masks are ahead of random", "4-bit")[0].startswith("+1.00 [")
-    assert [cells[-1] for cells in grid.rows if cells[0].startswith(claim)] == ["1"]
-    made("s0", "lsw_sr", "stformer", 30.5, bits=4, steps=4_000)  # of the fast processor, as one seed of Res2former
-    assert verdict_on(claims_of(tmp_path), "Res2former is behind", "Res2former, STFormer")[0].startswith("-0.50 [")
-    (freedom,) = [note for note in grid.notes if note.startswith("Degrees of freedom")]
-    assert ": 3 of rows tested through the encoder" in freedom  # seeds 1 and 2 of 4 bits twice, 0 and 2 of 3 bits
-    made("l30", "lsw_sr", "res2former", 29.5, bits=3, steps=2_000)
-    assert verdict_on(claims_of(tmp_path), claim, "4-bit, 3-bit")[3] == "not yet run"
-
-
-def test_rows_that_learned_too_little_decide_nothing(made: Made, tmp_path: Path) -> None:
-    for seed in (0, 1):
-        made(f"r{seed}", "rsw_sr", "res2former", 25.0, bits=4, seed=seed, baseline=20.0)
-        made(f"l{seed}", "lsw_sr", "res2former", 25.5, bits=4, seed=seed, baseline=22.9)
-    verdict = verdict_on(claims_of(tmp_path), "Learned masks are ahead of random", "4-bit")[3]
-    assert verdict.startswith("undecided in all three (4-bit, Learned: 2.6 dB ")
-
-
-def test_what_a_sensor_spoils_was_trained_enough(made: Made, tmp_path: Path) -> None:
-    """Behind another encoder nothing is expected of a network: what it learned is seen behind its own."""
-    for seed in (0, 1):
-        made(f"a{seed}", "rbw_osr", "e2e_cnn", 28.0, seed=seed, baseline=20.0)
-        made(f"b{seed}", "rbw_osr", "e2e_cnn", 18.0, seed=seed, test="rbw_sr", baseline=20.0)
-        made(f"c{seed}", "rbw_osr", "birnat", 18.0, seed=seed, test="rbw_sr", baseline=20.0)
-        made(f"d{seed}", "rbw_sr", "e2e_cnn", 16.0, seed=seed, baseline=10.0)
-    claim = "Testing with sensor response degrades"
-    assert verdict_on(claims_of(tmp_path), claim, "E2E-CNN")[3] == "reproduced in all three"
-    assert verdict_on(claims_of(tmp_path), claim, "BIRNAT")[3] == "not yet run"
-
-
-def test_gains_margins_and_costs(made: Made, tmp_path: Path) -> None:
-    """Claims about gains, about being behind by less than 1 dB, and about what decoders cost."""
-    scores = {"e2e_cnn": (25.0, 28.0), "revsci": (27.0, 28.0), "stformer": (30.0, 31.0), "res2former": (0, 30.3)}
-    for seed in (0, 1):
-        for decoder, (before, after) in scores.items():
-            made(f"{decoder}{seed}", "lsw_sr", decoder, after, bits=4, seed=seed)
-            if before:
-                made(f"{decoder}{seed}_before", "rbw_osr", decoder, before, seed=seed)
-    costs = {"res2former": Cost({}, 5657, 2815), "stformer": Cost({}, 10000, 20000)}
-    grid = claim_table(PAPER["claims"], TABLES, find_runs([tmp_path])[0], costs)
-    gain = verdict_on(grid, "Under the deep optics framework, E2E-CNN gains most", "E2E-CNN, RevSCI")
-    assert gain == ["+2.00 [+2.00, +2.00] [+2.00, +2.00] (paper +2.08)",
-                    "+0.050 [+0.050, +0.050] [+0.050, +0.050] (paper +0.049)", "",
-                    "reproduced in PSNR, SSIM"]  # fmt: skip
-    behind = verdict_on(grid, "Res2former is behind STFormer by less than 1 dB", "Res2former, STFormer")
-    assert behind == ["-0.70 [-0.70, -0.70] [-0.70, -0.70] (paper -0.71)", "", "", "reproduced in PSNR"]
-    both = "res2former, stformer"
-    assert verdict_on(grid, "Res2former has 56.57 %", both)[3] == "reproduced (56.57 %, counted)"
-    assert verdict_on(grid, "Res2former has 28.15 %", both)[3] == "contradicted (14.07 %, counted)"
-    assert all(
-        f"comparisons {scope}, " in note and "decided)" in note
-        for scope, note in zip(SCOPES, grid.notes[3:], strict=True)
-    )
-    assert "7 of rows tested through the encoder" in grid.notes[2]
-    counted = verdict_table(PAPER["claims"], TABLES, find_runs([tmp_path])[0], costs)
-    assert row(counted, "Under the deep optics framework, E2E-CNN gains most in PSNR and SSIM")[1:] == [
-        "4 reproduced"
-    ] * 2 + [""]
-    assert row(counted, "Res2former has 28.15 % of STFormer's FLOPs")[1:] == ["1 contradicted"] * 2 + [""]
-    assert row(counted, "Learned masks of 4 bits are ahead of those of 3")[1:] == ["", "", "1"]
-
-
-def test_networks_of_two_sizes_are_not_compared_with_each_other(made: Made, tmp_path: Path) -> None:
-    made("a", "rsw_sr", "res2former", 20.0, bits=1)
-    path = made("b", "lsw_sr", "res2former", 25.0, bits=1)
-    path.write_text(path.read_text().replace('"parameters": 1000', '"parameters": 2000'))
-    assert {cells[6] for cells in claims_of(tmp_path).rows} == {"not yet run"}
-
-
-def test_claims_without_psnr(made: Made, tmp_path: Path) -> None:
-    for seed in (0, 1):
-        made(f"a{seed}", "rsw_sr", "res2former", 22.0, bits=2, seed=seed, metrics=("ssim",))
-        made(f"b{seed}", "lsw_sr", "res2former", 24.0, bits=2, seed=seed, metrics=("ssim",))
-    verdict = verdict_on(claims_of(tmp_path), "Learned masks are ahead of random", "2-bit")[3]
-    assert verdict.startswith("undecided in SSIM (") and "2-bit" in verdict
 
 
 def test_the_command(made: Made, tmp_path: Path, ran: Callable[..., str], capsys: pytest.CaptureFixture[str]) -> None:

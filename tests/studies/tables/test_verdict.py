@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from sci_lightning.studies.tables.paper_figures import paper_figures
 from sci_lightning.studies.tables.verdict import Interval, Scores, SeedSpread, interval, seed_spread
 
 SCENES = [f"scene{number}" for number in range(6)]
@@ -84,6 +85,54 @@ def test_on_the_same_scenes_only_the_seeds_count(seeds: int, ratio: float) -> No
     assert held / trials >= 0.935
 
 
+def decided_falsely(trials: int, looks: int, same_scenes: bool) -> float:
+    """How often two rows that do not differ are decided, when a seed is added to both until they are or four are there.
+
+    The plan of looks has as many as are given. Eight other rows get as many seeds, and the spread is pooled over all.
+    """
+    random, false = np.random.default_rng(3), 0
+    for _ in range(trials):
+        of_scenes = 0.0 if same_scenes else random.normal(0, 0.3, 6)
+        seeds = random.normal(0, 0.2, (10, 4, 1)) + random.normal(0, 0.1, (10, 4, 6))
+        seeds[0] += of_scenes
+        for count in (1, 2, 3, 4):
+            rows = [scores(row[:count]) for row in seeds]
+            spread = seed_spread(rows if count > 1 else [scores(row[:2]) for row in seeds[2:]])
+            pair = [(1.0, rows[0], spread), (-1.0, rows[1], spread)]
+            if interval(pair, same_scenes=same_scenes, looks=looks).verdict() != "undecided":
+                false += 1
+                break
+    return false / trials
+
+
+TRIALS = [pytest.param(700, id="fast"), pytest.param(5_000, id="long", marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("trials", TRIALS)
+@pytest.mark.parametrize("same_scenes", [True, False])
+def test_few_decisions_are_false_whenever_one_stops(trials: int, same_scenes: bool) -> None:
+    """At most 5 % with the plan of looks, and more than twice as many where four looks are counted as one."""
+    assert decided_falsely(trials, paper_figures()["looks"], same_scenes) <= 0.05
+    if same_scenes:
+        assert decided_falsely(trials, 1, same_scenes) > 0.09
+
+
+@pytest.mark.parametrize("trials", TRIALS)
+@pytest.mark.parametrize("looks", [1, 4])
+def test_fixed_scenes_are_covered_as_often_as_stated(trials: int, looks: int) -> None:
+    """Intervals of one look hold the truth as often as their share of the confidence says, not much more often."""
+    random, held = np.random.default_rng(4), 0
+    for _ in range(trials):
+        of_scenes = random.normal(0.4, 5, 6)
+        seeds = random.normal(0, 0.2, (6, 3, 1)) + np.zeros((6, 3, 6))
+        spread = seed_spread([scores(row) for row in seeds])
+        pair = [(1.0, scores(seeds[0] + of_scenes), spread), (-1.0, scores(seeds[1]), spread)]
+        difference = interval(pair, same_scenes=True, looks=looks)
+        held += difference.low <= of_scenes.mean() <= difference.high
+    stated = 1 - 0.05 / looks
+    assert abs(held / trials - stated) < 4 * np.sqrt(stated * (1 - stated) / trials)
+
+
 def test_scenes_widen_the_interval() -> None:
     spread = SeedSpread(0.01, 6)
     rows = [(1.0, scores(np.arange(6.0)[None]), spread), (-1.0, scores(np.zeros((1, 6))), spread)]
@@ -92,8 +141,16 @@ def test_scenes_widen_the_interval() -> None:
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "threshold", "verdict"),
-    [(0.1, 1, 0, "reproduced"), (-1, -0.1, 0, "contradicted"), (-1, 1, 0, "undecided"), (-0.9, -0.1, -1, "reproduced")],
+    ("low", "high", "threshold", "paper", "verdict"),
+    [
+        (0.1, 1, 0, None, "reproduced"),
+        (0.1, 1, 0, 0.9, "reproduced"),
+        (0.1, 1, 0, 7.75, "sign only"),
+        (0.1, 1, 0, 0.003, "sign only"),
+        (-1, -0.1, 0, 0.5, "contradicted"),
+        (-1, 1, 0, 3, "undecided"),
+        (-0.9, -0.1, -1, None, "reproduced"),
+    ],
 )
-def test_verdicts(low: float, high: float, threshold: float, verdict: str) -> None:
-    assert Interval((low + high) / 2, low, high).verdict(threshold) == verdict
+def test_verdicts(low: float, high: float, threshold: float, paper: float | None, verdict: str) -> None:
+    assert Interval((low + high) / 2, low, high).verdict(threshold, paper) == verdict
