@@ -16,6 +16,7 @@ from sci_lightning.errors import BadInput
 from sci_lightning.plain_text import in_markdown
 from sci_lightning.runs.provenance import BETWEEN, NOT_YET, Provenance, joined
 from sci_lightning.studies.tables.claim_table import claim_table, verdict_table
+from sci_lightning.studies.tables.cost import share_of_paper
 from sci_lightning.studies.tables.grid import DocumentedTable
 from sci_lightning.studies.tables.line import Line, lines_of
 from sci_lightning.studies.tables.paper_figures import paper_figures
@@ -129,11 +130,12 @@ def _rows(paper: Mapping[str, Any], runs: Sequence[ScoredRun]) -> list[list[str]
 def _computation(paper: Mapping[str, Any], line: Line) -> str:
     """The computation of the trainings as a part of the published one's, in percent; their mean."""
     macs = {name: figures["macs_G"] for name, figures in paper["decoders"].items()} | paper["counted"]
-    spent = [run.computation for run in line.runs if run.computation is not None]
-    if line.decoder not in macs or not spent:
-        return ""
-    whole = 6 * macs[line.decoder] * 1e9 * paper["schedule"]["epochs"] * paper["schedule"]["clips"]
-    return f"{100 * statistics.fmean(spent) / whole:.2g} %"
+    shares = [
+        share
+        for run in line.runs
+        if line.decoder in macs and (share := share_of_paper(run, 1e9 * macs[line.decoder])) is not None
+    ]
+    return f"{100 * statistics.fmean(shares):.2g} %" if shares else ""
 
 
 def _machines(runs: Sequence[ScoredRun]) -> str:
