@@ -198,20 +198,20 @@ class Tested:
         if "recipe" in control:
             evidence = self.every
             alike = evidence.settings(contrast.cells, contrast.metrics)
-            found = [each for each in alike if any(control["recipe"] in line.words for _, line in each)]
+            rows = [compared for compared in alike if any(control["recipe"] in line.words for _, line in compared)]
         else:
             evidence = self.evidence
             if (cells := contrast.against(control)) is None:
                 return None
             alike = evidence.settings(cells, contrast.metrics)
-            found = [each for each in alike if each[0][1].runs[0].setting == setting]
+            rows = [compared for compared in alike if compared[0][1].runs[0].setting == setting]
         by_scope: dict[str, str] = {}
-        for scope in SCOPES if found else ():
+        for scope in SCOPES if rows else ():
             given = set()
-            for each in found:
-                own = self._intervals(evidence, contrast, each, scope).items()
+            for compared in rows:
+                own = self._intervals(evidence, contrast, compared, scope).items()
                 verdicts = {metric: one.verdict(contrast.threshold) for metric, one in own}
-                unsure = evidence.undecided(each, self.paper["looks"])
+                unsure = evidence.undecided(compared, self.paper["looks"])
                 given.add("undecided" if unsure else _together(verdicts, contrast.shown))
             decided = given - {"undecided"}
             by_scope[scope] = decided.pop() if len(decided) == 1 else "undecided"

@@ -139,7 +139,7 @@ class _Mask(_Part):
 class _Camera(_Part):
     effects: dict[Name, Any] | None = None
     aperture: float | Name | None = None
-    told: bool = True
+    known: bool = Field(True, alias="told")
 
 
 class _Encoder(_Camera):
@@ -278,7 +278,7 @@ def _run(path: Path, metrics: _Metrics) -> ScoredRun:
     )
     variant = [f"{excerpt(mask.start)} start"] * (mask.start != "published")
     if camera and camera.aperture not in (None, "auto", 1):
-        variant.append(f"aperture {excerpt(str(camera.aperture))}" + ("" if camera.told else ", not told"))
+        variant.append(f"aperture {excerpt(str(camera.aperture))}" + ("" if camera.known else ", not told"))
     setting = RunSetting(
         scale=scale,
         frames=config.frames or PAPERS_FRAMES,
