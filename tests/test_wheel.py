@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.conftest import ROOT
@@ -31,7 +32,8 @@ def test_wheel(command: Callable[..., subprocess.CompletedProcess[str]], tmp_pat
     site = tmp_path / "site"
     install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(site), str(wheel)]
     assert subprocess.run(install, capture_output=True).returncode == 0
-    carried = ("conf/train.yaml", "studies/tables/paper_figures.yaml", "py.typed")
+    weights = ("weights/universal.safetensors", "weights/universal.md")
+    carried = ("conf/train.yaml", "studies/tables/paper_figures.yaml", "py.typed", *weights)
     assert all((site / "sci_lightning" / path).is_file() for path in carried)
 
     outside = tmp_path / "outside"
@@ -40,6 +42,21 @@ def test_wheel(command: Callable[..., subprocess.CompletedProcess[str]], tmp_pat
     environment = {**os.environ, "PYTHONPATH": str(site)}
     done = subprocess.run(train, cwd=outside, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+    mask = np.random.default_rng(0).random((8, 32, 32)) < 0.5
+    np.save(outside / "mask.npy", mask.astype(np.uint8))
+    np.save(outside / "snapshot.npy", (200 * mask.mean(0)).astype(np.uint8))
+    decode = [
+        sys.executable,
+        "-m",
+        "sci_lightning.reconstruct",
+        "measurement=snapshot.npy",
+        "mask=mask.npy",
+        "out=decoded",
+    ]
+    done = subprocess.run(decode, cwd=outside, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0 and "weights=universal" in done.stdout, done.stderr
+    assert np.load(outside / "decoded" / "reconstruction.npy").shape == (1, 8, 32, 32)
+
     where = [sys.executable, "-c", "import sci_lightning.configuration.conf_folder as c; print(c.CONF)"]
     result = subprocess.run(where, cwd=outside, env=environment, capture_output=True, text=True).stdout
     assert result.strip() == str(site / "sci_lightning" / "conf")

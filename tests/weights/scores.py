@@ -1,4 +1,4 @@
-"""``python -m tests.weights.scores JSON``: what the weights that come along are worth, on scenes and masks not trained on.
+"""``python -m tests.weights.scores JSON``: what the weights are worth, on scenes and masks not trained on.
 
 The first snapshot of each of the six scenes, and of the validation clips, behind new masks of several kinds and numbers
 of slots, with 12 bits. The table of docs/results/weights.md is made from it.

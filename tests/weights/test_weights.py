@@ -45,7 +45,7 @@ def test_universal_is_ahead_of_its_start_behind_masks_that_it_has_not_seen(mask:
 
 
 def test_names() -> None:
-    with pytest.raises(BadInput, match="weights=best: no such file.*universal"):
+    with pytest.raises(BadInput, match=r"weights=best: no such file.*universal"):
         load_weights("best")
     assert load_weights(weights_file("universal")).config["names"]["decoder"] == "universal"
 
