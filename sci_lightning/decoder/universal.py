@@ -63,11 +63,12 @@ class Body(nn.Module):
 class Universal(Decoder):
     r"""An iterative decoder's estimate, corrected a few times by one small network that sees the mask.
 
-    Pass k takes a data step of learned length s_k and adds what the network says of it:
+    Pass k takes a data step of learned length s_k, moves on along the steps before by m_k, as the acceleration of
+    :class:`.GAP` does, and adds what the network says of it:
 
     .. math::
-        v = x_k + s_k r, \quad x_{k+1} = v + N_k(v, r, M, \bar y), \quad
-        r = A^\top \frac{y - A x_k}{R + \gamma}, \quad \bar y = \frac{y}{\sum_t M_t + \gamma}.
+        v = x_k + s_k r_k + m_k \sum_{j < k} r_j, \quad x_{k+1} = v + N_k(v, r_k, M, \bar y), \quad
+        r_k = A^\top \frac{y - A x_k}{R + \gamma}, \quad \bar y = \frac{y}{\sum_t M_t + \gamma}.
 
     N_k is a U-net at half resolution, 2 x 2 pixels as channels, whose first and last convolution belong to the pass and
     whose body is the same for all. As the network sees the mask of every snapshot, it can be trained behind many masks
@@ -81,7 +82,7 @@ class Universal(Decoder):
         widths: channels of its three levels.
         blocks: residual blocks on each side of a level.
 
-    Parameters: 1,227,396 with the defaults.
+    Parameters: 1,227,400 with the defaults.
     Source: the data step with gamma is that of half-quadratic splitting, see :meth:`.SnapshotOperator.data_step`; the
     network and its training are this project's own.
     """
@@ -105,6 +106,7 @@ class Universal(Decoder):
         self.tails = nn.ModuleList(nn.Conv2d(widths[0], outputs, 3, padding=1) for _ in range(passes))
         self.body = Body(widths, blocks)
         self.step = nn.Parameter(torch.zeros(passes))
+        self.momentum = nn.Parameter(torch.zeros(passes))
         for tail in self.tails:
             nn.init.zeros_(tail.weight)  # type: ignore[arg-type]
             nn.init.zeros_(tail.bias)  # type: ignore[arg-type]
@@ -137,9 +139,11 @@ class Universal(Decoder):
         weight = mask.square().sum(1) + GAMMA
         mean = (measurement / (mask.sum(1) + GAMMA)).unsqueeze(1)
         estimates: list[torch.Tensor] = []
-        for number, step in enumerate(self.step):
+        earlier = torch.zeros_like(video)
+        for number, (step, momentum) in enumerate(zip(self.step, self.momentum, strict=True)):
             residual = mask * ((measurement - (mask * video).sum(1)) / weight).unsqueeze(1)
-            video = video + step * residual
+            video = video + step * residual + momentum * earlier
+            earlier = earlier + residual
             correct = partial(self._correction, number)
             video = video + self.locally(correct, self.halo, video, residual, mask, mean)
             estimates = self.with_estimate(estimates, video)
