@@ -126,7 +126,7 @@ if not TYPE_CHECKING:  # a type checker would take every name for one that exist
     def __getattr__(name: str) -> Any:
         """Load a public name when it is first used (PEP 562), so that importing the package loads no torch."""
         if name == "__version__":
-            return import_module(f"{__name__}.version").installed_version()
+            return import_module(f"{__name__}.runs.provenance").installed_version()
         if name not in PUBLIC_NAMES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         module, _, member = PUBLIC_NAMES[name].partition(":")

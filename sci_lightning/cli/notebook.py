@@ -55,9 +55,9 @@ def load_decoder(
     Raises:
         BadInput: no such decoder or file, or weights that do not fit; nothing in a file is executed.
     """
-    from sci_lightning.decoder.published import load_published
     from sci_lightning.runs.checkpoint import load_file, read_checkpoint
     from sci_lightning.weights import load_weights, shipped
+    from sci_lightning.weights.published import load_published
 
     names = group_members("decoder")
     chosen = str(source) if str(source) in names and name is None else name

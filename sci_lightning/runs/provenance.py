@@ -10,6 +10,7 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,14 @@ from sci_lightning.files.json_file import JsonObject, says
 
 BETWEEN = " | "
 """Between the machines, scales and commands of several measurements."""
+
+
+def installed_version() -> str:
+    """Return the installed version of this program; ``0+unknown`` in a checkout that was never installed."""
+    try:
+        return version("sci-lightning")
+    except PackageNotFoundError:
+        return "0+unknown"
 
 
 class Provenance(JsonObject):
@@ -88,7 +97,6 @@ def commit() -> str:
     It is that of the first call, however far the checkout moves on while the program runs: a long measurement asks when
     it begins. An installed package belongs to no checkout; its version is returned instead.
     """
-    from sci_lightning.version import installed_version
 
     root = PACKAGE.parent
     try:

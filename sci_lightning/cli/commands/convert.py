@@ -73,8 +73,8 @@ def published(
     """
     from torch import nn
 
-    from sci_lightning.decoder.published import load_published, unpack
     from sci_lightning.encoder.mask import LearnedStructural, published_mask
+    from sci_lightning.weights.published import load_published, unpack
 
     cfg = composition.cfg
     _, unpacked = unpack(content)

@@ -21,7 +21,7 @@ from sci_lightning.diagnosis.report.sentences import UNCERTAINTY, class_paths
 from sci_lightning.diagnosis.result import CalibratedResult
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.json_file import write_json
-from sci_lightning.version import installed_version
+from sci_lightning.runs.provenance import installed_version
 
 VERIFIED_BY_NONE: dict[str, Any] = {
     "captures": [],

@@ -22,7 +22,7 @@ from sci_lightning.diagnosis.report.sentences import UNCERTAINTY, clause, consid
 from sci_lightning.diagnosis.report.svg import svg
 from sci_lightning.diagnosis.result import CalibratedResult
 from sci_lightning.plain_text import printable
-from sci_lightning.version import installed_version
+from sci_lightning.runs.provenance import installed_version
 
 WIDE_INCHES = 7.0
 """Width from which a figure is scrolled on a narrow page, because it would become illegible."""

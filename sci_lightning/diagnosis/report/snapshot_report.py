@@ -8,7 +8,7 @@ from pathlib import Path
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.diagnosis.blind.snapshot_facts import SnapshotFacts, still_needed
 from sci_lightning.files.json_file import write_json
-from sci_lightning.version import installed_version
+from sci_lightning.runs.provenance import installed_version
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,11 @@ from sci_lightning.metrics.frame_metric import SceneScores
 from sci_lightning.metrics.psnr import PSNR
 from sci_lightning.metrics.ssim import SSIM
 from sci_lightning.pipeline import Pipeline
+from sci_lightning.runs.provenance import installed_version
 from sci_lightning.studies.mismatch.beliefs import diagnosed_camera, ideal_camera, true_camera
 from sci_lightning.studies.mismatch.bench import Bench
 from sci_lightning.studies.mismatch.cameras import MismatchedCamera
 from sci_lightning.studies.mismatch.scenarios import SCENARIOS, Scenario, recovery
-from sci_lightning.version import installed_version
 
 Scores = dict[str, Any]
 """``{"mean": {"psnr": dB, "ssim": .., "psnr_up_to_gain": dB}, "scenes": {"kobe": {..}, ..}}``."""

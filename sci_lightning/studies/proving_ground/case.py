@@ -9,7 +9,7 @@ import zlib
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from sci_lightning.version import installed_version
+from sci_lightning.runs.provenance import installed_version
 from sci_lightning.virtual_camera import Session
 
 _STATED: dict[str, Any] = {"datasheet": True, "datasheet_factor": 1.0}

@@ -9,10 +9,9 @@ from typing import Any, Literal
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.json_file import JsonFile, JsonObject, says, write_json
 from sci_lightning.plain_text import markdown_table
-from sci_lightning.runs.provenance import Provenance
+from sci_lightning.runs.provenance import Provenance, installed_version
 from sci_lightning.studies.proving_ground.outcome import Failure, Outcome
 from sci_lightning.studies.proving_ground.summary import SuiteScore
-from sci_lightning.version import installed_version
 
 ANSWERS = {True: "yes", False: "**no**", None: ""}
 

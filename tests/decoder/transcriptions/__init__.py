@@ -13,7 +13,7 @@ from functools import partial
 import torch
 
 from sci_lightning.decoder import Decoder
-from sci_lightning.decoder.published import authors_keys
+from sci_lightning.weights.published import authors_keys
 from tests.decoder.transcriptions.birnat import birnat
 from tests.decoder.transcriptions.e2e_cnn import e2e_cnn
 from tests.decoder.transcriptions.efficientsci import efficientsci

@@ -14,8 +14,8 @@ from omegaconf import DictConfig
 from torch import nn
 
 from sci_lightning.decoder import E2ECNN, Decoder, Res2former
-from sci_lightning.decoder.published import authors_keys, load_published, our_state, unpack
 from sci_lightning.errors import BadInput
+from sci_lightning.weights.published import authors_keys, load_published, our_state, unpack
 from tests.conftest import members
 from tests.decoder.published_facts import FILES
 from tests.decoder.transcriptions import as_published, random_state
