@@ -14,7 +14,7 @@ from sci_lightning.errors import BadInput
 from sci_lightning.plain_text import excerpt, one_printable_line
 from sci_lightning.runs.run_folder import is_first_process
 
-PATHS = {"root", "val_root", "file"}
+PATHS = {"root", "val_root", "file", "photographs"}
 """What settings that name files or folders to read are called."""
 
 

@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import torch
 
 from sci_lightning.configuration.bounds import ExistingPath, Frames, Repeats, Seed, Share, Size
 from sci_lightning.data.augmentation import Augmentation
 from sci_lightning.data.reader import find_clips
 from sci_lightning.data.source import Clips
 from sci_lightning.data.stored_clips import StoredSource
+from sci_lightning.data.synthetic import photographed_clips
 from sci_lightning.errors import BadInput
 
 
@@ -19,7 +21,7 @@ class Folder(StoredSource):
     """Any tree of clips: folders of images, ``.npz`` files, video files, MATLAB and HDF5 files with frames.
 
     Args:
-        root: the folder of the clips; see :func:`~sci_lightning.data.reader.find_clips`.
+        root: the folder of the clips, or several; see :func:`~sci_lightning.data.reader.find_clips`.
         frames: T, the number of frames in one snapshot.
         size: ``(H, W)`` in pixels, the mask's full size, to which scenes are cut.
         crop: ``(h, w)`` in pixels, the size of training clips.
@@ -28,6 +30,9 @@ class Folder(StoredSource):
             on all clips of a folder names it twice.
         validation: without ``val_root``, the share of the clips (between 0 and 1, at least one clip) that is held out.
         clips_per_epoch: by default the number of separate groups of T frames in the training clips.
+        photographs: a file of photographs that make up a part of the training clips, as those of
+            :class:`~sci_lightning.data.synthetic.Synthetic`; None for none.
+        photographs_share: that part, drawn clip by clip.
         store: see :class:`~sci_lightning.data.store.ClipStore`.
         max_stride, reverse, scale, flip, rotate: see :class:`~sci_lightning.data.augmentation.Augmentation`.
 
@@ -38,7 +43,7 @@ class Folder(StoredSource):
 
     def __init__(
         self,
-        root: ExistingPath,
+        root: ExistingPath | Sequence[ExistingPath],
         frames: Frames,
         size: Size,
         crop: Size,
@@ -47,6 +52,8 @@ class Folder(StoredSource):
         val_root: ExistingPath | None = None,
         validation: Share = 0.1,
         clips_per_epoch: Repeats | None = None,
+        photographs: ExistingPath | None = None,
+        photographs_share: Share = 0.25,
         store: str | Path | None = None,
         max_stride: Repeats = 2,
         reverse: bool = True,
@@ -57,7 +64,8 @@ class Folder(StoredSource):
         augmentation = Augmentation(
             frames, crop, max_stride=max_stride, reverse=reverse, scale=scale, flip=flip, rotate=rotate
         )
-        clips = find_clips(root)
+        roots = [root] if isinstance(root, (str, Path)) else list(root)
+        clips = list(dict.fromkeys(clip for one in roots for clip in find_clips(one)))
         held_out = find_clips(val_root) if val_root else _held_out_share(clips, validation)
         excluded = {clip.resolve() for clip in held_out}
         training = [clip for clip in clips if clip.resolve() not in excluded]
@@ -71,15 +79,36 @@ class Folder(StoredSource):
             clips_per_epoch=clips_per_epoch,
             store=store,
         )
-        self.root, self.val_root = root, val_root
+        self.root, self.val_root, self.crop = ", ".join(map(str, roots)), val_root, crop
+        self.photographs, self.photographs_share = photographs, photographs_share
 
     def clips(self) -> Clips:
-        """Return augmented training clips, float32 ``(T, h, w)`` in [0, 1]."""
+        """Return augmented training clips, among them those made of photographs, float32 ``(T, h, w)`` in [0, 1]."""
         if not self.training:
             one = "holds a single clip, so none can be held out; give val_root for validation"
             every = f"every clip is in val_root={self.val_root} too; none is left to train on"
             raise BadInput(f"{self.root}: {every if self.val_root else one}")
-        return super().clips()
+        clips = super().clips()
+        if self.photographs is None:
+            return clips
+        made = photographed_clips(self.photographs, self.frames, self.crop, self.seed, len(clips))
+        return MixedClips(clips, made, self.photographs_share, self.seed)
+
+
+class MixedClips(Clips):
+    """Clips of one stream, and in place of a part of them, drawn clip by clip, those of another."""
+
+    def __init__(self, clips: Clips, others: Clips, share: float, seed: int) -> None:
+        self.clips, self.others, self.share, self.seed = clips, others, share, seed
+
+    def __len__(self) -> int:
+        return len(self.clips)
+
+    def __getitem__(self, index: int) -> torch.Tensor:
+        if index < 0:
+            raise IndexError(f"clip {index}: the stream of clips starts at 0")
+        other = np.random.default_rng((self.seed, index, 1)).random() < self.share
+        return self.others[index] if other else self.clips[index]
 
 
 def _held_out_share(clips: list[Path], share: float) -> list[Path]:

@@ -13,6 +13,9 @@ from torch.nn import functional as F
 
 from sci_lightning.data.photographs import Photograph
 
+MOMENTS = 4
+"""Of an open shutter, whose mean is a blurred frame: at most 1.5 pixels apart at the fastest motion."""
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -83,7 +86,7 @@ class Layer:
 
 
 class MovingScene:
-    """A panning background and one to four soft-edged objects in front of it.
+    """A panning background and one to four soft-edged objects in front of it, each with a motion of its own.
 
     All random choices are made when the scene is built; rendering is deterministic.
 
@@ -91,17 +94,32 @@ class MovingScene:
         photographs: that of the background, then those from which objects are cut in turn; two or more.
         random: source of all random choices.
         size: ``(h, w)`` in pixels of the rendered frames.
+        blurred: whether frames are blurred by the motion within a part of their slots, uniform in [0, 1], during which
+            the shutter is open; else each is a moment.
     """
 
-    def __init__(self, photographs: Sequence[Photograph], random: np.random.Generator, size: Sequence[int]) -> None:
+    def __init__(
+        self,
+        photographs: Sequence[Photograph],
+        random: np.random.Generator,
+        size: Sequence[int],
+        blurred: bool = False,
+    ) -> None:
         self.size = tuple(size)
         self._background = self._draw_background(photographs[0], random)
         count = int(random.integers(1, 4, endpoint=True))
         self._objects = [self._draw_object(p, random) for p in islice(cycle(photographs[1:]), count)]
+        self._moments = [0.0]
+        if blurred:
+            opening = random.uniform(0, 1)
+            self._moments = [opening * part / MOMENTS for part in range(MOMENTS)]
 
     def render(self, frames: int) -> torch.Tensor:
         """Return the video, float32 ``(frames, h, w)`` in [0, 1]."""
         times = torch.arange(frames, dtype=torch.float64)
+        return torch.stack([self._render_at(times + moment) for moment in self._moments]).mean(0)
+
+    def _render_at(self, times: torch.Tensor) -> torch.Tensor:
         video = self._look_at(self._background, times, "reflection")[:, 0]
         for layer in self._objects:
             light, opacity = self._look_at(layer, times, "zeros").unbind(1)

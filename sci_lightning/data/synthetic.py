@@ -1,15 +1,16 @@
-"""Synthetic video from the photographs of scikit-image, without any download."""
+"""Synthetic video from photographs: those of scikit-image, without any download, or those of a file."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import torch
 
-from sci_lightning.configuration.bounds import Frames, Repeats, Scenes, Seed, Size
+from sci_lightning.configuration.bounds import ExistingPath, Frames, Repeats, Scenes, Seed, Size
 from sci_lightning.data.moving_scene import MovingScene
-from sci_lightning.data.photographs import HELD_OUT, TRAINING, Photograph, load_photographs
+from sci_lightning.data.photographs import HELD_OUT, TRAINING, Photograph, load_photographs, read_photographs
 from sci_lightning.data.source import Clips, Scene
 from sci_lightning.errors import BadInput
 
@@ -27,6 +28,8 @@ class Synthetic:
         clips_per_epoch: ``len`` of the training clips.
         scenes_count: number of held-out scenes.
         snapshots_per_scene: length of a scene in groups of T frames, in one continuous motion.
+        photographs: a file that training clips are made of in place of those of scikit-image, see
+            :func:`~sci_lightning.data.photographs.read_photographs`; these clips have motion blur.
 
     Raises:
         BadInput: an argument is out of range.
@@ -42,6 +45,7 @@ class Synthetic:
         clips_per_epoch: Repeats = 1000,
         scenes_count: Scenes = 4,
         snapshots_per_scene: Scenes = 2,
+        photographs: ExistingPath | None = None,
     ) -> None:
         self.frames = frames
         self.size = size
@@ -50,6 +54,7 @@ class Synthetic:
         self.clips_per_epoch = clips_per_epoch
         self.scenes_count = scenes_count
         self.snapshots_per_scene = snapshots_per_scene
+        self.photographs = photographs
         if min(frames, *size, *crop, clips_per_epoch, scenes_count, snapshots_per_scene) < 1:
             raise BadInput(
                 f"frames={frames}, size={tuple(size)}, crop={tuple(crop)}, clips_per_epoch={clips_per_epoch},"
@@ -59,8 +64,9 @@ class Synthetic:
 
     def clips(self) -> Clips:
         """Return an endless stream of rendered clips, float32 ``(T, h, w)`` in [0, 1]."""
-        photographs = load_photographs(TRAINING)
-        return SyntheticClips(photographs, self.frames, self.crop, self.seed, self.clips_per_epoch)
+        if self.photographs is not None:
+            return photographed_clips(self.photographs, self.frames, self.crop, self.seed, self.clips_per_epoch)
+        return SyntheticClips(load_photographs(TRAINING), self.frames, self.crop, self.seed, self.clips_per_epoch)
 
     def scenes(self) -> list[Scene]:
         """Return scenes named after the photograph in their background, float32 ``(N, T, H, W)`` in [0, 1]."""
@@ -80,13 +86,20 @@ class SyntheticClips(Clips):
     """Training clips of moving photographs; the clip at an index is rendered when it is read."""
 
     def __init__(
-        self, photographs: list[Photograph], frames: int, crop: Sequence[int], seed: int, clips_per_epoch: int
+        self,
+        photographs: list[Photograph],
+        frames: int,
+        crop: Sequence[int],
+        seed: int,
+        clips_per_epoch: int,
+        blurred: bool = False,
     ) -> None:
         self.photographs = photographs
         self.frames = frames
         self.crop = crop
         self.seed = seed
         self.clips_per_epoch = clips_per_epoch
+        self.blurred = blurred
 
     def __len__(self) -> int:
         return self.clips_per_epoch
@@ -96,4 +109,15 @@ class SyntheticClips(Clips):
             raise IndexError(f"clip {index}: the stream of clips starts at 0")
         random = np.random.default_rng((self.seed, index))
         photographs = [self.photographs[i] for i in random.permutation(len(self.photographs))]
-        return MovingScene(photographs, random, self.crop).render(self.frames)
+        return MovingScene(photographs, random, self.crop, self.blurred).render(self.frames)
+
+
+def photographed_clips(
+    path: str | Path, frames: int, crop: Sequence[int], seed: int, clips_per_epoch: int
+) -> SyntheticClips:
+    """Return clips of the moving photographs of a file, with motion blur.
+
+    Raises:
+        BadInput: as :func:`~sci_lightning.data.photographs.read_photographs`.
+    """
+    return SyntheticClips(read_photographs(path), frames, crop, seed, clips_per_epoch, blurred=True)
