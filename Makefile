@@ -2,7 +2,7 @@
 # make tables: train every row of the paper's tables, 45 minutes of one core each (MINUTES=10: less; STEPS=4000: so many steps in
 # place of minutes, alike on every machine and GPU; WORKERS=1: one at a time);
 # interrupted in whatever way, the same line goes on; make smoke-tables: every row for seconds, no figures;
-# make gpu-tables: the rows that matter most, full networks, half an hour each on one GPU;
+# make relay: a lease of this machine's GPU for the large trainings that docs/results/relay.json wants next (LEASE=540 seconds, FOOTAGE=../shared/data);
 # make speedrun CLIPS=.. VALIDATION=.. SCENES=..: the best recipe of half an hour on two cores; interrupted, the same line goes on
 # make benchmark: measure the figures of docs/results/decoder-cost.md anew, seven minutes of an otherwise idle machine
 # make documentation: write the measured tables of README.md and docs/ from docs/results/
@@ -16,7 +16,7 @@ BIN    := $(VENV)/bin
 READY  := $(VENV)/ready
 TOOLS  := $(VENV)/ready-for-tests
 
-.PHONY: train diagnose tables smoke-tables gpu-tables speedrun benchmark documentation test lint lock clean
+.PHONY: train diagnose tables smoke-tables relay speedrun benchmark documentation test lint lock clean
 
 train: $(READY)
 	$(BIN)/python -m sci_lightning.train experiment=quickstart
@@ -36,15 +36,15 @@ tables: $(READY)
 	  $(if $(WORKERS),workers=$(WORKERS)) $(if $(ONLY),'only=$(ONLY)') $(if $(LABEL),label=$(LABEL)) \
 	  $(if $(SEEDS),seeds=$(SEEDS)) $(if $(OTHER_SEEDS),other_seeds=$(OTHER_SEEDS)) $(if $(SCALE),row_scale=$(SCALE))
 
-smoke-tables: SCALE := smoke
-gpu-tables: SCALE := gpu30
-smoke-tables: ROWS := table2 table3 table4 table5
-gpu-tables: ROWS := 'table2 decoder=e2e_cnn' 'table3 decoder=e2e_cnn' 'table4 decoder=e2e_cnn,res2former' \
-  'table5 encoder=rsw_sr encoder.mask.bits=4'
-smoke-tables gpu-tables: $(READY)
-	failed=0; for rows in $(ROWS); do \
-	  $(BIN)/python -m sci_lightning.train -m experiment=$$rows scale=$(SCALE) $(WITH) || failed=1; done; \
-	$(BIN)/python -m sci_lightning.tables runs=outputs/sweep/$(SCALE) out=outputs/tables/$(SCALE) && exit $$failed
+smoke-tables: $(READY)
+	failed=0; for table in table2 table3 table4 table5; do \
+	  $(BIN)/python -m sci_lightning.train -m experiment=$$table scale=smoke $(WITH) || failed=1; done; \
+	$(BIN)/python -m sci_lightning.tables runs=outputs/sweep/smoke out=outputs/tables/smoke && exit $$failed
+
+# ARCHIVE=DIR: all that the lease leaves, for a machine that is lost; TAKE=DIR: take that over here; killed in whatever way, the next one goes on
+relay: $(READY)
+	$(BIN)/python -m sci_lightning.tables.relay $(if $(LEASE),seconds=$(LEASE)) $(if $(FOOTAGE),footage=$(FOOTAGE)) \
+	  $(if $(ARCHIVE),archive=$(ARCHIVE)) $(if $(TAKE),take=$(TAKE))
 
 # REPEATS=1 is quicker and less exact; TRAINED=RUN/checkpoints/last.ckpt in place of a minute of training
 benchmark: REPEATS ?= 3

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
+from datetime import timedelta
 from functools import partial
 from typing import Any
 
@@ -20,10 +21,12 @@ from sci_lightning.training.muon import Muon, is_large
 
 @dataclass(frozen=True)
 class LearningRates:
-    """Learning rates that rise from 0 during the warm-up and then fall along a cosine.
+    """Learning rates that rise from 0 during the warm-up and then fall: along a cosine, or at the end of the run only.
 
     With d the part of the run that is done and w the warm-up, a rate is ``d / w`` of its height, at least 1 %, while
-    d < w, and then ``f + (1 - f) (1 + cos(pi (d - w) / (1 - w))) / 2`` of it, where f is ``final_lr / lr``.
+    d < w, and then ``f + (1 - f) (1 + cos(pi (d - w) / (1 - w))) / 2`` of it, where f is ``final_lr / lr``. With a
+    cooldown c it stays at its height until d = 1 - c, and is then ``f + (1 - f) (1 - d) / c`` of it: a training that
+    another one goes on from loses little by having ended.
 
     Attributes:
         lr: of Adam at the start.
@@ -33,6 +36,7 @@ class LearningRates:
             weights in Adam's place; None for Adam alone.
         muon_decay: by which part of its learning rate Muon shrinks those weights in every step.
         warmup: part of the run, 0 to below 1.
+        cooldown: part of the run, above 0 and up to 1 - warmup; None for the cosine.
     """
 
     lr: float
@@ -41,10 +45,13 @@ class LearningRates:
     muon_lr: float | None
     muon_decay: float
     warmup: float
+    cooldown: float | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.warmup < 1:
             raise BadInput(f"system.warmup={self.warmup}: a part of the run, from 0 to below 1, as in 0.02")
+        if self.cooldown is not None and not 0 < self.cooldown <= 1 - self.warmup:
+            raise BadInput(f"system.cooldown={self.cooldown}: above 0 and at most 1 - system.warmup, or null")
 
     def optimizer_and_schedule(
         self, trainer: L.Trainer, mask: Iterable[torch.nn.Parameter], weights: Iterable[torch.nn.Parameter]
@@ -73,7 +80,10 @@ class LearningRates:
         """Return a rate's part of its height when the part ``done`` of the run, 0 to 1, is over."""
         if done < self.warmup:
             return max(0.01, done / self.warmup)
-        done, floor = (done - self.warmup) / (1 - self.warmup), self.final_lr / self.lr
+        floor = self.final_lr / self.lr
+        if self.cooldown is not None:
+            return floor + (1 - floor) * min(1.0, (1 - done) / self.cooldown)
+        done = (done - self.warmup) / (1 - self.warmup)
         return floor + (1 - floor) * (1 + math.cos(math.pi * done)) / 2
 
     def __str__(self) -> str:
@@ -100,6 +110,17 @@ def _time_spent(trainer: L.Trainer) -> float:
             elapsed = callback.time_elapsed()
             spent.append(elapsed / max(elapsed + left, 1e-6))
     return float(trainer.strategy.broadcast(max(spent))) if spent else 0.0  # clocks differ, learning rates may not
+
+
+class LeaseEnd(Timer):
+    """Ends a training at a point in time, however long its start has taken; the learning rate falls until then.
+
+    Args:
+        until: seconds since 1970.
+    """
+
+    def __init__(self, until: Positive) -> None:
+        super().__init__(timedelta(seconds=max(1.0, until - time.time())))
 
 
 class ProcessorTime(L.Callback):

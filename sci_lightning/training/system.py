@@ -44,7 +44,7 @@ class System(ScoredPipeline):
         loss: ``mse``, ``rmse`` or ``frame_rmse``.
         stage_weights: weights of the losses of the decoder's last stages, in their order; the loss is the weighted sum.
             ``(1,)`` takes the final estimate alone. Unfolding networks have many stages, most decoders one.
-        lr, final_lr, mask_lr, muon_lr, muon_decay, warmup: see
+        lr, final_lr, mask_lr, muon_lr, muon_decay, warmup, cooldown: see
             :class:`~sci_lightning.training.learning_rates.LearningRates`.
         compile: compile the decoder with ``torch.compile``.
         cuda_graph: replay the decoder's part of a step, see :class:`~sci_lightning.training.cuda_graph.GraphedStages`.
@@ -73,6 +73,7 @@ class System(ScoredPipeline):
         muon_lr: Positive | None = None,
         muon_decay: NonNegative = 0.0,
         warmup: Share = 0.0,
+        cooldown: Share | None = None,
         compile: bool = False,
         cuda_graph: bool = False,
         tile: TileChoice | str = "none",
@@ -97,7 +98,7 @@ class System(ScoredPipeline):
         self.stages: Callable[..., Sequence[torch.Tensor]] = (
             torch.compile(decoder.stages) if compile else GraphedStages(decoder) if cuda_graph else decoder.stages
         )
-        self.rates = LearningRates(lr, final_lr, mask_lr, muon_lr, muon_decay, warmup)
+        self.rates = LearningRates(lr, final_lr, mask_lr, muon_lr, muon_decay, warmup, cooldown)
         self.run_config = run_config or {}
         self.validated = True
         """False from the start of a training batch until the validation that may follow it is over."""

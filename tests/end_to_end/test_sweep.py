@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import signal
 import subprocess
 from collections.abc import Callable
@@ -13,10 +12,9 @@ from typing import Any
 import pytest
 import torch
 
-from sci_lightning.cli.composition import plain
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.studies.tables.paper_figures import swept
-from tests.conftest import ROOT, members
+from tests.conftest import members
 from tests.end_to_end.killed_training import KILLED, steps
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
@@ -173,36 +171,3 @@ def test_reduced_networks(scale: str, configuration: Callable[..., Any]) -> None
         full, reduced = (configuration("train", f"decoder={name}", f"scale={each}").decoder for each in ("own", scale))
         assert full.keys() == reduced.keys(), name
         assert (full != reduced) == (f"{scale}:" in (CONF / "decoder" / f"{name}.yaml").read_text()), name
-
-
-def gpu_rows() -> list[str]:
-    """What ``make gpu-tables`` runs, a row each: ``experiment=table4 decoder=e2e_cnn``, .."""
-    rules = (ROOT / "Makefile").read_text().replace("\\\n", "")
-    (sweeps,) = re.findall(r"^gpu-tables: ROWS := (.*)$", rules, re.MULTILINE)
-    rows = []
-    for sweep in re.findall(r"'(.*?)'", sweeps):
-        *told, choice = f"experiment={sweep}".split()
-        key, _, values = choice.partition("=")
-        rows += [" ".join([*told, f"{key}={value}"]) for value in values.split(",")]
-    return rows
-
-
-@pytest.mark.parametrize("row", gpu_rows())
-def test_rows_of_one_gpu(row: str, configuration: Callable[..., Any]) -> None:
-    """Full networks at the paper's size, in bfloat16 where the GPU multiplies it, within half an hour."""
-    cfg = plain(configuration("train", *row.split(), "scale=gpu30", "data.root=DAVIS", "out=RUN"))
-    decoder = re.findall(r"decoder=(\w+)", row) or ["res2former"]
-    assert cfg["decoder"] == plain(configuration("train", f"decoder={decoder[0]}"))["decoder"]
-    assert cfg["encoder"]["mask"]["bits"] == (4 if "Structural" in cfg["encoder"]["mask"]["_target_"] else 1)
-    assert cfg["size"] == cfg["crop"] == [256, 256]
-    assert cfg["precision"] == "auto" and cfg["trainer"]["max_time"]["minutes"] == 25
-
-
-def test_the_rows_that_matter_most_are_those_of_one_gpu() -> None:
-    assert gpu_rows() == [
-        "experiment=table2 decoder=e2e_cnn",
-        "experiment=table3 decoder=e2e_cnn",
-        "experiment=table4 decoder=e2e_cnn",
-        "experiment=table4 decoder=res2former",
-        "experiment=table5 encoder=rsw_sr encoder.mask.bits=4",
-    ]

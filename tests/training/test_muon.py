@@ -13,6 +13,7 @@ from sci_lightning.encoder.mask import LearnedStructural
 from sci_lightning.encoder.sensor import ClipQuantise
 from sci_lightning.errors import BadInput
 from sci_lightning.training import learning_rates
+from sci_lightning.training.learning_rates import LearningRates
 from sci_lightning.training.muon import Muon, is_large, orthogonalised
 from sci_lightning.training.system import System
 from tests.training.small_training import check_chain, system_and_trainer, train
@@ -87,6 +88,15 @@ def test_learning_rates_rise_to_theirs_and_fall(tmp_path: Path, warmup: float) -
     assert rates[-1] == pytest.approx(1e-5)
     if warmup:
         assert rates[:5] == pytest.approx([1e-4, 2.5e-3, 5e-3, 7.5e-3, 1e-2])
+
+
+def test_rates_that_stay_until_the_cooldown() -> None:
+    rates = LearningRates(1e-2, 1e-3, None, None, 0.0, warmup=0.1, cooldown=0.2)
+    assert [rates.factor(done) for done in (0.05, 0.1, 0.5, 0.8)] == [0.5, 1, 1, 1]
+    assert [rates.factor(done) for done in (0.9, 1.0)] == pytest.approx([0.55, 0.1])
+    for cooldown in (0.0, 0.95):
+        with pytest.raises(BadInput, match=rf"system\.cooldown={cooldown}"):
+            LearningRates(1e-2, 1e-3, None, None, 0.0, warmup=0.1, cooldown=cooldown)
 
 
 def test_a_warmup_that_is_no_part_of_the_run() -> None:

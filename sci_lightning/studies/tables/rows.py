@@ -178,7 +178,7 @@ def keep(row: TableRow, run: str | Path, results: str | Path, provenance: Proven
     for source, path in reversed(list(zip(sources, files, strict=True))):
         content = json.loads(source.read_text())
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_json({**_without_places(content), **score, "provenance": provenance.as_json()}, path)
+        write_json({**without_places(content), **score, "provenance": provenance.as_json()}, path)
     return files
 
 
@@ -214,7 +214,7 @@ def check_recipe(row: TableRow, results: str | Path, config: Mapping[str, Any]) 
     """
     results = Path(results)
     path = kept_files(row, results)[0]
-    earlier, now = read_json(path, RunMetrics).config, _without_places(config)
+    earlier, now = read_json(path, RunMetrics).config, without_places(config)
     for key in RECIPE:
         before, after = _flat(_entry(earlier, key), key), _flat(_entry(now, key), key)
         for name in sorted(before.keys() & after.keys()):
@@ -238,12 +238,12 @@ def _flat(value: Any, key: str) -> dict[str, Any]:
     return {inner: entry for name, part in value.items() for inner, entry in _flat(part, f"{key}.{name}").items()}
 
 
-def _without_places(content: Any) -> Any:
+def without_places(content: Any) -> Any:
     """Plain values with the last part of paths in their place: folders of one machine say nothing to others."""
     if isinstance(content, Mapping):
-        return {key: _without_places(value) for key, value in content.items()}
+        return {key: without_places(value) for key, value in content.items()}
     if isinstance(content, (list, tuple)):
-        return [_without_places(value) for value in content]
+        return [without_places(value) for value in content]
     if isinstance(content, str) and "/" in content and " " not in content and content != "1/T":  # an aperture
         return os.path.basename(content.rstrip("/"))
     return content
