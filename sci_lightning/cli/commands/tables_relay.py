@@ -37,7 +37,7 @@ def tables_relay(composition: Composition) -> None:
         MachineFailure: trainings failed; the others got their lease.
     """
     from sci_lightning.cli.next_command import override
-    from sci_lightning.studies.tables.relay import Relay
+    from sci_lightning.studies.relay.relay import Relay
 
     cfg, console = composition.cfg, PlainConsole()
 

@@ -19,9 +19,9 @@ from omegaconf import DictConfig
 from sci_lightning.cli.next_command import override
 from sci_lightning.errors import BadInput
 from sci_lightning.files.json_file import read_json
-from sci_lightning.studies.tables.relay import Relay
-from sci_lightning.studies.tables.relay_archive import pack, unpack
-from sci_lightning.studies.tables.relay_queue import Lease, RelayQueue
+from sci_lightning.studies.relay.relay import Relay
+from sci_lightning.studies.relay.relay_archive import pack, unpack
+from sci_lightning.studies.relay.relay_queue import Lease, RelayQueue
 from tests.conftest import ROOT
 
 TINY = [
@@ -73,7 +73,7 @@ def test_what_is_no_queue(tmp_path: Path) -> None:
 
 def test_an_archive_in_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was written on one machine is taken over on another; a part that is missing is noticed."""
-    monkeypatch.setattr("sci_lightning.studies.tables.relay_archive.PART", 2**12)
+    monkeypatch.setattr("sci_lightning.studies.relay.relay_archive.PART", 2**12)
     there, here = (queue(tmp_path / name, {"name": "a"}) for name in ("there.json", "here.json"))
     content = os.urandom(9000)
     (tmp_path / "weights").write_bytes(content)

@@ -24,8 +24,8 @@ from sci_lightning.files.json_file import read_json, write_json
 from sci_lightning.runs.provenance import commit, machine_name, provenance_now
 from sci_lightning.runs.results import RunMetrics
 from sci_lightning.runs.run_folder import is_locked
-from sci_lightning.studies.tables.relay_archive import pack, unpack
-from sci_lightning.studies.tables.relay_queue import Lease, RelayQueue, RelayTraining
+from sci_lightning.studies.relay.relay_archive import pack, unpack
+from sci_lightning.studies.relay.relay_queue import Lease, RelayQueue, RelayTraining
 from sci_lightning.studies.tables.row_queue import RowQueue
 from sci_lightning.studies.tables.rows import without_places
 
@@ -71,7 +71,7 @@ class Relay:
         override: writes a key and a value as command lines take them.
         say: called with lines of news.
         archive: folder to which all that a lease leaves is copied, see
-            :mod:`~sci_lightning.studies.tables.relay_archive`; None for none.
+            :mod:`~sci_lightning.studies.relay.relay_archive`; None for none.
     """
 
     path: Path

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from sci_lightning.errors import BadInput
 from sci_lightning.files.atomic_file import atomic_write
-from sci_lightning.studies.tables.relay_queue import inner_path
+from sci_lightning.studies.relay.relay_queue import inner_path
 
 PART = 16 * 2**20
 """Bytes of a file of the archive at most."""

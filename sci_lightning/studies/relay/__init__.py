@@ -1,0 +1,1 @@
+"""The relay: large trainings that go on in leases of a GPU, minutes at a time."""
