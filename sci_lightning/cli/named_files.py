@@ -46,8 +46,10 @@ def named_files(key: str, value: Any) -> Iterator[tuple[str, str]]:
     elif isinstance(value, list):
         for entry in value:
             yield from named_files(key, entry)
-    elif isinstance(value, str) and (
-        key.rpartition(".")[2] in PATHS or "/" in value or "\\" in value or value.startswith((".", "~"))
+    elif (
+        isinstance(value, str)
+        and value != "1/T"  # an aperture
+        and (key.rpartition(".")[2] in PATHS or "/" in value or "\\" in value or value.startswith((".", "~")))
     ):
         yield key, value
 

@@ -98,7 +98,8 @@ system.lr=-1 system.lr=fast system.mask_lr=-1 system.stage_weights=[] system.see
 trainer.precision=bf17 trainer.max_epochs=-2 trainer.devices=abc trainer.accelerator=tpu5 trainer=null
 trainer.gradient_clip_val=-1 trainer.accumulate_grad_batches=0 trainer.max_time=soon trainer.max_time.minutes=2
 data.clips_per_epoch=0 data.scenes_count=true data.size=null
-encoder.sensor.bit_depth=17 encoder.aperture=-1 encoder.mask.sharpness=nan encoder.mask.tile=[0,8]
+encoder.aperture=-1 encoder.aperture=wide encoder.told=maybe
+encoder.sensor.bit_depth=17 encoder.mask.sharpness=nan encoder.mask.tile=[0,8]
 callbacks.last=5 callbacks.last.every_n_steps=-5 logger.tensorboard.save_dir=null metrics.psnr=5
 """
 
