@@ -92,7 +92,7 @@ def test_learning_rates_rise_to_theirs_and_fall(tmp_path: Path, warmup: float) -
 
 def test_rates_that_stay_until_the_cooldown() -> None:
     rates = LearningRates(1e-2, 1e-3, None, None, 0.0, warmup=0.1, cooldown=0.2)
-    assert [rates.factor(done) for done in (0.05, 0.1, 0.5, 0.8)] == [0.5, 1, 1, 1]
+    assert [rates.factor(done) for done in (0.05, 0.1, 0.5, 0.8)] == pytest.approx([0.5, 1, 1, 1])
     assert [rates.factor(done) for done in (0.9, 1.0)] == pytest.approx([0.55, 0.1])
     for cooldown in (0.0, 0.95):
         with pytest.raises(BadInput, match=rf"system\.cooldown={cooldown}"):
