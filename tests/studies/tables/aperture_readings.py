@@ -156,7 +156,7 @@ def main(root: Path, clips: Path, out: Path, runs: Path | None) -> None:
     rows = [row for name in DECODERS for row in decoded(name, scenes, made)]
     rows += [] if runs is None else trained(runs)
     titles = [("decoder", "decoder", None), ("reading", "reading", None)]
-    figures = [("scores", "PSNR (dB) / SSIM / Q", [2, 3, 2]), ("loss", "less than without sensor", [2, 3, 2])]
+    figures = [("scores", "PSNR (dB) / SSIM / Q", [2, 3, 2]), ("loss", "change by the sensor", [2, 3, 2])]
     file.write([*titles, *figures], rows)
 
 
