@@ -30,15 +30,6 @@ class MachineSpeed(JsonObject):
     convolution_training_gflops: float = says("the same with the gradients of input and weight", ge=0, default=0)
 
 
-class PublishedCode(JsonObject):
-    """A plain transcription of the published code on the same weights and snapshot, in turns with ours."""
-
-    precision: Precision = says("of both")
-    seconds: float = says("median time of the transcription", ge=0)
-    fastest: float = says("its shortest time, seconds", ge=0)
-    times_as_fast: float = says("median over the rounds of its time over ours", ge=0)
-
-
 class TrainingStep(JsonObject):
     """Forward, loss, backward with the gradient of the mask, and Adam, in one precision."""
 
@@ -74,13 +65,12 @@ class DecoderCost(JsonObject):
     macs_as_paper: int = says("the same by the rules that the paper counted by", ge=0)
     precisions: dict[Precision, Decoding] = says("decoding by precision")
     machine: dict[Precision, MachineSpeed] = says("the machine's own speed by precision", default={})
-    published: PublishedCode | None = says("beside the published code", default=None)
     training: Training | None = says("training steps", default=None)
     paper: PaperFigures | None = says("the paper's figures", default=None)
 
 
 class Benchmark(JsonFile):
-    """The whole file. Version 1 had one precision and no published code."""
+    """The whole file. Version 1 had one precision."""
 
     format: Literal["sci-benchmark"]
     format_version: Literal[2]

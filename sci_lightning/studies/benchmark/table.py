@@ -46,7 +46,7 @@ def tables(content: Mapping[str, Any]) -> dict[str, Rows]:
     """Return heading and rows of every table by name; columns and tables without any figure are left out.
 
     ``counts``: parameters and operations, in brackets the paper's where it was the same measurement. ``forward``:
-    decoding by precision, beside the transcription of the published code. ``training``: training steps by precision.
+    decoding by precision. ``training``: training steps by precision.
     ``machine``: the machine's own speed.
 
     Args:
@@ -101,8 +101,6 @@ def _forward_columns(content: Mapping[str, Any]) -> Callable[[Mapping[str, Any],
     def cells(cost: Mapping[str, Any], precision: str) -> dict[str, str]:
         own, speed = cost["precisions"][precision], cost.get("machine", {}).get(precision)
         shares = speed if speed and cost["macs"] else {}
-        published = cost.get("published", {})
-        published = published if published.get("precision") == precision else {}
         return {
             "time (s)": f"{own['seconds']:.3g}",
             "memory (MiB)": f"{own['memory'] / 2**20:.0f}" if "memory" in own else "",
@@ -110,8 +108,6 @@ def _forward_columns(content: Mapping[str, Any]) -> Callable[[Mapping[str, Any],
             "of matmul": f"{own['gflops'] / shares['product_gflops']:.0%}" if shares else "",
             "of conv": f"{own['gflops'] / shares['convolution_gflops']:.0%}" if shares else "",
             "dB lost": "" if precision == exact else f"{cost['precisions'][exact]['psnr'] - own['psnr']:.3f}",
-            "published code (s)": f"{published['seconds']:.3g}" if published else "",
-            "times as fast": f"{published['times_as_fast']:.2f}" if published else "",
         }
 
     return cells

@@ -42,10 +42,11 @@ def branch(state: State, name: str, x: Tensor) -> Tensor:
 
 def attention(state: State, name: str, x: Tensor) -> Tensor:
     n, c, t, h, w = x.shape
-    tokens = x.permute(0, 3, 4, 2, 1).reshape(-1, t, c)
+    # In order: of a view, torch would multiply every pixel by a copy of the weights of its own.
+    tokens = x.permute(0, 3, 4, 2, 1).reshape(-1, t, c).contiguous()
     qkv = F.linear(tokens, state[f"{name}.qkv.weight"])
     q, k, v = qkv.reshape(-1, t, 3, HEADS, c // HEADS).permute(2, 0, 3, 1, 4)
-    weights = (q @ k.transpose(-1, -2) * (c // HEADS) ** -0.5).softmax(dim=-1)
+    weights = (q * (c // HEADS) ** -0.5 @ k.transpose(-1, -2)).softmax(dim=-1)
     mixed = (weights @ v).transpose(1, 2).reshape(-1, t, c)
     mixed = F.linear(mixed, state[f"{name}.proj.weight"], state[f"{name}.proj.bias"])
     return mixed.view(n, h, w, t, c).permute(0, 4, 3, 1, 2)

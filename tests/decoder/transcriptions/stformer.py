@@ -52,11 +52,11 @@ def block(state: State, name: str, x: Tensor, shift: int) -> Tensor:
     place = torch.tensor([(i, j) for i in range(WINDOW) for j in range(WINDOW)])
     away = place[:, None] - place[None] + WINDOW - 1
     index = away[..., 0] * (2 * WINDOW - 1) + away[..., 1]
-    space = attention(state, f"{name}.attn", tokens, index, c // HEADS, bias.repeat(n * t, 1, 1))
+    space = attention(state, f"{name}.attn", tokens, index, c // HEADS, bias)
     space = space.view(n, t, *grid, rows, columns, c).transpose(3, 4).reshape(z.shape)
     space = torch.roll(space, (down, right), (2, 3))
 
-    tokens = z.permute(0, 2, 3, 1, 4).reshape(-1, t, c)
+    tokens = z.permute(0, 2, 3, 1, 4).reshape(-1, t, c).contiguous()  # see res2former.py
     index = torch.tensor([[i - j + t - 1 for j in range(t)] for i in range(t)])
     time = attention(state, f"{name}.time_attn", tokens, index, c // HEADS)
     time = time.view(n, high, wide, t, c).permute(0, 3, 1, 2, 4)
@@ -81,7 +81,7 @@ def attention(state: State, name: str, x: Tensor, index: Tensor, full_width: int
     table = state[f"{name}.relative_position_bias_table"]
     scores = scores + table[index[:length, :length]].permute(2, 0, 1)
     if bias is not None:
-        scores = scores + bias[:, None]
+        scores = (scores.unflatten(0, (-1, len(bias))) + bias[:, None]).flatten(0, 1)
     return linear(state, f"{name}.proj", (scores.softmax(-1) @ v).transpose(1, 2).reshape(batch, length, -1))
 
 

@@ -1,0 +1,54 @@
+"""``python -m tests.studies.figures.motion_aware_masks VALIDATION JSON``: are motion-aware masks decoded better?
+
+It computes the mean measurement behind every mask of docs/results/mask-ranking.json, on the validation clips on which
+the networks there were scored, and sets it beside what they reached.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from scipy.stats import spearmanr
+
+from sci_lightning.cli.commands.mask_ranking import masks
+from sci_lightning.data import Folder
+from sci_lightning.studies.figures.motion_aware import awareness
+from tests.measurements_file import ROOT, MeasurementsFile
+
+FRAMES, SIDE, SEED = 8, 64, 0
+
+
+def main(validation: Path, out: Path) -> None:
+    """Write the table."""
+    file = MeasurementsFile(
+        out,
+        machine="no timing",
+        scale="T = 8, 64 x 64, ideal sensor, validation clips; the networks: docs/results/mask-ranking.json",
+        seeds="0",
+        command="python -m tests.studies.figures.motion_aware_masks VALIDATION docs/results/motion-aware-masks.json",
+    )
+    ranking = json.loads((ROOT / "docs/results/mask-ranking.json").read_text())["rows"]
+    reached = {row["mask"].replace(" ", "_"): row for row in ranking}
+    size = (SIDE, SIDE)
+    scenes = Folder(validation, FRAMES, size, size, SEED, val_root=validation, clips_per_epoch=1).scenes()
+    rows = []
+    for name, mask in masks(FRAMES, SIDE, SEED):
+        row = reached[name]
+        rows.append({"mask": row["mask"], **awareness(mask, scenes), "psnr": row["psnr"], "score": row["score"]})
+    for key in ("frames", "score"):
+        rank, p_value = spearmanr([row[key] for row in rows], [row["psnr"] for row in rows])
+        print(f"{key}: rank correlation with the PSNR that was reached {rank:.2f} (p = {p_value:.2g})")
+    columns = [
+        ("mask", "mask", None),
+        ("frames", "mean measurement (dB)", 2),
+        ("photograph", "against the photograph without a mask (dB)", 2),
+        ("psnr", "network (dB)", 2),
+        ("score", "score (dB)", 2),
+    ]
+    file.write(columns, sorted(rows, key=lambda row: -row["frames"]))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))
