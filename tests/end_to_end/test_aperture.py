@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sci_lightning.studies.tables.rows import _without_places
+from sci_lightning.studies.tables.rows import without_places
 from tests.encoder_files import TEXT, encoder_file
 from tests.training.small_training import TINY
 
@@ -45,5 +45,5 @@ def test_of_a_camera_in_a_file(ran: Callable[..., str], tmp_path: Path) -> None:
     path = encoder_file(tmp_path / "camera", text=TEXT.replace("aperture: 1.0", "aperture: 1/T\ntold: false"))
     ran("train", *TINY, f"encoder={path}", "metric=[psnr]", "out=a")
     assert "1/T" not in ran("evaluate", "ckpt_path=a/checkpoints/last.ckpt", "data=synthetic", *TEST, "out=b")
-    encoder = _without_places(recorded(tmp_path / "a")["config"]["encoder"])
+    encoder = without_places(recorded(tmp_path / "a")["config"]["encoder"])
     assert (encoder["aperture"], encoder["told"]) == ("1/T", False)

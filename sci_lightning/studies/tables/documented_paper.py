@@ -36,9 +36,8 @@ ENCODERS = {
 ROWS = ["network", "camera", "parameters", "clips seen", "computation", f"ours: {SCORES}", "the paper's", "seeds",
         "trained on"]  # fmt: skip
 NOTE = (
-    "Clips seen: those of the training, of 8 frames each, as often as it saw them. Computation: 6 x "
-    "multiply-accumulates x clips, as a part of that of the published network and schedule. Behind ±: the standard "
-    "deviation over the seeds."
+    "Clips: of 8 frames. Computation: 6 x multiply-accumulates x clips, as a part of the published. Behind ±: the "
+    "standard deviation over the seeds."
 )
 SMALL_BUDGETS = "cpu"
 """How the names of scales begin whose rows are a study of masks and recipes, and not of the published networks."""
