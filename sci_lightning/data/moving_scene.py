@@ -14,7 +14,7 @@ from torch.nn import functional as F
 from sci_lightning.data.photographs import Photograph
 
 MOMENTS = 4
-"""Of an open shutter, whose mean is a blurred frame: at most 1.5 pixels apart at the fastest motion."""
+"""Moments within a slot, whose mean is a blurred frame: at most 1.5 pixels apart at the fastest motion."""
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ HELD_OUT = ("camera.png", "coffee.png", "coins.png", "gravel.png")
 """Photographs inside the installed package: nothing is downloaded, and no picture is used for both."""
 
 MOST_BYTES = 256 * 2**20
-"""Of all photographs of a file: as float32 and in three resolutions they take five times as much memory."""
+"""Most bytes of all photographs of a file: as float32 and in three resolutions they take five times as much memory."""
 LEAST_SIDE = 64
 """Pixels of a photograph's shorter side."""
 

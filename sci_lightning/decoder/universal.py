@@ -24,8 +24,8 @@ class Block(nn.Module):
         super().__init__()
         self.first = nn.Conv2d(channels, channels, 3, padding=1)
         self.second = nn.Conv2d(channels, channels, 3, padding=1)
-        nn.init.zeros_(self.second.weight)
-        nn.init.zeros_(self.second.bias)  # type: ignore[arg-type]  # there is one
+        for parameter in self.second.parameters():
+            nn.init.zeros_(parameter)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         return x + self.second(F.relu(self.first(x)))
@@ -107,9 +107,8 @@ class Universal(Decoder):
         self.body = Body(widths, blocks)
         self.step = nn.Parameter(torch.zeros(passes))
         self.momentum = nn.Parameter(torch.zeros(passes))
-        for tail in self.tails:
-            nn.init.zeros_(tail.weight)  # type: ignore[arg-type]
-            nn.init.zeros_(tail.bias)  # type: ignore[arg-type]
+        for parameter in self.tails.parameters():
+            nn.init.zeros_(parameter)
 
     @property
     def halo(self) -> int:

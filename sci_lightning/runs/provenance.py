@@ -41,7 +41,7 @@ class Provenance(JsonObject):
     scale: str = says("of conf/scale, or in words what was reduced; full if nothing was")
     seeds: str = says("of the runs, such as 0, 1, 2; none where nothing is random")
     command: str = says("that makes the measurement again", default="")
-    reconstructed: bool = says("the command was not noted: it is the nearest one, found afterwards", default=False)
+    reconstructed: bool = says("the command was not noted: it is the nearest one, stated afterwards", default=False)
 
     def sentence(self) -> str:
         """Return the line of Markdown that stands below the table."""

@@ -33,7 +33,7 @@ LARGEST_FLOAT32 = 14 * 2**20
 """Bytes of weights that travel as they are; more are rounded to bfloat16."""
 
 LEAST_SECONDS = 10.0
-"""Of training, for which a lease is worth its start."""
+"""Shortest training for which a lease is worth its start."""
 
 LEASE_END = "sci_lightning.training.learning_rates.LeaseEnd"
 """Not imported: Lightning takes seconds, which each training needs for itself."""

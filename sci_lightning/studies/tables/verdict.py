@@ -42,7 +42,7 @@ import numpy as np
 from scipy import stats
 
 CONFIDENCE = 0.95
-"""Of all looks at a comparison together."""
+"""Confidence of all looks at a comparison together."""
 ENOUGH_LEARNED = 3.0
 """How much better than the mean measurement, in dB, a training must be for its row to decide anything."""
 
