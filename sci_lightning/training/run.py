@@ -34,6 +34,7 @@ from sci_lightning.training.stop_signal import StopSignal
 from sci_lightning.training.system import System
 from sci_lightning.training.training_checkpoint import TrainingCheckpointIO, remove_slurm_checkpoints
 from sci_lightning.training.video_data import VideoData
+from sci_lightning.weights import ANY_MASK
 
 
 @dataclass(frozen=True)
@@ -160,11 +161,15 @@ def _with_precision(config: Mapping[str, Any], checkpoint: Checkpoint | None) ->
 def _load(
     system: System, checkpoint: Checkpoint, config: Mapping[str, Any], on_resume: Callable[[str, list[str]], None]
 ) -> None:
-    """Fill the encoder and the decoder from a checkpoint, which the training itself goes on from if it is resumable."""
+    """Fill the encoder and the decoder from a checkpoint, which the training itself goes on from if it is resumable.
+
+    Weights that were trained behind any mask fill the decoder alone.
+    """
     if checkpoint.resumable:
         on_resume(str(checkpoint.path), check_same_run(checkpoint.path, checkpoint.config, config))
     checkpoint.fill("decoder", system.decoder, config["names"]["decoder"])
-    checkpoint.fill("encoder", system.encoder, config["names"]["encoder"])
+    if checkpoint.config["names"]["encoder"] != ANY_MASK:
+        checkpoint.fill("encoder", system.encoder, config["names"]["encoder"])
 
 
 def _is_finetuning(checkpoint: Checkpoint | None, config: Mapping[str, Any]) -> bool:
