@@ -111,7 +111,8 @@ def _job(name: str, task: Task, debug: bool) -> Callable[[DictConfig], Any]:
                 refuse_uncomposed_row(settings)
                 composition = complete(composition, name, row=True)
             # processes that this one starts begin with the command line that this one was started with
-            with _process_state(words, full_errors=debug), run_folder(cfg.out) if in_folder else nullcontext():
+            alone = in_folder and cfg.get("job") is None  # jobs share the folder of their sweep
+            with _process_state(words, full_errors=debug), run_folder(cfg.out) if alone else nullcontext():
                 return task(composition)
         except Exception as error:
             if in_sweep():

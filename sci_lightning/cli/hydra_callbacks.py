@@ -57,14 +57,14 @@ class OwnFolder(Callback):
     """Take the folder of a command before Hydra writes into it.
 
     A name with the time in it is that of a new folder: of commands that start in the same second all but one wait for
-    the next.
+    the next. Jobs (``job=``) share the folder of their sweep, which keeps other sweeps out of it.
 
     Raises:
         CommandFailed: another process writes there, or a training lies there that would be overwritten.
     """
 
     def on_run_start(self, config: DictConfig, **kwargs: Any) -> None:
-        if not is_first_process():
+        if not is_first_process() or config.get("job") is not None:
             return
         try:
             while _is_new(config) and not _made_for(config):
@@ -84,6 +84,14 @@ class OwnFolder(Callback):
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         if _is_new(config) and not _made_for(config):
             raise CommandFailed from BadInput(f"{config.out}: another sweep was started in this second; start it again")
+        if any(word.startswith("job=") for word in config.hydra.overrides.task):
+            try:
+                lock(Path(config.out).resolve())
+            except BadInput as error:
+                raise CommandFailed from error
+
+    def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
+        unlock(Path(config.out).resolve())
 
 
 def check_folder(folder: Path, config: DictConfig) -> None:

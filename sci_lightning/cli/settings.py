@@ -24,6 +24,7 @@ from sci_lightning.configuration.arguments import check_arguments, check_value
 from sci_lightning.configuration.bounds import (
     Exists,
     Positive,
+    Repeats,
     Size,
 )
 from sci_lightning.configuration.source_signature import check_parts
@@ -54,6 +55,15 @@ class CommandSettings:
 
     out: Place
     debug: bool
+
+
+@dataclass(frozen=True)
+class StudySettings(CommandSettings):
+    """What the commands take besides that run many independent cases, see :mod:`sci_lightning.studies.engine`."""
+
+    workers: Workers
+    threads: Repeats
+    job: Count | None
 
 
 def settings_of(command: str) -> dict[str, Any]:

@@ -13,8 +13,9 @@ from sci_lightning.files.json_file import JsonFile
 from sci_lightning.files.modulator_files import Planes
 from sci_lightning.runs.results import RunMetrics
 from sci_lightning.studies.benchmark.benchmark_file import Benchmark
+from sci_lightning.studies.engine import FailedCase
 from sci_lightning.studies.mismatch.records import MismatchRecord
-from sci_lightning.studies.proving_ground.outcome import Failure, Outcome
+from sci_lightning.studies.proving_ground.outcome import Outcome
 from sci_lightning.studies.proving_ground.report import Summary
 from sci_lightning.studies.tables.documented import Measurements
 from sci_lightning.virtual_camera.truth import Truth
@@ -26,7 +27,8 @@ MODELS: Mapping[str, Any] = {
     "measurements": Measurements,
     "metrics": RunMetrics,
     "mismatch": MismatchRecord,
-    "proving_ground_case": Outcome | Failure,
+    "failed_case": FailedCase,
+    "proving_ground_case": Outcome,
     "proving_ground_summary": Summary,
     "report": DiagnosisReport,
     "snapshots": SnapshotFacts,

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, built, compose, plain
-from sci_lightning.cli.settings import Aperture, BitDepth, CommandSettings, Count, Name, NamedOrPath, Place
+from sci_lightning.cli.settings import Aperture, BitDepth, Count, Name, NamedOrPath, Place, StudySettings
 from sci_lightning.configuration.bounds import Frames, NonNegative, Positive, Repeats, Seed, Size
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # --help answers without torch
 
 
 @dataclass(frozen=True)
-class MismatchSettings(CommandSettings):
+class MismatchSettings(StudySettings):
     """Types and ranges of ``conf/mismatch.yaml``, which states the defaults and what they mean."""
 
     decoders: Annotated[Sequence[Name], MinLen(1)] | None
@@ -52,31 +52,49 @@ class MismatchSettings(CommandSettings):
 
 
 def mismatch(composition: Composition) -> None:
-    """Run every camera with every decoder, and write a record for each that a later run does not compute again.
+    """Run every camera with every decoder; what has a record is not computed again.
 
     Args:
         composition: of ``conf/mismatch.yaml``.
+
+    Raises:
+        MachineFailure: cases failed; the others have their records.
     """
     from sci_lightning.cli.next_command import invocation, print_next
-    from sci_lightning.studies.mismatch.prepare import prepare
+    from sci_lightning.studies.engine import FailedCase, run_cases
+    from sci_lightning.studies.mismatch.prepare import Score, prepare
+    from sci_lightning.studies.mismatch.records import mismatch_records
     from sci_lightning.studies.mismatch.summary import summary_table
 
     out, console = Path(composition.cfg.out), PlainConsole()
     decoders = {name: _decoder(composition, name) for name in _names(composition)}
     prepared = prepare(plain(composition.cfg), composition.choice("data"), out, _command(composition))
-    records = []
+    records = mismatch_records(out / "cases")
+    cases = [
+        prepared.case(camera, name, described)
+        for name, (_, described) in decoders.items()
+        for camera in prepared.cameras  # of which the first decoder's cases make the diagnoses
+    ]
+    cfg = composition.cfg
+    missing = records.missing(cases, cfg.job)
+    waiting = {case.name for case in missing}
+    for before in records.all_of([case for case in cases if case.name not in waiting], console.print):
+        console.say(styled(before.camera), f", {before.decoder}: {_line(before.as_json())}, done before")
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left:"), TimeRemainingColumn())
     with Progress(*columns, TextColumn("{task.description}"), console=console, speed_estimate_period=3600) as progress:
-        task = progress.add_task("", total=len(prepared.cameras) * len(decoders))
+        task = progress.add_task("", total=len(missing))
         prepared.protocol.on_progress = lambda line: progress.update(task, description=line)
         prepared.protocol.on_result = console.print
-        for camera in prepared.cameras:
-            for name, (decoder, described) in decoders.items():
-                record, computed = prepared.score(camera, name, decoder, described, out / "cases")
-                records.append(record)
-                console.say(styled(camera.name), f", {name}: {_line(record)}{'' if computed else ', done before'}")
-                progress.advance(task)
-    heading, *rows = summary_table(records)
+        work = Score(prepared, {name: decoder for name, (decoder, _) in decoders.items()}, records)
+        for ended in run_cases(work, missing, records, cfg.workers, cfg.threads, cfg.job):
+            if isinstance(ended, FailedCase):
+                console.say(styled("failed", "red"), f" {ended}")
+            else:
+                console.say(styled(ended.camera), f", {ended.decoder}: {_line(ended.as_json())}")
+            progress.advance(task)
+    if not (done := records.all_of(cases, console.print)):
+        return
+    heading, *rows = summary_table([record.as_json() for record in done])
     table = Table(*heading, title="mean PSNR of the scenes (dB)", title_justify="left")
     for row in rows:
         table.add_row(*row)
@@ -125,8 +143,9 @@ def _line(record: Mapping[str, Any]) -> str:
 
 
 def _command(composition: Composition) -> str:
-    """Return the command line without the places of this machine."""
+    """Return the command line without the places of this machine, and how many processes shared the work."""
     words = [word for word in composition.overrides if "/" not in word.partition("=")[2]]
+    words = [word for word in words if word.partition("=")[0] not in ("workers", "threads", "job")]
     return shlex.join(["python", "-m", "sci_lightning.mismatch", *words])
 
 

@@ -19,6 +19,7 @@ from sci_lightning.console import PlainConsole, styled
 from sci_lightning.errors import BadInput
 
 if TYPE_CHECKING:  # --help answers without torch
+    from sci_lightning.decoder import Decoder
     from sci_lightning.studies.mismatch.prepare import PreparedStudy
 
 MEAN = "mean_measurement"
@@ -44,7 +45,9 @@ def mismatch_finetuning(composition: Composition) -> None:
         composition: of ``conf/mismatch_finetuning.yaml``.
     """
     from sci_lightning.cli.notebook import train
-    from sci_lightning.studies.mismatch.prepare import prepare, trained_decoder
+    from sci_lightning.studies.engine import run_cases
+    from sci_lightning.studies.mismatch.prepare import Score, prepare, trained_decoder
+    from sci_lightning.studies.mismatch.records import mismatch_records
     from sci_lightning.studies.mismatch.scenarios import MeanMeasurement
     from sci_lightning.studies.mismatch.summary import finetuning_table
 
@@ -57,10 +60,16 @@ def mismatch_finetuning(composition: Composition) -> None:
     prepared.protocol.on_progress = lambda line: None
     name = compose("train", [*training]).choice("decoder")
     console.say(styled(camera.name), ": its calibration captures are diagnosed")
-    folder_of_records = out / "records"
-    mean = MeanMeasurement().eval()
-    baseline, _ = prepared.score(camera, MEAN, mean, {"decoder": MEAN}, folder_of_records, ["ideal", "calibrated"])
-    records = [baseline]
+    kept = mismatch_records(out / "records")
+
+    def score(name: str, decoder: Decoder, described: dict[str, Any], wanted: list[str]) -> dict[str, Any]:
+        case = prepared.case(camera, name, described, wanted)
+        for _ in run_cases(Score(prepared, {name: decoder}, kept), kept.missing([case]), kept):
+            pass
+        (record,) = kept.all_of([case], console.print)
+        return record.as_json()
+
+    records = [score(MEAN, MeanMeasurement().eval(), {"decoder": MEAN}, ["ideal", "calibrated"])]
     corrected = out / "protocol" / "cameras" / camera.name / "calibrated" / "encoder.yaml"
     ideal = _write_ideal_encoder(prepared, out / "ideal.yaml")
     places = [word for word in training if "/" in word.partition("=")[2]]  # a checkpoint's folders have to be repeated
@@ -87,9 +96,8 @@ def mismatch_finetuning(composition: Composition) -> None:
             wanted = ["ideal", "mismatched", "calibrated"] if kind == "ideal" else ["calibrated"]
             described = {**described, "training": kind, "training_seed": seed}
             label = f"{name}-{kind}-{seed}"
-            record, _ = prepared.score(camera, label, decoder, described, folder_of_records, wanted)
-            records.append(record)
-            scores = {key: f"{values['mean']['psnr']:.2f} dB" for key, values in record["scenarios"].items()}
+            records.append(score(label, decoder, described, wanted))
+            scores = {key: f"{values['mean']['psnr']:.2f} dB" for key, values in records[-1]["scenarios"].items()}
             console.say(styled(f"seed {seed}"), f": {kind}: {scores}")
     heading, *rows = finetuning_table(records)
     table = Table(*heading, title="mean PSNR of the scenes (dB)", title_justify="left")

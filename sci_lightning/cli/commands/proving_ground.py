@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,22 +12,23 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
-from sci_lightning.cli.settings import BitDepth, CommandSettings, Name, Workers
+from sci_lightning.cli.settings import BitDepth, Name, StudySettings
 from sci_lightning.configuration.bounds import Frames, Repeats, Size
 from sci_lightning.console import PlainConsole, styled
 
 if TYPE_CHECKING:  # --help answers without torch
+    from sci_lightning.studies.engine import Records
     from sci_lightning.studies.proving_ground.case import Case
-    from sci_lightning.studies.proving_ground.records import Records
+    from sci_lightning.studies.proving_ground.outcome import Outcome
 
 PLANNED = ("suites", "seeds", "cases", "effects", "size", "slots", "masks", "bit_depths", "datasheets", "formulations")
 """Keys of the configuration that :func:`~.plan.plan` takes."""
-PLACES = ("out", "workers", "threads", "run", "debug")
+PLACES = ("out", "workers", "threads", "job", "run", "debug")
 """Keys that say where and how cases are run, not which ones."""
 
 
 @dataclass(frozen=True)
-class ProvingGroundSettings(CommandSettings):
+class ProvingGroundSettings(StudySettings):
     """Types and ranges of ``conf/proving_ground.yaml``, which states the defaults and what they mean."""
 
     suites: Sequence[Name]
@@ -40,8 +41,6 @@ class ProvingGroundSettings(CommandSettings):
     bit_depths: Sequence[BitDepth]
     datasheets: Sequence[Name]
     formulations: Sequence[Name]
-    workers: Workers
-    threads: Repeats
     run: bool
 
 
@@ -53,20 +52,25 @@ def proving_ground(composition: Composition) -> None:
     """
     from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.errors import BadInput
+    from sci_lightning.studies.engine import FailedCase, Records
+    from sci_lightning.studies.proving_ground.outcome import Outcome
     from sci_lightning.studies.proving_ground.pictures import write_pictures
     from sci_lightning.studies.proving_ground.plan import plan
-    from sci_lightning.studies.proving_ground.records import Records
     from sci_lightning.studies.proving_ground.report import provenance_of, write_report
     from sci_lightning.studies.proving_ground.summary import summarise
 
     cfg = composition.cfg
     settings, out, console = plain(cfg), Path(cfg.out), PlainConsole()
-    files = Records(out / "cases.jsonl")
+    files = Records(out / "cases", Outcome)
     if cfg.run:
-        run_missing(plan(**{key: settings[key] for key in PLANNED}), files, cfg.workers, cfg.threads, console)
-    records = files.read()
+        cases = plan(**{key: settings[key] for key in PLANNED})
+        run_missing(cases, files, {key: settings[key] for key in ("workers", "threads", "job")}, console)
+        if left := sum(files.ended(case) is None for case in cases):
+            console.print(f"{left} of {len(cases)} cases are run by other processes, the last of which sums up")
+            return
+    records: list[Outcome | FailedCase] = [*files.read(), *files.failures()]
     if not records:
-        raise BadInput(f"{files.path}: no records to sum up; run=true makes some, out= says where they are")
+        raise BadInput(f"{files.folder}: no records to sum up; run=true makes some, out= says where they are")
     rows = summarise(records)
     chosen = [override for override in composition.overrides if override.split("=")[0].lstrip("+") not in PLACES]
     command = shlex.join(("python", "-m", "sci_lightning.proving_ground", *chosen)) if cfg.run else ""
@@ -83,22 +87,20 @@ def proving_ground(composition: Composition) -> None:
     print_next(console, invocation("proving_ground", *overrides, paths={"out": out}))
 
 
-def run_missing(cases: list[Case], files: Records, workers: int, threads: int, console: PlainConsole) -> None:
-    """Run the cases that have no record yet, and write each record as soon as it is there."""
-    from sci_lightning.studies.proving_ground.outcome import Failure, parse_record
+def run_missing(cases: list[Case], files: Records[Outcome], where: Mapping[str, Any], console: PlainConsole) -> None:
+    """Run the cases that have no record yet, and print what each came to."""
+    from sci_lightning.studies.engine import FailedCase, run_cases
     from sci_lightning.studies.proving_ground.plan import in_turns
-    from sci_lightning.studies.proving_ground.worker_processes import run_cases
+    from sci_lightning.studies.proving_ground.trial import run_trial
 
-    missing = files.missing(in_turns(cases))
-    console.print(f"{len(missing)} cases to try, {len(cases) - len(missing)} done before: {files.path}")
+    missing = files.missing(in_turns(cases), where["job"])
+    console.print(f"{len(missing)} cases to try, {len(cases) - len(missing)} done before: {files.folder}")
     columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left:"), TimeRemainingColumn())
     with Progress(*columns, console=console, speed_estimate_period=600) as progress:
         task = progress.add_task("", total=len(missing))
-        for record in run_cases(missing, workers, threads):
-            files.write(record)
+        for outcome in run_cases(run_trial, missing, files, **where):
             progress.advance(task)
-            outcome = parse_record(record)
-            if isinstance(outcome, Failure):
+            if isinstance(outcome, FailedCase):
                 console.say(styled("failed", "red"), f" {outcome}")
             else:
                 console.say(styled("right", "green") if outcome.right else styled("wrong", "red"), f"  {outcome}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,13 @@ from sci_lightning.decoder import Decoder
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.checkpoint import read_checkpoint
 from sci_lightning.runs.device import device_name, resolve_device
-from sci_lightning.runs.provenance import Provenance, commit, joined, machine_name, provenance_now
+from sci_lightning.runs.provenance import commit, joined, machine_name, provenance_now
+from sci_lightning.studies.engine import Records
 from sci_lightning.studies.mismatch.beliefs import encoder_effects
 from sci_lightning.studies.mismatch.bench import Bench, prepare_bench
 from sci_lightning.studies.mismatch.cameras import MismatchedCamera, plan_cameras
 from sci_lightning.studies.mismatch.protocol import Protocol
-from sci_lightning.studies.mismatch.records import earlier_record, record_digest, record_path, write_record
+from sci_lightning.studies.mismatch.records import MismatchCase, MismatchRecord
 
 DATASHEET = ("bit_depth", "full_well_e", "read_noise_dn")
 """Settings of the camera that its datasheet states."""
@@ -46,44 +47,52 @@ class PreparedStudy:
     protocol: Protocol
     command: str
 
-    def score(
+    def case(
         self,
         camera: MismatchedCamera,
-        name: str,
-        decoder: Decoder,
-        described: dict[str, Any],
-        folder: str | Path,
-        scenarios: list[str] | None = None,
-    ) -> tuple[dict[str, Any], bool]:
-        """Return the record of a camera and a decoder, and whether anything of it had to be computed.
+        decoder: str,
+        described: Mapping[str, Any],
+        scenarios: Sequence[str] | None = None,
+    ) -> MismatchCase:
+        """Return the case of a camera and a decoder.
 
         Args:
             camera: that records.
-            name: of the decoder.
-            decoder: in evaluation mode.
+            decoder: its name.
             described: what identifies the decoder, its configuration and its weights.
-            folder: of the records.
             scenarios: names; None for those of the command.
-
-        Raises:
-            BadInput: there is a file in the record's place that is none.
         """
-        wanted = self.scenarios if scenarios is None else scenarios
-        path = record_path(folder, camera.name, name)
-        settings = {**self.settings, **described}
-        digest = record_digest({"bench": self.bench.digest, "camera": camera.mismatch, **settings})
-        earlier = earlier_record(path, digest, settings)
-        if earlier is not None and set(wanted) <= earlier["scenarios"].keys():
-            return earlier, False
-        device = self.protocol.device
-        results = self.protocol.run(camera, decoder.to(device), name, wanted, earlier)
+        wanted = tuple(self.scenarios if scenarios is None else scenarios)
+        return MismatchCase(camera, decoder, wanted, self.bench.digest, {**self.settings, **described})
+
+
+@dataclass(eq=False)
+class Score:
+    """What a case of the protocol computes, see :data:`~sci_lightning.studies.engine.this_machine.Work`.
+
+    Attributes:
+        study: with the bench.
+        decoders: in evaluation mode, by their names.
+        records: among them an earlier one of the case, whose scenarios are not computed again.
+    """
+
+    study: PreparedStudy
+    decoders: Mapping[str, Decoder]
+    records: Records[MismatchRecord]
+
+    def __call__(self, case: MismatchCase) -> dict[str, Any]:
+        study, device = self.study, self.study.protocol.device
+        present = self.records.find(case)
+        earlier = None if present is None else present.as_json()
+        decoder = self.decoders[case.decoder].to(device)
+        results = study.protocol.run(case.camera, decoder, case.decoder, case.scenarios, earlier)
         words = machine_name(1) if device.type == "cpu" and torch.get_num_threads() == 1 else device_name(device)
-        height, width = self.bench.session.size
-        scale = f"{height} x {width}, {sum(map(len, self.bench.videos))} snapshots of {', '.join(self.bench.names)}"
-        made = provenance_now(words, scale, [self.bench.seed], self.command)
-        if earlier is not None:  # some scenarios are taken from it
-            made = joined([Provenance(**earlier["provenance"]), made])
-        return write_record(path, camera.name, name, digest, settings, {"provenance": made.as_json(), **results}), True
+        height, width = study.bench.session.size
+        scale = f"{height} x {width}, {sum(map(len, study.bench.videos))} snapshots of {', '.join(study.bench.names)}"
+        made = provenance_now(words, scale, [study.bench.seed], study.command)
+        if present is not None:  # some scenarios are taken from it
+            made = joined([present.provenance, made])
+        return {"provenance": made.as_json(), **results}
 
 
 def prepare(settings: Mapping[str, Any], data: str, folder: str | Path, command: str) -> PreparedStudy:

@@ -27,6 +27,10 @@ Scores = dict[str, Any]
 """``{"mean": {"psnr": dB, "ssim": .., "psnr_up_to_gain": dB}, "scenes": {"kobe": {..}, ..}}``."""
 
 
+def _ignore(message: str) -> None:
+    pass
+
+
 @dataclass(eq=False)
 class Protocol:
     """Runs cameras and decoders on one bench; what does not depend on the camera is computed once.
@@ -44,9 +48,13 @@ class Protocol:
     folder: Path
     snapshots: int
     device: torch.device = field(default_factory=lambda: torch.device("cpu"))
-    on_progress: Callable[[str], None] = lambda message: None
-    on_result: Callable[[str], None] = lambda message: None
+    on_progress: Callable[[str], None] = _ignore
+    on_result: Callable[[str], None] = _ignore
     _ideal: dict[tuple[str, str], Scores] = field(default_factory=dict)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what travels to another process, which reports to nobody."""
+        return {**self.__dict__, "on_progress": _ignore, "on_result": _ignore}
 
     def run(
         self,

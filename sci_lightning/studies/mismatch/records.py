@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from sci_lightning.errors import BadInput
 from sci_lightning.files.diagnosis_report import Estimate, Value, Verdict
-from sci_lightning.files.json_file import JsonFile, JsonObject, read_json, says, write_json
+from sci_lightning.files.json_file import JsonObject, says
 from sci_lightning.runs.provenance import Provenance
+from sci_lightning.studies.engine.records import CaseRecord, Records, digest_of
+from sci_lightning.studies.mismatch.cameras import MismatchedCamera
 
 ScenarioName = Literal["ideal", "ideal_noisy", "mismatched", "known", "calibrated", "blind"]
 """A key of :data:`~sci_lightning.studies.mismatch.scenarios.SCENARIOS`."""
@@ -57,14 +57,13 @@ class KeptDiagnosis(FoundCamera):
     digest: str = says("of the bench and the camera")
 
 
-class MismatchRecord(JsonFile):
+class MismatchRecord(CaseRecord):
     """``cases/CAMERA.DECODER.json``: how well a decoder reconstructs, depending on the camera that it believes in."""
 
     format: Literal["sci-mismatch"] = "sci-mismatch"
     format_version: Literal[1] = 1
     camera: str
     decoder: str
-    digest: str = says("of everything that the results depend on; with another one it is computed anew")
     provenance: Provenance
     mismatch: dict[str, dict[str, Value]] = says("what the camera has and its model has not: parameters by effect")
     scenarios: dict[ScenarioName, ScenarioScores] = says("those that were computed", min_length=1)
@@ -75,62 +74,49 @@ class MismatchRecord(JsonFile):
     settings: dict[str, Any] = says("what else the results depend on")
 
 
-def record_path(folder: str | Path, camera: str, decoder: str) -> Path:
-    """Return the file of a camera and a decoder."""
-    return Path(folder) / f"{camera}.{decoder}.json"
+@dataclass(frozen=True)
+class MismatchCase:
+    """One camera and one decoder.
 
-
-def record_digest(settings: Mapping[str, Any]) -> str:
-    """Return the digest of everything that a record depends on."""
-    return hashlib.sha256(json.dumps(settings, sort_keys=True, default=str).encode()).hexdigest()[:16]
-
-
-def read_record(path: str | Path) -> dict[str, Any]:
-    """Return the content of a record.
-
-    Raises:
-        BadInput: the file is no record of this format.
+    Attributes:
+        camera: that records.
+        decoder: name of the decoder.
+        scenarios: that are asked for; a record may have more.
+        bench: digest of the bench.
+        settings: what else the results depend on.
     """
-    try:
-        return read_json(path, MismatchRecord).as_json()
-    except BadInput as error:
-        raise BadInput(f"{error}; not a record of the mismatch protocol, move it") from error
+
+    camera: MismatchedCamera
+    decoder: str
+    scenarios: tuple[str, ...]
+    bench: str
+    settings: Mapping[str, Any]
+
+    @property
+    def name(self) -> str:
+        """What its record is called."""
+        return f"{self.camera.name}.{self.decoder}"
+
+    @property
+    def digest(self) -> str:
+        """Digest of everything that the scores depend on; the scenarios are no part of it."""
+        return digest_of({"bench": self.bench, "camera": self.camera.mismatch, **self.settings})
+
+    def describe(self) -> dict[str, Any]:
+        """Return what its record says of it."""
+        about = {"format": "sci-mismatch", "format_version": 1, "camera": self.camera.name, "decoder": self.decoder}
+        return {**about, "digest": self.digest, "settings": dict(self.settings)}
+
+    def is_in(self, record: MismatchRecord) -> bool:
+        """Whether a record has all scenarios that are asked for."""
+        return set(self.scenarios) <= record.scenarios.keys()
+
+
+def mismatch_records(folder: str | Path) -> Records[MismatchRecord]:
+    """Return the records of the protocol in a folder."""
+    return Records(Path(folder), MismatchRecord, MismatchCase.is_in)
 
 
 def read_records(folder: str | Path) -> list[dict[str, Any]]:
-    """Return all records in a folder, in the order of their file names; raises as :func:`read_record`."""
-    return [read_record(path) for path in sorted(Path(folder).glob("[!.]*.json"))]
-
-
-def earlier_record(path: str | Path, digest: str, settings: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the record at ``path``, None if there is none.
-
-    Args:
-        path: of the record.
-        digest: of everything that a record depends on.
-        settings: that the record would have now, for the message.
-
-    Raises:
-        BadInput: it was made with other settings, and would be lost.
-    """
-    path = Path(path)
-    if not path.is_file():
-        return None
-    record = read_record(path)
-    if record["digest"] != digest:
-        now = json.loads(json.dumps(dict(settings), default=str))
-        before = record.get("settings", {})
-        changed = [f"{key}={before.get(key)}, now {now.get(key)}" for key in now if before.get(key) != now.get(key)]
-        reason = changed[0] if changed else "other scenes, another mask or another camera"
-        raise BadInput(f"{path}: made with other settings ({reason}), and would be overwritten; give another out=")
-    return record
-
-
-def write_record(
-    path: str | Path, camera: str, decoder: str, digest: str, settings: Mapping[str, Any], results: Mapping[str, Any]
-) -> dict[str, Any]:
-    """Write a record whole or not at all, and return it."""
-    about = {"format": "sci-mismatch", "format_version": 1, "camera": camera, "decoder": decoder, "digest": digest}
-    record = {**about, **results, "settings": dict(settings)}
-    write_json(record, path)
-    return record
+    """Return the content of all records in a folder, in the order of their file names; raises BadInput."""
+    return [record.as_json() for record in mismatch_records(folder).read()]

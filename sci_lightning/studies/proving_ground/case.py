@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import shlex
 import zlib
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from sci_lightning.runs.provenance import installed_version
+from sci_lightning.studies.engine.records import digest_of
 from sci_lightning.virtual_camera import Session
 
 _STATED: dict[str, Any] = {"datasheet": True, "datasheet_factor": 1.0}
@@ -75,7 +74,7 @@ class Case:
         for name, default in LATER.items():
             if settings["session"][name] == default:
                 del settings["session"][name]
-        return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:16]
+        return digest_of(settings)
 
     @property
     def command(self) -> str:

@@ -3,50 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Literal
 
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.files.diagnosis_report import BlindGap, Gap, Gaps, NamedEffect, Unnamed, Verdict, Verification
-from sci_lightning.files.json_file import JsonFile, JsonObject, says
+from sci_lightning.files.json_file import JsonObject, says
+from sci_lightning.studies.engine.records import CaseRecord
 from sci_lightning.virtual_camera import EFFECTS
 from sci_lightning.virtual_camera.truth import HiddenEffect
 
 LEFT_OUT = "left out"
 """What stands among the answers of a diagnosis that left captures out."""
-
-
-class CaseRecord(JsonFile):
-    """What every line of ``cases.jsonl`` says of its case; of several lines of one case, the last one counts."""
-
-    format: Literal["sci-proving-ground-case"]
-    format_version: Literal[1]
-    case: str = says("its name")
-    digest: str = says("of all settings of the case; a record with another one is of another case", default="")
-    suite: str = says("that the case belongs to")
-    mask: str = says("structural, binary or a file of coding patterns", default="")
-    bit_depth: int = says("of the converter", ge=1, le=16)
-    size: tuple[int, int] = says("(H, W) of a capture in pixels")
-    frames: int = says("T, slots of a capture", ge=1)
-    datasheet: Literal["stated", "silent", "double", "half"] = says(
-        "what the captures file says of the noise", default="stated"
-    )
-    formulation: Literal["overlap", "rays"] = says("of the virtual camera", default="overlap")
-    captures: str = says("which set of captures was taken")
-    asked: list[str] = says("effects that the case asks to be hidden", default=[], alias="told")
-    seed: int = says("of patterns, scenes, parameters and noise", default=0)
-    command: str = says("that makes the same captures again", default="")
-    sci_lightning: str = says("version of the program", default="")
-
-
-class Failure(CaseRecord):
-    """A case that did not come to an end."""
-
-    failed: str = says("why, in one line")
-    traceback: str = says("where in the program; absent where the process died", default="")
-
-    def __str__(self) -> str:
-        return f"{self.case}: {self.failed}"
 
 
 class TrueNames(JsonObject):
@@ -65,8 +32,25 @@ class Origin(JsonObject):
 
 
 class Outcome(CaseRecord):
-    """A case that came to an end, with the truth beside the diagnosis."""
+    """``cases/NAME.json``: a case that came to an end, with the truth beside the diagnosis."""
 
+    format: Literal["sci-proving-ground-case"]
+    format_version: Literal[1]
+    case: str = says("its name")
+    suite: str = says("that the case belongs to")
+    mask: str = says("structural, binary or a file of coding patterns", default="")
+    bit_depth: int = says("of the converter", ge=1, le=16)
+    size: tuple[int, int] = says("(H, W) of a capture in pixels")
+    frames: int = says("T, slots of a capture", ge=1)
+    datasheet: Literal["stated", "silent", "double", "half"] = says(
+        "what the captures file says of the noise", default="stated"
+    )
+    formulation: Literal["overlap", "rays"] = says("of the virtual camera", default="overlap")
+    captures: str = says("which set of captures was taken")
+    asked: list[str] = says("effects that the case asks to be hidden", default=[], alias="told")
+    seed: int = says("of patterns, scenes, parameters and noise", default=0)
+    command: str = says("that makes the same captures again", default="")
+    sci_lightning: str = says("version of the program", default="")
     hidden: list[HiddenEffect]
     also_true: list[str] = says(
         "right though nothing of the kind was hidden, as noise beside a wrong datasheet", default=[]
@@ -232,15 +216,6 @@ class Outcome(CaseRecord):
         if self.captures != "full":
             where += f", {self.captures}"
         return f"{names} ({where}; chi2 {self.chi2_before:.4g} to {self.chi2_after:.4g}, {self.seconds:.0f} s)"
-
-
-def parse_record(record: Mapping[str, Any]) -> Outcome | Failure:
-    """Read a record as :func:`~.trial.run_trial` or :func:`~.worker_processes.run_cases` return it.
-
-    Raises:
-        ValueError: the record is of another format, or an entry is missing or wrong.
-    """
-    return Failure.model_validate(record) if "failed" in record else Outcome.model_validate(record)
 
 
 def _known_scenes(gap: Gap | BlindGap) -> Gap:

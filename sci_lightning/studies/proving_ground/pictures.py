@@ -12,7 +12,8 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.files.atomic_file import atomic_write
-from sci_lightning.studies.proving_ground.outcome import LEFT_OUT, Failure, Outcome
+from sci_lightning.studies.engine import FailedCase
+from sci_lightning.studies.proving_ground.outcome import LEFT_OUT, Outcome
 from sci_lightning.studies.proving_ground.summary import NORMAL, Proportion
 from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY
 
@@ -31,7 +32,7 @@ LARGEST_ERROR = 5.0
 """Standard deviations; larger errors are drawn here."""
 
 
-def write_pictures(out: str | Path, records: Iterable[Outcome | Failure]) -> list[Path]:
+def write_pictures(out: str | Path, records: Iterable[Outcome | FailedCase]) -> list[Path]:
     """Write ``confusion.png``, ``coverage.png``, ``gap.png`` and ``time.png``, those for which there are cases."""
     outcomes = [record for record in records if isinstance(record, Outcome)]
     at_most_one = [outcome for outcome in outcomes if outcome.suite in ("single", "nothing", "outside")]

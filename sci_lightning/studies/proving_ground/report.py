@@ -10,7 +10,8 @@ from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.json_file import JsonFile, JsonObject, says, write_json
 from sci_lightning.plain_text import markdown_table
 from sci_lightning.runs.provenance import Provenance, installed_version
-from sci_lightning.studies.proving_ground.outcome import Failure, Outcome
+from sci_lightning.studies.engine import FailedCase
+from sci_lightning.studies.proving_ground.outcome import Outcome
 from sci_lightning.studies.proving_ground.summary import SuiteScore
 
 ANSWERS = {True: "yes", False: "**no**", None: ""}
@@ -58,7 +59,7 @@ def write_report(out: str | Path, rows: Sequence[SuiteScore], provenance: Proven
     write_json(Summary.model_validate(content).as_json(), out / "summary.json")
 
 
-def provenance_of(records: Sequence[Outcome | Failure], command: str = "") -> Provenance | None:
+def provenance_of(records: Sequence[Outcome | FailedCase], command: str = "") -> Provenance | None:
     """Return where, when and with which versions of the program the cases were run; None where none of them says so."""
     outcomes = [record for record in records if isinstance(record, Outcome) and record.provenance.date]
     if not outcomes:

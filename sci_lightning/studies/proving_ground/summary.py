@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from statistics import median
 
 from sci_lightning.diagnosis.search_settings import SearchSettings
-from sci_lightning.studies.proving_ground.outcome import Failure, Outcome
+from sci_lightning.studies.engine import FailedCase
+from sci_lightning.studies.proving_ground.outcome import Outcome
 
 EXACT_SUITES = (
     ("single", "single effect, clear: its name and no other, explained", 0.98),
@@ -54,11 +55,11 @@ class SuiteScore:
     missed: tuple[str, ...] = ()
 
 
-def summarise(records: Iterable[Outcome | Failure]) -> list[SuiteScore]:
+def summarise(records: Iterable[Outcome | FailedCase]) -> list[SuiteScore]:
     """Return the rows of the table. Where a right answer is expected, a failed case counts as a wrong one."""
     records = list(records)
-    failures = [record for record in records if isinstance(record, Failure)]
-    lost = [failure for failure in failures if failure.formulation == "overlap"]
+    failures = [record for record in records if isinstance(record, FailedCase)]
+    lost = [failure for failure in failures if failure.about["formulation"] == "overlap"]
     every = [record for record in records if isinstance(record, Outcome)]
     outcomes = [outcome for outcome in every if outcome.formulation == "overlap"]
     named = [outcome for suite, _, _ in EXACT_SUITES for outcome in of_suite(outcomes, suite)]
@@ -88,7 +89,7 @@ def summarise(records: Iterable[Outcome | Failure]) -> list[SuiteScore]:
         *by_setting(outcomes),
         *with_rays(
             [outcome for outcome in every if outcome.formulation == "rays"],
-            [failure for failure in failures if failure.formulation == "rays"],
+            [failure for failure in failures if failure.about["formulation"] == "rays"],
         ),
         *times(every),
         memory(every),
@@ -123,7 +124,7 @@ def by_setting(outcomes: Sequence[Outcome]) -> list[SuiteScore]:
     return rows
 
 
-def with_rays(outcomes: Sequence[Outcome], failures: Sequence[Failure]) -> list[SuiteScore]:
+def with_rays(outcomes: Sequence[Outcome], failures: Sequence[FailedCase]) -> list[SuiteScore]:
     """What diagnoses say of the imperfect set-up whose light is sampled by rays."""
     if not outcomes and not failures:
         return []
@@ -153,13 +154,13 @@ def of_suite(outcomes: Iterable[Outcome], suite: str) -> list[Outcome]:
     return [outcome for outcome in outcomes if outcome.suite == suite]
 
 
-def failed(failures: Iterable[Failure], suite: str) -> list[str]:
+def failed(failures: Iterable[FailedCase], suite: str) -> list[str]:
     """Return a line for each failed case of one suite."""
-    return [f"{failure.case} failed" for failure in failures if failure.suite == suite]
+    return [f"{failure.case} failed" for failure in failures if failure.about["suite"] == suite]
 
 
 def exact_names(
-    outcomes: Sequence[Outcome], failures: Sequence[Failure], suite: str, what: str, least: float
+    outcomes: Sequence[Outcome], failures: Sequence[FailedCase], suite: str, what: str, least: float
 ) -> SuiteScore:
     """How often exactly the hidden effects explain the captures, of those that are as strong as the suite promises."""
     cases = of_suite(outcomes, suite)
@@ -171,12 +172,12 @@ def exact_names(
     return replace(row, figure=f"{row.figure}; {left_out} not asked: too faint or too strong")
 
 
-def false_alarms(outcomes: Sequence[Outcome], failures: Sequence[Failure], mask: str) -> SuiteScore:
+def false_alarms(outcomes: Sequence[Outcome], failures: Sequence[FailedCase], mask: str) -> SuiteScore:
     """How often something was found though nothing was hidden, behind one kind of mask; noise that is not as the file
     says is no false alarm."""
     cases = [outcome for outcome in of_suite(outcomes, "nothing") if outcome.mask == mask]
     what = f"nothing hidden, {mask} mask: false alarms"
-    no_answer = failed([failure for failure in failures if failure.mask == mask], "nothing")
+    no_answer = failed([failure for failure in failures if failure.about["mask"] == mask], "nothing")
     return at_most(what, cases, lambda outcome: not outcome.right, 0.02, no_answer)
 
 

@@ -27,7 +27,7 @@ STATUS, RESET = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 
 
 def run_trial(case: Case) -> dict[str, Any]:
-    """Take the captures, diagnose them, and return the record of the case as plain data for JSON.
+    """Take the captures, diagnose them, and return what the record of the case says beside the case itself.
 
     The diagnosis sees a captures file and nothing else. Time and memory are those of the diagnosis and its report; the
     captures have been read before.
@@ -45,7 +45,6 @@ def run_trial(case: Case) -> dict[str, Any]:
     seconds, cpu_seconds, memory = time.perf_counter() - start, time.process_time() - cpu_start, peak_memory()
     true_names = compare_with_true_names(diagnosis, truth["effects"])
     return {
-        **case.describe(),
         "hidden": truth["effects"],
         "also_true": truth.get("also_true", []),
         "log_likelihood_gain": truth["log_likelihood_gain"],

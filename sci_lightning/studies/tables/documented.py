@@ -17,11 +17,11 @@ from sci_lightning.plain_text import in_markdown
 from sci_lightning.runs.provenance import NOT_YET, Provenance, joined
 from sci_lightning.studies.benchmark.benchmark_file import Benchmark
 from sci_lightning.studies.benchmark.table import tables
+from sci_lightning.studies.engine import FailedCase, Records
 from sci_lightning.studies.mismatch.blind_summary import blind_table, diagnosed_blind
 from sci_lightning.studies.mismatch.records import read_records
 from sci_lightning.studies.mismatch.summary import finetuning_table, summary_table
 from sci_lightning.studies.proving_ground.outcome import Outcome
-from sci_lightning.studies.proving_ground.records import Records
 from sci_lightning.studies.proving_ground.report import ANSWERS, Summary
 from sci_lightning.studies.proving_ground.summary import summarise
 from sci_lightning.studies.relay.relay_queue import RelayQueue
@@ -184,7 +184,7 @@ def proving_ground(path: str | Path, part: str) -> DocumentedTable:
     """Return a table of the cases that ``python -m sci_lightning.proving_ground`` left in a folder.
 
     Args:
-        path: of the folder with ``cases.jsonl`` and ``summary.json``; as long as it is not there, the table is empty.
+        path: of the folder with ``cases/`` and ``summary.json``; as long as it is not there, the table is empty.
         part: ``summary`` (every figure), ``outside`` (a line for each case with a deviation known from other fields)
             or ``rays`` (a line for each case that was sampled by rays and in which a name is missing or wrong).
 
@@ -194,8 +194,9 @@ def proving_ground(path: str | Path, part: str) -> DocumentedTable:
     if part not in PROVING_GROUND:
         parts = ", ".join(f"proving_ground.{part}" for part in PROVING_GROUND)
         raise BadInput(f"proving_ground.{part}: no such table; choose {parts}")
-    records = Records(Path(path) / "cases.jsonl").read()
-    outcomes = [record for record in records if isinstance(record, Outcome)]
+    kept = Records(Path(path) / "cases", Outcome)
+    outcomes = kept.read()
+    records: list[Outcome | FailedCase] = [*outcomes, *kept.failures()]
     provenance = _summarised(Path(path)) if records else NOT_YET
     if part == "summary":
         rows = [row for row in summarise(records) if row.figure != "no cases"] if records else []

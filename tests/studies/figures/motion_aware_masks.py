@@ -13,9 +13,9 @@ from pathlib import Path
 
 from scipy.stats import spearmanr
 
-from sci_lightning.cli.commands.mask_ranking import masks
 from sci_lightning.data import Folder
 from sci_lightning.studies.figures.motion_aware import awareness
+from sci_lightning.studies.mask_ranking import masks
 from tests.measurements_file import ROOT, MeasurementsFile
 
 FRAMES, SIDE, SEED = 8, 64, 0
@@ -68,9 +68,9 @@ def main(validation: Path, out: Path) -> None:
     size = (SIDE, SIDE)
     scenes = Folder(validation, FRAMES, size, size, SEED, val_root=validation, clips_per_epoch=1).scenes()
     rows = []
-    for name, mask in masks(FRAMES, SIDE, SEED):
+    for name, make in masks(FRAMES, SIDE, SEED).items():
         row = reached[name]
-        rows.append({"mask": row["mask"], **awareness(mask, scenes), "psnr": row["psnr"], "score": row["score"]})
+        rows.append({"mask": row["mask"], **awareness(make(), scenes), "psnr": row["psnr"], "score": row["score"]})
     for key in ("frames", "score"):
         rank, p_value = spearmanr([row[key] for row in rows], [row["psnr"] for row in rows])
         print(f"{key}: rank correlation with the PSNR that was reached {rank:.2f} (p = {p_value:.2g})")

@@ -7,22 +7,28 @@ from typing import Any
 
 import pytest
 
+from sci_lightning.studies.engine import FailedCase
 from sci_lightning.virtual_camera import EFFECTS, VOCABULARY
 
 Record = dict[str, Any]
-LOST: Record = {
+ABOUT: Record = {
     "format": "sci-proving-ground-case",
     "format_version": 1,
     "case": "single-bad",
+    "digest": "0123456789abcdef",
     "suite": "single",
     "mask": "structural",
     "bit_depth": 8,
     "size": [64, 64],
     "frames": 8,
     "captures": "full",
-    "failed": "ValueError: no",
 }
-"""A case that did not come to an end."""
+
+
+def lost(**changed: str) -> FailedCase:
+    """Return a case that did not come to an end; its name and what its record would say can be given."""
+    about = {**ABOUT, "formulation": "overlap", **changed}
+    return FailedCase(case=about["case"], about=about, failed="ValueError: no")
 
 
 @pytest.fixture
@@ -46,7 +52,7 @@ def record() -> Callable[..., Record]:
         **more: Any,
     ) -> Record:
         return {
-            **{key: value for key, value in LOST.items() if key != "failed"},
+            **ABOUT,
             "case": f"{suite}-{'+'.join(hidden)}",
             "suite": suite,
             "hidden": [

@@ -10,7 +10,9 @@ from typing import Any
 import pytest
 
 from sci_lightning.errors import BadInput
-from sci_lightning.studies.proving_ground.records import Records
+from sci_lightning.files.json_file import write_json
+from sci_lightning.studies.engine import Records
+from sci_lightning.studies.proving_ground.outcome import Outcome
 from sci_lightning.studies.proving_ground.report import as_plain_data, provenance_of, write_report
 from sci_lightning.studies.proving_ground.summary import summarise
 from sci_lightning.studies.tables.documented import proving_ground as build
@@ -32,8 +34,8 @@ def folder(tmp_path: Path, record: Callable[..., Any]) -> Path:
         record("nothing", {}, {"gain": {"factor": (1.1, 0.01)}}, formulation="rays", case="d", **WHERE),
     ]
     for content in contents:
-        Records(tmp_path / "cases.jsonl").write(content)
-    records = Records(tmp_path / "cases.jsonl").read()
+        write_json({**content, "digest": content["case"]}, tmp_path / "cases" / f"{content['case']}.json")
+    records = Records(tmp_path / "cases", Outcome).read()
     write_report(tmp_path, summarise(records), provenance_of(records, "python -m sci_lightning.proving_ground"))
     check("proving_ground_summary", json.loads((tmp_path / "summary.json").read_text()))
     return tmp_path
@@ -61,11 +63,12 @@ def test_another_part(folder: Path) -> None:
 @pytest.mark.parametrize("kept", KEPT, ids=lambda kept: kept.name)
 def test_kept_summaries_are_those_of_their_cases(kept: Path) -> None:
     """What is published follows from the cases beside it, which follow the schema and say how to make them again."""
-    lines = [json.loads(line) for line in (kept / "cases.jsonl").read_text().splitlines()]
-    for line in lines:
-        check("proving_ground_case", line)
-        assert f"seed={line['seed']}" in line["command"]
+    for path in (kept / "cases").glob("*.json"):
+        content = json.loads(path.read_text())
+        check("proving_ground_case", content)
+        assert f"seed={content['seed']}" in content["command"] and path.stem == content["case"]
+    records = Records(kept / "cases", Outcome)
     summary = json.loads((kept / "summary.json").read_text())
     check("proving_ground_summary", summary)
-    rows = summarise(Records(kept / "cases.jsonl").read())
+    rows = summarise([*records.read(), *records.failures()])
     assert json.loads(json.dumps([as_plain_data(row) for row in rows])) == summary["rows"]

@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 
-from sci_lightning.studies.proving_ground.outcome import Failure, Outcome, parse_record
-from tests.studies.proving_ground.conftest import LOST
+from sci_lightning.studies.proving_ground.outcome import Outcome
 
 Record = Callable[..., dict[str, Any]]
 GAIN = {"gain": {"factor": 1.1}}
@@ -18,7 +17,7 @@ GHOST = {"ghost": {"fraction": 0.1, "dx": 5.0, "dy": 5.0}}
 
 
 def outcome(record: dict[str, Any]) -> Outcome:
-    parsed = parse_record(record)
+    parsed = Outcome.model_validate(record)
     assert isinstance(parsed, Outcome)
     return parsed
 
@@ -121,13 +120,8 @@ def test_in_words(record: Record) -> None:
     assert str(outcome(record("outside", GHOST, {}, unnamed=("optics",)))).startswith("ghost -> unnamed:optics (")
 
 
-def test_a_failed_case() -> None:
-    failure = parse_record(LOST)
-    assert isinstance(failure, Failure) and str(failure) == "single-bad: ValueError: no"
-
-
 def test_a_record_of_another_format(record: Record) -> None:
     with pytest.raises(ValueError, match="format_version"):
-        parse_record(record("single", GAIN, FOUND) | {"format_version": 2})
+        Outcome.model_validate(record("single", GAIN, FOUND) | {"format_version": 2})
     with pytest.raises(ValueError, match="suite"):
-        parse_record({"format": "sci-proving-ground-case", "format_version": 1})
+        Outcome.model_validate({"format": "sci-proving-ground-case", "format_version": 1})

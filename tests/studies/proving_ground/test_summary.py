@@ -11,12 +11,13 @@ from typing import Any
 import pytest
 from skimage.io import imread
 
-from sci_lightning.studies.proving_ground.outcome import Failure, Outcome, parse_record
+from sci_lightning.studies.engine import FailedCase
+from sci_lightning.studies.proving_ground.outcome import Outcome
 from sci_lightning.studies.proving_ground.pictures import write_pictures
 from sci_lightning.studies.proving_ground.report import write_report
 from sci_lightning.studies.proving_ground.summary import Proportion, SuiteScore, summarise
 from tests.files.formats import check
-from tests.studies.proving_ground.conftest import LOST
+from tests.studies.proving_ground.conftest import lost
 
 GAIN = {"gain": {"factor": 1.1}}
 
@@ -44,13 +45,12 @@ def test_wilson_interval_of_nothing() -> None:
 
 
 @pytest.fixture
-def records(record: Callable[..., Any]) -> list[Outcome | Failure]:
+def records(record: Callable[..., Any]) -> list[Outcome | FailedCase]:
     ghost = {"ghost": {"fraction": 0.1, "dx": 5.0, "dy": 5.0}}
     contents = [
         *(record("single", GAIN, result(error)) for error in (-2.5, -1, 0, 0.5, 1)),
         record("single", GAIN, result(1.5), verification={"captures": [3], "chi2": 1.2, "chi2_limit": 1.1}),
         record("single", GAIN, {}, nats=10),  # nobody could have seen it
-        LOST,
         record("weak", GAIN, result(0), before=1.01, nats=50),
         record("weak", GAIN, result(0), before=1.2, nats=300),  # not weak
         record("pair", GAIN | {"black_level": {"offset": 0.1}}, result(0), after=2.0, verdict="partly_explained"),
@@ -60,10 +60,11 @@ def records(record: Callable[..., Any]) -> list[Outcome | Failure]:
         record("outside", ghost, {}, unnamed=("optics",), verdict="unexplained"),
         record("outside", ghost, result(0), memory_mib=5000.0, size=[128, 128], frames=8, seconds=61.0),
     ]
-    return [parse_record(content) for content in contents]
+    outcomes = [Outcome.model_validate(content) for content in contents]
+    return [*outcomes[:7], lost(), *outcomes[7:]]
 
 
-def test_rows(records: list[Outcome | Failure]) -> None:
+def test_rows(records: list[Outcome | FailedCase]) -> None:
     rows = summarise(records)
     shares = {
         "single effect, clear": (6, 7, False),
@@ -95,11 +96,12 @@ def test_rows(records: list[Outcome | Failure]) -> None:
 
 
 def test_failed_cases_count_where_they_belong() -> None:
-    contents = [
-        {**LOST, "case": "rays-bad", "suite": "single", "formulation": "rays", "mask": "binary"},
-        {**LOST, "case": "nothing-bad", "suite": "nothing", "formulation": "overlap", "mask": "binary"},
-    ]
-    rows = summarise([parse_record(content) for content in contents])
+    rows = summarise(
+        [
+            lost(case="rays-bad", suite="single", formulation="rays", mask="binary"),
+            lost(case="nothing-bad", suite="nothing", mask="binary"),
+        ]
+    )
     assert row(rows, "single effect, clear").proportion == Proportion(0, 0)
     assert row(rows, "nothing hidden, structural").proportion == Proportion(0, 0)
     assert row(rows, "nothing hidden, binary").missed == ("nothing-bad failed",)
@@ -116,7 +118,7 @@ def test_rows_of_other_settings(record: Callable[..., Any]) -> None:
         record("nothing", {}, result(0), case="d", **rays),
         record("single", GAIN, {**result(0), **pixels}, case="e", total_cpu_seconds=3592.0, **rays),
     ]
-    rows = summarise([parse_record(content) for content in contents])
+    rows = summarise([Outcome.model_validate(content) for content in contents])
     shares = {
         "4 slots: right": (0, 1),
         "8 slots: right": (1, 1),
@@ -136,7 +138,7 @@ def test_rows_of_other_settings(record: Callable[..., Any]) -> None:
     assert row(rows, "processor time of all cases").figure == "1.00 hours of one core for 5 cases"
 
 
-def test_files(records: list[Outcome | Failure], tmp_path: Path) -> None:
+def test_files(records: list[Outcome | FailedCase], tmp_path: Path) -> None:
     rows = summarise(records)
     write_report(tmp_path, rows)
     text = (tmp_path / "summary.md").read_text()
@@ -151,7 +153,7 @@ def test_files(records: list[Outcome | Failure], tmp_path: Path) -> None:
     assert "met" not in next(row for row in content["rows"] if row["what"].startswith("triples"))
 
 
-def test_pictures(records: list[Outcome | Failure], tmp_path: Path) -> None:
+def test_pictures(records: list[Outcome | FailedCase], tmp_path: Path) -> None:
     paths = write_pictures(tmp_path, records)
     assert [path.name for path in paths] == ["confusion.png", "coverage.png", "gap.png", "time.png"]
     for path in paths:

@@ -11,7 +11,7 @@ from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.studies.proving_ground import trial
 from sci_lightning.studies.proving_ground.case import Case
-from sci_lightning.studies.proving_ground.outcome import Outcome, parse_record
+from sci_lightning.studies.proving_ground.outcome import Outcome
 from sci_lightning.virtual_camera import Session
 from tests.files.formats import check
 
@@ -28,7 +28,7 @@ def test_a_case_and_its_record(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(trial, "diagnose", diagnose_with_few)
     case = Case("single", ("gain",), "full", Session(size=(16, 16), frames=2, surround="dark"))
-    record = trial.run_trial(case)
+    record = {**case.describe(), **trial.run_trial(case)}
     check("proving_ground_case", record)
     assert record["case"] == "single-gain-structural-8bit-16x16-2slots-full-0" and record["digest"] == case.digest
     assert record["verdict"] == "explained" and record["true_names"] is None
@@ -38,8 +38,7 @@ def test_a_case_and_its_record(monkeypatch: pytest.MonkeyPatch) -> None:
     assert abs(value["value"] - hidden["parameters"]["factor"]) < 5 * value["std"]
     assert record["gap"]["after"]["chi2"] < record["gap"]["before"]["chi2"]
     assert record["cpu_seconds"] > 0 and record["seconds"] > 0 and record["memory_mib"] > 50
-    outcome = parse_record(record)
-    assert isinstance(outcome, Outcome) and outcome.right
+    assert Outcome.model_validate(record).right
 
     (diagnosis,) = diagnoses
     other = {"name": "black_level", "parameters": {"offset": 0.02}, "in_vocabulary": True}
