@@ -6,99 +6,32 @@ import sys
 from difflib import get_close_matches
 from runpy import run_module
 
+from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.plain_text import one_printable_line
 
-COMMANDS = (
-    (
-        "train",
-        "learn a mask and a decoder together, then test them",
-        "encoder=lsw_sr decoder=res2former data=folder data.root=CLIPS",
-    ),
-    (
-        "evaluate",
-        "test a trained decoder, with its own encoder or another one",
-        "ckpt_path=RUN/checkpoints/last.ckpt encoder=rbw_sr data=six_scenes data.root=DIR",
-    ),
-    (
-        "tables",
-        "the paper's tables, with what runs found beside each of its figures",
-        "runs=outputs/sweep",
-    ),
-    (
-        "diagnose",
-        "find the effect that makes captures and model disagree",
-        "captures=CAPTURES.h5",
-    ),
-    (
-        "reconstruct",
-        "decode a snapshot that a camera took",
-        "ckpt_path=RUN/checkpoints/last.ckpt measurement=SNAPSHOT.tiff mask=MASK.mat",
-    ),
-    (
-        "benchmark",
-        "parameters, operations, time and memory of a decoder, or of all, beside the paper's figures",
-        "decoder=all",
-    ),
-    (
-        "design_mask",
-        "find the mask behind which a linear decoder is expected to err least, in seconds, without any training",
-        "bits=4 frames=8 full_well=10000",
-    ),
-    (
-        "export_mask",
-        "a trained mask as the bit planes and frames that a modulator displays",
-        "ckpt_path=RUN/checkpoints/last.ckpt 'canvas=[768,1024]'",
-    ),
-    (
-        "export",
-        "a decoder as an ONNX graph for other runtimes, compared with torch and timed beside it",
-        "ckpt_path=RUN/checkpoints/last.ckpt out=model.onnx",
-    ),
-    (
-        "convert",
-        "make a checkpoint of weights that a network's authors published, or safetensors of a checkpoint",
-        "checkpoint=PUBLISHED.pth decoder=res2former out=published.ckpt",
-    ),
-    (
-        "virtual_camera",
-        "simulate the calibration captures of a camera in which effects are hidden",
-        "out=captures.h5 effects=random seed=5",
-    ),
-    (
-        "virtual_camera.reveal",
-        "tell what was hidden, beside what a diagnosis found",
-        "captures.truth.json report.json",
-    ),
-    (
-        "proving_ground",
-        "count how often a diagnosis names what is hidden in a virtual camera",
-        "seeds=1 cases=4",
-    ),
-    (
-        "mismatch",
-        "measure what a wrong model of the camera costs in decibels, and what a diagnosis wins back",
-        "decoder=gap_tv,linear data.root=DIR",
-    ),
-    (
-        "captures pack",
-        "make one captures file of a folder of pictures and its captures.yaml",
-        "FOLDER out=captures.h5",
-    ),
-    (
-        "captures register",
-        "find where a modulator's mirrors lie in the field, and write it into the captures file or the folder",
-        "captures.h5",
-    ),
-    (
-        "captures info",
-        "check a captures file, sum it up and draw its contact sheet",
-        "captures.h5",
-    ),
-)
+EXAMPLES = {
+    "train": "encoder=lsw_sr decoder=res2former data=folder data.root=CLIPS",
+    "evaluate": "ckpt_path=RUN/checkpoints/last.ckpt encoder=rbw_sr data=six_scenes data.root=DIR",
+    "tables": "runs=outputs/sweep",
+    "diagnose": "captures=CAPTURES.h5",
+    "reconstruct": "ckpt_path=RUN/checkpoints/last.ckpt measurement=SNAPSHOT.tiff mask=MASK.mat",
+    "benchmark": "decoder=all",
+    "design_mask": "bits=4 frames=8 full_well=10000",
+    "export_mask": "ckpt_path=RUN/checkpoints/last.ckpt 'canvas=[768,1024]'",
+    "export": "ckpt_path=RUN/checkpoints/last.ckpt out=model.onnx",
+    "convert": "checkpoint=PUBLISHED.pth decoder=res2former out=published.ckpt",
+    "virtual_camera": "out=captures.h5 effects=random seed=5",
+    "virtual_camera.reveal": "captures.truth.json report.json",
+    "proving_ground": "seeds=1 cases=4",
+    "mismatch": "decoder=gap_tv,linear data.root=DIR",
+    "captures pack": "FOLDER out=captures.h5",
+    "captures register": "captures.h5",
+    "captures info": "captures.h5",
+}
+"""Arguments of every command that is listed, as an example; what it is for stands on top of its file in ``conf/``."""
 
-
-PROGRAMS = dict.fromkeys(name.partition(" ")[0] for name, _, _ in COMMANDS)
+PROGRAMS = dict.fromkeys(name.partition(" ")[0] for name in EXAMPLES)
 """What can follow ``sci-lightning``, in order: each is a module of the package."""
 
 COMPLETION = r"""_sci_lightning() {
@@ -145,7 +78,9 @@ def print_commands() -> None:
     """Print every command with its purpose and an example."""
     console = PlainConsole()
     console.say(styled("sci_lightning"), ": design, train and trust a video snapshot compressive imaging camera\n")
-    for name, purpose, example in COMMANDS:
+    for name, example in EXAMPLES.items():
+        file = CONF / f"{name.replace(' ', '_').rpartition('.')[2]}.yaml"
+        purpose = file.read_text().partition("\n")[0].partition(": ")[2]
         console.say(styled(name), f": {purpose}")
         console.print(f"  python -m sci_lightning.{name} {example}")
     console.print(

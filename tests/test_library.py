@@ -15,7 +15,7 @@ import pytest
 import torch
 
 import sci_lightning as sci
-from sci_lightning.__main__ import COMMANDS
+from sci_lightning.__main__ import EXAMPLES
 from sci_lightning.errors import BadInput
 from tests.conftest import ROOT
 
@@ -54,7 +54,7 @@ def test_importing_it_loads_neither_torch_nor_hydra() -> None:
 def test_commands_that_train_nothing_start_without_lightning() -> None:
     """Together with torch's compiler it takes longer to import than a small reconstruction."""
     modules = ["cli.encoder_and_decoder", "diagnosis.diagnosis", "cli.commands.diagnose", "virtual_camera"]
-    modules.append("studies.tables.mosaic")
+    modules.append("studies.figures.mosaic")
     program = f"import sys, {', '.join(f'sci_lightning.{module}' for module in modules)}\n"
     program += "print(*({'lightning', 'torch._dynamo', 'torchmetrics'} & set(sys.modules)))"
     assert python(program) == ""
@@ -166,7 +166,7 @@ def test_a_checkpoint_trains_further_in_a_users_own_loop(tmp_path: Path, monkeyp
     assert any(name.startswith("decoder.") for name in moved) and any(name.startswith("encoder.") for name in moved)
 
 
-@pytest.mark.parametrize("name", [name for name, _, _ in COMMANDS] + ["captures plan", "tables.rows"])
+@pytest.mark.parametrize("name", [*EXAMPLES, "captures plan", "tables.rows"])
 def test_every_command_is_one_call(name: str) -> None:
     with pytest.raises(BadInput, match="nonsense"):
         sci.command(name, {"nonsense": 1})

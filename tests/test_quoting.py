@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from sci_lightning.__main__ import COMMANDS
+from sci_lightning.__main__ import EXAMPLES
 from sci_lightning.cli.next_command import invocation
 from sci_lightning.studies.tables.documentation import pages
 from tests.conftest import ROOT
@@ -44,7 +44,7 @@ def test_pages(page: Path) -> None:
 
 
 def test_commands_and_makefile() -> None:
-    lines = [*(example for _, _, example in COMMANDS), *(ROOT / "Makefile").read_text().splitlines()]
+    lines = [*EXAMPLES.values(), *(ROOT / "Makefile").read_text().splitlines()]
     words = [word for line in lines if not line.startswith("#") for word in line.split()]
     assert not [word for word in words if ARGUMENT.match(word)]
 

@@ -51,7 +51,10 @@ Precision = Literal["auto", 32, "bf16", 16, "32-true", "bf16-mixed", "16-mixed"]
 
 @dataclass(frozen=True)
 class CommandSettings:
-    """What most commands take: types and ranges; ``conf/COMMAND.yaml`` states the defaults and what they mean."""
+    """What a command takes: types and ranges. ``conf/COMMAND.yaml`` states the defaults and what they mean.
+
+    The settings of a command are a subclass named after it, beside it in ``cli/commands``. These here all have.
+    """
 
     out: Place
     debug: bool

@@ -7,11 +7,18 @@ from importlib import import_module
 
 
 def start(command: str) -> None:
-    """Load a command of ``cli/commands`` and run it; while it loads, Ctrl-C ends the process without a word."""
+    """Load a command of ``cli/commands`` and run it; while it loads, Ctrl-C ends the process without a word.
+
+    What runs is the function of the command's name; ``main`` of its file where the words of the command line, or what
+    there is to choose from, need more than Hydra does.
+    """
     mine = signal.getsignal(signal.SIGINT) == signal.default_int_handler  # else somebody ignores it, or handles it
     if mine:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    module = import_module(f"sci_lightning.cli.commands.{command}")
+    module, run = import_module(f"sci_lightning.cli.commands.{command}"), import_module("sci_lightning.cli.command").run
     if mine:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    module.main()
+    if hasattr(module, "main"):
+        module.main()
+    else:
+        run(command, getattr(module, command))

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from sci_lightning.configuration.bounds import ExistingPath, Frames, Repeats, Seed, Size
-from sci_lightning.data.augmentation import Augmentation
+from sci_lightning.configuration.bounds import ExistingPath, Frames, Seed, Size
 from sci_lightning.data.stored_clips import StoredSource
 from sci_lightning.errors import BadInput
 from sci_lightning.plain_text import excerpt
@@ -24,13 +23,7 @@ class Davis(StoredSource):
     Args:
         root: the folder that holds ``JPEGImages/480p/<sequence>/*.jpg`` and
             ``ImageSets/2017/{train,val}.txt``, or the folder above it.
-        frames: T, the number of frames in one snapshot.
-        size: ``(H, W)`` in pixels, the mask's full size, to which scenes are cut.
-        crop: ``(h, w)`` in pixels, the size of training clips.
-        seed: decides all that is random in the training clips.
-        clips_per_epoch: by default the number of separate groups of T frames in the training sequences.
-        store: see :class:`~sci_lightning.data.store.ClipStore`.
-        max_stride, reverse, scale, flip, rotate: see :class:`~sci_lightning.data.augmentation.Augmentation`.
+        frames, size, crop, seed, others: see :class:`~sci_lightning.data.stored_clips.StoredSource`.
 
     Raises:
         BadInput: a part of the data set is missing, or an argument is out of range. ``clips`` and
@@ -38,36 +31,11 @@ class Davis(StoredSource):
     """
 
     def __init__(
-        self,
-        root: ExistingPath,
-        frames: Frames,
-        size: Size,
-        crop: Size,
-        seed: Seed = 0,
-        *,
-        clips_per_epoch: Repeats | None = None,
-        store: str | Path | None = None,
-        max_stride: Repeats = 2,
-        reverse: bool = True,
-        scale: Sequence[float] = (0.75, 2.0),
-        flip: bool = True,
-        rotate: bool = True,
+        self, root: ExistingPath, frames: Frames, size: Size, crop: Size, seed: Seed = 0, **others: Any
     ) -> None:
-        augmentation = Augmentation(
-            frames, crop, max_stride=max_stride, reverse=reverse, scale=scale, flip=flip, rotate=rotate
-        )
+        super().__init__(frames, size, crop, seed, **others)
         folder = _locate(Path(root))
-        training, held_out = (_sequences(folder, subset) for subset in ("train", "val"))
-        super().__init__(
-            training,
-            held_out,
-            frames,
-            size,
-            augmentation,
-            seed=seed,
-            clips_per_epoch=clips_per_epoch,
-            store=store,
-        )
+        self.training, self.held_out = (_sequences(folder, subset) for subset in ("train", "val"))
 
 
 def _locate(root: Path) -> Path:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 
-from sci_lightning.configuration.bounds import ExistingPath, Frames, Repeats, Seed, Share, Size
-from sci_lightning.data.augmentation import Augmentation
+from sci_lightning.configuration.bounds import ExistingPath, Frames, Seed, Share, Size
 from sci_lightning.data.reader import find_clips
 from sci_lightning.data.source import Clips
 from sci_lightning.data.stored_clips import StoredSource
@@ -22,19 +22,14 @@ class Folder(StoredSource):
 
     Args:
         root: the folder of the clips, or several; see :func:`~sci_lightning.data.reader.find_clips`.
-        frames: T, the number of frames in one snapshot.
-        size: ``(H, W)`` in pixels, the mask's full size, to which scenes are cut.
-        crop: ``(h, w)`` in pixels, the size of training clips.
-        seed: decides all that is random in the training clips; the clips that are held out are the same for every seed.
+        frames, size, crop, seed, others: see :class:`~sci_lightning.data.stored_clips.StoredSource`; the clips that are
+            held out are the same for every seed.
         val_root: the folder of the held-out clips, which are not trained on even if they lie inside ``root``; a test
             on all clips of a folder names it twice.
         validation: without ``val_root``, the share of the clips (between 0 and 1, at least one clip) that is held out.
-        clips_per_epoch: by default the number of separate groups of T frames in the training clips.
         photographs: a file of photographs that make up a part of the training clips, as those of
             :class:`~sci_lightning.data.synthetic.Synthetic`; None for none.
         photographs_share: that part, drawn clip by clip.
-        store: see :class:`~sci_lightning.data.store.ClipStore`.
-        max_stride, reverse, scale, flip, rotate: see :class:`~sci_lightning.data.augmentation.Augmentation`.
 
     Raises:
         BadInput: there are no clips, or an argument is out of range. ``clips`` and ``scenes`` read the clips, and raise
@@ -51,34 +46,16 @@ class Folder(StoredSource):
         *,
         val_root: ExistingPath | None = None,
         validation: Share = 0.1,
-        clips_per_epoch: Repeats | None = None,
         photographs: ExistingPath | None = None,
         photographs_share: Share = 0.25,
-        store: str | Path | None = None,
-        max_stride: Repeats = 2,
-        reverse: bool = True,
-        scale: Sequence[float] = (0.75, 2.0),
-        flip: bool = True,
-        rotate: bool = True,
+        **others: Any,
     ) -> None:
-        augmentation = Augmentation(
-            frames, crop, max_stride=max_stride, reverse=reverse, scale=scale, flip=flip, rotate=rotate
-        )
+        super().__init__(frames, size, crop, seed, **others)
         roots = [root] if isinstance(root, (str, Path)) else list(root)
         clips = list(dict.fromkeys(clip for one in roots for clip in find_clips(one)))
-        held_out = find_clips(val_root) if val_root else _held_out_share(clips, validation)
-        excluded = {clip.resolve() for clip in held_out}
-        training = [clip for clip in clips if clip.resolve() not in excluded]
-        super().__init__(
-            training,
-            held_out,
-            frames,
-            size,
-            augmentation,
-            seed=seed,
-            clips_per_epoch=clips_per_epoch,
-            store=store,
-        )
+        self.held_out = find_clips(val_root) if val_root else _held_out_share(clips, validation)
+        excluded = {clip.resolve() for clip in self.held_out}
+        self.training = [clip for clip in clips if clip.resolve() not in excluded]
         self.root, self.val_root, self.crop = ", ".join(map(str, roots)), val_root, crop
         self.photographs, self.photographs_share = photographs, photographs_share
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from sci_lightning.configuration.bounds import Frames, Repeats, Seed, Size
 from sci_lightning.data.augmentation import Augmentation
 from sci_lightning.data.source import Clips, Scene
 from sci_lightning.data.store import ClipStore
@@ -64,33 +65,44 @@ class StoredClips(Clips):
 class StoredSource:
     """The part that all sources of files have in common: clips to train on and held-out scenes, decoded into a store.
 
+    A subclass says which clips these are: in ``training`` and ``held_out``, lists of files or folders.
+
     Args:
-        training, held_out: the clips, files or folders.
         frames: T, the number of frames in one snapshot.
-        size: ``(H, W)`` in pixels, to which scenes are cut.
-        augmentation: makes training clips of the stored ones.
+        size: ``(H, W)`` in pixels, the mask's full size, to which scenes are cut.
+        crop: ``(h, w)`` in pixels, the size of training clips.
         seed: decides all that is random in the training clips.
         clips_per_epoch: by default the number of separate groups of T frames in the training clips.
-        store: folder of decoded clips, see :class:`~sci_lightning.data.store.ClipStore`.
+        store: see :class:`~sci_lightning.data.store.ClipStore`.
+        max_stride, reverse, scale, flip, rotate: see :class:`~sci_lightning.data.augmentation.Augmentation`.
+
+    Raises:
+        BadInput: an argument is out of range.
     """
+
+    training: list[Path]
+    held_out: list[Path]
 
     def __init__(
         self,
-        training: Sequence[Path],
-        held_out: Sequence[Path],
-        frames: int,
-        size: Sequence[int],
-        augmentation: Augmentation,
+        frames: Frames,
+        size: Size,
+        crop: Size,
+        seed: Seed = 0,
         *,
-        seed: int = 0,
-        clips_per_epoch: int | None = None,
+        clips_per_epoch: Repeats | None = None,
         store: str | Path | None = None,
+        max_stride: Repeats = 2,
+        reverse: bool = True,
+        scale: Sequence[float] = (0.75, 2.0),
+        flip: bool = True,
+        rotate: bool = True,
     ) -> None:
-        self.training = list(training)
-        self.held_out = list(held_out)
         self.frames = frames
         self.size = size
-        self.augmentation = augmentation
+        self.augmentation = Augmentation(
+            frames, crop, max_stride=max_stride, reverse=reverse, scale=scale, flip=flip, rotate=rotate
+        )
         self.seed = seed
         self.clips_per_epoch = clips_per_epoch
         self.store = store

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Any
 
 import torch
 from torch import nn
 
-from sci_lightning.configuration.bounds import Depth, Frames, Width
-from sci_lightning.decoder.decoder import FirstEstimate
+from sci_lightning.configuration.bounds import Depth, Frames
 from sci_lightning.decoder.gap_net import GAPNet
 from sci_lightning.decoder.layers.unet import UNet
 
@@ -23,25 +22,15 @@ class ADMMNet(GAPNet):
     Args:
         frames: T.
         stages: number of stages (9 as published).
-        channels: widths of the U-nets at full, half and quarter resolution (32, 64, 128 as published).
-        squared: whether the data step divides by the sum of M squared plus gamma_k, the exact minimiser; else by the
-            sum of M plus gamma_k, as published, which is the same for binary masks only.
-        first_estimate: see :class:`Decoder`.
+        others: see :class:`.GAPNet`; to the divisor of the data step, gamma_k is added.
 
     Parameters: 4,213,809 with the defaults at T = 8.
     Source: Ma, Liu, Shou and Yuan, "Deep tensor ADMM-Net for snapshot compressive imaging", ICCV 2019, in the form of
     the public code mengziyi64/ADMM-net.
     """
 
-    def __init__(
-        self,
-        frames: Frames,
-        stages: Depth = 9,
-        channels: Sequence[Width] = (32, 64, 128),
-        squared: bool = True,
-        first_estimate: FirstEstimate = "published",
-    ) -> None:
-        super().__init__(frames, stages, channels, squared, first_estimate)
+    def __init__(self, frames: Frames, stages: Depth = 9, **others: Any) -> None:
+        super().__init__(frames, stages, **others)
         for stage in range(1, stages + 1):
             self.register_parameter(f"gamma{stage}", nn.Parameter(torch.zeros(1)))
 

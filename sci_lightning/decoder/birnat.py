@@ -12,7 +12,7 @@ from sci_lightning.configuration.bounds import Frames, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.layers.convolution import LastConv2d
 from sci_lightning.decoder.layers.kernels import channels_last
-from sci_lightning.decoder.layers.sequential import named_block
+from sci_lightning.decoder.layers.sequential import leaky_relu_between, named_block
 from sci_lightning.errors import BadInput
 
 FEATURES_FIELD, FRAME_FIELD, STEP_FIELD = 46, 4, 22
@@ -28,11 +28,9 @@ class ResidualPart(nn.Module):
     def __init__(self, channels: int) -> None:
         super().__init__()
         for step in (1, 2, 3):
-            layers = nn.Sequential(
+            layers = leaky_relu_between(
                 nn.Conv2d(channels, channels, 3, padding=1),
-                nn.LeakyReLU(inplace=True),
                 nn.Conv2d(channels, channels, 1),
-                nn.LeakyReLU(inplace=True),
                 nn.Conv2d(channels, channels, 3, padding=1),
             )
             self.add_module(f"conv{step}", layers)

@@ -11,6 +11,7 @@ from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.layers.convolution import LastConv2d
 from sci_lightning.decoder.layers.kernels import channels_last
+from sci_lightning.decoder.layers.sequential import leaky_relu_after_all, leaky_relu_between
 
 
 class ResidualBlock(nn.Module):
@@ -18,10 +19,8 @@ class ResidualBlock(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.layers = nn.Sequential(
-            nn.Conv2d(channels, channels, 3, padding=1),
-            nn.LeakyReLU(inplace=True),
-            nn.Conv2d(channels, channels, 3, padding=1),
+        self.layers = leaky_relu_between(
+            nn.Conv2d(channels, channels, 3, padding=1), nn.Conv2d(channels, channels, 3, padding=1)
         )
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
@@ -68,11 +67,8 @@ class E2ECNN(Decoder):
         self.input_residual = input_residual
         self.first = nn.Conv2d(frames, channels, 3, padding=1)
         self.encode = nn.ModuleList(ResidualBlock(channels) for _ in range(blocks))
-        self.latent = nn.Sequential(
-            nn.Conv2d(channels, channels, 3, padding=1),
-            nn.LeakyReLU(inplace=True),
-            nn.Conv2d(channels, channels, 3, padding=1),
-            nn.LeakyReLU(inplace=True),
+        self.latent = leaky_relu_after_all(
+            nn.Conv2d(channels, channels, 3, padding=1), nn.Conv2d(channels, channels, 3, padding=1)
         )
         self.decode_blocks = nn.ModuleList(ResidualBlock(channels) for _ in range(blocks))
         self.last = LastConv2d(channels, frames, 1)

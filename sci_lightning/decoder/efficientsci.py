@@ -10,6 +10,7 @@ from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.layers.attention import TemporalAttention
 from sci_lightning.decoder.layers.convolution import Conv3d, LastConv3d, pixel_shuffle
 from sci_lightning.decoder.layers.kernels import as_one_channel
+from sci_lightning.decoder.layers.sequential import leaky_relu_after_all, leaky_relu_between
 from sci_lightning.errors import BadInput
 
 
@@ -22,17 +23,9 @@ class CFormer(nn.Module):
 
     def __init__(self, channels: int, heads: int) -> None:
         super().__init__()
-        self.scb = nn.Sequential(
-            Conv3d(channels, channels, (1, 3, 3)),
-            nn.LeakyReLU(inplace=True),
-            Conv3d(channels, channels, (1, 3, 3)),
-        )
+        self.scb = leaky_relu_between(Conv3d(channels, channels, (1, 3, 3)), Conv3d(channels, channels, (1, 3, 3)))
         self.tsab = TemporalAttention(channels, heads, width=channels // 2)
-        self.ffn = nn.Sequential(
-            Conv3d(channels, channels, 3),
-            nn.LeakyReLU(inplace=True),
-            Conv3d(channels, channels, 1),
-        )
+        self.ffn = leaky_relu_between(Conv3d(channels, channels, 3), Conv3d(channels, channels, 1))
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         x = x + self.scb(x) + self.tsab(x)
@@ -47,7 +40,7 @@ class ResDNet(nn.Module):
         part = channels // groups
         self.cformer_list = nn.ModuleList(CFormer(part, heads) for _ in range(groups))
         self.dense_conv = nn.ModuleList(
-            nn.Sequential(Conv3d(part * parts, part, 1), nn.LeakyReLU(inplace=True)) for parts in range(2, groups + 1)
+            leaky_relu_after_all(Conv3d(part * parts, part, 1)) for parts in range(2, groups + 1)
         )
         self.last_conv = Conv3d(channels, channels, 1)
 
@@ -97,21 +90,12 @@ class EfficientSCI(Decoder):
                 f"choose channels, groups and heads so that it does"
             )
         self.receptive_field = 6 * blocks * groups + 8  # three convolutions in every CFormer, at half resolution
-        self.fem = nn.Sequential(
-            Conv3d(1, channels, (3, 7, 7)),
-            nn.LeakyReLU(inplace=True),
-            Conv3d(channels, 2 * channels, 3),
-            nn.LeakyReLU(inplace=True),
-            Conv3d(2 * channels, width, 3, stride=2),
-            nn.LeakyReLU(inplace=True),
+        self.fem = leaky_relu_after_all(
+            Conv3d(1, channels, (3, 7, 7)), Conv3d(channels, 2 * channels, 3), Conv3d(2 * channels, width, 3, stride=2)
         )
         self.up_conv = Conv3d(width, 2 * width, 1)
-        self.vrm = nn.Sequential(
-            Conv3d(2 * channels, 2 * channels, 3),
-            nn.LeakyReLU(inplace=True),
-            Conv3d(2 * channels, channels, 1),
-            nn.LeakyReLU(inplace=True),
-            LastConv3d(channels, 1, 3),
+        self.vrm = leaky_relu_between(
+            Conv3d(2 * channels, 2 * channels, 3), Conv3d(2 * channels, channels, 1), LastConv3d(channels, 1, 3)
         )
         self.resdnet_list = nn.Sequential(*(ResDNet(width, groups, heads) for _ in range(blocks)))
         self.begin_at_first_video(self.vrm)

@@ -9,6 +9,7 @@ from sci_lightning.configuration.bounds import Depth, Frames, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.layers.convolution import LastConv2d
 from sci_lightning.decoder.layers.kernels import channels_last
+from sci_lightning.decoder.layers.sequential import leaky_relu_after_all, leaky_relu_between
 
 
 class ResidualBlock(nn.Module):
@@ -16,21 +17,13 @@ class ResidualBlock(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.conv1 = nn.Sequential(
+        self.conv1 = leaky_relu_between(
             nn.Conv2d(channels, channels, 3, padding=1),
-            nn.LeakyReLU(inplace=True),
             nn.Conv2d(channels, channels, 1),
-            nn.LeakyReLU(inplace=True),
             nn.Conv2d(channels, channels, 3, padding=1),
-            nn.LeakyReLU(inplace=True),
             nn.Conv2d(channels, channels, 3, padding=1),
         )
-        self.conv2 = nn.Sequential(
-            nn.Conv2d(channels, channels, 3, padding=1),
-            nn.LeakyReLU(inplace=True),
-            nn.Conv2d(channels, channels, 1),
-            nn.LeakyReLU(inplace=True),
-        )
+        self.conv2 = leaky_relu_after_all(nn.Conv2d(channels, channels, 3, padding=1), nn.Conv2d(channels, channels, 1))
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         return self.conv2(x + self.conv1(x))
@@ -62,24 +55,17 @@ class MetaSCI(Decoder):
         self.frames = frames
         self.receptive_field = 8 * blocks + 7
         half, quarter, eighth = channels // 2, channels // 4, channels // 8
-        self.conv1 = nn.Sequential(
+        self.conv1 = leaky_relu_after_all(
             nn.Conv2d(frames, quarter, 5, padding=2),
-            nn.LeakyReLU(inplace=True),
             nn.Conv2d(quarter, half, 3, padding=1),
-            nn.LeakyReLU(inplace=True),
             nn.Conv2d(half, half, 1),
-            nn.LeakyReLU(inplace=True),
             nn.Conv2d(half, channels, 3, stride=2, padding=1),
-            nn.LeakyReLU(inplace=True),
         )
         self.layers = nn.Sequential(*(ResidualBlock(channels) for _ in range(blocks)))
-        self.conv2 = nn.Sequential(
+        self.conv2 = leaky_relu_between(
             nn.ConvTranspose2d(channels, half, 3, stride=2, padding=1, output_padding=1),
-            nn.LeakyReLU(inplace=True),
             nn.Conv2d(half, quarter, 3, padding=1),
-            nn.LeakyReLU(inplace=True),
             nn.Conv2d(quarter, eighth, 1),
-            nn.LeakyReLU(inplace=True),
             LastConv2d(eighth, frames, 3, padding=1),
         )
         self.begin_at_first_video(self.conv2)

@@ -13,7 +13,7 @@ from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.layers.attention import TemporalAttention
 from sci_lightning.decoder.layers.convolution import Conv3d, LastConv3d, pixel_shuffle
 from sci_lightning.decoder.layers.kernels import as_one_channel
-from sci_lightning.decoder.layers.sequential import Chain, saving_memory
+from sci_lightning.decoder.layers.sequential import Chain, leaky_relu_after_all, leaky_relu_between, saving_memory
 from sci_lightning.errors import BadInput
 
 PUBLISHED_LEVELS = (("encode", "encoder.0.0"), ("bottleneck", "bottleneck"), ("decode_blocks", "decoder.0.2"))
@@ -32,11 +32,7 @@ class TSABranch(nn.Module):
         super().__init__()
         self.conv = Conv3d(channels, channels, (1, 3, 3))
         self.attention = TemporalAttention(channels, heads)
-        self.feed_forward = nn.Sequential(
-            Conv3d(channels, channels, 3),
-            nn.LeakyReLU(inplace=True),
-            Conv3d(channels, channels, 1),
-        )
+        self.feed_forward = leaky_relu_between(Conv3d(channels, channels, 3), Conv3d(channels, channels, 1))
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         x = x + saving_memory(self._attended, x, self)
@@ -117,12 +113,7 @@ class Res2former(Decoder):
         half, quarter = 2 * dim, 4 * dim
         # Two convolutions in every branch, one branch behind the other: at half resolution, and at a quarter.
         self.receptive_field = 2 * (4 * depths[0] * groups[0]) + 4 * (2 * depths[1] * groups[1]) + 8
-        self.extract = nn.Sequential(
-            Conv3d(1, dim, 3),
-            nn.LeakyReLU(inplace=True),
-            Conv3d(dim, half, (1, 3, 3), stride=2),
-            nn.LeakyReLU(inplace=True),
-        )
+        self.extract = leaky_relu_after_all(Conv3d(1, dim, 3), Conv3d(dim, half, (1, 3, 3), stride=2))
         self.encode = Chain((ResTSA(half, groups[0], heads) for _ in range(depths[0])), checkpoint)
         self.down = Conv3d(half, quarter, (1, 3, 3), stride=2)
         self.bottleneck = Chain((ResTSA(quarter, groups[1], heads) for _ in range(depths[1])), checkpoint)

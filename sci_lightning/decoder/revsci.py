@@ -11,6 +11,7 @@ from sci_lightning.configuration.bounds import Depth, Width
 from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.layers.convolution import Conv3d, LastConv3d, TransposedConv3d
 from sci_lightning.decoder.layers.kernels import as_one_channel, is_reduced
+from sci_lightning.decoder.layers.sequential import leaky_relu_after_all, leaky_relu_between
 
 
 class ReversibleBlock(nn.Module):
@@ -23,8 +24,7 @@ class ReversibleBlock(nn.Module):
     def __init__(self, channels: int) -> None:
         super().__init__()
         self.f1, self.g1 = (
-            nn.Sequential(Conv3d(channels, channels, 3), nn.LeakyReLU(inplace=True), Conv3d(channels, channels, 3))
-            for _ in range(2)
+            leaky_relu_between(Conv3d(channels, channels, 3), Conv3d(channels, channels, 3)) for _ in range(2)
         )
 
     def forward(self, x1: torch.Tensor, x2: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
@@ -113,24 +113,11 @@ class RevSCI(Decoder):
         self.reversible = reversible
         half, quarter = channels // 2, channels // 4
         self.receptive_field = 8 * blocks + 7  # four convolutions in every block, at half resolution
-        self.conv1 = nn.Sequential(
-            Conv3d(1, quarter, 5),
-            nn.LeakyReLU(inplace=True),
-            Conv3d(quarter, half, 3),
-            nn.LeakyReLU(inplace=True),
-            Conv3d(half, half, 1),
-            nn.LeakyReLU(inplace=True),
-            Conv3d(half, channels, 3, stride=2),
-            nn.LeakyReLU(inplace=True),
+        self.conv1 = leaky_relu_after_all(
+            Conv3d(1, quarter, 5), Conv3d(quarter, half, 3), Conv3d(half, half, 1), Conv3d(half, channels, 3, stride=2)
         )
-        self.conv2 = nn.Sequential(
-            TransposedConv3d(channels, half),
-            nn.LeakyReLU(inplace=True),
-            Conv3d(half, half, 3),
-            nn.LeakyReLU(inplace=True),
-            Conv3d(half, quarter, 1),
-            nn.LeakyReLU(inplace=True),
-            LastConv3d(quarter, 1, 3),
+        self.conv2 = leaky_relu_between(
+            TransposedConv3d(channels, half), Conv3d(half, half, 3), Conv3d(half, quarter, 1), LastConv3d(quarter, 1, 3)
         )
         self.layers = nn.ModuleList(ReversibleBlock(half) for _ in range(blocks))
         self.begin_at_first_video(self.conv2)

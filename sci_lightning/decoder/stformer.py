@@ -13,7 +13,7 @@ from sci_lightning.decoder.decoder import Decoder, FirstEstimate
 from sci_lightning.decoder.layers.attention import TemporalAttention, WindowAttention, whole_windows
 from sci_lightning.decoder.layers.convolution import Conv3d, LastConv3d, TransposedConv3d
 from sci_lightning.decoder.layers.kernels import as_one_channel
-from sci_lightning.decoder.layers.sequential import Chain, named_block
+from sci_lightning.decoder.layers.sequential import Chain, leaky_relu_after_all, leaky_relu_between, named_block
 
 WINDOW = 7
 
@@ -27,9 +27,7 @@ class FusionNetwork(nn.Module):
     def __init__(self, channels: int) -> None:
         super().__init__()
         half = channels // 2
-        self.part1, self.part2 = (
-            nn.Sequential(Conv3d(half, half, 3), nn.LeakyReLU(inplace=True), Conv3d(half, half, 3)) for _ in range(2)
-        )
+        self.part1, self.part2 = (leaky_relu_between(Conv3d(half, half, 3), Conv3d(half, half, 3)) for _ in range(2))
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         a, b = x.chunk(2, dim=1)
@@ -98,25 +96,17 @@ class STFormer(Decoder):
         super().__init__(first_estimate)
         self.frames = frames
         self.receptive_field = 4 * WINDOW * units + 19  # windows and shifted windows, of pixels at half resolution
-        self.token_gen = nn.Sequential(
+        self.token_gen = leaky_relu_after_all(
             Conv3d(1, dim, 5),
-            nn.LeakyReLU(inplace=True),
             Conv3d(dim, 2 * dim, 1),
-            nn.LeakyReLU(inplace=True),
             Conv3d(2 * dim, 2 * dim, 3),
-            nn.LeakyReLU(inplace=True),
             Conv3d(2 * dim, 4 * dim, 3, stride=2),
-            nn.LeakyReLU(inplace=True),
             Conv3d(4 * dim, 4 * dim, 1),
-            nn.LeakyReLU(inplace=True),
         )
-        self.conv2 = nn.Sequential(
+        self.conv2 = leaky_relu_between(
             TransposedConv3d(4 * dim, 2 * dim),
-            nn.LeakyReLU(inplace=True),
             Conv3d(2 * dim, 2 * dim, 3),
-            nn.LeakyReLU(inplace=True),
             Conv3d(2 * dim, dim, 1),
-            nn.LeakyReLU(inplace=True),
             LastConv3d(dim, 1, 3),
         )
         self.layers = Chain(

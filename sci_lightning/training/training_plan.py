@@ -143,6 +143,11 @@ class TrainingPlan:
         ]
 
     @property
+    def expected_steps(self) -> int:
+        """Steps of the training, within its limits."""
+        return min(self.steps, int(self.seconds / max(self.step_seconds, 1e-9)))
+
+    @property
     def seconds(self) -> float:
         """The expected duration of the training, within its limits."""
         budget = math.inf if self.core_minutes is None else 60 * self.core_minutes / self.busy
@@ -190,6 +195,37 @@ def training_plan(config: Mapping[str, Any]) -> TrainingPlan:
         BadInput: settings of no use, or a step that does not fit into the memory; the message says what would.
     """
     trainer, batch_size = config["trainer"], config["batch_size"]
+    clips, epochs, steps = counted_steps(config)
+    device = device_of_accelerator(trainer["accelerator"])
+    precision = resolve_precision(trainer["precision"], device)
+    cost, free = measured_step(config, device, precision), free_memory(device)
+    if cost.memory(batch_size) > free:
+        raise BadInput(_too_large(config, cost, free))
+    return TrainingPlan(
+        clips,
+        epochs,
+        steps,
+        batch_size,
+        step_seconds=cost.of_step(batch_size, trainer["accumulate_grad_batches"]),
+        device=f"{device_name(device)}, {precision}",
+        memory=cost.memory(batch_size) + _taken(device),
+        core_minutes=config["core_minutes"],
+        most_seconds=most_seconds(trainer),
+        busy=cost.busy,
+        one_thread=cost.one_thread,
+    )
+
+
+def counted_steps(config: Mapping[str, Any]) -> tuple[int, int, int]:
+    """Return the clips of an epoch, the epochs and the steps of the optimizer in all epochs.
+
+    Args:
+        config: see :func:`training_plan`.
+
+    Raises:
+        BadInput: settings that leave no step.
+    """
+    trainer, batch_size = config["trainer"], config["batch_size"]
     clips = config["data"].get("clips_per_epoch") or len(build(config["data"], "data").clips())
     batches = clips // batch_size
     if not batches:
@@ -205,35 +241,24 @@ def training_plan(config: Mapping[str, Any]) -> TrainingPlan:
     steps = per_epoch * epochs
     if trainer["max_steps"] > 0:
         steps = min(steps, trainer["max_steps"])
-    device = device_of_accelerator(trainer["accelerator"])
-    precision = resolve_precision(trainer["precision"], device)
-    cost, free = measured_step(config, device, precision), free_memory(device)
-    if cost.memory(batch_size) > free:
-        raise BadInput(_too_large(config, cost, free))
-    most = None
-    if trainer.get("max_time"):
-        from lightning.fabric.utilities.exceptions import MisconfigurationException
-        from lightning.pytorch.callbacks import Timer
+    return clips, epochs, steps
 
-        try:
-            most = Timer(trainer["max_time"]).time_remaining()
-        except (MisconfigurationException, TypeError) as error:
-            raise BadInput(
-                f"trainer.max_time={trainer['max_time']}: expected DD:HH:MM:SS, as in 00:00:30:00"
-            ) from error
-    return TrainingPlan(
-        clips,
-        epochs,
-        steps,
-        batch_size,
-        step_seconds=cost.of_step(batch_size, parts),
-        device=f"{device_name(device)}, {precision}",
-        memory=cost.memory(batch_size) + _taken(device),
-        core_minutes=config["core_minutes"],
-        most_seconds=most,
-        busy=cost.busy,
-        one_thread=cost.one_thread,
-    )
+
+def most_seconds(trainer: Mapping[str, Any]) -> float | None:
+    """Return the limit on the duration of a training, ``trainer.max_time``; None without one.
+
+    Raises:
+        BadInput: it cannot be read.
+    """
+    if not trainer.get("max_time"):
+        return None
+    from lightning.fabric.utilities.exceptions import MisconfigurationException
+    from lightning.pytorch.callbacks import Timer
+
+    try:
+        return Timer(trainer["max_time"]).time_remaining()
+    except (MisconfigurationException, TypeError) as error:
+        raise BadInput(f"trainer.max_time={trainer['max_time']}: expected DD:HH:MM:SS, as in 00:00:30:00") from error
 
 
 def measured_step(config: Mapping[str, Any], device: torch.device, precision: str) -> StepCost:

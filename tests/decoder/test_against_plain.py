@@ -60,7 +60,7 @@ NETWORKS: dict[str, tuple[Callable[[int], Decoder], Plain]] = {
     ),
     **{
         f"{name}, sum of M{' squared' if squared else ''}": (
-            lambda frames, kind=kind, squared=squared: kind(frames, 3, (4, 6, 8), squared),
+            lambda frames, kind=kind, squared=squared: kind(frames, 3, channels=(4, 6, 8), squared=squared),
             partial(plain, squared=squared),
         )
         for name, kind, plain in (("gap_net", GAPNet, gap_net), ("admm_net", ADMMNet, admm_net))

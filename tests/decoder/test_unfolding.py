@@ -25,7 +25,7 @@ def adding(decoder: GAPNet | ADMMNet, *constants: float) -> GAPNet | ADMMNet:
 @torch.no_grad()
 def test_idle_unets_leave_the_projection(kind: type) -> None:
     mask, measurement = torch.rand(SIZE), torch.rand(2, *SIZE[1:])
-    for video in adding(kind(4, 3, (2, 2, 2)), 0, 0, 0).stages(measurement, mask):
+    for video in adding(kind(4, 3, channels=(2, 2, 2)), 0, 0, 0).stages(measurement, mask):
         torch.testing.assert_close(SnapshotOperator(mask)(video), measurement)
 
 
@@ -46,7 +46,7 @@ def test_gap_iterations(squared: bool) -> None:
 @torch.no_grad()
 def test_admm_iterations(squared: bool) -> None:
     mask, y = torch.rand(SIZE), torch.rand(2, *SIZE[1:])
-    decoder = adding(ADMMNet(4, 3, (2, 2, 2), squared), 0.1, 0.2, 0.3)
+    decoder = adding(ADMMNet(4, 3, channels=(2, 2, 2), squared=squared), 0.1, 0.2, 0.3)
     gammas = (0.5, 0.6, 0.7)
     decoder.load_state_dict({f"gamma{k + 1}": torch.tensor([gammas[k]]) for k in range(3)}, strict=False)
     weight = (mask**2).sum(0) if squared else mask.sum(0)

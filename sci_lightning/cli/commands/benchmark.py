@@ -32,8 +32,6 @@ SETTINGS = ("frames", "tile", "compile", "warm_up", "repeats", "budget", "produc
 
 @dataclass(frozen=True)
 class BenchmarkSettings(CommandSettings):
-    """Types and ranges of ``conf/benchmark.yaml``, which states the defaults and what they mean."""
-
     ckpt_path: ExistingPath | None
     trusted: Sequence[Name]
     reduced: Name | None

@@ -29,22 +29,16 @@ Each takes --help, which lists its settings."""
 
 @dataclass(frozen=True)
 class CapturesInfoSettings(CommandSettings):
-    """Types and ranges of ``conf/captures_info.yaml``, which states the defaults and what they mean."""
-
     captures: ExistingPath
 
 
 @dataclass(frozen=True)
 class CapturesPackSettings(CommandSettings):
-    """Types and ranges of ``conf/captures_pack.yaml``, which states the defaults and what they mean."""
-
     folder: ExistingPath
 
 
 @dataclass(frozen=True)
 class CapturesPlanSettings(CommandSettings):
-    """Types and ranges of ``conf/captures_plan.yaml``, which states the defaults and what they mean."""
-
     mask: NamedOrPath | None
     size: Size
     frames: Frames
@@ -64,8 +58,6 @@ class CapturesPlanSettings(CommandSettings):
 
 @dataclass(frozen=True)
 class CapturesRegisterSettings(CommandSettings):
-    """Types and ranges of ``conf/captures_register.yaml``, which states the defaults and what they mean."""
-
     captures: ExistingPath
     perspective: bool
     pitch: Annotated[Sequence[Positive], Len(2, 2), DocInfo("two positive numbers [ACROSS,DOWN]")] | None

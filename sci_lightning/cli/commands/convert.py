@@ -9,7 +9,6 @@ from typing import Any
 
 from omegaconf import open_dict
 
-from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, built, compose, plain
 from sci_lightning.cli.settings import CommandSettings
 from sci_lightning.configuration.bounds import ExistingPath, Frames, Seed, Size
@@ -19,8 +18,6 @@ from sci_lightning.errors import BadInput
 
 @dataclass(frozen=True)
 class ConvertSettings(CommandSettings):
-    """Types and ranges of ``conf/convert.yaml``, which states the defaults and what they mean."""
-
     checkpoint: ExistingPath
     frames: Frames | None
     size: Size | None
@@ -103,8 +100,3 @@ def published(
     kept = {key: config[key] for key in ("encoder", "decoder", "frames", "size", "seed")}
     state = nn.ModuleDict({"encoder": encoder, "decoder": decoder}).state_dict()
     return {**kept, "crop": config["size"], "names": names, "converted": Path(cfg.checkpoint).name}, state
-
-
-def main() -> None:
-    """Run the command."""
-    run("convert", convert)

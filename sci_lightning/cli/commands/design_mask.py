@@ -7,7 +7,6 @@ from typing import Any, Literal
 
 from rich.progress import Progress
 
-from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
 from sci_lightning.cli.settings import Aperture, BitDepth, CommandSettings, NamedOrPath
 from sci_lightning.configuration.bounds import Bits, Frames, NonNegative, Positive, Repeats, Seed, Share, Size
@@ -16,8 +15,6 @@ from sci_lightning.console import PlainConsole, styled
 
 @dataclass(frozen=True)
 class DesignMaskSettings(CommandSettings):
-    """Types and ranges of ``conf/design_mask.yaml``, which states the defaults and what they mean."""
-
     frames: Frames
     size: Size
     kind: Literal["structural", "binary"]
@@ -60,8 +57,3 @@ def design_mask(composition: Composition) -> None:
     place = [f"frames={cfg['frames']}", f"size=[{height},{width}]"]
     words = ["decoder=linear", "encoder=rbw_sr", "encoder/mask=measured", "data=synthetic", *place]
     print_next(console, invocation("evaluate", *words, paths={"encoder.mask.file": design.folder / "mask.npy"}))
-
-
-def main() -> None:
-    """Run the command."""
-    run("design_mask", design_mask)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from annotated_types import DocInfo
 
-from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
 from sci_lightning.cli.settings import BitDepth, CommandSettings, Count, Name, NamedOrPath, Offset
 from sci_lightning.configuration.bounds import ExistingPath, Frames, NonNegative, Positive, Seed, Size, Step
@@ -40,8 +39,6 @@ FACTS = "snapshots.json"
 
 @dataclass(frozen=True)
 class DiagnoseSettings(CommandSettings):
-    """Types and ranges of ``conf/diagnose.yaml``, which states the defaults and what they mean."""
-
     search: SearchSettings
     captures: ExistingPath | None
     measurement: ExistingPath | None
@@ -249,8 +246,3 @@ def read_input(cfg: DictConfig) -> Given:
     )
     is_part = captures.measurement.shape != dn.shape
     return Given(captures, SnapshotReport(facts, name, True, False), is_part)
-
-
-def main() -> None:
-    """Run the command."""
-    run("diagnose", diagnose)

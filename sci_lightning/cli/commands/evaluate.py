@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, built, plain
 from sci_lightning.cli.settings import CommandSettings, Count, Kernels, Name, NamedOrPath, Precision
 from sci_lightning.configuration.bounds import ExistingPath, Frames, Seed, Size
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class EvaluateSettings(CommandSettings):
-    """Types and ranges of ``conf/evaluate.yaml``, which states the defaults and what they mean."""
-
     ckpt_path: ExistingPath | None
     weights: NamedOrPath | None
     captures: ExistingPath | None
@@ -104,8 +101,3 @@ def _snapshots(
         return scene_loader(built(cfg, "data").scenes()), ""
     except OtherSize as error:
         raise BadInput(f"{error}; {resized(composition, checkpoint, error.size)}") from error
-
-
-def main() -> None:
-    """Run the command."""
-    run("evaluate", evaluate)

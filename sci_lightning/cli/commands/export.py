@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, built
 from sci_lightning.cli.settings import CommandSettings, Name, NamedOrPath
 from sci_lightning.configuration.bounds import ExistingPath, Frames, Seed, Size
@@ -27,8 +26,6 @@ UNTRAINED_FRAMES, UNTRAINED_SIZE = 8, (128, 128)
 
 @dataclass(frozen=True)
 class ExportSettings(CommandSettings):
-    """Types and ranges of ``conf/export.yaml``, which states the defaults and what they mean."""
-
     ckpt_path: ExistingPath | None
     trusted: Sequence[Name]
     mask: NamedOrPath
@@ -160,8 +157,3 @@ def _mask(choice: str, checkpoint: Checkpoint | None) -> torch.Tensor | None:
     encoder = checkpoint.encoder()
     with torch.no_grad():
         return encoder.decoder_mask()
-
-
-def main() -> None:
-    """Run the command."""
-    run("export", export)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.settings import CommandSettings, Name
 from sci_lightning.configuration.bounds import ExistingPath, Positive, Repeats, Size
@@ -15,8 +14,6 @@ from sci_lightning.console import PlainConsole, styled
 
 @dataclass(frozen=True)
 class ExportMaskSettings(CommandSettings):
-    """Types and ranges of ``conf/export_mask.yaml``, which states the defaults and what they mean."""
-
     ckpt_path: ExistingPath
     trusted: Sequence[Name]
     repeat: Repeats
@@ -60,8 +57,3 @@ def export_mask(composition: Composition) -> None:
     console.say(styled(out), ": planes/, frames/, planes.json (exposure of each plane; timing)")
     words = (*composition.trusted(), "measurement=SNAPSHOT.tiff")
     print_next(console, invocation("reconstruct", *words, paths={"ckpt_path": cfg.ckpt_path}))
-
-
-def main() -> None:
-    """Run the command."""
-    run("export_mask", export_mask)

@@ -11,7 +11,6 @@ from typing import Annotated, Any
 from annotated_types import Interval
 from rich.progress import Progress
 
-from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, group_members, plain
 from sci_lightning.cli.settings import Aperture, CommandSettings, Kernels, Name, NamedOrPath, Offset, Precision
 from sci_lightning.configuration.bounds import ExistingPath, Frames, NonNegative, Positive, Seed, Size, Step
@@ -29,8 +28,6 @@ LINE_SECONDS = 15.0
 
 @dataclass(frozen=True)
 class ReconstructSettings(CommandSettings):
-    """Types and ranges of ``conf/reconstruct.yaml``, which states the defaults and what they mean."""
-
     ckpt_path: ExistingPath | None
     weights: NamedOrPath | None
     trusted: Sequence[Name]
@@ -128,8 +125,3 @@ def _mask_is_known(composition: Composition) -> bool:
     if not settings or "mask" not in settings:
         return False
     return composition.choice(group) not in group_members("encoder") or settings.mask.get("file") is not None
-
-
-def main() -> None:
-    """Run the command."""
-    run("reconstruct", reconstruct)

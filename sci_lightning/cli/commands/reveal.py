@@ -26,8 +26,6 @@ GOOD_ANSWERS = ("within 95 %", "right", "true as well")
 
 @dataclass(frozen=True)
 class RevealSettings(CommandSettings):
-    """Types and ranges of ``conf/reveal.yaml``, which states the defaults and what they mean."""
-
     truth: ExistingPath
     report: ExistingPath
 

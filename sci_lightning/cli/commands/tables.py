@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
 
-from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, compose, group_members, plain
 from sci_lightning.cli.settings import CommandSettings, Count, Place
 from sci_lightning.configuration.bounds import ExistingPath, Positive
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TablesSettings(CommandSettings):
-    """Types and ranges of ``conf/tables.yaml``, which states the defaults and what they mean."""
-
     runs: ExistingPath | Sequence[ExistingPath] | None
     documentation: Place | None
     dynamic_range: ExistingPath | Sequence[ExistingPath] | None
@@ -114,8 +111,3 @@ def _write_documentation(root: Path) -> None:
 
 def _left_out(line: str) -> None:
     print(f"left out: {one_printable_line(line)}", file=sys.stderr)
-
-
-def main() -> None:
-    """Run the command."""
-    run("tables", tables)

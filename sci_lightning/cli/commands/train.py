@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from omegaconf import OmegaConf
 
-from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
 from sci_lightning.cli.settings import CommandSettings, Kernels, Name, Precision, Workers
 from sci_lightning.cli.stored_run import to_repeat
@@ -26,8 +25,6 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TrainSettings(CommandSettings):
-    """Types and ranges of ``conf/train.yaml``, which states the defaults and what they mean."""
-
     frames: Frames
     size: Size
     crop: Size
@@ -163,8 +160,3 @@ def _print_run(done: Run, composition: Composition) -> None:
     if (out / "tensorboard").is_dir():
         lines.append(dashboard(out))
     print_next(console, *lines)
-
-
-def main() -> None:
-    """Run the command."""
-    run("train", train)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
-from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
 from sci_lightning.cli.settings import Aperture, BitDepth, CommandSettings, Count, Name, NamedOrPath
 from sci_lightning.configuration.bounds import Bits, Frames, NonNegative, Positive, Repeats, Seed, Size
@@ -15,8 +14,6 @@ from sci_lightning.console import PlainConsole, styled
 
 @dataclass(frozen=True)
 class VirtualCameraSettings(CommandSettings):
-    """Types and ranges of ``conf/virtual_camera.yaml``, which states the defaults and what they mean."""
-
     seed: Seed
     effects: Any
     number: Count
@@ -67,8 +64,3 @@ def virtual_camera(composition: Composition) -> None:
     console.print(f"{count} captures of {height} x {width}, {slots} slots each, {bits} bits")
     console.say(styled(cfg.out), "; what is hidden in it: ", styled(truth))
     print_next(console, invocation("diagnose", paths={"captures": cfg.out}))
-
-
-def main() -> None:
-    """Run the command."""
-    run("virtual_camera", virtual_camera)

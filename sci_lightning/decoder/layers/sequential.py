@@ -1,4 +1,4 @@
-"""Modules one after another: with activations computed again, or under the names of published weights."""
+"""Modules one after another: with activation functions, computed again, or under the names of published weights."""
 
 from __future__ import annotations
 
@@ -81,6 +81,16 @@ class Chain(nn.Sequential):
             again = self.checkpoint and torch.is_grad_enabled()
             x = recompute(module, x, use_reentrant=False) if again else module(x)
         return x
+
+
+def leaky_relu_after_all(*layers: nn.Module) -> nn.Sequential:
+    """Return layers in sequence with a leaky ReLU behind each."""
+    return nn.Sequential(*(module for layer in layers for module in (layer, nn.LeakyReLU(inplace=True))))
+
+
+def leaky_relu_between(*layers: nn.Module) -> nn.Sequential:
+    """Return layers in sequence with a leaky ReLU behind each but the last."""
+    return nn.Sequential(*leaky_relu_after_all(*layers[:-1]), layers[-1])
 
 
 def named_block(name: str, *layers: nn.Module, **after: nn.Module) -> nn.Sequential:

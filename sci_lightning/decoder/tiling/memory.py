@@ -92,6 +92,23 @@ def _peak(decoder: Decoder, frames: int, field: Size, tiling: Tiling | None = No
     return live.peak
 
 
+def kept_for_gradients(decoder: Decoder, frames: int, size: Size, lower_precision: bool = False) -> float:
+    """Return the bytes that the forward pass of a training on one clip keeps for the backward pass.
+
+    Args:
+        decoder: on device ``meta``, in training mode.
+        frames: T.
+        size: (H, W) of the clip.
+        lower_precision: whether it computes in bfloat16 or float16.
+    """
+    mask = torch.empty(frames, *size, device="meta")
+    with torch.enable_grad(), torch.autocast("cpu", enabled=False), LiveBytes() as live:
+        stages = decoder.stages(mask.sum(0, keepdim=True), mask)  # which keep what led to them
+        kept = live.now
+    del stages
+    return kept * (LOWER_PRECISION if lower_precision else 1.0)
+
+
 class _InTiles(torch.nn.Module):
     def __init__(self, decoder: Decoder, tiling: Tiling) -> None:
         super().__init__()

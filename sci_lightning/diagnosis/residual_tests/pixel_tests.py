@@ -44,15 +44,7 @@ def intensity(residuals: Residuals) -> Answer:
     sums = (residuals.by_level(values) for values in (residuals.scaled, residuals.prediction.mean))
     kept = count > 0
     count, mean, place = (values[kept] for values in (count, *(total / count for total in sums)))
-    picture = Picture(
-        "curve",
-        mean,
-        unit="mean residual (σ)",
-        x=tuple(place.tolist()),
-        axes=("predicted signal (DN)",),
-        errors=count.rsqrt(),
-    )
-    return test_scores(mean * count.sqrt(), picture)
+    return _mean_answer(mean, count, place, "predicted signal (DN)")
 
 
 def light(residuals: Residuals) -> Answer:
@@ -76,14 +68,12 @@ def blocks(residuals: Residuals) -> Answer:
 
 def rows(residuals: Residuals) -> Answer:
     """Test the mean residual of every row."""
-    return _line_answer(residuals.scaled.sum((0, 2)), residuals.raw[:, 0].numel(), "row (pixel)", residuals.origin[0])
+    return _line_answer(residuals, (0, 2), "row (pixel)", residuals.origin[0])
 
 
 def columns(residuals: Residuals) -> Answer:
     """Test the mean residual of every column."""
-    return _line_answer(
-        residuals.scaled.sum((0, 1)), residuals.raw[:, :, 0].numel(), "column (pixel)", residuals.origin[1]
-    )
+    return _line_answer(residuals, (0, 1), "column (pixel)", residuals.origin[1])
 
 
 def radius(residuals: Residuals) -> Answer:
@@ -97,16 +87,7 @@ def radius(residuals: Residuals) -> Answer:
     size = torch.bincount(ring, minlength=RADIAL_RINGS).double()
     total = torch.bincount(ring, residuals.scaled.sum(0).flatten().double(), minlength=RADIAL_RINGS)
     place = torch.bincount(ring, distance.flatten().double(), minlength=RADIAL_RINGS) / size
-    pixels = size * count
-    picture = Picture(
-        "curve",
-        total / pixels,
-        unit="mean residual (σ)",
-        x=tuple(place.tolist()),
-        axes=("distance from the image centre (pixel)",),
-        errors=pixels.rsqrt(),
-    )
-    return test_scores(total / pixels.sqrt(), picture)
+    return _mean_answer(total / (size * count), size * count, place, "distance from the image centre (pixel)")
 
 
 def pixels(residuals: Residuals) -> Answer:
@@ -132,16 +113,19 @@ def extent(residuals: Residuals) -> tuple[float, float, float, float]:
     return left - 0.5, left + width - 0.5, top + height - 0.5, top - 0.5
 
 
-def _line_answer(total: torch.Tensor, pixels: int, axis: str, first: int) -> Answer:
+def _line_answer(residuals: Residuals, summed: tuple[int, int], axis: str, first: int) -> Answer:
+    """Test the mean residual along the one dimension that is not ``summed``."""
+    total = residuals.scaled.sum(summed)
+    count = torch.full_like(total, residuals.raw.numel() // len(total))
+    return _mean_answer(total / count, count, torch.arange(first, first + len(total)).float(), axis)
+
+
+def _mean_answer(mean: torch.Tensor, count: torch.Tensor, place: torch.Tensor, axis: str) -> Answer:
+    """Test the mean residuals ``(P,)`` of so many pixels each, which are drawn along an axis."""
     picture = Picture(
-        "curve",
-        total / pixels,
-        unit="mean residual (σ)",
-        x=tuple(float(n) for n in range(first, first + len(total))),
-        axes=(axis,),
-        errors=torch.full((len(total),), pixels**-0.5),
+        "curve", mean, unit="mean residual (σ)", x=tuple(place.tolist()), axes=(axis,), errors=count.rsqrt()
     )
-    return test_scores(total / pixels**0.5, picture)
+    return test_scores(mean * count.sqrt(), picture)
 
 
 def estimated_map(residuals: Residuals, name: str) -> Answer:
@@ -151,13 +135,12 @@ def estimated_map(residuals: Residuals, name: str) -> Answer:
     """
     one = residuals.fit.maps[name]
     values = residuals.fit.hypothesis.maps[name].double()
+    if one.kind != "smooth":
+        values = residuals.fit.fitter.model.windowed(values)
+        scores = values / (one.std**2 - one.variance).clamp(min=(MIN_SPREAD_SHARE * one.std) ** 2).sqrt()
     if one.kind == "smooth":
-        p_value = map_p_value(one)
-        nats = -math.log(max(p_value, 1e-300))
-        return Answer(nats, p_value, nats, Picture("map", values, "part of the light", axes=PLACE))
-    values = residuals.fit.fitter.model.windowed(values)
-    scores = values / (one.std**2 - one.variance).clamp(min=(MIN_SPREAD_SHARE * one.std) ** 2).sqrt()
-    if one.kind == "hot":
+        picture = Picture("map", values, "part of the light", axes=PLACE)
+    elif one.kind == "hot":
         picture = Picture("map", values, "part of full scale", axes=PLACE)
     elif one.kind == "pixel":
         picture = Picture("map", scores, axes=PLACE)

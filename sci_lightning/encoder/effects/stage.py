@@ -16,6 +16,7 @@ distribution. Every hook below is the identity unless an effect overrides it.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 import torch
@@ -52,6 +53,13 @@ class RelayEffect(Effect):
     def aim(self, geometry: RelayGeometry) -> RelayGeometry:
         """Return where the mask's image lies and how sharp it is, from where it lay without this effect."""
         return geometry
+
+
+class PlacementEffect(RelayEffect):
+    """A relay effect whose parameters are those of :class:`.RelayGeometry` of the same names."""
+
+    def aim(self, geometry: RelayGeometry) -> RelayGeometry:
+        return replace(geometry, **{name: getattr(self, name) for name in self.about})
 
 
 class ExposureEffect(Effect):

@@ -5,57 +5,31 @@ from __future__ import annotations
 from typing import Any
 
 import torch
-from torch import nn
 
-from sci_lightning.configuration.bounds import Bits, Frames, Pixels, Seed, Size
-from sci_lightning.encoder.mask.mask import Mask, Start, check_start
-from sci_lightning.encoder.mask.structure import check_binary, uniform
+from sci_lightning.encoder.mask.learned_one_bit import LearnedOneBit
+from sci_lightning.encoder.mask.structure import uniform
 
 
-class LearnedIndex(Mask):
+class LearnedIndex(LearnedOneBit):
     """One real value u in [0, 1] per pixel is learned; the pixel is open in slot min(floor(T u), T - 1) alone.
 
     The released code of the paper means its masks of 1 bit so, where
     :class:`~sci_lightning.encoder.mask.LearnedStructural` opens the brightest of T values. The gradient is the released
     one: with g_t that of slot t's transmittance, u gets - sum over t of g_t, each clamped to [-1, 1].
 
-    Args:
-        frames, size, tile, repeat: see :class:`~sci_lightning.encoder.mask.Mask`.
-        seed: seed of the first values, uniform in [0, 1): a random slot in every pixel.
-        bits: mask bit depth, always 1: it is there so that a sweep over bits can name every mask.
-        start: see :class:`~sci_lightning.encoder.mask.LearnedStructural`.
+    The published start is uniform in [0, 1), a random slot in every pixel; the designed one is the mask that
+    :func:`~sci_lightning.encoder.mask.design.design_structural` finds in seconds.
 
-    Raises:
-        BadInput: ``bits`` other than 1.
+    Args: see :class:`~sci_lightning.encoder.mask.learned_one_bit.LearnedOneBit`.
 
     Source: the code of "Deep Optics for Video Snapshot Compressive Imaging" (ICCV 2023), mode ``binary_sparse``, which
     its training calls by another name and so never reaches.
     """
 
-    learned = True
-
-    def __init__(
-        self,
-        frames: Frames,
-        size: Size,
-        tile: Size | None = None,
-        seed: Seed = 0,
-        bits: Bits = 1,
-        repeat: Pixels = 1,
-        start: Start = "published",
-    ) -> None:
-        super().__init__(frames, size, tile, repeat)
-        self.bits = check_binary(bits)
-        if check_start(start):
-            first = (self.designed(1, True, seed).argmax(0) + 0.5) / frames  # the middle of the slot's range
-        else:
-            first = uniform(self.pattern_shape[1:], seed)
-        self.weight = nn.Parameter(first)
-
-    @torch.no_grad()
-    def project_(self) -> None:
-        """Clamp the real values to [0, 1]; call after every optimiser step."""
-        self.weight.clamp_(0, 1)
+    def first_values(self, seed: int, designed: bool) -> torch.Tensor:
+        if designed:
+            return (self.designed(1, True, seed).argmax(0) + 0.5) / self.frames  # the middle of the slot's range
+        return uniform(self.pattern_shape[1:], seed)
 
     def forward(self) -> torch.Tensor:
         return self.cover(_OpenSlot.apply(self.weight, self.frames))

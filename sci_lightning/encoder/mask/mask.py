@@ -9,7 +9,6 @@ import torch
 from torch import nn
 
 from sci_lightning.configuration.bounds import Frames, Pixels, Size
-from sci_lightning.encoder.mask.structure import uniform
 from sci_lightning.errors import BadInput
 
 Start: TypeAlias = Literal["published", "designed"]
@@ -34,8 +33,8 @@ class Mask(nn.Module):
         BadInput: T < 2, a size or tile that is not two positive whole numbers, or a tile of parts of superpixels.
     """
 
-    learned = False
-    """Whether training changes the mask."""
+    pattern: torch.Tensor
+    """The stored values ``(T, h, w)`` of a mask that is never changed."""
 
     def __init__(self, frames: Frames, size: Size, tile: Size | None = None, repeat: Pixels = 1) -> None:
         super().__init__()
@@ -49,6 +48,11 @@ class Mask(nn.Module):
             raise BadInput(f"mask repeat must be a whole number of pixels, 1 or more, got {repeat!r}")
         if self.tile != self.size and any(side % repeat for side in self.tile):
             raise BadInput(f"mask tile={list(self.tile)}: must be multiples of repeat={repeat}, or superpixels are cut")
+
+    @property
+    def learned(self) -> bool:
+        """Whether training changes the mask."""
+        return any(True for _ in self.parameters())
 
     @property
     def automatic_aperture(self) -> float:
@@ -93,29 +97,14 @@ class Mask(nn.Module):
         pattern = designed_start(frames, bits, structural, tile, seed)
         return pattern.repeat(1, -(-height // tile[0]), -(-width // tile[1]))[:, :height, :width].clone()
 
-    def structural_start(self, bits: int, seed: int, sharpness: float, start: str) -> torch.Tensor:
-        """Return the real-valued mask from which a structural mask of ``bits`` bits is made, in the pattern's shape.
-
-        Args:
-            bits, seed: see :class:`~sci_lightning.encoder.mask.LearnedStructural`.
-            sharpness: the power of uniform values, > 0. 1 is the published start. With a larger power the light of a
-                pixel falls into fewer slots; a decoder learns to undo such a mask in fewer steps.
-            start: ``published`` for these; ``designed`` for the mask that
-                :func:`~sci_lightning.encoder.mask.design.design_structural` finds in seconds, whatever the sharpness.
-
-        Raises:
-            BadInput: a sharpness that is not positive, or another start.
-        """
-        if not sharpness > 0:
-            raise BadInput(f"mask sharpness must be positive, got {sharpness!r}")
-        return self.designed(bits, True, seed) if check_start(start) else uniform(self.pattern_shape, seed) ** sharpness
-
     @torch.no_grad()
     def project_(self) -> None:
-        """Clamp the parameters to their range; masks that are not learned have none."""
+        """Clamp the real values from which a learned mask follows to [0, 1]; call after every optimiser step."""
+        for values in self.parameters():
+            values.clamp_(0, 1)
 
     def forward(self) -> torch.Tensor:
-        raise NotImplementedError
+        return self.cover(self.pattern)
 
     def extra_repr(self) -> str:
         superpixels = f", repeat={self.repeat}" if self.repeat > 1 else ""

@@ -30,8 +30,6 @@ class Measured(Mask):
         BadInput: the file is missing, unreadable, lacks the key, does not fit, or holds no transmittances.
     """
 
-    pattern: torch.Tensor
-
     def __init__(
         self,
         file: ExistingPath | None,
@@ -76,9 +74,6 @@ class Measured(Mask):
         """1 over the mean of the mask's sum over time."""
         total = float(self.pattern.sum(0).mean())
         return 1 / total if total > 0 else 1.0
-
-    def forward(self) -> torch.Tensor:
-        return self.pattern
 
 
 def read_mask(

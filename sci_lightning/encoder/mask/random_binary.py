@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import torch
-
 from sci_lightning.configuration.bounds import Bits, Frames, Pixels, Seed, Size
 from sci_lightning.encoder.mask.mask import Mask
 from sci_lightning.encoder.mask.structure import check_binary, uniform
@@ -21,8 +19,6 @@ class RandomBinary(Mask):
         BadInput: ``bits`` other than 1.
     """
 
-    pattern: torch.Tensor
-
     def __init__(
         self, frames: Frames, size: Size, tile: Size | None = None, seed: Seed = 0, bits: Bits = 1, repeat: Pixels = 1
     ) -> None:
@@ -34,6 +30,3 @@ class RandomBinary(Mask):
     def automatic_aperture(self) -> float:
         """2/T: half of the T slots are open on average."""
         return 2 / self.frames
-
-    def forward(self) -> torch.Tensor:
-        return self.cover(self.pattern)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import torch
-
 from sci_lightning.configuration.bounds import Frames, Pixels, Seed, Share, Size
 from sci_lightning.encoder.mask.mask import Mask
 from sci_lightning.encoder.mask.structure import uniform
@@ -28,8 +26,6 @@ class RandomOverlap(Mask):
     CVPR 2024.
     """
 
-    pattern: torch.Tensor
-
     def __init__(
         self,
         frames: Frames,
@@ -50,6 +46,3 @@ class RandomOverlap(Mask):
     def automatic_aperture(self) -> float:
         """1/k: every pixel is open in k slots."""
         return 1 / self.open_slots
-
-    def forward(self) -> torch.Tensor:
-        return self.cover(self.pattern)

@@ -35,8 +35,6 @@ class Shifting(Mask):
     Source: Llull et al., "Coded aperture compressive temporal imaging", Optics Express 2013.
     """
 
-    pattern: torch.Tensor
-
     def __init__(
         self,
         frames: Frames,
@@ -69,9 +67,6 @@ class Shifting(Mask):
         """1 over the mean of the mask's sum over time."""
         total = float(self.pattern.sum(0).mean())
         return 1 / total if total > 0 else 1.0
-
-    def forward(self) -> torch.Tensor:
-        return self.cover(self.pattern)
 
 
 def moved_pattern(

@@ -1,1 +1,1 @@
-"""Figures and tables that are made of files alone, without a run: of real snapshots, of masks."""
+"""Figures beside the tables: of runs with their checkpoints, and, with their tables, of files alone."""

@@ -55,16 +55,16 @@ def make_tables(
         BadInput: no folder is given, none of them holds a run, or another dashboard is in the way.
     """
     from sci_lightning.figures.figure import write_figure
-    from sci_lightning.studies.tables.claim_table import claim_table, verdict_table
-    from sci_lightning.studies.tables.cost import cost_figure, costs
-    from sci_lightning.studies.tables.dashboard import check_dashboard, write_dashboard
-    from sci_lightning.studies.tables.dynamic_range import (
+    from sci_lightning.studies.figures.dynamic_range import (
         colour_checkers,
         dynamic_range_figure,
         dynamic_range_table,
         wedges,
     )
-    from sci_lightning.studies.tables.mosaic import mosaics, retrained_mosaics
+    from sci_lightning.studies.figures.mosaic import mosaics, retrained_mosaics
+    from sci_lightning.studies.tables.claim_table import claim_table, verdict_table
+    from sci_lightning.studies.tables.cost import cost_figure, costs
+    from sci_lightning.studies.tables.dashboard import check_dashboard, write_dashboard
     from sci_lightning.studies.tables.paper_figures import paper_figures
     from sci_lightning.studies.tables.run import find_runs
     from sci_lightning.studies.tables.score_table import encoder_table, run_table, score_table

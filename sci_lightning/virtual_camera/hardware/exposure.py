@@ -87,8 +87,8 @@ class ExposureEffect(Effect):
     stage: ClassVar[str] = "exposure"
 
     def apply(self, timing: Timing) -> Timing:
-        """Return the timing with this fault."""
-        return timing
+        """Return the timing with this fault, whose parameters are attributes of the timing unless it says otherwise."""
+        return replace(timing, **vars(self))
 
 
 @dataclass(frozen=True)
@@ -103,9 +103,6 @@ class Flicker(ExposureEffect):
     frequency: float = parameter("cycles per exposure", 0.01, 1000, (0.5, 3), neutral=1.0, magnitude=False)
     phase: float = parameter("rad", -2 * math.pi, 2 * math.pi, (-math.pi, math.pi), neutral=0.0, magnitude=False)
 
-    def apply(self, timing: Timing) -> Timing:
-        return replace(timing, amplitude=self.amplitude, frequency=self.frequency, phase=self.phase)
-
 
 @dataclass(frozen=True)
 class RollingShutter(ExposureEffect):
@@ -116,9 +113,6 @@ class RollingShutter(ExposureEffect):
 
     name = "rolling_shutter"
     delay: float = parameter("slots", 0, 64, (0.2, 1.5), neutral=0.0)
-
-    def apply(self, timing: Timing) -> Timing:
-        return replace(timing, delay=self.delay)
 
 
 @dataclass(frozen=True)
@@ -151,9 +145,6 @@ class ShortSlot(ExposureEffect):
         if self.slot >= session.frames:
             raise BadInput(f"short_slot.slot must be from 0 to {session.frames - 1}, got {self.slot}")
 
-    def apply(self, timing: Timing) -> Timing:
-        return replace(timing, slot=self.slot, loss=self.loss)
-
 
 @dataclass(frozen=True)
 class DriftingSource(ExposureEffect):
@@ -161,9 +152,6 @@ class DriftingSource(ExposureEffect):
 
     name = "drifting_source"
     drift: float = parameter("1", -1, 1, (0.03, 0.15), neutral=0.0, signed=True)
-
-    def apply(self, timing: Timing) -> Timing:
-        return replace(timing, drift=self.drift)
 
 
 @dataclass(frozen=True)

@@ -229,8 +229,8 @@ class RelayEffect(Effect):
     stage: ClassVar[str] = "relay"
 
     def apply(self, relay: Relay) -> Relay:
-        """Return the relay with this fault."""
-        return relay
+        """Return the relay with this fault, whose parameters are attributes of the relay unless it says otherwise."""
+        return replace(relay, **vars(self))
 
 
 @dataclass(frozen=True)
@@ -240,9 +240,6 @@ class MaskShift(RelayEffect):
     name = "mask_shift"
     dx: float = parameter("pixel", -32, 32, (0.15, 1.5), neutral=0.0, signed=True)
     dy: float = parameter("pixel", -32, 32, (0.15, 1.5), neutral=0.0, signed=True)
-
-    def apply(self, relay: Relay) -> Relay:
-        return replace(relay, dx=self.dx, dy=self.dy)
 
 
 @dataclass(frozen=True)
@@ -263,9 +260,6 @@ class MaskScale(RelayEffect):
     name = "mask_scale"
     scale: float = parameter("1", 0.5, 2, (0.003, 0.02), neutral=1.0, signed=True)
 
-    def apply(self, relay: Relay) -> Relay:
-        return replace(relay, scale=self.scale)
-
 
 @dataclass(frozen=True)
 class MaskBlur(RelayEffect):
@@ -273,9 +267,6 @@ class MaskBlur(RelayEffect):
 
     name = "mask_blur"
     sigma: float = parameter("pixel", 0, 4, (0.25, 1.2), neutral=0.0)
-
-    def apply(self, relay: Relay) -> Relay:
-        return replace(relay, sigma=self.sigma)
 
 
 @dataclass(frozen=True)
@@ -289,9 +280,6 @@ class MaskKeystone(RelayEffect):
     tilt_x: float = parameter("1", -0.3, 0.3, (0.006, 0.03), neutral=0.0, signed=True)
     tilt_y: float = parameter("1", -0.3, 0.3, (0.006, 0.03), neutral=0.0, signed=True)
 
-    def apply(self, relay: Relay) -> Relay:
-        return replace(relay, tilt_x=self.tilt_x, tilt_y=self.tilt_y)
-
 
 @dataclass(frozen=True)
 class MaskDistortion(RelayEffect):
@@ -302,9 +290,6 @@ class MaskDistortion(RelayEffect):
 
     name = "mask_distortion"
     k: float = parameter("1", -0.3, 0.3, (0.01, 0.05), neutral=0.0, signed=True)
-
-    def apply(self, relay: Relay) -> Relay:
-        return replace(relay, k=self.k)
 
 
 @dataclass(frozen=True)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import torch
 
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
-from sci_lightning.encoder.effects.stage import RelayEffect
-from sci_lightning.encoder.relay import RelayGeometry
+from sci_lightning.encoder.effects.stage import PlacementEffect
 
 
-class MaskBlur(RelayEffect):
+class MaskBlur(PlacementEffect):
     """The mask's image is blurred by a Gaussian, integrated over square mirrors and pixels.
 
     Args:
@@ -27,6 +24,3 @@ class MaskBlur(RelayEffect):
 
     def border(self, size: tuple[int, int]) -> Border:
         return Border.of_blur(float(self.sigma))
-
-    def aim(self, geometry: RelayGeometry) -> RelayGeometry:
-        return replace(geometry, sigma=self.sigma)

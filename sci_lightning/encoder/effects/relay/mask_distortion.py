@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import torch
 
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter, Value
-from sci_lightning.encoder.effects.stage import RelayEffect
-from sci_lightning.encoder.relay import RelayGeometry
+from sci_lightning.encoder.effects.stage import PlacementEffect
 
 MUCH = 0.06
 """Distortion of a lens that distorts much."""
 
 
-class MaskDistortion(RelayEffect):
+class MaskDistortion(PlacementEffect):
     r"""Radial distortion: what should lie at distance r from the field's centre lies at :math:`r\,(1 + k r^2 / R^2)`.
 
     R is half the field's diagonal.
@@ -42,6 +39,3 @@ class MaskDistortion(RelayEffect):
         barrel = max(-float(self.k), 0.0)
         inwards = min(barrel / max(1 - 3 * barrel, 0.1), 0.5)
         return Border.around(inwards * size[0] / 2, inwards * size[1] / 2)
-
-    def aim(self, geometry: RelayGeometry) -> RelayGeometry:
-        return replace(geometry, k=self.k)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import torch
 
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter, Value
-from sci_lightning.encoder.effects.stage import RelayEffect
-from sci_lightning.encoder.relay import RelayGeometry
+from sci_lightning.encoder.effects.stage import PlacementEffect
 
 
-class MaskKeystone(RelayEffect):
+class MaskKeystone(PlacementEffect):
     """Perspective: the magnification differs by ``tilt_x`` at the right edge, by ``tilt_y`` at the lower edge.
 
     It differs as much, with the other sign, at the opposite edges. The place that is seen at (x, y) from the field's
@@ -49,6 +46,3 @@ class MaskKeystone(RelayEffect):
             left=aside + max(x, 0.0) * width / 2,
             right=aside + max(-x, 0.0) * width / 2,
         )
-
-    def aim(self, geometry: RelayGeometry) -> RelayGeometry:
-        return replace(geometry, tilt_x=self.tilt_x, tilt_y=self.tilt_y)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import torch
 
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
-from sci_lightning.encoder.effects.stage import RelayEffect
-from sci_lightning.encoder.relay import RelayGeometry
+from sci_lightning.encoder.effects.stage import PlacementEffect
 
 
-class MaskScale(RelayEffect):
+class MaskScale(PlacementEffect):
     """The mask's image is magnified about the centre of the field; its brightness does not change.
 
     Args:
@@ -28,6 +25,3 @@ class MaskScale(RelayEffect):
     def border(self, size: tuple[int, int]) -> Border:
         smaller = max(1 - float(self.scale), 0.0)
         return Border.around(smaller * size[0] / 2, smaller * size[1] / 2)
-
-    def aim(self, geometry: RelayGeometry) -> RelayGeometry:
-        return replace(geometry, scale=self.scale)

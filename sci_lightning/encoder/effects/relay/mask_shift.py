@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import torch
 
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
-from sci_lightning.encoder.effects.stage import RelayEffect
-from sci_lightning.encoder.relay import RelayGeometry
+from sci_lightning.encoder.effects.stage import PlacementEffect
 
 STARTS = (-1.2, -0.4, 0.0, 0.4, 1.2)
 
 
-class MaskShift(RelayEffect):
+class MaskShift(PlacementEffect):
     """The mask's image has moved; a fraction of a pixel is the exact overlap of square mirrors with pixels.
 
     Args:
@@ -31,6 +28,3 @@ class MaskShift(RelayEffect):
 
     def border(self, size: tuple[int, int]) -> Border:
         return Border.of_displacement(float(self.dx), float(self.dy))
-
-    def aim(self, geometry: RelayGeometry) -> RelayGeometry:
-        return replace(geometry, dx=self.dx, dy=self.dy)

@@ -17,8 +17,8 @@ from sci_lightning.operator import SnapshotOperator
 from sci_lightning.pipeline import Pipeline
 from sci_lightning.plain_text import file_name, in_figure
 from sci_lightning.runs.checkpoint import read_checkpoint
+from sci_lightning.studies.figures.mosaic import usable
 from sci_lightning.studies.tables.grid import Grid
-from sci_lightning.studies.tables.mosaic import usable
 from sci_lightning.studies.tables.run import ScoredRun
 
 STEPS = 256

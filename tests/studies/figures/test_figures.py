@@ -14,8 +14,8 @@ from PIL import Image
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.mask import LearnedStructural, RandomBinary
 from sci_lightning.encoder.sensor import ClipQuantise, Ideal
+from sci_lightning.studies.figures.dynamic_range import checker, distinguishable_steps, patch_error, wedge
 from sci_lightning.studies.tables.cost import cost_figure
-from sci_lightning.studies.tables.dynamic_range import checker, distinguishable_steps, patch_error, wedge
 from sci_lightning.studies.tables.paper_figures import paper_figures
 from sci_lightning.studies.tables.run import find_runs
 from tests.studies.tables.conftest import Made
