@@ -39,16 +39,14 @@ class RelayTraining(JsonObject):
     name: Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_]{0,99}$")] = says("of its files")
     what: str = says("in words for a reader")
     command: Literal["train", "tables.rows", "benchmark"] = says("that is run")
-    recipe: Annotated[list[Word], Len(0, 100)] = says("overrides of the command; empty: a place that is kept free")
+    recipe: Annotated[list[Word], Len(1, 100)] = says("overrides of the command")
     wanted: float = says("seconds of training in all; 0 of a command that ends by itself", default=0.0, ge=0)
     at_once: int = says("entries of this number that may share the GPU", default=1, ge=1, le=64)
     leases: list[Lease] = says("that it has got", default=[])
 
     @property
     def is_done(self) -> bool:
-        """Whether it has got what is wanted, or keeps a place that nobody has filled."""
-        if not self.recipe:
-            return True
+        """Whether it has got what is wanted."""
         if self.command != "train":
             return any(lease.finished for lease in self.leases)
         return sum(lease.seconds for lease in self.leases) >= self.wanted

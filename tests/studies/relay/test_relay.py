@@ -50,8 +50,7 @@ def relay(path: Path, **settings: Any) -> Relay:
 
 def test_trainings_follow_in_their_order_until_each_has_what_is_wanted(tmp_path: Path) -> None:
     names = [{"name": name, "wanted": 50, "at_once": number} for name, number in zip("abcd", (2, 2, 2, 1), strict=True)]
-    free = {"name": "free", "recipe": [], "wanted": 50}
-    wanted = read_json(queue(tmp_path / "q.json", free, *names, {"name": "rows", "command": "tables.rows"}), RelayQueue)
+    wanted = read_json(queue(tmp_path / "q.json", *names, {"name": "rows", "command": "tables.rows"}), RelayQueue)
 
     def following(*without: str) -> str:
         return " ".join(training.name for training in wanted.following(set(without)))
@@ -65,7 +64,13 @@ def test_trainings_follow_in_their_order_until_each_has_what_is_wanted(tmp_path:
 
 
 def test_what_is_no_queue(tmp_path: Path) -> None:
-    for entries in ([{"name": "a"}, {"name": "a"}], [{"name": "../a"}], [{"name": "a", "command": "export"}], []):
+    for entries in (
+        [{"name": "a", "recipe": []}],
+        [{"name": "a"}, {"name": "a"}],
+        [{"name": "../a"}],
+        [{"name": "a", "command": "export"}],
+        [],
+    ):
         with pytest.raises(BadInput, match=r"q\.json: trainings"):
             read_json(queue(tmp_path / "q.json", *entries), RelayQueue)
     with pytest.raises(BadInput, match=r"seconds=10: .*reserve=20"):
