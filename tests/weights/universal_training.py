@@ -26,10 +26,9 @@ from sci_lightning.cli.composition import compose, plain
 from sci_lightning.configuration.build import build
 from sci_lightning.encoder.mask import moved_pattern
 from sci_lightning.files.atomic_file import atomic_write
-from sci_lightning.runs.checkpoint import write_weights
 from sci_lightning.training.muon import Muon, is_large
-from sci_lightning.weights import ANY_MASK
 from tests.conftest import SHARED
+from tests.weights.ship import ship
 
 CLIPS = (
     *("bigbuckbunny", "davis-blackswan", "davis-bmx-trees", "davis-car-roundabout", "davis-car-shadow"),
@@ -162,7 +161,7 @@ def train(out: Path, seconds: float, workers: int, groups: int = 2) -> None:
     config: dict[str, Any] = {
         **{key: plain(compose("train", words).cfg)[key] for key in ("encoder", "decoder", "frames", "size", "seed")},
         "crop": [SIDE, SIDE],
-        "names": {"encoder": ANY_MASK, "decoder": "universal"},
+        "names": {"encoder": "rbw_osr", "decoder": "universal"},
     }
     encoder = build(config["encoder"], "encoder").state_dict()
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
@@ -210,8 +209,8 @@ def _keep(out: Path, config: dict[str, Any], decoder: Any, encoder: Snapshots, s
     state = {key: value.detach().cpu() for key, value in decoder.state_dict().items()}
     with atomic_write(out / "state.pt") as temporary:
         torch.save({"decoder": state, "steps": steps, "seconds": seconds}, temporary)
-    both = {**{f"encoder.{k}": v for k, v in encoder.items()}, **{f"decoder.{k}": v.half() for k, v in state.items()}}
-    write_weights(out / "universal.safetensors", config, both)
+    both = {**{f"encoder.{k}": v for k, v in encoder.items()}, **{f"decoder.{k}": v for k, v in state.items()}}
+    ship(out / "universal.safetensors", config, both, any_mask=True)
     with atomic_write(out / "training.json") as temporary:
         temporary.write_text(json.dumps({"steps": steps, "seconds": round(seconds)}))
 
