@@ -83,16 +83,33 @@ def decoded(name: str, scenes: Mapping[str, torch.Tensor], made: Any) -> list[di
     return rows
 
 
+TRAINED = {
+    "rbw_osr": ("E2E-CNN", "no sensor"),
+    "test_auto": ("E2E-CNN", "2/T"),
+    "test_one_over_T": ("E2E-CNN", "1/T"),
+    "test_per_snapshot_told": ("E2E-CNN", "1/max(y), told"),
+    **{
+        f"test_per_snapshot_as_{scale}": ("E2E-CNN", f"1/max(y), not told, taken for {scale}")
+        for scale in ("0.125", "0.145", "0.167")
+    },
+    "test_per_snapshot_not_told": ("E2E-CNN", "1/max(y), not told, taken for 2/T"),
+    "retrained_auto": ("E2E-CNN, trained again", "2/T"),
+    "retrained_one_over_T": ("E2E-CNN, trained again", "1/T"),
+    "retrained_per_snapshot_told": ("E2E-CNN, trained again", "1/max(y), told"),
+    "retrained_per_snapshot_not_told": ("E2E-CNN, trained again", "1/max(y), not told"),
+}
+"""Folders of RUNS, which docs/results/aperture.md says how to make: the network, and the reading that it meets."""
+
+
 def trained(folder: Path) -> list[dict[str, Any]]:
-    """Return the scores of every run in a folder, whose name says what it is; losses are to ``rbw_osr``."""
+    """Return the scores of the runs in a folder, as :data:`TRAINED` names them; losses are to ``rbw_osr``."""
     rows: list[dict[str, Any]] = []
     first = read_json(folder / "rbw_osr" / "metrics.json", RunMetrics).mean
-    for path in sorted(folder.glob("*/metrics.json")):
-        mean = read_json(path, RunMetrics).mean
+    for name, (decoder, reading) in TRAINED.items():
+        mean = read_json(folder / name / "metrics.json", RunMetrics).mean
         scores, reference = ([values[key] for key in ("psnr", "ssim", "qscore")] for values in (mean, first))
         loss = [now - before for now, before in zip(scores, reference, strict=True)]
-        text = path.parent.name.replace("_", " ")
-        rows.append({"decoder": "E2E-CNN", "reading": text, "scores": scores, "loss": loss})
+        rows.append({"decoder": decoder, "reading": reading, "scores": scores, "loss": loss})
     return rows
 
 
