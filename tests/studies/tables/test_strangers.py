@@ -16,8 +16,8 @@ from PIL import Image
 from sci_lightning.errors import BadInput
 from sci_lightning.files import folder
 from sci_lightning.files.json_file import LARGEST_FILE
+from sci_lightning.studies.figures import mosaic
 from sci_lightning.studies.figures.mosaic import mosaics
-from sci_lightning.studies.tables import mosaic
 from sci_lightning.studies.tables.grid import Grid
 from sci_lightning.studies.tables.run import find_runs, read_run
 from sci_lightning.studies.tables.score_table import run_table
