@@ -1,6 +1,6 @@
 # make train: set up and run the quickstart; make diagnose: hide an effect, find it; make test: set up and run the tests;
 # make tables: train every row of the paper's tables, 45 minutes of one core each (MINUTES=10: less; STEPS=4000: so many steps in
-# place of minutes, alike on every machine and GPU; WORKERS=1: one at a time);
+# place of minutes, alike on every machine and GPU; WORKERS=2: so many at a time);
 # interrupted in whatever way, the same line goes on; make smoke-tables: every row for seconds, no figures;
 # make relay: a lease of this machine's GPU for the large trainings that docs/results/relay.json wants next (LEASE=540 seconds, FOOTAGE=../shared/data);
 # make speedrun CLIPS=.. VALIDATION=.. SCENES=..: the best recipe of half an hour on two cores; interrupted, the same line goes on
@@ -32,8 +32,9 @@ diagnose: $(READY)
 # rows out, LABEL=name keeps results of their own, SEEDS= and OTHER_SEEDS= say how many of the rows that decide claims and of the others,
 # SCALE=gpu30 trains the rows at another scale
 tables: $(READY)
+	$(if $(WORKERS),$(INSTALL) '.[launchers]')
 	$(BIN)/python -m sci_lightning.tables.rows overrides='"$(WITH)"' $(if $(MINUTES),core_minutes=$(MINUTES)) $(if $(STEPS),steps=$(STEPS)) \
-	  $(if $(WORKERS),workers=$(WORKERS)) $(if $(ONLY),'only=$(ONLY)') $(if $(LABEL),label=$(LABEL)) \
+	  $(if $(WORKERS),hydra/launcher=joblib hydra.launcher.n_jobs=$(WORKERS)) $(if $(ONLY),'only=$(ONLY)') $(if $(LABEL),label=$(LABEL)) \
 	  $(if $(SEEDS),seeds=$(SEEDS)) $(if $(OTHER_SEEDS),other_seeds=$(OTHER_SEEDS)) $(if $(SCALE),row_scale=$(SCALE))
 
 smoke-tables: $(READY)

@@ -60,7 +60,7 @@ def run(name: str, task: Task) -> None:
         words = sorted(sys.argv[1:], key=lambda word: word not in ("-m", "--multirun"))  # wherever among the settings
         store_defaults()
         arguments = _hydra_arguments(name, words)
-        job = _job(name, task, debug)
+        job = job_of(name, task, debug)
         with _process_state([sys.argv[0], *arguments], full_errors=True):
             hydra.main(version_base="1.3", config_path=str(CONF), config_name=name)(job)()
     except (KeyboardInterrupt, SystemExit) as stop:
@@ -94,7 +94,7 @@ def _hydra_arguments(name: str, words: Sequence[str]) -> list[str]:
     return defer_to_rows(adopt_encoder_files(with_stored_choices(words) if name == "train" else words))
 
 
-def _job(name: str, task: Task, debug: bool) -> Callable[[DictConfig], Any]:
+def job_of(name: str, task: Task, debug: bool = False) -> Callable[[DictConfig], Any]:
     """Return what Hydra calls, once or for every row of a sweep: take the folder, run the task."""
     words = sys.argv
 
@@ -112,7 +112,8 @@ def _job(name: str, task: Task, debug: bool) -> Callable[[DictConfig], Any]:
                 composition = complete(composition, name, row=True)
             # processes that this one starts begin with the command line that this one was started with
             alone = in_folder and cfg.get("job") is None  # jobs share the folder of their sweep
-            with _process_state(words, full_errors=debug), run_folder(cfg.out) if alone else nullcontext():
+            folder = run_folder(cfg.out, wait=bool(cfg.get("resume")) and in_sweep()) if alone else nullcontext()
+            with _process_state(words, full_errors=debug), folder:
                 return task(composition)
         except Exception as error:
             if in_sweep():

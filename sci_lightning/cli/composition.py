@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -95,6 +96,21 @@ def store_defaults() -> None:
     ConfigStore.instance().store("search_defaults", {"search": asdict(SearchSettings())})
 
 
+@contextmanager
+def hydra_of(command: str) -> Iterator[Any]:
+    """Yield a Hydra that composes a command; that of the running command is put aside, since there can be one only."""
+    store_defaults()
+    running = GlobalHydra.instance().hydra
+    GlobalHydra.instance().clear()
+    try:
+        with hydra.initialize_config_dir(str(CONF), job_name=command, version_base="1.3"):
+            yield GlobalHydra.instance().hydra
+    finally:
+        GlobalHydra.instance().clear()
+        if running is not None:
+            GlobalHydra.instance().initialize(running)
+
+
 def compose(command: str, overrides: Iterable[str] = ()) -> Composition:
     """Compose the configuration that a command would run with.
 
@@ -106,18 +122,11 @@ def compose(command: str, overrides: Iterable[str] = ()) -> Composition:
         BadInput: an override that cannot be read, or that chooses or sets what does not exist; with the line that a
             command prints.
     """
-    store_defaults()
-    running = GlobalHydra.instance().hydra  # of the command that is running, which Hydra allows one of
-    GlobalHydra.instance().clear()
     try:
-        with hydra.initialize_config_dir(str(CONF), job_name=command, version_base="1.3"):
+        with hydra_of(command):
             cfg = hydra.compose(command, list(overrides), return_hydra_config=True)
     except (HydraException, OmegaConfBaseException) as error:
         raise BadInput(one_line(error)) from error
-    finally:
-        GlobalHydra.instance().clear()
-        if running is not None:
-            GlobalHydra.instance().initialize(running)
     composition = from_hydra(cfg, cfg.hydra)
     with open_dict(cfg):
         cfg.pop("hydra")

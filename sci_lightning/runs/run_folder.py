@@ -34,11 +34,15 @@ def is_first_process() -> bool:
 
 
 @contextmanager
-def run_folder(out: str | Path) -> Iterator[None]:
+def run_folder(out: str | Path, wait: bool = False) -> Iterator[None]:
     """Keep a folder for this process.
 
     The operating system gives the folder free when the process ends, however it ends. The other processes of the same
     run (of several devices) share the first one's.
+
+    Args:
+        out: the folder.
+        wait: until another process that writes there has ended.
 
     Raises:
         BadInput: another process writes there; the message says which.
@@ -47,7 +51,7 @@ def run_folder(out: str | Path) -> Iterator[None]:
         yield
         return
     folder = Path(out).resolve()
-    lock(folder)
+    lock(folder, wait)
     try:
         yield
     finally:
@@ -96,14 +100,15 @@ def undo_if_refused(out: str | Path, job: str) -> None:
             return
 
 
-def lock(folder: Path) -> None:
+def lock(folder: Path, wait: bool = False) -> None:
     """Lock a folder until the end of :func:`run_folder` or of the process; raises as that does."""
     path = folder / ".lock"
     while folder not in _locks:
         make_folder(folder, exist_ok=True)
         file = _lock_file(path)
         try:
-            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # unlike flock: not inherited by workers that live on
+            # unlike flock: not inherited by workers that live on
+            fcntl.lockf(file, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
         except (BlockingIOError, PermissionError) as error:
             file.seek(0)
             holder = file.read(300).strip() or "another process"

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import json
-import os
 import shlex
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from annotated_types import DocInfo
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, compose, plain
-from sci_lightning.cli.settings import CommandSettings, FolderName, Name, Place, Workers
+from sci_lightning.cli.settings import CommandSettings, FolderName, Name, Place
 from sci_lightning.configuration.bounds import Positive, Repeats
 from sci_lightning.console import PlainConsole
 from sci_lightning.errors import BadInput, MachineFailure
+
+if TYPE_CHECKING:
+    from sci_lightning.studies.tables.rows import TableRow
 
 
 @dataclass(frozen=True)
@@ -32,14 +33,14 @@ class TablesRowsSettings(CommandSettings):
     seeds: Repeats
     other_seeds: Repeats
     only: Sequence[Name] | None
-    workers: Workers | None
+    threads: Repeats
     overrides: Annotated[str, DocInfo("overrides of every training, as one text")] | None
     label: FolderName | None
     results: Place
 
 
 def tables_rows(composition: Composition) -> None:
-    """Train the rows that are not kept yet, a few at a time, and write what each found as it ends.
+    """Train the rows that are not kept yet, where Hydra's launcher runs them; each is kept as it ends.
 
     Args:
         composition: of ``conf/tables_rows.yaml``.
@@ -49,23 +50,21 @@ def tables_rows(composition: Composition) -> None:
         MachineFailure: rows failed; the others were trained.
     """
     from sci_lightning.cli.commands.tables import tables
+    from sci_lightning.cli.launched_rows import launch_rows, launcher_words
     from sci_lightning.cli.next_command import override, print_next
-    from sci_lightning.runs.provenance import provenance_now
     from sci_lightning.studies.tables.paper_figures import paper_figures
-    from sci_lightning.studies.tables.row_queue import RowQueue
-    from sci_lightning.studies.tables.rows import TableRow, check_recipe, is_kept, keep, plan
+    from sci_lightning.studies.tables.rows import check_recipe, is_kept, plan
 
     cfg, console, out = composition.cfg, PlainConsole(), Path(composition.cfg.out).resolve()
     budget = _budget(composition)
     label = budget.label
-    results = Path(cfg.results) / label
+    results = (Path(cfg.results) / label).resolve()
     more = [f"scale={cfg.row_scale}", *budget.overrides]
     try:
         more += shlex.split(cfg.overrides or "")
     except ValueError as error:
         raise BadInput(f"overrides={cfg.overrides}: {str(error).lower()}; give words as on a command line") from error
-    paper = paper_figures()["tables"]
-    rows = plan(paper, cfg.seeds, cfg.only or (), cfg.other_seeds)
+    rows = plan(paper_figures()["tables"], cfg.seeds, cfg.only or (), cfg.other_seeds)
     if not rows:
         raise BadInput(f"only={list(cfg.only)}: no row is called so; name tables (table5) or parts of rows (e2e_cnn)")
     for row in rows:
@@ -74,36 +73,56 @@ def tables_rows(composition: Composition) -> None:
             if is_kept(row, results):
                 check_recipe(row, results, config)
     waiting = [row for row in rows if not is_kept(row, results)]
-
-    def say(line: str) -> None:
-        left = sum(not is_kept(row, results) for row in rows)
-        hours = f", about {left * budget.minutes / 60:.1f} core hours" if budget.minutes else ""
-        console.print(f"{datetime.now():%H:%M:%S} {line}; {left} of {len(rows)} rows left{hours}", soft_wrap=True)
-        sys.stdout.flush()
-
-    def finished(row: TableRow) -> None:
-        words = shlex.join(f"{key}={cfg[key]}" for key in ("row_scale", "core_minutes", "steps", "label") if cfg[key])
-        made_by = f"python -m sci_lightning.tables.rows {words}"
-        origin = provenance_now(_trained_on(out / label / row.folder), budget.scale, [row.seed], made_by)
-        (path, *_) = keep(row, out / label / row.folder, results, origin)
-        say(f"kept {path}")
-
-    def command(row: TableRow) -> list[str]:
-        places = [override(key, str(out / label / row.folder)) for key in ("out", "hydra.run.dir")]
-        return ["-m", "sci_lightning.train", *row.overrides(), *more, "resume=true", *places]
-
-    workers = min(cfg.workers or os.cpu_count() or 1, max(1, len(waiting)))
-    say(f"{workers} rows at a time, one thread each, results in {results}")
-    queue = RowQueue(waiting, out / label, command, finished, say, workers)
-    queue.run()
+    hours = f", about {len(waiting) * budget.minutes / 60:.1f} core hours" if budget.minutes else ""
+    console.print(f"{len(waiting)} of {len(rows)} rows left{hours}; results in {results}", soft_wrap=True)
+    words = shlex.join(f"{key}={cfg[key]}" for key in ("row_scale", "core_minutes", "steps", "label") if cfg[key])
+    row_task = KeptTraining(waiting, results, budget.scale, f"python -m sci_lightning.tables.rows {words}", cfg.threads)
+    folder = override("out", str(out / label))
+    overrides = [[*row.overrides(), *more, "resume=true", folder] for row in waiting]
+    outcomes = launch_rows("train", row_task, overrides, folder, launcher_words()) if waiting else []
     if any(is_kept(row, results) for row in rows):
         where = [override("runs", str(results)), override("out", str(out / label / "tables")), "mosaic=0"]
         tables(compose("tables", where))
-    if queue.failed:
-        row, reason = next(iter(queue.failed.items()))
-        names = ", ".join(f"{row.name} seed {row.seed}" for row in queue.failed)
-        raise MachineFailure(f"{len(queue.failed)} of {len(rows)} rows failed ({names}); {row.name}: {reason}")
+    if failed := [(waiting[one.number], one.line) for one in outcomes if one.outcome != "done"]:
+        names = ", ".join(f"{row.name} seed {row.seed}" for row, _ in failed)
+        row, reason = failed[0]
+        raise MachineFailure(f"{len(failed)} of {len(rows)} rows failed ({names}); {row.name}: {reason}")
     print_next(console, "make documentation")
+
+
+@dataclass(frozen=True)
+class KeptTraining:
+    """Trains a row of the tables, in whatever process, and keeps its metrics as it ends.
+
+    Attributes:
+        rows: in the order in which they were handed to the launcher.
+        results: folder of all rows' results.
+        scale, command: for the provenance.
+        threads: of each training.
+    """
+
+    rows: list[TableRow]
+    results: Path
+    scale: str
+    command: str
+    threads: int
+
+    def __call__(self, composition: Composition) -> float | None:
+        import torch
+        from hydra.core.hydra_config import HydraConfig
+
+        from sci_lightning.cli.commands.train import train
+        from sci_lightning.runs.provenance import provenance_now
+        from sci_lightning.runs.run_folder import is_first_process
+        from sci_lightning.studies.tables.rows import keep
+
+        torch.set_num_threads(self.threads)
+        psnr, row, run = train(composition), self.rows[int(HydraConfig.get().job.num)], Path(composition.cfg.out)
+        if is_first_process():
+            origin = provenance_now(_trained_on(run), self.scale, [row.seed], self.command)
+            (path, *_) = keep(row, run, self.results, origin)
+            PlainConsole().print(f"{datetime.now():%H:%M:%S} kept {path}", soft_wrap=True)
+        return psnr
 
 
 @dataclass(frozen=True)

@@ -24,9 +24,9 @@ from sci_lightning.files.json_file import read_json, write_json
 from sci_lightning.runs.provenance import commit, machine_name, provenance_now
 from sci_lightning.runs.results import RunMetrics
 from sci_lightning.runs.run_folder import is_locked
+from sci_lightning.studies.relay.lease_processes import Leased, LeaseProcesses
 from sci_lightning.studies.relay.relay_archive import pack, unpack
 from sci_lightning.studies.relay.relay_queue import Lease, RelayQueue, RelayTraining
-from sci_lightning.studies.tables.row_queue import RowQueue
 from sci_lightning.studies.tables.rows import without_places
 
 LARGEST_FLOAT32 = 14 * 2**20
@@ -43,19 +43,6 @@ CHECKPOINTS = 8
 
 BRING_SECONDS = 30.0
 """Between two copies to the archive while nothing else asks for one."""
-
-
-@dataclass(frozen=True)
-class _Leased:
-    """A training in its present lease, as the queue of processes takes it; ``number`` counts its leases from 0."""
-
-    name: str
-    number: int
-    seed: int = 0
-
-    @property
-    def folder(self) -> str:
-        return f"{self.name}/lease_{self.number + 1}"
 
 
 @dataclass
@@ -143,9 +130,9 @@ class Relay:
 
     def _lease(self, trainings: Iterable[RelayTraining], seconds: float) -> dict[str, str]:
         """Run the trainings at once; returns why those failed that did, by their names."""
-        rows = [_Leased(training.name, len(training.leases)) for training in trainings]
+        rows = [Leased(training.name, len(training.leases)) for training in trainings]
 
-        def command(row: _Leased) -> list[str]:
+        def command(row: Leased) -> list[str]:
             return self._command(self.queue.training(row.name), row, seconds - self.reserve)
 
         def export() -> None:
@@ -158,13 +145,13 @@ class Relay:
             self._started[row.name] = time.monotonic()
             about = self.queue.training(row.name)
             self.say(f"{row.name}, lease {row.number + 1}: {about.what}")
-        queue = RowQueue(rows, self.state, command, self._finished, self.say, len(rows), seconds, export)
-        queue.run()
+        processes = LeaseProcesses(rows, self.state, command, self._finished, self.say, seconds, export)
+        processes.run()
         for row in rows:
             self._end(row)
-        return {row.name: reason for row, reason in queue.failed.items()}
+        return {row.name: reason for row, reason in processes.failed.items()}
 
-    def _command(self, training: RelayTraining, row: _Leased, seconds: float) -> list[str]:
+    def _command(self, training: RelayTraining, row: Leased, seconds: float) -> list[str]:
         """Return the words that run a training, or another command, in its folder."""
         words = ["-m", f"sci_lightning.{training.command}", *self.recipe(training)]
         words.append(self.override("out", str(self.state / row.folder)))
@@ -184,7 +171,7 @@ class Relay:
         seeds = [f"{part}.seed={row.number}" for part in ("data", "system")]  # other clips, windows and noise
         return [*words, *start, *limits, *seeds]
 
-    def _export(self, row: _Leased) -> None:
+    def _export(self, row: Leased) -> None:
         """Keep the weights of a training's last checkpoint, if it has written another one, and what led to them."""
         checkpoint = self.state / row.folder / "checkpoints" / "last.ckpt"
         if not checkpoint.is_file() or self._exported.get(row.name) == checkpoint.stat().st_mtime:
@@ -220,9 +207,9 @@ class Relay:
         for folder in sorted((self.state / training.name).glob("lease_*")) if training.command == "train" else ():
             while is_locked(folder):
                 time.sleep(0.2)
-            self._end(_Leased(training.name, int(folder.name.removeprefix("lease_")) - 1))
+            self._end(Leased(training.name, int(folder.name.removeprefix("lease_")) - 1))
 
-    def _end(self, row: _Leased) -> None:
+    def _end(self, row: Leased) -> None:
         """Keep what a training that was cut off or killed has left; one that was tested before has finished."""
         run = self.state / row.folder
         if self.queue.training(row.name).command == "train" and run.is_dir():
@@ -232,7 +219,7 @@ class Relay:
             else:
                 shutil.rmtree(run)
 
-    def _finished(self, row: _Leased) -> None:
+    def _finished(self, row: Leased) -> None:
         """Keep the results of a training that was tested, or of a command that has ended."""
         run, spent = self.state / row.folder, time.monotonic() - self._started.get(row.name, math.inf)
         kind = self.queue.training(row.name).command
@@ -257,7 +244,7 @@ class Relay:
             )
         self._bring()
 
-    def _keep(self, row: _Leased, metrics: dict[str, Any]) -> None:
+    def _keep(self, row: Leased, metrics: dict[str, Any]) -> None:
         """Keep the metrics of a training as they are after all of its leases, where the tables look for them."""
         leases = self.queue.training(row.name).leases
         seconds = sum(lease.seconds for lease in leases)
@@ -271,7 +258,7 @@ class Relay:
         }
         write_json(kept, self.path.parent / "tables" / "relay" / row.name / f"seed{row.seed}.json")
 
-    def _give(self, row: _Leased, lease: Lease) -> None:
+    def _give(self, row: Leased, lease: Lease) -> None:
         self._write(self.queue.given(row.name, lease, row.number))
 
     def _write(self, queue: RelayQueue) -> None:

@@ -57,7 +57,7 @@ def test_a_part_of_the_rows() -> None:
 
 ROW = TableRow("table2", "rbw_osr", 1, "e2e_cnn", 2, ("rbw_sr",))
 ORIGIN = Provenance(machine="an abacus", date="2026-11-22", commit="0123abcd", scale="smoke", seeds="2")
-SMOKE = ["row_scale=smoke", "only=[rbw_osr_1bit_e2e_cnn]", "seeds=1", "workers=1", "results=kept"]
+SMOKE = ["row_scale=smoke", "only=[rbw_osr_1bit_e2e_cnn]", "seeds=1", "results=kept"]
 QUICK = 'overrides="metrics.qscore=null data.scenes_count=1 logger=none decoder.channels=4"'
 
 
@@ -95,7 +95,7 @@ def test_what_is_kept(made: Made, tmp_path: Path) -> None:
 def test_a_row_is_trained_once(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
     done = command("tables.rows", *SMOKE, QUICK)
     assert done.returncode == 0, done.stderr + done.stdout
-    assert "0 of 1 rows left" in done.stdout
+    assert "1 of 1 rows left" in done.stdout and "kept " in done.stdout
     kept = tmp_path / "kept" / "smoke" / "rbw_osr_1bit_e2e_cnn" / "seed0.json"
     before = kept.stat().st_mtime_ns
     content = json.loads(kept.read_text())
@@ -105,7 +105,8 @@ def test_a_row_is_trained_once(command: Callable[..., subprocess.CompletedProces
     written = tmp_path / "outputs/tables_rows/smoke/smoke/tables"
     assert not [*written.glob("mosaic*"), *written.glob("retrained*")]  # mosaic=0: no checkpoint is needed
     again = command("tables.rows", *SMOKE, QUICK)
-    assert again.returncode == 0 and "started" not in again.stdout and kept.stat().st_mtime_ns == before
+    assert again.returncode == 0 and "0 of 1 rows left" in again.stdout and kept.stat().st_mtime_ns == before
+    assert not list((tmp_path / "outputs").rglob(".rows*"))
 
 
 def test_a_label_that_is_a_path(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
@@ -130,17 +131,17 @@ def test_another_budget_has_results_of_its_own(
     tmp_path: Path,
 ) -> None:
     from sci_lightning.cli import command as command_frame
+    from sci_lightning.cli import launched_rows
     from sci_lightning.cli.commands import tables_rows as rows
-    from sci_lightning.studies.tables.row_queue import RowQueue
 
     commands: list[list[str]] = []
-    monkeypatch.setattr(RowQueue, "run", lambda self: commands.extend(self.command(row) for row in self.rows))
+    monkeypatch.setattr(launched_rows, "launch_rows", lambda command, task, rows, *_: commands.extend(rows) or [])
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.argv", ["tables_rows", *given, "only=[rbw_sr_1bit_e2e_cnn]", "seeds=1"])
     command_frame.run("tables_rows", rows.tables_rows)
     (words,) = commands
     assert {*expected, "scale=cpu", "resume=true", "encoder=rbw_sr", "decoder=e2e_cnn", "seed=0"} < set(words)
-    assert any(f"{folder}/rbw_sr_1bit/e2e_cnn/seed0" in word for word in words)
+    assert any(word.startswith("out=") and word.endswith(f"/{folder}") for word in words)
 
 
 def test_two_budgets(command: Callable[..., subprocess.CompletedProcess[str]]) -> None:
