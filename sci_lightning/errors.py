@@ -17,7 +17,10 @@ WRITE_FAILED = re.compile(
 """What torch and NumPy say of a file that they could not write, without the reason."""
 
 
-STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+TIME_IS_UP = (signal.SIGUSR1, signal.SIGUSR2)
+"""Signals that a scheduler sends before it ends a job at its time limit (``sbatch --signal``, submitit)."""
+
+STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, *TIME_IS_UP)
 """Signals that ask a program to stop. Terminals, ``timeout`` and schedulers send them to all of its processes."""
 
 INTERRUPTED = 130

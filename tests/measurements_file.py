@@ -40,7 +40,12 @@ class MeasurementsFile:
             "command": command,
         }
 
-    def write(self, columns: Sequence[tuple[str, str, int | None]], rows: Sequence[Mapping[str, Any]]) -> None:
+    def write(
+        self,
+        columns: Sequence[tuple[str, str, int | None]],
+        rows: Sequence[Mapping[str, Any]],
+        notes: Sequence[str] = (),
+    ) -> None:
         """Write the rows; every column has a key, a title, and digits behind the point (None for a text)."""
         described = [
             {"key": key, "title": title} | ({} if digits is None else {"digits": digits})
@@ -52,5 +57,6 @@ class MeasurementsFile:
             "provenance": self._provenance,
             "columns": described,
             "rows": rows,
+            **({"notes": notes} if notes else {}),
         }
         self.path.write_text(json.dumps(content, indent=1) + "\n")

@@ -39,6 +39,7 @@ def test_all_groups_are_known() -> None:
         "encoder/mask",
         "encoder/sensor",
         "experiment",
+        "hparams_search",
         "logger",
         "metric",
         "scale",

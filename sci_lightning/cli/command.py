@@ -25,7 +25,7 @@ from sci_lightning.cli.stored_run import with_stored_choices
 from sci_lightning.cli.sweep import defer_to_rows, finished_rows, refuse_uncomposed_row
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.console import silence_libraries, warn
-from sci_lightning.errors import INTERRUPTED, InputWarning
+from sci_lightning.errors import INTERRUPTED, BadInput, InputWarning
 from sci_lightning.plain_text import one_printable_line
 from sci_lightning.runs.run_folder import is_first_process, run_folder, undo_if_refused
 
@@ -75,6 +75,8 @@ def run(name: str, task: Task) -> None:
         if debug:
             raise error from error.__cause__
         failed.append((one_line(error), exit_status(error)))
+        if isinstance(error, BadInput):  # a sweep that its launcher refuses: none of its rows has begun
+            finished_rows()
     finally:
         failed = _end_sweep(interrupted) + failed
     for line, _ in failed:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from argparse import ArgumentParser
 from collections.abc import Iterable, Sequence
+from importlib.util import find_spec
 from typing import NoReturn
 
 from yaml import YAMLError, safe_load
@@ -38,6 +39,16 @@ SHOWN = ("job", "hydra", "all")
 """Values of Hydra's ``--cfg``."""
 ABOUT = ("all", "config", "defaults", "defaults-tree", "plugins", "searchpath")
 """Values of Hydra's ``--info``, which may stand alone."""
+
+PLUGINS = {
+    "hydra/launcher=joblib": ("hydra_joblib_launcher", "launchers"),
+    "hydra/launcher=submitit_local": ("hydra_submitit_launcher", "launchers"),
+    "hydra/launcher=slurm": ("hydra_submitit_launcher", "launchers"),
+    "hydra/launcher=ray": ("hydra_ray_launcher", "ray"),
+    "hydra/sweeper=optuna": ("hydra_optuna_sweeper", "optuna"),
+    "hparams_search=optuna": ("hydra_optuna_sweeper", "optuna"),
+}
+"""Choices that need a plug-in of Hydra: its module, and the extra of this package that brings it."""
 
 
 class _Parser(ArgumentParser):
@@ -89,9 +100,12 @@ def check_choices(arguments: Iterable[str]) -> None:
         arguments: of the command line.
 
     Raises:
-        BadInput: one that is no name; the message lists the choices.
+        BadInput: one that is no name, the message lists the choices; or one whose plug-in is not installed.
     """
     for argument in arguments:
+        module, extra = PLUGINS.get(argument, (None, None))
+        if module is not None and find_spec(f"hydra_plugins.{module}") is None:
+            raise BadInput(f"{argument}: not installed; pip install 'sci-lightning[{extra}]'")
         key, equals, value = argument.partition("=")
         group = key.lstrip("+").partition("@")[0]
         if not equals or not group or not (CONF / group).is_dir():

@@ -26,6 +26,7 @@ from sci_lightning.configuration.build import build
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.errors import BadInput
+from sci_lightning.runs.cluster_job import restarts_of_job
 from sci_lightning.studies.tables.paper_figures import swept
 
 
@@ -43,6 +44,7 @@ def _by(key: str, default: Any, cases: Mapping[str, Any], *, _root_: DictConfig)
 
 OmegaConf.register_new_resolver("by", _by, replace=True)
 OmegaConf.register_new_resolver("swept", swept, replace=True)
+OmegaConf.register_new_resolver("restarted", lambda: restarts_of_job() > 0, replace=True)
 
 
 @dataclass(frozen=True)

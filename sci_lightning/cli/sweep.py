@@ -11,6 +11,7 @@ import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr
 from dataclasses import asdict, dataclass, field
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -35,6 +36,7 @@ from sci_lightning.cli.failure_line import exit_status, one_line, root_cause
 from sci_lightning.cli.hydra_callbacks import check_folder, choices_of
 from sci_lightning.errors import BadInput, NoSuchCombination
 from sci_lightning.files.atomic_file import atomic_write
+from sci_lightning.runs.cluster_job import ROW_RESTARTS, job_of_this_process
 from sci_lightning.runs.run_folder import is_first_process
 
 CHANGES_EVERYTHING = ("experiment", "scale")
@@ -56,6 +58,7 @@ class RowOutcome:
         line: for rows that are not done, what is wrong and what would be right.
         status: the exit status that it calls for, 0 if it is done or skipped.
         scores: means over the scenes, by metric, of commands that leave a ``metrics.json``.
+        job: of the cluster that ran it last: ``host``, ``id`` and ``restarts``; empty on this machine.
     """
 
     number: int
@@ -64,6 +67,7 @@ class RowOutcome:
     line: str = "interrupted or killed before its end"
     status: int = 1
     scores: Mapping[str, float] = field(default_factory=dict)
+    job: Mapping[str, Any] = field(default_factory=dict)
 
 
 def is_skipped(error: BaseException) -> bool:
@@ -83,15 +87,22 @@ class RowFiles:
         self.folder = Path(folder)
 
     def write(self, row: RowOutcome) -> None:
-        with atomic_write(self.folder / f"{row.number}.json") as temporary:
+        with atomic_write(self._path(row.overrides)) as temporary:
             temporary.write_text(json.dumps(asdict(row)))
+
+    def read(self, overrides: Sequence[str]) -> RowOutcome | None:
+        """Return what is known of the row with these overrides, None if it is not planned."""
+        path = self._path(overrides)
+        return RowOutcome(**json.loads(path.read_text())) if path.is_file() else None
 
     def take(self) -> list[RowOutcome]:
         """Read all rows, in their order, and remove the files."""
-        files = sorted(self.folder.glob("[0-9]*.json"), key=lambda path: int(path.stem))
-        rows = [RowOutcome(**json.loads(path.read_text())) for path in files]
+        rows = [RowOutcome(**json.loads(path.read_text())) for path in self.folder.glob("*.json")]
         shutil.rmtree(self.folder, ignore_errors=True)
-        return rows
+        return sorted(rows, key=lambda row: row.number)
+
+    def _path(self, overrides: Sequence[str]) -> Path:
+        return self.folder / f"{sha256(json.dumps(list(overrides)).encode()).hexdigest()[:20]}.json"
 
 
 def refuse_uncomposed_row(settings: HydraConf) -> None:
@@ -171,17 +182,18 @@ class RowLoader(ConfigLoader):
     def __init__(self, loader: ConfigLoader, rows: RowFiles) -> None:
         self.loader, self.rows = loader, rows
         self.process = os.getpid()
-        self.planned: list[list[str]] = []
+        self.planned = 0
 
     def load_sweep_config(self, master_config: DictConfig, sweep_overrides: list[str]) -> DictConfig:
         overrides = list(sweep_overrides)
-        if os.getpid() == self.process and overrides not in self.planned:
-            self.rows.write(RowOutcome(len(self.planned), overrides))
-            self.planned.append(overrides)
+        planned = self.rows.read(overrides)
+        if planned is None and os.getpid() == self.process:
+            planned, self.planned = RowOutcome(self.planned, overrides), self.planned + 1
+            self.rows.write(planned)
         try:
             row = self.loader.load_sweep_config(master_config, sweep_overrides)
-            if is_first_process() and overrides in self.planned:
-                check_folder(_folder(row, self.planned.index(overrides)), row)
+            if is_first_process() and planned is not None:
+                check_folder(_folder(row, planned.number), row)
         except Exception as error:
             row = _uncomposed(master_config, sweep_overrides, error)
         return row
@@ -267,17 +279,39 @@ class SweepRows(Callback):
         if hydra is not None:
             hydra.config_loader = RowLoader(hydra.config_loader, RowFiles(self.folder))
 
+    def on_job_start(self, config: DictConfig, **kwargs: Any) -> None:
+        if self.folder is None or not is_row(config.hydra) or not _job() or not is_first_process():
+            return
+        rows, place = RowFiles(self.folder), _place(config)
+        earlier = rows.read(place[1])
+        os.environ[ROW_RESTARTS] = str(earlier.job["restarts"] + 1 if earlier is not None and earlier.job else 0)
+        rows.write(RowOutcome(*place, job=_job()))
+
     def on_job_end(self, config: DictConfig, job_return: JobReturn, **kwargs: Any) -> None:
         if self.folder is None or not is_row(config.hydra):
             return
-        number, overrides = int(config.hydra.job.num), list(config.hydra.overrides.task)
+        place = _place(config)
         try:
             with redirect_stderr(io.StringIO()):  # asked for its result, a failed job writes on the terminal
                 _ = job_return.return_value
         except Exception as error:
             outcome = "skipped" if is_skipped(root_cause(error)) else "failed"
-            row = RowOutcome(number, overrides, outcome, one_line(error), exit_status(error))
+            row = RowOutcome(*place, outcome, one_line(error), exit_status(error), job=_job())
             job_return.return_value, job_return.status = None, JobStatus.COMPLETED
         else:
-            row = RowOutcome(number, overrides, "done", "", 0, mean_scores(Path(config.hydra.runtime.output_dir)))
+            scores = mean_scores(Path(config.hydra.runtime.output_dir))
+            row = RowOutcome(*place, "done", "", 0, scores, _job())
         RowFiles(self.folder).write(row)
+
+
+def _place(config: DictConfig) -> tuple[int, list[str]]:
+    """Return the number of a row and its overrides as they were written."""
+    overrides = OmegaConf.to_container(config.hydra.overrides.task, resolve=False)
+    if not isinstance(overrides, list):
+        raise TypeError("expected a list")
+    return int(config.hydra.job.num), overrides
+
+
+def _job() -> dict[str, Any]:
+    job = job_of_this_process()
+    return {} if job is None else job.as_json()

@@ -64,7 +64,11 @@ def sweep_table(rows: Sequence[RowOutcome]) -> Table:
     for metric in metrics:
         table.add_column(UNITS.get(metric, metric), justify="right", no_wrap=True)
     table.add_column("outcome")
+    where = ["host", "id", "restarts"] if any(row.job for row in rows) else []
+    for heading in where:
+        table.add_column("job" if heading == "id" else heading)
     for row, name in zip(rows, names, strict=True):
         scores = [number(metric, row.scores[metric]) if metric in row.scores else "" for metric in metrics]
-        table.add_row(name, *scores, row.outcome, style=STYLES.get(row.outcome, ""))
+        job = [str(row.job.get(key, "")) for key in where]
+        table.add_row(name, *scores, row.outcome, *job, style=STYLES.get(row.outcome, ""))
     return table

@@ -9,6 +9,7 @@ from rich.table import Table
 
 from sci_lightning.console import PlainConsole
 from sci_lightning.files.json_file import JsonFile, says
+from sci_lightning.runs.cluster_job import ClusterJob
 from sci_lightning.runs.provenance import Provenance
 
 MOST = 10**18
@@ -45,6 +46,7 @@ class RunMetrics(JsonFile):
     )
     config: Mapping[str, Any] = says("the run's plain configuration")
     mask_score: float | None = says("dB expected of a linear decoder behind the mask, in kept rows", default=None)
+    job: ClusterJob | None = says("of the cluster that computed the run", default=None)
     provenance: Provenance | None = says("in rows that are kept for the tables", default=None)
 
     def as_json(self) -> dict[str, Any]:

@@ -68,7 +68,7 @@ def check_nothing_lost(out: Path, training: bool, resume: bool = False, ckpt_pat
         return
     last = out / "checkpoints" / "last.ckpt"
     own = ckpt_path is not None and last.is_file() and Path(ckpt_path).exists() and last.samefile(ckpt_path)
-    if present and not (resume or own or any(out.glob("hpc_ckpt_*.ckpt"))):  # Slurm starts the same command line again
+    if present and not (resume or own):
         raise BadInput(
             f"{out}: holds an earlier run ({present[0]}), which would be overwritten; resume=true keeps it and goes on "
             "where it stopped, another out= starts a new one"

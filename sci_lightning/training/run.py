@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +19,7 @@ from sci_lightning.encoder.encoder import check_recording
 from sci_lightning.errors import BadInput
 from sci_lightning.files.json_file import write_json
 from sci_lightning.runs.checkpoint import Checkpoint, read_checkpoint
+from sci_lightning.runs.cluster_job import job_of_this_process
 from sci_lightning.runs.precision import describe_precision, device_of_accelerator, resolve_precision
 from sci_lightning.runs.results import RunMetrics, hparams
 from sci_lightning.runs.resume import check_same_run, find_resumable_checkpoint, load_finished_metrics
@@ -32,7 +32,7 @@ from sci_lightning.training.scored_pipeline import ScoredPipeline
 from sci_lightning.training.scoring import build_metrics
 from sci_lightning.training.stop_signal import StopSignal
 from sci_lightning.training.system import System
-from sci_lightning.training.training_checkpoint import TrainingCheckpointIO, remove_slurm_checkpoints
+from sci_lightning.training.training_checkpoint import TrainingCheckpointIO
 from sci_lightning.training.video_data import VideoData
 from sci_lightning.weights import ANY_MASK
 
@@ -122,8 +122,6 @@ def run_training(
     system.run_config = {**system.run_config, "logger": with_run_ids(config.get("logger"), trainer.loggers)}
     trainer.fit(system, datamodule=data, ckpt_path=resumed)
     trainer.save_checkpoint(out / "checkpoints" / "last.ckpt")
-    if trainer.is_global_zero:
-        remove_slurm_checkpoints(out)
     if stop is not None:
         stop.act_at_once()
     return _test(system, trainer, data, run_config)
@@ -212,13 +210,12 @@ def _build_trainer(
     for callback in callbacks:
         if isinstance(callback, LastCheckpoint):
             callback.stop = stop
-    trainer: L.Trainer = build(
-        config["trainer"], "trainer", callbacks=callbacks, logger=loggers, plugins=[checkpoint_io]
-    )
+    plugins: list[Any] = [checkpoint_io]
+    if SLURMEnvironment.detect():
+        plugins.append(SLURMEnvironment(auto_requeue=False))  # the command queues its job again, see StopSignal
+    trainer: L.Trainer = build(config["trainer"], "trainer", callbacks=callbacks, logger=loggers, plugins=plugins)
     if config["system"].get("cuda_graph"):
         check_graphed(trainer.accumulate_grad_batches, trainer.world_size)
-    if stop is not None and SLURMEnvironment.detect():  # Lightning queues the job again
-        stop.leave(signal.SIGTERM)
     return trainer
 
 
@@ -271,4 +268,5 @@ def run_metrics(
         macs=count_macs(system.decoder, system.encoder.mask.frames, *system.encoder.size),
         config=config,
         training_steps=training_steps,
+        job=job_of_this_process(),
     )

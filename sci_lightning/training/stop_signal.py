@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and SIGHUP during a training: the first one finishes the step, the next one ends at once."""
+"""Signals to stop during a training: the first one finishes the step, the next one ends at once."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 import select
 import signal
 import stat
+import subprocess
 import sys
 import threading
 import time
@@ -15,7 +16,7 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any
 
-from sci_lightning.errors import INTERRUPTED, STOPS, MachineFailure
+from sci_lightning.errors import INTERRUPTED, STOPS, TIME_IS_UP, MachineFailure
 
 
 class Stopped(BaseException):
@@ -38,8 +39,11 @@ class StopSignal:
 
     Outside of the steps of a training a signal raises ``KeyboardInterrupt`` at once. Between :meth:`wait_for_step` and
     :meth:`act_at_once` the first signal only sets ``requested``, so that the step can be finished, and a later one ends
-    the process immediately. A signal that already has a handler (of a cluster's launcher, which requeues the job) or
-    that is ignored (SIGHUP under ``nohup``) is left alone.
+    the process immediately. A signal that already has a handler, or that is ignored (SIGHUP under ``nohup``), is left
+    alone.
+
+    A job of Slurm is asked to stop by SIGTERM, and by SIGUSR1 or SIGUSR2 before its time limit, whoever handled them
+    before. Slurm itself ends a job that does not stop, so that further signals change nothing.
 
     Where the terminal has closed or the reader of a pipe has ended, what is printed after the signal is dropped: it
     would raise an error before the last checkpoint is written.
@@ -56,12 +60,15 @@ class StopSignal:
         self._requested_at = 0.0
         self._before: dict[int, Any] = {}
         self._mine: set[int] = set()
+        self._job = os.environ.get("SLURM_JOB_ID")
+        self._time_is_up: int | None = None
 
     def __enter__(self) -> StopSignal:
         if threading.current_thread() is threading.main_thread():  # elsewhere Python allows no handlers
             self._before = {number: signal.getsignal(number) for number in STOPS}
             defaults = (signal.default_int_handler, signal.SIG_DFL)
             self._mine = {number for number, handler in self._before.items() if handler in defaults}
+            self._mine |= {signal.SIGTERM, *TIME_IS_UP} if self._job else set()
             self._install()
         return self
 
@@ -69,11 +76,24 @@ class StopSignal:
         for number in self._mine:
             signal.signal(number, self._before[number])
 
-    def leave(self, number: int) -> None:
-        """Restore the former handler of a signal."""
-        if number in self._mine:
-            self._mine.remove(number)
-            signal.signal(number, self._before[number])
+    def queue_again(self) -> None:
+        """Ask Slurm to start this job once more if its time was up; nothing happens after another signal.
+
+        Raises:
+            MachineFailure: submitit has not queued it, because it was started as often as it may be.
+            SystemExit: submitit has queued it, whose handler also counts how often.
+        """
+        if self._job is None or self._time_is_up is None:
+            return
+        if not callable(handler := self._before[self._time_is_up]):
+            subprocess.run(["scontrol", "requeue", self._job], check=False)
+            return
+        try:
+            handler(self._time_is_up, None)
+        except Exception as error:
+            raise MachineFailure(
+                f"its time was up ({error}); the same line goes on, with hydra.launcher.max_num_timeout= more often"
+            ) from error
 
     def wait_for_step(self) -> None:
         """Let the first signal from now on only set ``requested``."""
@@ -92,15 +112,18 @@ class StopSignal:
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         now = time.monotonic()
+        if number in TIME_IS_UP:
+            self._time_is_up = number
         if self.requested:
-            if now - self._requested_at < SAME_REQUEST_SECONDS:
+            if self._job or now - self._requested_at < SAME_REQUEST_SECONDS:
                 return
             os._exit(INTERRUPTED)
         self.requested, self._requested_at = True, now
         drop_closed_outputs(hang_up=number == signal.SIGHUP)
         if not self._waiting:
             raise KeyboardInterrupt
-        line = f"\nfinishing the step, then writing last.ckpt; once more ends at once and loses {self.lost()}"
+        again = "" if self._job else f"; once more ends at once and loses {self.lost()}"
+        line = f"\nfinishing the step, then writing last.ckpt{again}"
         print(line, file=sys.stderr, flush=True)
 
 

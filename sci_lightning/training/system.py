@@ -112,7 +112,7 @@ class System(ScoredPipeline):
     def on_train_batch_start(self, batch: torch.Tensor, batch_idx: int) -> None:
         self.validated = False
         self._is_logged = is_logged(self.trainer)
-        seed_step(self.seed, self.trainer.fit_loop.total_batch_idx, self.global_rank, self.device)
+        seed_step(self.seed, self.trainer.fit_loop.total_batch_idx, 0, self.device)
 
     def training_step(self, batch: Any, batch_idx: int) -> torch.Tensor:
         video = as_clips(batch)
@@ -134,6 +134,8 @@ class System(ScoredPipeline):
             int(torch.randint(max(1, full - part + 1), ()))
             for full, part in zip(self.encoder.size, (height, width), strict=True)
         )
+        if self.global_rank:  # one window for all processes of a training, and noise of its own for every process
+            seed_step(self.seed, self.trainer.fit_loop.total_batch_idx, self.global_rank, self.device)
         mask = self.encoder.transmittance_window(top, left, height, width)
         recorded = self.pipeline.record(video, mask, (top, left))
         linear = self.pipeline.linearise(recorded, origin=(top, left))

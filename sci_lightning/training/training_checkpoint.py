@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -23,10 +22,6 @@ SCALER = "MixedPrecision"
 """The key under which Lightning keeps the gradient scaler's state of ``trainer.precision=16-mixed``."""
 
 SCALER_NUMBERS = {"scale", "growth_factor", "backoff_factor", "growth_interval", "_growth_tracker"}
-
-SLURM = "hpc_ckpt_"
-"""Start of the names of checkpoints that Lightning writes when Slurm requeues a job. Lightning reads them whenever they
-exist, in the test after a training as well, which would then test an earlier state."""
 
 ADAM_TENSORS = {"step", "exp_avg", "exp_avg_sq"}
 
@@ -57,8 +52,6 @@ class TrainingCheckpointIO(TorchCheckpointIO):
     def save_checkpoint(self, checkpoint: dict[str, Any], path: Any, storage_options: Any = None) -> None:
         checkpoint.pop("loops", None)  # follows from the position
         write_checkpoint(path, checkpoint)
-        if Path(path).name.startswith(SLURM):  # Lightning's, before Slurm queues a job again: the last one as well
-            write_checkpoint(Path(path).parent / "checkpoints" / "last.ckpt", checkpoint)
 
     def prepare(self, path: str | Path) -> None:
         """Read a checkpoint before the trainer does, so that one that is refused is refused before anything is written.
@@ -137,13 +130,6 @@ class TrainingCheckpointIO(TorchCheckpointIO):
         groups = [{**group, "lr": r} for group, r in zip(optimizer.state_dict()["param_groups"], rates, strict=True)]
         schedule = {**scheduler.state_dict(), "last_epoch": steps, "_step_count": steps + 1, "_last_lr": rates}
         return {"state": tensors, "param_groups": groups}, schedule
-
-
-def remove_slurm_checkpoints(out: Path) -> None:
-    """Remove the checkpoints that Lightning wrote for Slurm from the folder of a finished training."""
-    for path in out.glob(f"{SLURM}*.ckpt"):
-        if re.fullmatch(rf"{SLURM}\d+\.ckpt", path.name) and not path.is_symlink():
-            path.unlink(missing_ok=True)
 
 
 def _restore_callbacks(path: Any, states: Any, trainer: L.Trainer) -> None:

@@ -42,6 +42,23 @@ def test_two_processes_end_with_the_same_mask(
     assert len(list(tmp_path.glob("**/metrics.json"))) == 1
 
 
+def test_one_process_and_two_end_alike(
+    command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
+) -> None:
+    """The same batches, shared out: gradients of the parts are the whole's, windows of the mask are those of one."""
+    words = [*TINY, "size=[40,40]", "crop=[32,32]", "batch_size=4", "data.clips_per_epoch=32", "precision=32"]
+    ended = []
+    for processes in (1, 2):
+        out = f"{processes}"
+        done = command(
+            "train", *words, "trainer=ddp", f"trainer.devices={processes}", "metrics.qscore=null", f"out={out}"
+        )
+        assert done.returncode == 0, done.stderr
+        last = tmp_path / out / "checkpoints" / "last.ckpt"
+        ended.append(torch.load(last, weights_only=True)["state_dict"])
+    torch.testing.assert_close(*ended, rtol=1e-3, atol=1e-5)
+
+
 class Die(L.Callback):
     """One process is killed in the middle of the training."""
 

@@ -76,6 +76,15 @@ def test_killed_and_started_again_in_processes_of_joblib(command: Command, tmp_p
         assert (folders[kind] / "metrics.json").is_file()
 
 
+def test_two_rows_in_processes_of_joblib(command: Command, tmp_path: Path) -> None:
+    pytest.importorskip("hydra_plugins.hydra_joblib_launcher", reason="pip install sci-lightning[launchers]")
+    row = ["experiment=sweep", "scale=smoke", "encoder=rbw_sr", "decoder=e2e_cnn", "data.scenes_count=1", *QUICK]
+    done = command("train", "-m", *row, "seed=0,1", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2")
+    assert done.returncode == 0, done.stderr
+    assert "2 rows: 2 done" in done.stdout
+    assert len(list((tmp_path / "sweep").rglob("metrics.json"))) == 2
+
+
 LAUNCHERS = {"basic": None, "joblib": "hydra_joblib_launcher", "submitit_local": "hydra_submitit_launcher"}
 
 

@@ -99,8 +99,6 @@ def test_a_training_goes_on_in_its_own_folder_with_its_last_checkpoint(tmp_path:
     check_nothing_lost(tmp_path, training=True, ckpt_path=str(checkpoints / "last.ckpt"))
     with pytest.raises(BadInput, match="resume=true"):  # what came after the best one would be lost
         check_nothing_lost(tmp_path, training=True, ckpt_path=str(checkpoints / "best.ckpt"))
-    (tmp_path / "hpc_ckpt_1.ckpt").touch()
-    check_nothing_lost(tmp_path, training=True)
 
 
 def test_what_is_no_longer_shown_is_said(configuration: Configuration) -> None:

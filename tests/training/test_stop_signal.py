@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import fcntl
+import json
 import os
 import pty
 import shlex
 import signal
+import socket
 import subprocess
 import sys
 import termios
@@ -17,7 +19,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from sci_lightning.errors import STOPS
+from sci_lightning.errors import INTERRUPTED, STOPS, TIME_IS_UP, MachineFailure
 from sci_lightning.training.stop_signal import StopSignal
 from tests.conftest import ROOT
 from tests.training.small_training import TINY
@@ -174,16 +176,48 @@ def test_the_handlers_of_others_are_left_alone(monkeypatch: pytest.MonkeyPatch) 
         signal.signal(signal.SIGTERM, before)
 
 
-def test_a_signal_may_be_left_to_others() -> None:
-    with StopSignal() as stop:
-        stop.leave(signal.SIGTERM)
-        assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
-
-
-def test_slurm_queues_the_job_again(
-    command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_job_of_slurm_does_not_end_at_a_second_signal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """With Slurm's SIGUSR1 Lightning writes its checkpoint and asks for the job to be queued again."""
+    """Slurm itself ends a job that goes on; submitit's handler, which lets SIGTERM pass, is replaced for a while."""
+    monkeypatch.setenv("SLURM_JOB_ID", "7")
+    monkeypatch.setattr("sci_lightning.training.stop_signal.SAME_REQUEST_SECONDS", 0)
+    submitit = signal.signal(signal.SIGTERM, lambda *_: None)
+    try:
+        with StopSignal() as stop:
+            stop.wait_for_step()
+            for _ in range(2):
+                os.kill(os.getpid(), signal.SIGTERM)
+            assert stop.requested and "once more" not in capsys.readouterr().err
+            stop.queue_again()  # nothing: it was no signal that the time is up
+    finally:
+        signal.signal(signal.SIGTERM, submitit)
+
+
+def test_what_may_not_be_queued_again_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def too_often(*_: object) -> None:
+        raise RuntimeError("timed-out too many times")
+
+    monkeypatch.setenv("SLURM_JOB_ID", "7")
+    before = signal.signal(signal.SIGUSR2, too_often)
+    try:
+        with StopSignal() as stop:
+            stop.wait_for_step()
+            os.kill(os.getpid(), signal.SIGUSR2)
+            with pytest.raises(MachineFailure, match="max_num_timeout"):
+                stop.queue_again()
+    finally:
+        signal.signal(signal.SIGUSR2, before)
+
+
+@pytest.mark.parametrize("number", TIME_IS_UP)
+def test_slurm_queues_the_job_again(
+    number: int,
+    command: Callable[..., subprocess.CompletedProcess[str]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """At the signal before the time limit the step is finished and kept; the same job goes on there."""
     scontrol = tmp_path / "bin" / "scontrol"
     scontrol.parent.mkdir()
     scontrol.write_text(f'#!/bin/sh\necho "$@" > {tmp_path}/requeued\n')
@@ -193,9 +227,16 @@ def test_slurm_queues_the_job_again(
         monkeypatch.setenv(f"SLURM_{key}", value)
     monkeypatch.setenv("PATH", f"{scontrol.parent}:{os.environ['PATH']}")
     target = "tests.training.small_training.Sender"
-    sender = f"{{_target_: {target}, number: {int(signal.SIGUSR1)}, moment: batch, step: 3}}"
-    one = ["trainer.devices=1", "trainer.max_epochs=1", "metrics.qscore=null"]
-    done = command("train", *TINY, *one, f"+callbacks.sender={sender}", "out=run")
-    assert done.returncode == 0, done.stderr
+    sender = f"{{_target_: {target}, number: {int(number)}, moment: batch, step: 3}}"
+    one = [*TINY, "trainer.devices=1", "trainer.max_epochs=1", "metrics.qscore=null", "out=run"]
+    done = command("train", *one, f"+callbacks.sender={sender}")
+    assert done.returncode == INTERRUPTED, done.stderr
     assert (tmp_path / "requeued").read_text() == "requeue 7\n"
-    assert not list((tmp_path / "run").glob("hpc_ckpt_*"))  # the test after the training would read it
+    last = tmp_path / "run" / "checkpoints" / "last.ckpt"
+    assert torch.load(last, weights_only=True)["global_step"] == 4
+    assert "resume=true" in command("train", *one).stderr
+    monkeypatch.setenv("SLURM_RESTART_COUNT", "1")
+    done = command("train", *one)
+    assert done.returncode == 0 and "goes on from" in done.stdout, done.stderr
+    job = json.loads((tmp_path / "run" / "metrics.json").read_text())["job"]
+    assert job == {"host": socket.gethostname(), "id": "7", "restarts": 1}

@@ -84,6 +84,7 @@ def train(composition: Composition) -> float | None:
         if is_first_process():
             folder = (config["callbacks"].get("last") or {}).get("folder", Path(config["out"]) / "checkpoints")
             _say_stopped(Path(folder) / "last.ckpt", composition)
+        stop.queue_again()
         sys.exit(INTERRUPTED if is_first_process() else 0)
 
 
