@@ -58,6 +58,10 @@ def test_member_composes_and_instantiates(
         choice = ["scale=quickstart", f"decoder={name}"]
     if group == "logger" and name in RUN_ID:
         pytest.importorskip(name, reason=f"pip install sci-lightning[{name}]")
+    if group == "hparams_search":
+        pytest.importorskip("hydra_plugins.hydra_optuna_sweeper", reason="pip install sci-lightning[optuna]")
+    if group == "trainer" and name in ("gpu", "fsdp") and not torch.cuda.is_available():
+        pytest.skip("Lightning refuses it without a GPU")
     # Lightning does not know precision=auto, which the commands resolve
     cfg = configuration("train", *choice, "precision=32-true", "size=[64,64]", f"out={tmp_path}")
     with open_dict(cfg):

@@ -49,7 +49,7 @@ def test_one_process_and_two_end_alike(
     words = [*TINY, "size=[40,40]", "crop=[32,32]", "batch_size=4", "data.clips_per_epoch=32", "precision=32"]
     ended = []
     for processes in (1, 2):
-        out = f"{processes}"
+        out = f"of_{processes}"
         done = command(
             "train", *words, "trainer=ddp", f"trainer.devices={processes}", "metrics.qscore=null", f"out={out}"
         )
