@@ -22,6 +22,7 @@ from sci_lightning.cli import command as command_frame
 from sci_lightning.cli.composition import store_defaults
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.encoder.mask import design
+from tests.parsed_once import parse_once
 from tests.warm_process import WarmProcesses
 
 ROOT = Path(__file__).parents[1]
@@ -67,6 +68,12 @@ def short_design(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     design.designed_start.cache_clear()
     yield
     design.designed_start.cache_clear()
+
+
+@pytest.fixture
+def short_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The picture of a table shows a few of its rows and says how many more there are; all would take seconds."""
+    monkeypatch.setattr("sci_lightning.studies.tables.grid.MOST_DRAWN", 3)
 
 
 @pytest.fixture
@@ -167,6 +174,11 @@ def refused(ran: Callable[..., str], capsys: pytest.CaptureFixture[str]) -> Call
         return lines[0]
 
     return run
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _files_of_the_configuration_are_parsed_once() -> None:
+    parse_once()
 
 
 @pytest.fixture(autouse=True)

@@ -7,6 +7,7 @@ that it sees, where it takes the transmittance of the one or two mirrors that it
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -89,6 +90,14 @@ def image(
     return np.asarray(seen.reshape(-1, size[0], rays, size[1], rays).mean((2, 4)))
 
 
+@lru_cache(maxsize=16)
+def _images(
+    patterns: bytes, shape: tuple[int, ...], matrix: tuple[float, ...], size: tuple[int, int], deviation: Deviation
+) -> np.ndarray:
+    """Return :func:`image` with the surround of :func:`captures`: many tests take captures of the same camera."""
+    return image(np.frombuffer(patterns).reshape(shape), np.reshape(matrix, (3, 3)), size, deviation, beyond=0.35)
+
+
 def _mirrors(place: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return the one or two mirrors that a ray of some width sees along an axis, and the parts of it."""
     width = np.abs(np.gradient(place, axis=0)) + np.abs(np.gradient(place, axis=1))
@@ -113,7 +122,7 @@ def captures(
     random = np.random.default_rng(seed)
     coding = random.integers(0, 2, (frames, *mirrors)).astype(np.float64)
     patterns = np.concatenate((coding, np.zeros((1, *mirrors)), np.ones((1, *mirrors))))
-    images = image(patterns, matrix, size, deviation, beyond=0.35)
+    images = _images(patterns.tobytes(), patterns.shape, tuple(matrix.ravel().tolist()), size, deviation)
     off, on, slots = np.full(frames, frames), np.full(frames, frames + 1), np.arange(frames)
     plan: list[tuple[np.ndarray, Any, float]] = [(off, 0.0, 1.0)] * 3
     plan += [(slots, level, 2 / frames) for level in (0.3, 0.6, 0.9)]

@@ -59,7 +59,7 @@ def test_a_training_does_without_the_tools(tmp_path: Path, monkeypatch: pytest.M
     (tmp_path / "without").mkdir()
     (tmp_path / "without" / "sitecustomize.py").write_text(refuse)
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path / 'without'}:{ROOT}")
-    small = [*SMALL, *SMALL_DECODER["e2e_cnn"], "data.scenes_count=1", "out=run"]
+    small = [*SMALL, *SMALL_DECODER["e2e_cnn"], "data.scenes_count=1", "mask_start=published", "out=run"]
     train = [sys.executable, "-m", "sci_lightning.train", "experiment=quickstart", *small]
     done = subprocess.run(train, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0 and (tmp_path / "run" / "metrics.json").is_file(), done.stderr

@@ -109,6 +109,7 @@ def test_training_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
         sci.command("train", {"out": "run", "resume": True, "dry_run": False})
 
 
+@pytest.mark.usefixtures("short_pictures")
 def test_what_a_command_does_one_call_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The modules of the commands have the same names as the functions, which stay functions."""
     import sci_lightning.studies.tables.grid  # noqa: F401

@@ -24,6 +24,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from tests.parsed_once import parse_once
+
 PRELOADED = (
     "torch",
     "lightning.pytorch",
@@ -94,6 +96,7 @@ def serve() -> None:
     """Run the commands that come in as lines of JSON, one after the other, until the input ends."""
     for name in PRELOADED:
         importlib.import_module(name)
+    parse_once(Path("conf"))
     answers = os.fdopen(os.dup(1), "w")
     for line in sys.stdin:
         request: dict[str, Any] = json.loads(line)

@@ -17,6 +17,7 @@ from omegaconf import OmegaConf
 from sci_lightning.cli.composition import Composition, compose, plain
 from sci_lightning.cli.settings import complete
 from sci_lightning.cli.stored_run import to_repeat, with_stored_choices
+from sci_lightning.errors import BadInput
 from sci_lightning.runs.checkpoint_contents import checkpoint_digest
 from tests.conftest import ROOT
 from tests.encoder_files import encoder_file
@@ -170,8 +171,11 @@ def test_a_strangers_configuration_is_checked_before_anything_is_built(
             rewritten(unfinished, swap)
             if key in ("trainer", "callbacks", "logger"):  # of these only listed values are taken
                 assert "touch" not in str(plain(settled(f"ckpt_path={unfinished}").cfg)[key])
-            else:
+            elif key == "system":
                 assert "_args_" in refused("train", f"ckpt_path={unfinished}")
+            else:  # as the command does before it builds anything
+                with pytest.raises(BadInput, match="_args_"):
+                    settled(f"ckpt_path={unfinished}")
             unfinished.write_bytes(original)
     assert not (tmp_path / "touched").exists()
 

@@ -75,7 +75,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def stand_ins(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def stand_ins(folder: Path, short_pictures: None, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder of stand-ins as the current one; what a page's commands write stays in it for the next ones."""
     monkeypatch.chdir(folder)
     monkeypatch.syspath_prepend(folder)

@@ -91,6 +91,7 @@ def test_structural_masks_sum_to_one(bits: int) -> None:
         assert mask.max() <= (1 if bits == 1 else 1 - 2.0**-bits)
 
 
+@pytest.mark.usefixtures("short_design")
 @pytest.mark.parametrize("settings", [{"sharpness": 4.0}, {"start": "designed"}])
 def test_a_fixed_structural_mask_is_the_start_of_a_learned_one(settings: dict[str, Any]) -> None:
     """The control of learning: same seed, same mask; another seed is a random mask of the same sharpness."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
 import shlex
 import subprocess
 import sys
@@ -13,10 +12,10 @@ from pathlib import Path
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from tests.conftest import ROOT
 from tests.training.small_training import TINY
 
 Ran = Callable[..., str]
+Command = Callable[..., subprocess.CompletedProcess[str]]
 OWN = """
 import torch
 
@@ -67,15 +66,15 @@ def test_logs_are_kept_and_appended_to(ran: Ran, refused: Ran, tmp_path: Path) -
     assert config["callbacks"]["failed_training"]["stop"] is False and set(config["logger"]) == {"tensorboard", "csv"}
 
 
-def test_every_printed_command_of_a_decoder_outside_the_package_works(tmp_path: Path) -> None:
+def test_every_printed_command_of_a_decoder_outside_the_package_works(command: Command, tmp_path: Path) -> None:
     (tmp_path / "my_decoders.py").write_text(OWN)
     (tmp_path / "own" / "decoder").mkdir(parents=True)
     (tmp_path / "own" / "decoder" / "mine.yaml").write_text("_target_: my_decoders.Mine\nframes: ${frames}\n")
     tiny = [word for word in TINY if not word.startswith("decoder")]
 
     def start(*words: str) -> subprocess.CompletedProcess[str]:
-        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-        return subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300)
+        assert words[:2] == (sys.executable, "-m") and words[2].startswith("sci_lightning.")
+        return command(words[2].removeprefix("sci_lightning."), *words[3:])
 
     sender = "+callbacks.sender={_target_: tests.training.small_training.Sender, number: 15, moment: batch, step: 2}"
     more = ["hydra.searchpath=[file://own]", "decoder=mine", "metric=[psnr]", "data.scenes_count=1", "logger=csv"]

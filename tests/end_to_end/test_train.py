@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shlex
 import subprocess
@@ -18,22 +19,16 @@ from sci_lightning.runs.checkpoint import read_checkpoint
 from tests.clips import clips
 from tests.files.formats import check
 from tests.training.small_training import TINY
+from tests.warm_process import WarmProcesses
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(tmp_path_factory: pytest.TempPathFactory, warm_processes: WarmProcesses) -> Path:
     """One tiny training run that the tests of this file look at."""
-    import sys
-
     out = tmp_path_factory.mktemp("run")
-    done = subprocess.run(
-        [sys.executable, "-m", "sci_lightning.train", *TINY, "data.scenes_count=2", f"out={out}"],
-        cwd=out,
-        capture_output=True,
-        text=True,
-    )
+    done = warm_processes.run("sci_lightning.train", [*TINY, "data.scenes_count=2", f"out={out}"], out, os.environ)
     assert done.returncode == 0, done.stderr
     assert str(out) in done.stdout and "mean measurement" in done.stdout
     assert "checkpoints/last.ckpt, pictures/, tensorboard/\n" in done.stdout

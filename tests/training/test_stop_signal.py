@@ -24,28 +24,27 @@ from sci_lightning.training.stop_signal import StopSignal
 from tests.conftest import ROOT
 from tests.training.small_training import TINY
 
+Stopped = Callable[..., subprocess.CompletedProcess[str]]
 BOTH = pytest.mark.parametrize("number", STOPS)
 
 
-def stopped(
-    folder: Path, moment: str, number: int = signal.SIGINT, words: Sequence[str] = (), **more: object
-) -> subprocess.CompletedProcess[str]:
-    options = {"number": int(number), "moment": moment, **more}
-    sender = "+callbacks.sender={_target_: tests.training.small_training.Sender, %s}"
-    sender %= ", ".join(f"{key}: {value}" for key, value in options.items())
-    return subprocess.run(
-        [sys.executable, "-m", "sci_lightning.train", *TINY, "metrics.qscore=null", sender, "out=run", *words],
-        cwd=folder,
-        start_new_session=True,  # a process group of its own
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
+@pytest.fixture
+def stopped(command: Stopped) -> Stopped:
+    """``stopped("batch", signal.SIGTERM)``: a training, in a process group of its own, that gets a signal then."""
+
+    def run(
+        moment: str, number: int = signal.SIGINT, words: Sequence[str] = (), **more: object
+    ) -> subprocess.CompletedProcess[str]:
+        options = {"number": int(number), "moment": moment, **more}
+        sender = "+callbacks.sender={_target_: tests.training.small_training.Sender, %s}"
+        sender %= ", ".join(f"{key}: {value}" for key, value in options.items())
+        return command("train", *TINY, "metrics.qscore=null", sender, "out=run", *words)
+
+    return run
 
 
-def test_the_step_is_finished_and_kept(tmp_path: Path) -> None:
-    done = stopped(tmp_path, "batch", signal.SIGTERM)
+def test_the_step_is_finished_and_kept(stopped: Stopped, tmp_path: Path) -> None:
+    done = stopped("batch", signal.SIGTERM)
     last = tmp_path / "run" / "checkpoints" / "last.ckpt"
     assert done.returncode == 130, done.stderr
     program, *words = shlex.split(done.stderr.rpartition("go on with:\n  ")[2])
@@ -59,9 +58,9 @@ def test_the_step_is_finished_and_kept(tmp_path: Path) -> None:
 
 
 @BOTH
-def test_a_signal_to_the_whole_group_leaves_the_workers_alive(number: int, tmp_path: Path) -> None:
+def test_a_signal_to_the_whole_group_leaves_the_workers_alive(stopped: Stopped, number: int, tmp_path: Path) -> None:
     """What ``timeout``, a scheduler, Ctrl-C and a closing terminal do; twice in a moment is one request."""
-    done = stopped(tmp_path, "batch", number, ["workers=2", "logger=csv"], group=True)
+    done = stopped("batch", number, ["workers=2", "logger=csv"], group=True)
     assert done.returncode == 130, done.stderr
     assert "go on with" in done.stderr and "Traceback" not in done.stderr and "error" not in done.stderr
     last = tmp_path / "run" / "checkpoints" / "last.ckpt"
@@ -116,31 +115,31 @@ def test_output_that_nobody_reads_is_dropped() -> None:
 
 
 @pytest.mark.slow
-def test_in_validation(tmp_path: Path) -> None:
-    done = stopped(tmp_path, "validation")
+def test_in_validation(stopped: Stopped, tmp_path: Path) -> None:
+    done = stopped("validation")
     last = tmp_path / "run" / "checkpoints" / "last.ckpt"
     assert done.returncode == 130 and "go on with" in done.stderr
     assert torch.load(last, weights_only=True)["position"] == {"steps": 4, "batches_per_epoch": 4, "validated": False}
 
 
 @pytest.mark.slow
-def test_in_the_test_after_training(tmp_path: Path) -> None:
-    done = stopped(tmp_path, "test")
+def test_in_the_test_after_training(stopped: Stopped, tmp_path: Path) -> None:
+    done = stopped("test")
     assert done.returncode == 130 and "go on with" in done.stderr
     assert torch.load(tmp_path / "run" / "checkpoints" / "last.ckpt", weights_only=True)["global_step"] == 8
     assert not (tmp_path / "run" / "metrics.json").exists()
 
 
 @pytest.mark.slow
-def test_before_the_first_step(tmp_path: Path) -> None:
-    done = stopped(tmp_path, "start", step=0)
+def test_before_the_first_step(stopped: Stopped, tmp_path: Path) -> None:
+    done = stopped("start", step=0)
     assert done.returncode == 130 and "before the first step" in done.stderr
     assert not (tmp_path / "run" / "checkpoints" / "last.ckpt").exists()
 
 
 @pytest.mark.slow
-def test_twice_ends_at_once(tmp_path: Path) -> None:
-    done = stopped(tmp_path, "batch", times=2)
+def test_twice_ends_at_once(stopped: Stopped, tmp_path: Path) -> None:
+    done = stopped("batch", times=2)
     assert done.returncode == 130
     assert not (tmp_path / "run" / "checkpoints").exists()
 

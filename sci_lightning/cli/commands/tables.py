@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -64,15 +64,16 @@ def tables(composition: Composition) -> None:
 
 def tables_of(composition: Composition, on_left_out: Callable[[str], None] = lambda line: None) -> Tables:
     """Make the tables that ``conf/tables.yaml`` asks for, beside the package's own decoders and encoders."""
+    from sci_lightning.studies.tables.paper_figures import paper_figures
     from sci_lightning.studies.tables.paper_tables import make_tables
 
-    def members(group: str, *overrides: str) -> dict[str, Any]:
-        names = group_members(group)
-        composed = {name: compose("train", [f"{group}={name}", *overrides]).cfg[group] for name in names}
+    def members(group: str, names: Iterable[str]) -> dict[str, Any]:
+        words = {name: [f"{group}={name}", "frames=8", "size=[32,32]"] for name in names}
         # of encoders whose mask is a file, the file is missing
-        return {name: OmegaConf.to_container(member, resolve=True) for name, member in composed.items()}
+        return {name: OmegaConf.to_container(compose("train", words[name]).cfg[group], resolve=True) for name in words}
 
-    decoders, encoders = members("decoder", "frames=8"), members("encoder", "frames=8", "size=[32,32]")
+    counted = [name for name in group_members("decoder") if name in paper_figures()["decoders"]]
+    decoders, encoders = members("decoder", counted), members("encoder", group_members("encoder"))
     return make_tables(plain(composition.cfg), decoders, encoders, on_left_out)
 
 

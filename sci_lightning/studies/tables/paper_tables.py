@@ -47,7 +47,7 @@ def make_tables(
 
     Args:
         config: ``conf/tables.yaml``, composed, resolved and plain.
-        decoders: plain configurations of decoders for 8 frames, by name; those that the paper has are counted.
+        decoders: plain configurations for 8 frames of those that the paper has, by name.
         encoders: plain configurations of encoders for 8 frames of 32 x 32, by name.
         on_left_out: called with a line for every file that is of no use; the others go on.
 
@@ -84,7 +84,7 @@ def make_tables(
     if config["dashboard"]:
         check_dashboard(out / "tensorboard")
     paper = paper_figures()
-    cost = costs(paper["decoders"], {name: decoders[name] for name in decoders if name in paper["decoders"]})
+    cost = costs(paper["decoders"], decoders)
     grids = [encoder_table(paper["encoders"], encoders)]
     grids += [score_table(name, table, runs, cost) for name, table in paper["tables"].items()]
     grids += [table(paper, runs, cost) for table in (claim_table, verdict_table)]

@@ -89,6 +89,7 @@ def test_an_interrupted_fine_tuning_goes_on(ran: Callable[..., str], trained: Pa
     assert path.read_bytes() == before
 
 
+@pytest.mark.usefixtures("short_design")
 def test_the_configuration_of_a_fine_tuning(tmp_path: Path) -> None:
     words = ["experiment=quickstart", *TINY, *QUIET, "encoder.mask.bits=2", "crop=[16,16]", "trainer.max_epochs=1"]
     path = train([*words, f"out={tmp_path}/RUN"]).checkpoint

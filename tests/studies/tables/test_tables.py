@@ -131,6 +131,7 @@ def test_gain(made: Made, tmp_path: Path) -> None:
     assert gains[1][3:5] == ["+2.97, +0.058, +2.41", "-0.97, -0.008, -0.41"]
 
 
+@pytest.mark.usefixtures("short_pictures")
 def test_the_command(made: Made, tmp_path: Path, ran: Callable[..., str], capsys: pytest.CaptureFixture[str]) -> None:
     made("runs/a", "lsw_sr", "res2former", 30.0, bits=4)
     made("more/a", "rbw_osr", "e2e_cnn", 28.0)
