@@ -145,7 +145,7 @@ class TrainingPlan:
     @property
     def expected_steps(self) -> int:
         """Steps of the training, within its limits."""
-        return min(self.steps, int(self.seconds / max(self.step_seconds, 1e-9)))
+        return min(self.steps, int(self.seconds / max(self.step_seconds, 1e-9) + 1e-6))
 
     @property
     def seconds(self) -> float:
@@ -250,15 +250,16 @@ def most_seconds(trainer: Mapping[str, Any]) -> float | None:
     Raises:
         BadInput: it cannot be read.
     """
-    if not trainer.get("max_time"):
+    limit = trainer.get("max_time")
+    if not limit:
         return None
     from lightning.fabric.utilities.exceptions import MisconfigurationException
     from lightning.pytorch.callbacks import Timer
 
     try:
-        return Timer(trainer["max_time"]).time_remaining()
+        return Timer(build(limit, "trainer.max_time") if isinstance(limit, Mapping) else limit).time_remaining()
     except (MisconfigurationException, TypeError) as error:
-        raise BadInput(f"trainer.max_time={trainer['max_time']}: expected DD:HH:MM:SS, as in 00:00:30:00") from error
+        raise BadInput(f"trainer.max_time={limit}: expected DD:HH:MM:SS, as in 00:00:30:00") from error
 
 
 def measured_step(config: Mapping[str, Any], device: torch.device, precision: str) -> StepCost:

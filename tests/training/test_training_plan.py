@@ -57,6 +57,12 @@ def test_a_plan_counts_the_clips_of_the_data(ran: Callable[..., str], refused: C
     assert "no whole batch" in refused("train", *SMALL, "batch_size=2000", "dry_run=true")
 
 
+def test_a_limit_on_the_duration_as_a_scale_states_it() -> None:
+    """``scale=gpu30`` has an object in place of a text."""
+    assert plans.most_seconds({"max_time": {"_target_": "datetime.timedelta", "minutes": 25}}) == 1500
+    assert plans.most_seconds({"max_time": None}) is None
+
+
 def test_the_batch_is_of_all_processes() -> None:
     assert [share_of_batch(16, processes) for processes in (1, 2, 8, 16)] == [16, 8, 2, 1]
     assert share_of_batch(1, 4) == 1

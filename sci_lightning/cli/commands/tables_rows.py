@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from annotated_types import DocInfo
+from omegaconf import OmegaConf
 
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, compose, plain
@@ -18,6 +19,7 @@ from sci_lightning.cli.settings import CommandSettings, FolderName, Name, Place
 from sci_lightning.configuration.bounds import Positive, Repeats
 from sci_lightning.console import PlainConsole
 from sci_lightning.errors import BadInput, MachineFailure
+from sci_lightning.runs.run_folder import undo_if_refused
 
 if TYPE_CHECKING:
     from sci_lightning.studies.tables.rows import TableRow
@@ -37,10 +39,14 @@ class TablesRowsSettings(CommandSettings):
     overrides: Annotated[str, DocInfo("overrides of every training, as one text")] | None
     label: FolderName | None
     results: Place
+    dry_run: bool
+    devices: Name
 
 
 def tables_rows(composition: Composition) -> None:
     """Train the rows that are not kept yet, where Hydra's launcher runs them; each is kept as it ends.
+
+    With ``dry_run=true`` it only says what all rows would take on ``devices``.
 
     Args:
         composition: of ``conf/tables_rows.yaml``.
@@ -67,6 +73,10 @@ def tables_rows(composition: Composition) -> None:
     rows = plan(paper_figures()["tables"], cfg.seeds, cfg.only or (), cfg.other_seeds)
     if not rows:
         raise BadInput(f"only={list(cfg.only)}: no row is called so; name tables (table5) or parts of rows (e2e_cnn)")
+    if cfg.dry_run:
+        _print_cost(rows, more, cfg.devices)
+        undo_if_refused(out, "tables_rows")  # the folder that Hydra has made
+        return
     for row in rows:
         if row is rows[0] or is_kept(row, results):  # the first one shows whether the overrides are of any use
             config = plain(compose("train", [*row.overrides(), *more]).cfg)
@@ -88,6 +98,19 @@ def tables_rows(composition: Composition) -> None:
         row, reason = failed[0]
         raise MachineFailure(f"{len(failed)} of {len(rows)} rows failed ({names}); {row.name}: {reason}")
     print_next(console, "make documentation")
+
+
+def _print_cost(rows: list[TableRow], more: Sequence[str], devices: str) -> None:
+    """Print the steps, examples, hours and memory of rows that are trained with further overrides."""
+    from sci_lightning.studies.tables.plan_cost import cost_table
+
+    def config_of(row: TableRow) -> dict[str, Any]:
+        content = OmegaConf.to_container(compose("train", [*row.overrides(), *more]).cfg, resolve=True)
+        assert isinstance(content, dict)  # data.root may be missing in it
+        return {str(key): value for key, value in content.items()}
+
+    console = PlainConsole()
+    console.print(cost_table(rows, config_of, devices).as_table(console.width))
 
 
 @dataclass(frozen=True)

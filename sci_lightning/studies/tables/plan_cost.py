@@ -47,12 +47,16 @@ class Rate:
 
 RATES = {
     "core": (
-        Rate("e2e_cnn", 3.34e9, 350e9),
-        Rate("res2former", 54.0e9, 326e9),
-        Rate("res2former", 0.62e9, 92e9),
-        Rate("birnat", 5.18e9, 176e9),
-        Rate("revsci", 2.81e9, 305e9),
-        Rate("stformer", 4.99e9, 188e9),
+        Rate("e2e_cnn", 3.34e9, 374e9),
+        Rate("revsci", 2.81e9, 276e9),
+        Rate("stformer", 4.93e9, 209e9),
+        Rate("birnat", 5.46e9, 185e9),
+        Rate("sci3d", 4.01e9, 190e9),
+        Rate("elp_unfolding", 1.37e9, 204e9),
+        Rate("metasci", 0.414e9, 229e9),
+        Rate("res2former", 0.620e9, 65.3e9),
+        Rate("res2former_l", 0.655e9, 28.1e9),
+        Rate("res2former", 54.0e9, 267e9),
     ),
     "h100": (
         Rate("e2e_cnn", 53.5e9, 144e12),
@@ -61,9 +65,10 @@ RATES = {
         Rate("res2former", 0.62e9, 3.17e12),
     ),
 }
-"""Rates by device. ``core``: a core of an AMD EPYC that multiplies bfloat16, of ``training_*.json`` in
-``docs/results/benchmark``. ``h100``: an NVIDIA H100 kept busy by several trainings; E2E-CNN at 256 x 256 pixels by
-four, of ``docs/results/gpu-recipe.json``, clips of 64 x 64 by sixteen, of ``docs/results/cuda-graph.json``."""
+"""Rates by device. ``core``: a core of an AMD EPYC that multiplies bfloat16, of the first rows in
+``docs/results/tables/cpu`` (RBw/oSR, of Res2former LSw/SR with 4 bits), the last half of what two threads reach in
+``docs/results/benchmark/training_res2former.json``. ``h100``: an NVIDIA H100 kept busy by several trainings; E2E-CNN at
+256 x 256 pixels by four (``docs/results/gpu-recipe.json``), 64 x 64 by sixteen (``docs/results/cuda-graph.json``)."""
 
 ALIKE = 10.0
 """Times more or less work a clip with which a rate still holds: smaller clips and narrower networks are slower."""
@@ -140,18 +145,21 @@ def cost_table(rows: Sequence[TableRow], config_of: Callable[[TableRow], Mapping
     seeds = Counter(row.name for row in rows)
     plans: dict[str, TrainingPlan] = {}
     cells, hours = [], 0.0
-    for row in dict.fromkeys(replaced for replaced in rows if replaced.seed == 0):
+    for row in rows:
+        if row.seed:
+            continue
         if row.decoder not in plans:
             plans[row.decoder] = row_plan(row.decoder, config_of(row), device, count)
-        plan = plans[row.decoder]
-        hours += seeds[row.name] * plan.seconds / 3600
-        figures = (seeds[row.name], plan.expected_steps, plan.expected_steps * plan.batch_size)
+        plan, number = plans[row.decoder], seeds[row.name]
+        hours += number * plan.seconds / 3600
+        figures = (row.bits, number, plan.expected_steps, plan.expected_steps * plan.batch_size)
         taken = (f"{plan.seconds / 3600:.3g}", f"{plan.memory / 1e9:.3g}")
-        cells.append([row.name, *(f"{figure:,}" for figure in figures), *taken])
-    heading = ["row", "seeds", "steps", "examples", "hours of a seed", "memory of a device (GB)"]
+        cells.append([row.encoder, row.decoder, *(f"{figure:,}" for figure in figures), *taken])
+    heading = ["encoder", "decoder", "bits", "seeds", "steps", "examples", "hours", "GB"]
     notes = [
-        f"{len(rows)} trainings, {hours:,.3g} hours, {hours * count:,.3g} of a device. Tests come on top.",
+        f"Of one seed each, on {count} x {device}; memory of one of them. {len(rows)} trainings: {hours:,.3g} hours, "
+        f"{hours * count:,.3g} of a device. Tests come on top.",
         "Rates were measured in bf16-mixed, with the device kept busy: a training by itself takes longer, and so does "
         "precision=32. Networks that were not measured are taken to be as fast as others of as much work.",
     ]
-    return Grid("plan_cost", f"What the rows take, each on {count} x {device}", heading, cells, notes)
+    return Grid("plan_cost", "What the rows would take", heading, cells, notes)
