@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import socket
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
@@ -26,7 +28,7 @@ with suppress(ImportError):  # without the extra `ray` nothing is here, and hydr
 
             from sci_lightning.errors import BadInput
 
-            wait = ray.get
+            wait, address = ray.get, self.ray_cfg.init.address
 
             def result_or_lost(row: Any) -> JobReturn:
                 try:
@@ -37,11 +39,13 @@ with suppress(ImportError):  # without the extra `ray` nothing is here, and hydr
                 return result
 
             try:
+                if place := re.fullmatch(r"([^:/]+):(\d+)", address or ""):  # which Ray would try for minutes
+                    socket.create_connection((place[1], int(place[2])), timeout=10).close()
                 with patch.object(ray, "get", result_or_lost):
                     results: Sequence[JobReturn] = super().launch(job_overrides, initial_job_idx)
-            except (ConnectionError, RuntimeError, ValueError) as error:
+            except (OSError, RuntimeError, ValueError) as error:
                 raise BadInput(
-                    f"hydra.launcher.ray.init.address={self.ray_cfg.init.address}: {' '.join(str(error).split())}; "
-                    "give the address that `ray start --head` printed, or null for a Ray of this machine"
+                    f"hydra.launcher.ray.init.address={address}: {' '.join(str(error).split())}; give the address that "
+                    "`ray start --head` printed, or null for a Ray of this machine"
                 ) from error
             return results

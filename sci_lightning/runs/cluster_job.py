@@ -36,4 +36,4 @@ def _id() -> str | None:
         return f"{array}_{os.environ['SLURM_ARRAY_TASK_ID']}"
     ray = sys.modules.get("ray")
     task = ray.get_runtime_context().get_task_id() if ray is not None and ray.is_initialized() else None
-    return task[:16] if task else os.environ.get("SLURM_JOB_ID")
+    return task[:8] if task else os.environ.get("SLURM_JOB_ID")

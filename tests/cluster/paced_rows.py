@@ -10,8 +10,6 @@ from typing import Any
 import lightning as L
 import torch
 
-from tests.cluster.one_node_slurm import OneNodeSlurm
-
 SWEEP = [
     *("-m", "experiment=sweep", "scale=smoke", "decoder=e2e_cnn", "encoder=rbw_osr", "data.scenes_count=1"),
     *("trainer.accelerator=cpu", "metrics.qscore=null", "logger=none", "out=sweep"),
@@ -72,8 +70,6 @@ def same_weights(one: dict[str, torch.Tensor], other: dict[str, torch.Tensor]) -
     return one.keys() == other.keys() and all(torch.equal(one[key], other[key]) for key in one)
 
 
-def processes_of(slurm: OneNodeSlurm, job: str) -> list[int]:
-    """Return the processes of a job's tasks: not of its shell, nor of srun."""
-    lines = [line.split() for line in slurm("scontrol", "listpids", job).splitlines()[1:]]
-    tasks = {int(line[0]) for line in lines if line[2] not in ("batch", "extern") and line[0].isdigit()}
-    return [pid for pid in tasks if "submitit" in Path(f"/proc/{pid}/cmdline").read_text(errors="replace")]
+def process_of(folder: Path, seed: int) -> int:
+    """Return the process that made the last step of a row."""
+    return int((row(folder, seed) / "steps.txt").read_text().splitlines()[-1].split()[2])

@@ -22,7 +22,7 @@ from typing import Any
 import torch
 
 from tests.cluster.one_node_slurm import OneNodeSlurm, missing
-from tests.cluster.paced_rows import SLURM, STEPS, SWEEP, noted, paced, processes_of, same_weights, weights
+from tests.cluster.paced_rows import SLURM, STEPS, SWEEP, noted, paced, process_of, same_weights, weights
 from tests.conftest import ROOT
 from tests.measurements_file import MeasurementsFile
 
@@ -51,7 +51,7 @@ def start(slurm: OneNodeSlurm, folder: Path, seconds: float) -> subprocess.Popen
         )
 
 
-def inject(kind: str, slurm: OneNodeSlurm, sweep: subprocess.Popen[bytes], chance: random.Random) -> bool:
+def inject(kind: str, slurm: OneNodeSlurm, sweep: subprocess.Popen[bytes], folder: Path, chance: random.Random) -> bool:
     """Inject a fault; return False if there is nothing that it could happen to."""
     running = sorted(job for job, state in slurm.jobs().items() if state == "RUNNING")
     if kind == "launcher":
@@ -64,10 +64,11 @@ def inject(kind: str, slurm: OneNodeSlurm, sweep: subprocess.Popen[bytes], chanc
     elif not running:
         return False
     elif kind == "kill":
-        processes = processes_of(slurm, chance.choice(running))
-        for process in processes:
-            os.kill(process, signal.SIGKILL)
-        return bool(processes)
+        begun = [seed for seed in SEEDS if noted(folder, seed) and "end" not in noted(folder, seed)]
+        try:
+            os.kill(process_of(folder, chance.choice(begun)), signal.SIGKILL)
+        except (IndexError, ProcessLookupError):  # no row has begun, or this one waits in the queue
+            return False
     elif kind == "time":
         slurm("scancel", "--signal=USR2", chance.choice(running))
     else:
@@ -87,7 +88,7 @@ def run_sweep(slurm: OneNodeSlurm, folder: Path, chance: random.Random, most: in
             starts, sweep = starts + 1, start(slurm, folder, 0.4)
         elif faults.total() < most:
             kind = chance.choice(list(FAULTS))
-            faults[kind] += inject(kind, slurm, sweep, chance)
+            faults[kind] += inject(kind, slurm, sweep, folder, chance)
 
 
 def judge(folder: Path, undisturbed: Mapping[int, dict[str, torch.Tensor]]) -> Counter[str]:
