@@ -77,12 +77,15 @@ def tables_rows(composition: Composition) -> None:
         _print_cost(rows, more, cfg.devices)
         undo_if_refused(out, "tables_rows")  # the folder that Hydra has made
         return
-    for row in rows:
-        if row is rows[0] or is_kept(row, results):  # the first one shows whether the overrides are of any use
-            config = plain(compose("train", [*row.overrides(), *more]).cfg)
-            if is_kept(row, results):
-                check_recipe(row, results, config)
-    waiting = [row for row in rows if not is_kept(row, results)]
+    kept = [row for row in rows if is_kept(row, results)]
+    recipes: dict[str, dict[str, Any]] = {}
+    for row in kept or rows[:1]:  # the first one shows whether the overrides are of any use
+        if row.name not in recipes:  # whatever the seed
+            recipes[row.name] = plain(compose("train", [*row.overrides(), *more]).cfg)
+        if kept:
+            check_recipe(row, results, recipes[row.name])
+    done = set(kept)
+    waiting = [row for row in rows if row not in done]
     hours = f", about {len(waiting) * budget.minutes / 60:.1f} core hours" if budget.minutes else ""
     console.print(f"{len(waiting)} of {len(rows)} rows left{hours}; results in {results}", soft_wrap=True)
     words = shlex.join(f"{key}={cfg[key]}" for key in ("row_scale", "core_minutes", "steps", "label") if cfg[key])
