@@ -68,8 +68,8 @@ def launch_rows(
                 plugin = Plugins.instance().instantiate_launcher(context, job_of(command, task), master)
                 plugin.launch([list(row) for row in rows], initial_job_idx=0)
             finally:
-                outcomes = finished_rows()
                 callbacks.on_multirun_end(config=master, config_name=command)
+                outcomes = finished_rows()
             return outcomes
     finally:
         HydraConfig.instance().cfg = present

@@ -18,16 +18,12 @@ from uuid import uuid4
 
 from hydra.conf import HydraConf
 from hydra.core.config_loader import ConfigLoader
-from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.core.object_type import ObjectType
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.utils import JobReturn, JobStatus
 from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
-from hydra.plugins.config_source import ConfigSource
-from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf, flag_override, open_dict, read_write
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError
 
@@ -35,7 +31,7 @@ from sci_lightning.cli.composition import is_row
 from sci_lightning.cli.failure_line import exit_status, one_line, root_cause
 from sci_lightning.cli.hydra_callbacks import check_folder, choices_of
 from sci_lightning.errors import BadInput, NoSuchCombination
-from sci_lightning.files.atomic_file import atomic_write
+from sci_lightning.files.json_file import write_json
 from sci_lightning.runs.cluster_job import ROW_RESTARTS, job_of_this_process
 from sci_lightning.runs.run_folder import is_first_process
 
@@ -87,8 +83,7 @@ class RowFiles:
         self.folder = Path(folder)
 
     def write(self, row: RowOutcome) -> None:
-        with atomic_write(self._path(row.overrides)) as temporary:
-            temporary.write_text(json.dumps(asdict(row)))
+        write_json(asdict(row), self._path(row.overrides), among_many=True)
 
     def read(self, overrides: Sequence[str]) -> RowOutcome | None:
         """Return what is known of the row with these overrides, None if it is not planned."""
@@ -168,7 +163,7 @@ def defer_to_rows(arguments: Sequence[str]) -> list[str]:
     return changed
 
 
-class RowLoader(ConfigLoader):
+class RowLoader:
     """Composes the rows of a sweep; one that cannot be composed becomes a row that fails, and the others go on.
 
     Hydra and its launchers let an error in composing end the whole sweep. Everything but the rows is left to Hydra's
@@ -198,36 +193,10 @@ class RowLoader(ConfigLoader):
             row = _uncomposed(master_config, sweep_overrides, error)
         return row
 
-    def load_configuration(
-        self,
-        config_name: str | None,
-        overrides: list[str],
-        run_mode: RunMode,
-        from_shell: bool = True,
-        validate_sweep_overrides: bool = True,
-    ) -> DictConfig:
-        return self.loader.load_configuration(config_name, overrides, run_mode, from_shell, validate_sweep_overrides)
-
-    def get_search_path(self) -> ConfigSearchPath:
-        return self.loader.get_search_path()
-
-    def get_sources(self) -> list[ConfigSource]:
-        return self.loader.get_sources()
-
-    def list_groups(self, parent_name: str) -> list[str]:
-        return self.loader.list_groups(parent_name)
-
-    def get_group_options(
-        self,
-        group_name: str,
-        results_filter: ObjectType | None = ObjectType.CONFIG,
-        config_name: str | None = None,
-        overrides: list[str] | None = None,
-    ) -> list[str]:
-        return self.loader.get_group_options(group_name, results_filter, config_name, overrides)
-
-    def compute_defaults_list(self, config_name: str | None, overrides: list[str], run_mode: RunMode) -> Any:
-        return self.loader.compute_defaults_list(config_name, overrides, run_mode)
+    def __getattr__(self, name: str) -> Any:
+        if name == "loader":  # while it is unpickled in another process
+            raise AttributeError(name)
+        return getattr(self.loader, name)
 
 
 def _folder(row: DictConfig, number: int) -> Path:
@@ -277,7 +246,11 @@ class SweepRows(Callback):
         HydraConfig.instance().set_config(config)
         hydra = GlobalHydra.instance().hydra
         if hydra is not None:
-            hydra.config_loader = RowLoader(hydra.config_loader, RowFiles(self.folder))
+            loader: Any = RowLoader(hydra.config_loader, RowFiles(self.folder))
+            hydra.config_loader = loader
+
+    def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
+        HydraConfig.instance().set_config(config)  # joblib with one process leaves that of its last row there
 
     def on_job_start(self, config: DictConfig, **kwargs: Any) -> None:
         if self.folder is None or not is_row(config.hydra) or not _job() or not is_first_process():

@@ -26,12 +26,17 @@ WRONG_PLACE = (
 
 
 @contextmanager
-def atomic_write(path: str | Path) -> Iterator[Path]:
+def atomic_write(path: str | Path, among_many: bool = False) -> Iterator[Path]:
     """Give a temporary path in the folder of ``path``; rename it to ``path`` on success, remove it on failure.
 
     The folder is made when needed. The temporary name keeps the ending, which some writers look at. The file's content
     and then its name are on the disk (fsync) before this returns, so that a power cut leaves the old file or the new.
     A process that is killed cannot remove its temporary file: the next write to the same ``path`` does.
+
+    Args:
+        path: of the file.
+        among_many: the temporary file lies in a folder ``.new`` below that of ``path``. That folder is listed by every
+            write, which a folder that collects thousands of files would make slow.
 
     Raises:
         BadInput: no file can be written there: the path is a folder's, its parent is a file, the name is too long,
@@ -39,7 +44,7 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
         MachineFailure: the disk is full or broken. What was at ``path`` before is unchanged.
     """
     path = Path(path)
-    temporary = _temporary(path)
+    temporary = _temporary(path, ".new" if among_many else "")
     try:
         yield temporary
         with temporary.open("rb+") as written:
@@ -75,21 +80,22 @@ def sync_folder(folder: Path) -> None:
             os.close(handle)
 
 
-def _temporary(path: Path) -> Path:
+def _temporary(path: Path, below: str = "") -> Path:
     """Make the temporary file of ``path`` and remove those that killed processes left; see :func:`_abandoned`."""
+    folder = path.parent / below
     try:
         if path.is_dir():
             raise BadInput(f"{path}: is a folder, expected the name of a file to write")
-        path.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
         with suppress(FileNotFoundError):
             path.lstat()  # raises at once, and not after hours of work, if the name is too long
-        for abandoned in path.parent.glob(f".*.{_digest(path)}.*"):
+        for abandoned in folder.glob(f".*.{_digest(path)}.*"):
             if _abandoned(abandoned):
                 abandoned.unlink(missing_ok=True)
         suffix = path.suffix if len(path.suffix) <= 16 else ""
         start = path.stem.encode(errors="surrogateescape")[:60].decode(errors="ignore")
         name = f".{start}.{_digest(path)}.{_machine()}-{os.getpid()}-{uuid4().hex[:8]}.part{suffix}"
-        temporary = path.with_name(name)
+        temporary = folder / name
         temporary.touch(0o600, exist_ok=False)
     except OSError as error:
         if failure := as_machine_failure(error, path):

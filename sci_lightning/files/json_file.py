@@ -105,9 +105,9 @@ def check_part(path: str | Path, place: str, content: object, model: type[Model]
         raise BadInput(f"{path}: {_reason(error, place)}") from error
 
 
-def write_json(content: Mapping[str, Any], path: str | Path) -> None:
-    """Write JSON whole or not at all."""
-    with atomic_write(path) as temporary:
+def write_json(content: Mapping[str, Any], path: str | Path, among_many: bool = False) -> None:
+    """Write JSON whole or not at all; ``among_many`` as of :func:`~sci_lightning.files.atomic_file.atomic_write`."""
+    with atomic_write(path, among_many) as temporary:
         temporary.write_text(json.dumps(content, indent=1) + "\n")
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -86,14 +85,14 @@ class Records(Generic[Record]):
         Raises:
             MachineFailure: the disk is full or broken. Other records are unchanged.
         """
-        self._write({**case.describe(), **results}, self._path(case))
+        write_json({**case.describe(), **results}, self._path(case), among_many=True)
         self._path(case, FAILED).unlink(missing_ok=True)
 
     def fail(self, case: Case, line: str, traceback: str = "") -> None:
         """Write why a case failed; raises as :meth:`write`."""
         more: dict[str, Any] = {"traceback": traceback} if traceback else {}
         failed = FailedCase(case=case.name, about=case.describe(), failed=line, **more)
-        self._write(failed.as_json(), self._path(case, FAILED))
+        write_json(failed.as_json(), self._path(case, FAILED), among_many=True)
 
     def find(self, case: Case) -> Record | None:
         """Return the record of a case, whether it is complete or not; None if there is none.
@@ -169,13 +168,6 @@ class Records(Generic[Record]):
 
     def _path(self, case: Case, *folders: str) -> Path:
         return self.folder.joinpath(*folders, f"{case.name}.json")
-
-    def _write(self, content: Mapping[str, Any], path: Path) -> None:
-        """Write a file in a small folder and move it: an atomic write lists its folder, and this one grows."""
-        new = self.folder / ".new" / path.name
-        write_json(content, new)
-        path.parent.mkdir(exist_ok=True)
-        os.replace(new, path)
 
     def _read(self, path: Path) -> Record:
         try:
