@@ -25,7 +25,7 @@ def sweep(folder: Path, seconds: float, more: Sequence[str]) -> subprocess.Popen
     return subprocess.Popen(
         [sys.executable, "-m", "sci_lightning.train", *words],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"},
+        env={**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "RAY_worker_niceness": "0"},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
