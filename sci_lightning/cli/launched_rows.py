@@ -14,7 +14,7 @@ from omegaconf import DictConfig
 
 from sci_lightning.cli.command import Task, job_of
 from sci_lightning.cli.composition import hydra_of
-from sci_lightning.cli.sweep import RowOutcome, finished_rows
+from sci_lightning.cli.sweep import RowFiles, RowOutcome, finished_rows
 
 
 class RowCallbacks:
@@ -66,6 +66,9 @@ def launch_rows(
             try:
                 context = HydraContext(config_loader=hydra.config_loader, callbacks=callbacks)
                 plugin = Plugins.instance().instantiate_launcher(context, job_of(command, task), master)
+                files = RowFiles(str(master.hydra.callbacks.sweep.folder))
+                for number, row in enumerate(rows):  # a row that no process ever begins is unfinished
+                    files.write(RowOutcome(number, list(row)))
                 plugin.launch([list(row) for row in rows], initial_job_idx=0)
             finally:
                 callbacks.on_multirun_end(config=master, config_name=command)

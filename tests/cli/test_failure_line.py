@@ -45,6 +45,12 @@ def test_one_line_and_nothing_written(refused: Refused, tmp_path: Path) -> None:
     assert not (tmp_path / "outputs").exists()
 
 
+def test_a_plugin_that_is_not_installed(refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sci_lightning.cli.command_line.find_spec", lambda name: None)
+    for word, extra in {"hydra/launcher=slurm": "launchers", "hydra/launcher=ray": "ray"}.items():
+        assert f"pip install 'sci-lightning[{extra}]'" in refused("train", "-m", word, "seed=0,1")
+
+
 @pytest.mark.parametrize(
     ("word", "right"),
     [
