@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -128,9 +129,9 @@ class Records(Generic[Record]):
         Raises:
             BadInput: as :meth:`find`, before anything is changed.
         """
-        missing = []
-        for case in cases:
-            record = self.find(case)
+        missing, present = [], set(os.listdir(self.folder)) if self.folder.is_dir() else set()
+        for case in cases:  # a folder is listed faster than it is asked for one file after the other
+            record = self.find(case) if self._path(case).name in present else None
             if record is None or not self.is_complete(case, record):
                 missing.append(case)
         for case in missing if not job else ():
