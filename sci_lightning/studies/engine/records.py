@@ -129,7 +129,8 @@ class Records(Generic[Record]):
         Raises:
             BadInput: as :meth:`find`, before anything is changed.
         """
-        missing, present = [], set(os.listdir(self.folder)) if self.folder.is_dir() else set()
+        present = set(os.listdir(self.folder)) if self.folder.is_dir() else set()
+        missing = []
         for case in cases:  # a folder is listed faster than it is asked for one file after the other
             record = self.find(case) if self._path(case).name in present else None
             if record is None or not self.is_complete(case, record):
