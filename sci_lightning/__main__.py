@@ -15,7 +15,7 @@ EXAMPLES = {
     "evaluate": "ckpt_path=RUN/checkpoints/last.ckpt encoder=rbw_sr data=six_scenes data.root=DIR",
     "tables": "runs=outputs/sweep",
     "diagnose": "captures=CAPTURES.h5",
-    "reconstruct": "ckpt_path=RUN/checkpoints/last.ckpt measurement=SNAPSHOT.tiff mask=MASK.mat",
+    "reconstruct": "measurement=SNAPSHOT.tiff mask=MASK.mat",
     "benchmark": "decoder=all",
     "design_mask": "bits=4 frames=8 full_well=10000",
     "export_mask": "ckpt_path=RUN/checkpoints/last.ckpt 'canvas=[768,1024]'",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -45,9 +45,9 @@ def load_decoder(
     >>> network = sci.load_decoder("res2former", ["scale=smoke"])  # weights as they start, nothing learned yet
 
     Args:
-        source: the name of a decoder in ``conf/decoder``, whose weights come along or are those that it starts with;
-            or the path of a checkpoint, ``RUN/checkpoints/last.ckpt``; or, together with ``name``, that of published
-            weights.
+        source: the name of a decoder in ``conf/decoder``, whose weights come along, if it is built in their size, or
+            are those that it starts with; or the path of a checkpoint, ``RUN/checkpoints/last.ckpt``; or, together
+            with ``name``, that of published weights.
         overrides: of a decoder that is configured by its name: ``["frames=10", "decoder.dim=48"]``.
         name: of the decoder that published weights belong to, such as ``res2former``.
         trusted: packages beside this one whose classes a checkpoint may name.
@@ -74,8 +74,9 @@ def load_decoder(
             load_published(decoder, load_file(Path(source)))
         except BadInput as error:
             raise BadInput(f"{source}: {error}") from error
-    elif chosen in shipped() and not any(word.startswith("decoder.") for word in overrides):
-        load_weights(chosen).fill("decoder", decoder)
+    elif chosen in shipped():
+        with suppress(BadInput):  # built in another size it has its first weights, as every network
+            load_weights(chosen).fill("decoder", decoder)
     return decoder.eval()
 
 

@@ -19,7 +19,7 @@ MOST_BYTES = 12e6
 
 
 def test_all_together_are_small_and_each_has_a_card() -> None:
-    assert "universal" in shipped()
+    assert shipped() == ["lsw_sr", "pnp_fastdvdnet", "pnp_ffdnet", "universal"]
     assert sum(weights_file(name).stat().st_size for name in shipped()) <= MOST_BYTES
     for name in shipped():
         card = (FOLDER / f"{name}.md").read_text()
@@ -42,6 +42,26 @@ def test_universal_is_ahead_of_its_start_behind_masks_that_it_has_not_seen(mask:
     measurement = sci.Encoder(mask, sci.sensors.Ideal())(video)
     before, after = decoder.start(measurement, mask()), decoder(measurement, mask())
     assert (sci.metrics.psnr(after, video) - sci.metrics.psnr(before, video)).mean() > 0.3
+
+
+@torch.no_grad()
+def test_the_camera_is_ahead_of_a_decoder_for_any_mask_behind_its_own() -> None:
+    video = torch.stack([scene.video[0] for scene in Synthetic(8, (64, 64), (64, 64), scenes_count=2).scenes()])
+    camera = load_weights("lsw_sr")
+    mask = camera.encoder().mask()[:, :64, :64]
+    measurement = (mask * video).sum(1)
+    scores = [sci.metrics.psnr(d(measurement, mask), video) for d in (sci.load_decoder("gap_tv"), camera.decoder())]
+    assert (scores[1] - scores[0]).mean() > 1
+
+
+@torch.no_grad()
+@pytest.mark.parametrize("name", ["pnp_ffdnet", "pnp_fastdvdnet"])
+def test_denoisers_take_noise_away(name: str) -> None:
+    """Twice as close to the video as it was, where the strength is that of the noise, in a decoder of other settings."""
+    video = torch.stack([scene.video[0] for scene in Synthetic(8, (64, 64), (64, 64), scenes_count=2).scenes()])
+    noisy = video + 0.05 * torch.randn(video.shape, generator=torch.Generator().manual_seed(0))
+    clean = sci.load_decoder(name, ["decoder.iterations=[3]"]).denoiser(noisy, 0.05)
+    assert (clean - video).square().mean().sqrt() < 0.025
 
 
 def test_names() -> None:
