@@ -18,7 +18,7 @@ from sci_lightning.encoder.encoder import check_recording
 from sci_lightning.errors import BadInput
 from sci_lightning.plain_text import with_article
 from sci_lightning.runs.checkpoint import Checkpoint, read_checkpoint
-from sci_lightning.weights import shipped, weights_file
+from sci_lightning.weights import ANY_MASK, shipped, weights_file
 
 MASK_SHAPE = ("tile", "bits", "repeat")
 """Settings of a mask on which the shape of what was trained depends."""
@@ -169,6 +169,7 @@ def _built_encoder(settings: DictConfig, named: str, checkpoint: Checkpoint) -> 
         raise BadInput(f"{named}: its _target_ is {with_article(type(encoder).__name__)}, not an Encoder")
     mask, trained = settings.mask, checkpoint.config["encoder"].get("mask")
     alike = isinstance(trained, Mapping) and mask._target_ == trained.get("_target_")
+    alike = alike and checkpoint.config["names"]["encoder"] != ANY_MASK
     if alike and mask.get("file") is None:
         own = {key: trained.get(key) for key in MASK_SHAPE if mask.get(key) != trained.get(key)}
         try:

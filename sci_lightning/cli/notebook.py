@@ -77,6 +77,7 @@ def load_decoder(
     elif chosen in shipped():
         with suppress(BadInput):  # built in another size it has its first weights, as every network
             load_weights(chosen).fill("decoder", decoder)
+            decoder.requires_grad_(False)
     return decoder.eval()
 
 

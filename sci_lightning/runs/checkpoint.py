@@ -88,14 +88,14 @@ class Checkpoint:
     def fill(self, part: str, module: nn.Module, name: str | None = None) -> None:
         """Load the state of ``part`` ("encoder", "encoder.mask", "decoder", ..) into ``module``, strictly."""
         module.load_state_dict(self.check_fit(part, module, name))
+        for key, value in module.state_dict().items():
+            if not torch.isfinite(value).all():
+                raise BadInput(f"{self.path}: '{part}.{key}' holds NaN or infinite values, expected finite numbers")
         if part.startswith("encoder"):
             self._check_encoder(part, module)
 
     def _check_encoder(self, part: str, module: nn.Module) -> None:
         """Hold what was filled in to the bounds of what a configuration may say: a blur's width is a loop's length."""
-        for name, value in module.state_dict().items():
-            if not torch.isfinite(value).all():
-                raise BadInput(f"{self.path}: '{part}.{name}' holds NaN or infinite values, expected finite numbers")
         try:
             for child in module.modules():
                 if isinstance(child, Effect):

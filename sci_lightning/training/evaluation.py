@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from lightning.pytorch.utilities.exceptions import SIGTERMException
 from torch.utils.data import DataLoader
 
 from sci_lightning.configuration.build import build
@@ -65,6 +66,7 @@ def evaluate(
 
     Raises:
         BadInput: a field that cannot be decoded in the memory that is free.
+        KeyboardInterrupt: asked to end, by Ctrl-C or SIGTERM.
     """
     out, size = Path(settings["out"]), settings["size"]
     decoder = checkpoint.decoder()
@@ -89,7 +91,10 @@ def evaluate(
     with trainer.strategy.precision_plugin.test_step_context():  # what cannot be decoded is refused before it starts
         snapshot = number.expand(snapshots.batch_size or 1, *size)
         choice.tiling(decoder, snapshot, number.expand(settings["frames"], *size))
-    trainer.test(tested, snapshots, verbose=False)
+    try:
+        trainer.test(tested, snapshots, verbose=False)
+    except SIGTERMException as stop:  # an exit without a status, which would read as success
+        raise KeyboardInterrupt from stop
     scores = run_metrics(tested, names, {**checkpoint.config, "evaluate": settings})
     write_json(scores.as_json(), out / "metrics.json")
     return Evaluation(out, scores, tuple(pictures.written.values()))

@@ -13,6 +13,7 @@ import torch
 import sci_lightning as sci
 from sci_lightning.data import Synthetic
 from sci_lightning.errors import BadInput
+from sci_lightning.runs.checkpoint import write_weights
 from sci_lightning.weights import FOLDER, load_weights, shipped, weights_file
 
 MOST_BYTES = 12e6
@@ -57,11 +58,28 @@ def test_the_camera_is_ahead_of_a_decoder_for_any_mask_behind_its_own() -> None:
 @torch.no_grad()
 @pytest.mark.parametrize("name", ["pnp_ffdnet", "pnp_fastdvdnet"])
 def test_denoisers_take_noise_away(name: str) -> None:
-    """Twice as close to the video as it was, where the strength is that of the noise, in a decoder of other settings."""
+    """Twice as close to the video as it was where the strength is that of the noise, whatever else is set."""
     video = torch.stack([scene.video[0] for scene in Synthetic(8, (64, 64), (64, 64), scenes_count=2).scenes()])
     noisy = video + 0.05 * torch.randn(video.shape, generator=torch.Generator().manual_seed(0))
     clean = sci.load_decoder(name, ["decoder.iterations=[3]"]).denoiser(noisy, 0.05)
     assert (clean - video).square().mean().sqrt() < 0.025
+
+
+def test_evaluate_builds_the_mask_that_is_asked_for(
+    command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
+) -> None:
+    words = ["decoder=universal", "encoder=rbw_sr", "encoder.aperture=1/T", "data=synthetic", "metric=[psnr]"]
+    done = command("evaluate", *words, "size=[32,32]", "data.scenes_count=1", "pictures=0", "out=e")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "e" / "metrics.json").exists()
+
+
+def test_weights_that_are_no_numbers(tmp_path: Path) -> None:
+    weights = load_weights("universal")
+    broken = {key: value * torch.nan if key == "decoder.step" else value for key, value in weights.state.items()}
+    write_weights(tmp_path / "nan.safetensors", weights.config, broken)
+    with pytest.raises(BadInput, match=r"nan\.safetensors: 'decoder\.step' holds NaN"):
+        load_weights(tmp_path / "nan.safetensors").decoder()
 
 
 def test_names() -> None:

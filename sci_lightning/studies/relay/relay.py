@@ -43,6 +43,8 @@ CHECKPOINTS = 8
 
 BRING_SECONDS = 30.0
 """Between two copies to the archive while nothing else asks for one."""
+LEFT = {("results", ".json"), ("state", ".safetensors")}
+"""What an archive holds beside the queue: measured results, and weights to go on with."""
 
 
 @dataclass
@@ -106,8 +108,11 @@ class Relay:
     def take(self, folder: Path) -> None:
         """Take over what a lease on another machine has left in an archive.
 
+        Only leases are taken over: what is run stands in this queue alone, and results that are here already stay.
+
         Raises:
-            BadInput: no such archive, or one of a queue that does not go on from the present one.
+            BadInput: no such archive, one of a queue that does not go on from the present one, or one that holds
+                anything else than a lease leaves; nothing has been written then.
         """
         files = unpack(folder)
         try:
@@ -115,14 +120,26 @@ class Relay:
         except (KeyError, ValueError) as error:
             raise BadInput(f"{folder}: holds no queue of the relay") from error
         queue.check_follows(self.queue)
-        places = {"results": self.path.parent, "state": self.state}
-        for name, content in files.items():
-            root, _, rest = name.partition("/")
-            if root not in places or not rest:
-                raise BadInput(f"{folder}: holds {name}, which no lease leaves")
-            with atomic_write(places[root] / rest) as temporary:
+        taken = {self._place(folder, name, content): content for name, content in files.items()}
+        for path, content in taken.items():
+            with atomic_write(path) as temporary:
                 temporary.write_bytes(content)
         self._write(queue)
+
+    def _place(self, folder: Path, name: str, content: bytes) -> Path:
+        """Return where a file of an archive belongs; what no lease leaves is refused."""
+        root, _, rest = name.partition("/")
+        path = {"results": self.path.parent, "state": self.state}.get(root, folder) / rest
+        if (root, path.suffix) not in LEFT or path.is_dir() or path == self.path:
+            raise BadInput(f"{folder}: holds {name}, which no lease leaves")
+        if root == "results":
+            if path.is_file() and path.read_bytes() != content:
+                raise BadInput(f"{folder}: holds {name}, which is here already and says something else")
+            try:
+                json.loads(content)
+            except ValueError as error:
+                raise BadInput(f"{folder}: {name} is no JSON ({error})") from error
+        return path
 
     def recipe(self, training: RelayTraining) -> list[str]:
         """Return the overrides of a training, with the folder of the footage in them."""
@@ -271,8 +288,9 @@ class Relay:
         if self.archive is None:
             return
         files = {"queue.json": self.path}
-        for root, name, pattern in ((self.path.parent, "results", "*.json"), (self.state, "state", "*.safetensors")):
-            for path in sorted(root.rglob(pattern)):
+        for name, ending in sorted(LEFT):
+            root = {"results": self.path.parent, "state": self.state}[name]
+            for path in sorted(root.rglob(f"*{ending}")):
                 if path != self.path and path.stat().st_mtime >= self._begun:
                     files[f"{name}/{path.relative_to(root).as_posix()}"] = path
         pack(files, self.archive)

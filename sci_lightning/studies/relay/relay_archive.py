@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -55,5 +56,5 @@ def unpack(folder: Path) -> dict[str, bytes]:
             if sum(entry.file_size for entry in archive.infolist()) > 2 * LARGEST:
                 raise BadInput(f"{folder}: larger than what a lease leaves")
             return {str(inner_path(name)): archive.read(name) for name in archive.namelist()}
-    except (zipfile.BadZipFile, ValueError, EOFError, NotImplementedError) as error:
+    except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, RuntimeError) as error:  # of these: encrypted
         raise BadInput(f"{folder}: a part of the archive is missing or damaged ({error})") from error

@@ -90,15 +90,18 @@ class RelayQueue(JsonFile):
         return self.model_copy(update={"trainings": changed})
 
     def check_follows(self, earlier: RelayQueue) -> None:
-        """Check that this queue has whatever an earlier one has.
+        """Check that this queue wants what an earlier one wants, and has whatever that has.
 
         Raises:
-            BadInput: another machine has trained in between, so that leases would be lost.
+            BadInput: other recipes, which are nothing that an archive may bring, or another machine has trained in
+                between, so that leases would be lost.
         """
-        for before in earlier.trainings:
-            now = next((one for one in self.trainings if one.name == before.name), None)
+        wanted, brought = ([one.model_copy(update={"leases": []}) for one in q.trainings] for q in (earlier, self))
+        if wanted != brought:
+            raise BadInput("its trainings are not those of this queue: recipes come from the repository alone")
+        for before, now in zip(earlier.trainings, self.trainings, strict=True):
             done = [lease for lease in before.leases if lease.finished]
-            if now is None or now.leases[: len(done)] != done:
+            if now.leases[: len(done)] != done:
                 raise BadInput(
                     f"{before.name}: has leases here that the other queue does not have; take them there first"
                 )

@@ -104,6 +104,20 @@ def test_what_an_archive_may_not_hold(tmp_path: Path) -> None:
         with pytest.raises(BadInput, match="evil"):
             relay(path).take(tmp_path / "archive")
         assert not list(tmp_path.parent.rglob("evil*"))
+    (tmp_path / "kept.json").write_text("1")
+    for name, said in (("page.md", "no lease"), ("kept.json", "something else"), ("no.json", "no JSON")):
+        with zipfile.ZipFile(tmp_path / "archive" / "relay.zip.0", "w") as archive:
+            archive.writestr("queue.json", path.read_text())
+            archive.writestr("results/before.json", "{}")
+            archive.writestr(f"results/{name}", "evil")
+        with pytest.raises(BadInput, match=said):
+            relay(path).take(tmp_path / "archive")
+        assert not (tmp_path / "before.json").exists() and (tmp_path / "kept.json").read_text() == "1"
+    entry = {"what": "a network", "command": "train", "recipe": [*TINY, "+callbacks.x={_target_:os.system}"]}
+    other = queue(tmp_path / "other.json", {"name": "a", **entry})
+    pack({"queue.json": other}, tmp_path / "archive")
+    with pytest.raises(BadInput, match="recipes come from the repository alone"):
+        relay(path).take(tmp_path / "archive")
     ahead = read_json(path, RelayQueue).given("a", lease(), 0)
     path.write_text(json.dumps(ahead.as_json()))
     pack({"queue.json": queue(tmp_path / "old.json", {"name": "a"})}, tmp_path / "archive")
