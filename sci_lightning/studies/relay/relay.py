@@ -108,7 +108,8 @@ class Relay:
     def take(self, folder: Path) -> None:
         """Take over what a lease on another machine has left in an archive.
 
-        Only leases are taken over: what is run stands in this queue alone, and results that are here already stay.
+        Only leases are taken over: what is run stands in this queue alone, and results that are here already stay, but
+        for the rows of the relay's own trainings.
 
         Raises:
             BadInput: no such archive, one of a queue that does not go on from the present one, or one that holds
@@ -133,7 +134,8 @@ class Relay:
         if (root, path.suffix) not in LEFT or path.is_dir() or path == self.path:
             raise BadInput(f"{folder}: holds {name}, which no lease leaves")
         if root == "results":
-            if path.is_file() and path.read_bytes() != content:
+            own = path.is_relative_to(self._rows)  # which every lease writes anew
+            if not own and path.is_file() and path.read_bytes() != content:
                 raise BadInput(f"{folder}: holds {name}, which is here already and says something else")
             try:
                 json.loads(content)
@@ -273,7 +275,7 @@ class Relay:
             "clips_seen": sum(lease.clips for lease in leases),
             "provenance": provenance_now(leases[-1].machine, scale, [row.seed], made_by).as_json(),
         }
-        write_json(kept, self.path.parent / "tables" / "relay" / row.name / f"seed{row.seed}.json")
+        write_json(kept, self._rows / row.name / f"seed{row.seed}.json")
 
     def _give(self, row: Leased, lease: Lease) -> None:
         self._write(self.queue.given(row.name, lease, row.number))
@@ -294,6 +296,11 @@ class Relay:
                 if path != self.path and path.stat().st_mtime >= self._begun:
                     files[f"{name}/{path.relative_to(root).as_posix()}"] = path
         pack(files, self.archive)
+
+    @property
+    def _rows(self) -> Path:
+        """The folder of the relay's own rows."""
+        return self.path.parent / "tables" / "relay"
 
     def _weights(self, name: str) -> Path:
         return self.state / name / "weights.safetensors"

@@ -21,13 +21,8 @@ from sci_lightning.decoder.tiling.memory import kept_for_gradients
 from sci_lightning.errors import BadInput
 from sci_lightning.studies.tables.grid import Grid
 from sci_lightning.studies.tables.rows import TableRow
-from sci_lightning.training.training_plan import (
-    BEYOND_ACTIVATIONS,
-    PER_PARAMETER,
-    TrainingPlan,
-    counted_steps,
-    most_seconds,
-)
+from sci_lightning.training.training_length import counted_steps, most_seconds
+from sci_lightning.training.training_plan import BEYOND_ACTIVATIONS, PER_PARAMETER, TrainingPlan
 
 
 @dataclass(frozen=True)

@@ -113,6 +113,12 @@ def test_what_an_archive_may_not_hold(tmp_path: Path) -> None:
         with pytest.raises(BadInput, match=said):
             relay(path).take(tmp_path / "archive")
         assert not (tmp_path / "before.json").exists() and (tmp_path / "kept.json").read_text() == "1"
+    row = tmp_path / "tables" / "relay" / "a" / "seed0.json"
+    for content in ("1", "2"):  # which every lease writes anew
+        (tmp_path / "row.json").write_text(content)
+        pack({"queue.json": path, "results/tables/relay/a/seed0.json": tmp_path / "row.json"}, tmp_path / "archive")
+        relay(path).take(tmp_path / "archive")
+        assert row.read_text() == content
     entry = {"what": "a network", "command": "train", "recipe": [*TINY, "+callbacks.x={_target_:os.system}"]}
     other = queue(tmp_path / "other.json", {"name": "a", **entry})
     pack({"queue.json": other}, tmp_path / "archive")
