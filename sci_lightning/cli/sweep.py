@@ -33,7 +33,7 @@ from sci_lightning.cli.hydra_callbacks import check_folder, choices_of
 from sci_lightning.errors import BadInput, NoSuchCombination
 from sci_lightning.files.json_file import write_json
 from sci_lightning.runs.cluster_job import ROW_RESTARTS, job_of_this_process
-from sci_lightning.runs.run_folder import is_first_process
+from sci_lightning.runs.run_folder import is_first_process, make_folder
 
 CHANGES_EVERYTHING = ("experiment", "scale")
 """Groups whose members set values anywhere in the configuration."""
@@ -188,7 +188,9 @@ class RowLoader:
         try:
             row = self.loader.load_sweep_config(master_config, sweep_overrides)
             if is_first_process() and planned is not None:
-                check_folder(_folder(row, planned.number), row)
+                folder = _folder(row, planned.number)
+                check_folder(folder, row)
+                make_folder(folder, exist_ok=True)  # Hydra would make it where nobody learns why it cannot be made
         except Exception as error:
             row = _uncomposed(master_config, sweep_overrides, error)
         return row

@@ -95,17 +95,20 @@ def test_rows_that_fail_are_told_at_the_end(launcher: str, command: Command, tmp
     if module := LAUNCHERS[launcher]:
         pytest.importorskip(f"hydra_plugins.{module}", reason="pip install sci-lightning[launchers]")
     row = ["experiment=table5", "scale=smoke", "encoder=lsw_sr", "decoder=e2e_cnn", "data.scenes_count=1", *QUICK]
-    done = command("train", "-m", *row, "encoder.mask.bits=9,1,0", f"hydra/launcher={launcher}")
+    (tmp_path / "sweep").mkdir()
+    (tmp_path / "sweep" / "lsw_sr_2bit").touch()
+    done = command("train", "-m", *row, "encoder.mask.bits=9,1,0,2", f"hydra/launcher={launcher}")
     assert done.returncode == 2
-    last = done.stderr.splitlines()[-2:]
-    assert "encoder.mask.bits=9" in last[0] and "encoder.mask.bits=0" in last[1]
-    assert all(line.startswith("error: [") and "1 to 8" in line for line in last)
+    last = done.stderr.splitlines()[-3:]
+    assert all(line.startswith("error: [") for line in last)
+    for line, bits, reason in zip(last, (9, 0, 2), ("1 to 8", "1 to 8", "stands where a folder is needed"), strict=True):
+        assert f"encoder.mask.bits={bits}" in line and reason in line
     for bits, made in ((9, False), (1, True), (0, False)):
         folder = tmp_path / "sweep" / f"lsw_sr_{bits}bit" / "e2e_cnn" / "seed0"
         assert (folder / "metrics.json").is_file() == made
         assert (folder / ".hydra").is_dir()
     assert not list((tmp_path / "sweep").glob(".rows*"))
-    assert "3 rows: 1 done, 2 failed" in done.stdout
+    assert "4 rows: 1 done, 3 failed" in done.stdout
 
 
 @pytest.mark.parametrize("launcher", ["basic", pytest.param("joblib", marks=pytest.mark.slow)])
