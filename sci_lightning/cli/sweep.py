@@ -41,6 +41,10 @@ CHANGES_EVERYTHING = ("experiment", "scale")
 PLACES = {"effect": "encoder", "metric": "metrics"}
 """Where the members of a group are set, if not under the group's own name."""
 
+VALIDATING_SWEEPER = "hydra._internal.core_plugins.basic_sweeper.BasicSweeper"
+"""Hydra's own, which composes every row once before the launcher does. Here a row that cannot be composed ends where it
+runs, and hundreds of rows would wait a quarter of a second each before the first one begins."""
+
 
 @dataclass(frozen=True)
 class RowOutcome:
@@ -185,6 +189,8 @@ class RowLoader:
         if planned is None and os.getpid() == self.process:
             planned, self.planned = RowOutcome(self.planned, overrides), self.planned + 1
             self.rows.write(planned)
+            if master_config.hydra.sweeper._target_ == VALIDATING_SWEEPER:
+                return master_config
         try:
             row = self.loader.load_sweep_config(master_config, sweep_overrides)
             if is_first_process() and planned is not None:

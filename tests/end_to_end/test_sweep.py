@@ -101,7 +101,7 @@ def test_rows_that_fail_are_told_at_the_end(launcher: str, command: Command, tmp
     assert done.returncode == 2
     last = done.stderr.splitlines()[-3:]
     assert all(line.startswith("error: [") for line in last)
-    for line, bits, reason in zip(last, (9, 0, 2), ("1 to 8", "1 to 8", "stands where a folder is needed"), strict=True):
+    for line, bits, reason in zip(last, (9, 0, 2), ("1 to 8", "1 to 8", "where a folder is needed"), strict=True):
         assert f"encoder.mask.bits={bits}" in line and reason in line
     for bits, made in ((9, False), (1, True), (0, False)):
         folder = tmp_path / "sweep" / f"lsw_sr_{bits}bit" / "e2e_cnn" / "seed0"
