@@ -38,6 +38,11 @@ class Border:
         return Border(top=max(dy, 0.0), right=max(-dx, 0.0), bottom=max(-dy, 0.0), left=max(dx, 0.0))
 
     @staticmethod
+    def of_smaller(part: float, size: tuple[int, int]) -> Border:
+        """Return the border of an image that is smaller by a ``part`` than a field of ``size`` (H, W)."""
+        return Border.around(max(part, 0.0) * size[0] / 2, max(part, 0.0) * size[1] / 2)
+
+    @staticmethod
     def of_blur(sigma: float) -> Border:
         """Return the border of an image that is blurred by a Gaussian of standard deviation ``sigma`` pixels."""
         return Border.around(TAIL * sigma)

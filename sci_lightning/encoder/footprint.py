@@ -66,6 +66,23 @@ def shares(centre: torch.Tensor, sigma: torch.Tensor | None, pixel: torch.Tensor
     return square_kernel(centre[:, None] - torch.arange(length).to(centre), sigma, pixel)
 
 
+def blurs_onto_pixels(length: int, cells: int, sigma: torch.Tensor, like: torch.Tensor) -> torch.Tensor:
+    """Return blurs of uniform cells along one axis, integrated over pixels, dark beyond them: ``(.., pixels, length)``.
+
+    They are dense matrices, which are faster than wide convolutions, of the type of ``like``.
+
+    Args:
+        length: number of cells.
+        cells: of them in a pixel.
+        sigma: ``(..)`` standard deviations in pixels, above 0.
+        like: any tensor.
+    """
+    cell = torch.arange(length, device=like.device)
+    distance = torch.arange(1 - length, length - cells + 1).to(like) + (cells - 1) / 2  # that occur, each once
+    shares = square_kernel(distance, sigma[..., None] * cells, cells)
+    return shares[..., cell[: length // cells, None] * cells - cell + length - 1]
+
+
 def blurred(patterns: torch.Tensor, sigma: torch.Tensor, axis: int) -> torch.Tensor:
     """Return patterns blurred along an axis by a Gaussian of ``sigma`` mirrors, dark beyond their edges."""
     distance = torch.arange(patterns.shape[axis], dtype=torch.float64, device=patterns.device)

@@ -101,26 +101,37 @@ class LightPath(nn.Module):
         return [effect for effect in self.effects.values() if isinstance(effect, stage)]
 
     @property
+    def retiming(self) -> list[ExposureEffect]:
+        """The effects that display a part of the patterns at another time within its slot."""
+        return [effect for effect in self.of(ExposureEffect) if type(effect).retimed is not ExposureEffect.retimed]
+
+    @property
+    def imaging(self) -> list[Effect]:
+        """The effects on which :meth:`images` depends."""
+        return [*self.of(ModulatorEffect), *self.of(RelayEffect), *self.retiming]
+
+    @property
     def shows_patterns_as_commanded(self) -> bool:
         """Whether no effect comes between a commanded pattern and what multiplies the frame."""
         between = (ModulatorEffect, RelayEffect, ExposureEffect)
         return self.grid is None and not any(isinstance(effect, between) for effect in self.effects.values())
 
-    def mixes_slots(self, slots: int) -> bool:
-        """Return whether a slot's mask is other than the image of its own pattern, through schedule or exposure."""
-        mixtures = (effect.schedule(slots) for effect in self.of(ModulatorEffect))
-        return bool(self.of(ExposureEffect)) or any(mixture is not None for mixture in mixtures)
-
     def images(self, patterns: torch.Tensor, wanted: torch.Tensor | None = None) -> torch.Tensor:
         """Modulator and relay: return the images ``(P, qH, qW)`` on the sensor of commanded patterns ``(P, H, W)``.
 
         Patterns on a grid of their own are ``(P, Hm, Wm)``. Free-form deviations of the relay are then applied to their
-        nominal image, because they are in pixels.
+        nominal image, because they are in pixels. The images of :meth:`.ExposureEffect.retimed` follow, P for every one
+        of :attr:`retiming`.
 
         Args:
             patterns: as commanded.
             wanted: ``(qH, qW)`` bool, the cells that are asked for, see :meth:`.RelayGeometry.image`; None for all.
         """
+        own = self._image(patterns, wanted)
+        others = [self._image(effect.retimed(patterns), wanted) for effect in self.retiming]
+        return torch.cat((own, *others)) if others else own
+
+    def _image(self, patterns: torch.Tensor, wanted: torch.Tensor | None) -> torch.Tensor:
         for effect in self.of(ModulatorEffect):
             patterns = effect.show(patterns)
         if self.grid is not None:
@@ -144,17 +155,27 @@ class LightPath(nn.Module):
 
     def during(self, images: torch.Tensor, sequence: torch.Tensor | None = None) -> torch.Tensor:
         """Schedule and exposure: return ``(U, T, qH, qW)``, what multiplies each frame, from :meth:`images`."""
-        shown = images[None] if sequence is None else images[sequence]
-        slots = shown.shape[1]
-        for effect in self.of(ModulatorEffect):
-            if (mixture := effect.schedule(slots)) is not None:
-                shown = torch.einsum("ts,ushw->uthw", mixture.to(shown), shown)
-        if timed := self.of(ExposureEffect):
+        by_part = images.unflatten(0, (1 + len(self.retiming), -1))
+        parts = by_part[:, None] if sequence is None else by_part[:, sequence]  # (parts, U, T, qH, qW)
+        slots, mixture = parts.shape[2], self._mixture(parts.shape[2], images)
+        shown = parts[0] if mixture is None else torch.einsum("pts,pushw->uthw", mixture, parts)
+        if timed := [effect for effect in self.of(ExposureEffect) if type(effect).expose is not ExposureEffect.expose]:
             exposure = Exposure.ideal(slots, images.shape[-2] // self.cells, shown)
             for timing in timed:
                 exposure = timing.expose(exposure)
             shown = exposure.mask(shown)
         return shown
+
+    def _mixture(self, slots: int, like: torch.Tensor) -> torch.Tensor | None:
+        """Return how much of every part of slot s's pattern multiplies frame t, ``(parts, T, T)``; None for its own."""
+        schedules = [effect.schedule(slots) for effect in self.of(ModulatorEffect)]
+        own = torch.eye(slots).to(like)
+        for schedule in schedules:
+            own = own if schedule is None else schedule.to(like) @ own
+        if not self.retiming:
+            return None if all(schedule is None for schedule in schedules) else own[None]
+        others = torch.stack([effect.retiming(slots).to(like) for effect in self.retiming]) @ own
+        return torch.cat(((own - others.sum(0))[None], others))
 
     def form(self, signal: Signal) -> Signal:
         """Optics: return the image on the sensor's pixels of the modulated light, which may be given in cells."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 
@@ -37,12 +37,14 @@ class RelayGeometry:
     A mirror at m (x, y from the field's centre) is imaged to p = ``scale * R(angle) m + (dx, dy)``. x points right and
     y down; R turns x towards y: clockwise on the screen. Perspective then moves it to q with
     p = q / (1 + tilt_x q_x / (W / 2) + tilt_y q_y / (H / 2)), and the lens to q (1 + k q^2 / R^2), R being half the
-    diagonal of the field.
+    diagonal of the field. With a spread, the image is the mean of two, of ``scale (1 + spread)`` and
+    ``scale (1 - spread)``.
 
     Attributes:
         angle: rotation, radian. scale: magnification, 1. dx, dy: displacement, pixel. sigma: standard deviation of the
             blur on the image, pixel. tilt_x, tilt_y: change of magnification from the centre to the right and to the
-            lower edge, 1. k: radial distortion in the corner, 1. All are tensors of no dimension.
+            lower edge, 1. k: radial distortion in the corner, 1. spread: of the magnification, 1. All are tensors of no
+            dimension.
     """
 
     angle: torch.Tensor | None = None
@@ -53,6 +55,15 @@ class RelayGeometry:
     tilt_x: torch.Tensor | None = None
     tilt_y: torch.Tensor | None = None
     k: torch.Tensor | None = None
+    spread: torch.Tensor | None = None
+
+    @property
+    def colours(self) -> tuple[RelayGeometry, ...]:
+        """The geometry of every colour, without a spread."""
+        if self.spread is None:
+            return (self,)
+        scale = 1 if self.scale is None else self.scale
+        return tuple(replace(self, spread=None, scale=scale * (1 + part)) for part in (self.spread, -self.spread))
 
     @property
     def turned(self) -> bool:
@@ -88,6 +99,9 @@ class RelayGeometry:
         Returns:
             ``(P, q H, q W)`` transmittance that each cell sees.
         """
+        if self.spread is not None:
+            one, other = (colour.image(patterns, cells, grid, wanted) for colour in self.colours)
+            return (one + other) / 2
         if grid is not None:
             return self._on_own_grid(patterns, cells, grid)
         if all(value is None for value in vars(self).values()):
@@ -219,6 +233,9 @@ class RelayGeometry:
 
         Where the modulator's edge crosses the field, the sides are taken off that see most of what lies beyond it.
         """
+        if self.spread is not None:
+            one, other = (colour.border(grid) for colour in self.colours)
+            return one | other
         lines = _centres(grid.field[0], 1, torch.empty(0, dtype=torch.float64))
         row, column, (high, wide), _ = self._footprints(grid, lines)
         sigma = 0.0 if self.sigma is None else TAIL * float(self.sigma)

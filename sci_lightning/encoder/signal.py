@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import torch
 
@@ -59,9 +58,14 @@ class Signal:
         return field_map[..., rows, columns]
 
     def coordinates(self) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return y ``(H, 1)`` and x ``(1, W)`` of the pixels' centres, in pixels from the centre of the field."""
-        (top, left), (height, width) = self.origin, self.mean.shape[-2:]
-        count: Any = {"device": self.mean.device, "dtype": self.mean.dtype}
-        y = torch.arange(top, top + height, **count) - (self.field[0] - 1) / 2
-        x = torch.arange(left, left + width, **count) - (self.field[1] - 1) / 2
+        """Return y ``(H, 1)`` and x ``(1, W)`` of the centres of pixels or cells, in pixels from the field's centre."""
+        y, x = (
+            (torch.arange(length).to(self.mean) + 0.5) / self.cells + first - full / 2
+            for length, first, full in zip(self.mean.shape[-2:], self.origin, self.field, strict=True)
+        )
         return y[:, None], x[None]
+
+    def squared_radius(self) -> torch.Tensor:
+        """Return the distance ``(H, W)`` from the field's centre over that of the corner pixel's centre, squared."""
+        y, x = self.coordinates()
+        return (y.square() + x.square()) / sum(((length - 1) / 2) ** 2 for length in self.field)

@@ -20,6 +20,24 @@ from sci_lightning.files.json_file import JsonFile, JsonObject, Number, read_jso
 from sci_lightning.files.memory_bound import check_memory
 
 SHEET = "planes.json"
+LARGEST_BITS = 8
+"""Bits of the finest levels that a modulator displays."""
+
+
+def display_times(bits: int, order: str) -> list[tuple[int, float, float]]:
+    """Return every plane of a level, in the order of display, with the parts of the slot at which it begins and ends.
+
+    The planes fill the slot: plane k is displayed for 2^k of 2^b - 1 shares of it.
+
+    Args:
+        bits: b, 1 to 8.
+        order: ``msb_first`` or ``lsb_first``, the most or the least significant bit first.
+    """
+    times, begin = [], 0
+    for bit in range(bits) if order == "lsb_first" else reversed(range(bits)):
+        times.append((bit, begin / (2**bits - 1), (begin + 2**bit) / (2**bits - 1)))
+        begin += 2**bit
+    return times
 
 
 class Timing(JsonObject):
@@ -28,6 +46,7 @@ class Timing(JsonObject):
     frame_rate_Hz: Number = says("wanted snapshots per second")
     slot_s: float = says("duration of a slot")
     shortest_plane_s: float = says("of the least significant plane where the planes fill the slot")
+    phased_reset_slots: float = says("between the first and the last mirrors' change", ge=0, default=0.0)
     fastest_by_planes_Hz: float = says("most snapshots per second with bit planes")
     fastest_by_gray_frames_Hz: float = says("most snapshots per second with 8-bit frames")
     planes_fit: bool
@@ -41,6 +60,8 @@ class Plane(JsonObject):
     slot: int = says("that the plane belongs to, from 0", ge=0)
     bit: int = says("of the mask value, 0 for the least significant", ge=0, le=7)
     exposure: float = says("part of the slot for which it is shown", ge=0, le=1)
+    begin: float = says("of its display, where the planes fill the slot: part of the slot", ge=0, le=1, default=0.0)
+    end: float = says("of its display, likewise", ge=0, le=1, default=1.0)
 
 
 class Planes(JsonFile):
@@ -50,6 +71,7 @@ class Planes(JsonFile):
     format_version: Literal[1] = 1
     frames: Frames = says("T, slots of an exposure")
     bits: Bits = says("of a mask value")
+    order: Literal["msb_first", "lsb_first"] = says("of the planes of a slot", default="msb_first")
     full_level: int = says("level that means a transmittance of 1", ge=1, le=256)
     size: tuple[Pixels, Pixels] = says("(H, W) of the mask")
     repeat: Pixels = says("mirrors that each value covers, down and across")
@@ -135,11 +157,17 @@ def levels_of(mask: torch.Tensor, bits: int) -> tuple[torch.Tensor, int]:
     return levels, full
 
 
-def write_planes(mask: torch.Tensor, bits: int, folder: str | Path, layout: Layout, timing: Timing) -> None:
+def write_planes(
+    mask: torch.Tensor,
+    bits: int,
+    folder: str | Path,
+    layout: Layout,
+    timing: Timing,
+    order: Literal["msb_first", "lsb_first"] = "msb_first",
+) -> None:
     """Write 1-bit planes in the order of display, 8-bit frames, and ``planes.json``, which says what they are.
 
-    A slot of b bits is b planes, the most significant first; plane k is shown for 2^k shares of the slot.
-    The 8-bit frames hold 255 at the transmittance 1.
+    A slot of b bits is b planes, see :func:`display_times`. The 8-bit frames hold 255 at the transmittance 1.
     """
     folder = Path(folder)
     levels, full = levels_of(mask, bits)
@@ -148,16 +176,17 @@ def write_planes(mask: torch.Tensor, bits: int, folder: str | Path, layout: Layo
         stale.unlink()  # of an earlier export with more slots or bits, which a modulator would show as well
     planes = []
     for slot, level in enumerate(levels):
-        for bit in reversed(range(bits)):
+        for bit, begin, end in display_times(bits, order):
             name = f"planes/slot{slot + 1:02d}_bit{bit}.png"
             shown = layout.lay_out((level >> bit) & 1)
             _write_png(folder / name, Image.fromarray(shown.bool().numpy()))
-            planes.append(Plane(file=name, slot=slot, bit=bit, exposure=2**bit / full))
+            planes.append(Plane(file=name, slot=slot, bit=bit, exposure=2**bit / full, begin=begin, end=end))
         gray = layout.lay_out((level.float() / full * 255).round().to(torch.uint8))
         _write_png(folder / f"frames/slot{slot + 1:02d}.png", Image.fromarray(gray.numpy()))
     sheet = Planes(
         frames=len(levels),
         bits=bits,
+        order=order,
         full_level=full,
         size=layout.size,
         repeat=layout.repeat,
@@ -192,7 +221,9 @@ def read_planes(folder: str | Path) -> torch.Tensor:
         ) from error
 
 
-def timing_of(frames: int, bits: int, frame_rate: float, binary_rate: float, gray_rate: float) -> Timing:
+def timing_of(
+    frames: int, bits: int, frame_rate: float, binary_rate: float, gray_rate: float, reset_time: float = 0.0
+) -> Timing:
     """Whether the modulator is fast enough for the wanted snapshots per second.
 
     Bit planes are weighted by how long they are shown, so a slot of b bits lasts at least 2^b - 1 of the shortest, and
@@ -204,18 +235,24 @@ def timing_of(frames: int, bits: int, frame_rate: float, binary_rate: float, gra
         frames: T; bits: of the mask.
         frame_rate: snapshots per second that are wanted.
         binary_rate, gray_rate: patterns per second that the modulator shows, 1-bit and 8-bit.
+        reset_time: seconds between the changes of the first and the last block of mirrors; 0: all change together.
 
     Raises:
-        BadInput: a rate that is not positive.
+        BadInput: a rate that is not positive, or a reset that takes longer than a slot.
     """
     if min(frame_rate, binary_rate, gray_rate) <= 0:
         raise BadInput("frame_rate, binary_rate and gray_rate must be positive (per second)")
+    if not 0 <= reset_time <= 1 / (frame_rate * frames):
+        raise BadInput(
+            f"reset_time={reset_time:g} s: a slot lasts {1 / (frame_rate * frames):g} s; reset within a slot"
+        )
     shortest = 1 / (frame_rate * frames * (2**bits - 1))
     fastest = {"planes": binary_rate / (frames * (2**bits - 1)), "gray": gray_rate / frames}
     return Timing(
         frame_rate_Hz=frame_rate,
         slot_s=1 / (frame_rate * frames),
         shortest_plane_s=shortest,
+        phased_reset_slots=reset_time * frame_rate * frames,
         fastest_by_planes_Hz=fastest["planes"],
         fastest_by_gray_frames_Hz=fastest["gray"],
         planes_fit=frame_rate <= fastest["planes"],

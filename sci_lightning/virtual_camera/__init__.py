@@ -8,13 +8,15 @@ shared with :mod:`sci_lightning.encoder`.
 
 from __future__ import annotations
 
-from sci_lightning.virtual_camera.hardware.vocabulary import EFFECTS, OTHER_FIELDS, OUTSIDE, VOCABULARY
+from sci_lightning.virtual_camera.hardware.vocabulary import DRAWN, EFFECTS, LATER, OTHER_FIELDS, OUTSIDE, VOCABULARY
 from sci_lightning.virtual_camera.hidden_effects import choose_effects
 from sci_lightning.virtual_camera.session import Acquisition, Session
 from sci_lightning.virtual_camera.virtual_camera import Simulation, VirtualCamera
 
 __all__ = [
+    "DRAWN",
     "EFFECTS",
+    "LATER",
     "OTHER_FIELDS",
     "OUTSIDE",
     "VOCABULARY",

@@ -13,7 +13,7 @@ from sci_lightning.errors import BadInput
 from sci_lightning.virtual_camera.hardware.camera import Camera
 from sci_lightning.virtual_camera.hardware.converter import BitDepth, ReadNoise
 from sci_lightning.virtual_camera.hardware.effect import Effect, Value
-from sci_lightning.virtual_camera.hardware.vocabulary import EFFECTS, OUTSIDE, VOCABULARY
+from sci_lightning.virtual_camera.hardware.vocabulary import DRAWN, EFFECTS, OUTSIDE
 from sci_lightning.virtual_camera.random_numbers import stream
 from sci_lightning.virtual_camera.rays.ray_camera import build_camera
 from sci_lightning.virtual_camera.session import Acquisition, Session
@@ -124,7 +124,7 @@ Parameters: TypeAlias = Mapping[str, Value]
 EffectRequest: TypeAlias = str | Sequence[str | Parameters] | Mapping[str, Parameters | None] | None
 """What can be asked for, see :func:`choose_effects`."""
 
-RANDOM_GROUPS = {"random": VOCABULARY, "outside": OUTSIDE}
+RANDOM_GROUPS = {"random": DRAWN, "outside": OUTSIDE}
 
 
 def choose_effects(
@@ -136,7 +136,7 @@ def choose_effects(
         request: one of
 
             - None, ``none``, ``[]`` or ``{}``: no effect;
-            - ``random``: ``number`` effects of the vocabulary; ``outside``: of those outside it;
+            - ``random``: ``number`` effects of the vocabulary (``DRAWN``); ``outside``: of those outside it;
             - a name or a list of names: their parameters are drawn from the seed;
             - ``{name: {parameter: value}}`` or ``[{"name": name, parameter: value}]``: the given parameters, the others
               at their neutral values; an effect without any parameter is drawn from the seed.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from sci_lightning.cli.composition import plain
 from sci_lightning.encoder.mask import LearnedStructural, RandomBinary
 from sci_lightning.errors import BadInput
 from sci_lightning.files import modulator_files
-from sci_lightning.files.modulator_files import Layout, levels_of, read_planes, timing_of, write_planes
+from sci_lightning.files.modulator_files import Layout, display_times, levels_of, read_planes, timing_of, write_planes
 from sci_lightning.runs.checkpoint import write_weights
 from tests.files.formats import check
 
@@ -42,6 +43,24 @@ def test_there_and_back(bits: int, tmp_path: Path) -> None:
     with Image.open(tmp_path / "frames" / "slot01.png") as picture:
         assert picture.mode == "L" and picture.size == (41, 30)
         assert np.asarray(picture)[3, 10] == round(255 * float(mask[0, 0, 0]))
+
+
+@pytest.mark.parametrize(("order", "bits"), [("msb_first", [3, 2, 1, 0]), ("lsb_first", [0, 1, 2, 3])])
+def test_planes_fill_the_slot_in_their_order(order: Literal["msb_first", "lsb_first"], bits: list[int]) -> None:
+    times = display_times(4, order)
+    assert [bit for bit, _, _ in times] == bits
+    assert [end - begin for _, begin, end in times] == pytest.approx([2**bit / 15 for bit in bits])
+    assert [begin for _, begin, _ in times] == pytest.approx([0, *(end for _, _, end in times[:-1])])
+    assert times[-1][2] == 1
+
+
+def test_the_least_significant_plane_may_come_first(tmp_path: Path) -> None:
+    mask = LearnedStructural(2, 3, (8, 8), seed=1)().detach()
+    write_planes(mask, 2, tmp_path, Layout((8, 8), 1, (8, 8)), timing_of(3, 2, 10, 1e4, 200), "lsb_first")
+    sheet = json.loads((tmp_path / "planes.json").read_text())
+    check("mask_planes", sheet)
+    assert sheet["order"] == "lsb_first" and [plane["bit"] for plane in sheet["planes"]] == [0, 1] * 3
+    assert torch.equal(read_planes(tmp_path), mask)
 
 
 def test_binary_mask(tmp_path: Path) -> None:
@@ -85,6 +104,10 @@ def test_timing() -> None:
     assert not timing_of(8, 4, frame_rate=300, binary_rate=32552, gray_rate=4069).planes_fit
     with pytest.raises(BadInput, match="must be positive"):
         timing_of(8, 4, frame_rate=0, binary_rate=1, gray_rate=1)
+    phased = timing_of(8, 4, frame_rate=50, binary_rate=32552, gray_rate=4069, reset_time=25e-6)
+    assert phased.phased_reset_slots == pytest.approx(0.01)
+    with pytest.raises(BadInput, match=r"a slot lasts 0\.0025 s; reset within a slot"):
+        timing_of(8, 4, frame_rate=50, binary_rate=32552, gray_rate=4069, reset_time=0.003)
 
 
 def test_what_cannot_be_shown(tmp_path: Path) -> None:
@@ -112,8 +135,17 @@ def test_the_command(configuration: Callable[..., DictConfig], ran: Callable[...
     names = {"encoder": "lsw_sr", "decoder": "res2former"}
     config = {**plain(configuration("train", "encoder.mask.bits=3", "size=[16,24]")), "names": names}
     write_weights(tmp_path / "a.ckpt", config, {"encoder.mask.weight": mask.weight.detach()})
-    printed = ran("export_mask", "ckpt_path=a.ckpt", "repeat=2", "canvas=[768,1024]", "out=out", "frame_rate=600")
+    printed = ran(
+        "export_mask",
+        "ckpt_path=a.ckpt",
+        "repeat=2",
+        "canvas=[768,1024]",
+        "out=out",
+        "frame_rate=600",
+        "reset_time=2e-5",
+    )
     assert "8 slots of 3 bit" in printed and "too fast" in printed
+    assert "bit_planes.order=msb_first, phased_reset.delay=0.096" in printed
     assert torch.equal(read_planes(tmp_path / "out"), mask().detach())
     assert len(list((tmp_path / "out" / "planes").glob("*.png"))) == 24
 

@@ -26,9 +26,9 @@ def test_the_vocabulary_is_the_documented_one() -> None:
     documented = {
         "scene": "scene_shift scene_rotation scene_scale scene_blur scene_gamma",
         "modulator": "pattern_order mask_orientation mask_level_gamma mask_contrast mask_lag sync_offset",
-        "relay": "mask_shift mask_rotation mask_scale mask_blur mask_distortion mask_keystone",
-        "exposure": "flicker rolling_shutter duty_cycle",
-        "optics": "optical_blur vignetting illumination veiling_glare",
+        "relay": "mask_shift mask_rotation mask_scale lateral_colour mask_blur mask_distortion mask_keystone",
+        "exposure": "flicker rolling_shutter duty_cycle phased_reset bit_planes",
+        "optics": "optical_blur field_blur vignetting illumination veiling_glare",
         "sensor": "gain prnu shot_noise saturation response_gamma black_level column_noise row_noise hot_pixels "
         "read_noise bit_depth",
     }
@@ -179,6 +179,52 @@ def test_rolling_shutter(signal: Signal) -> None:
     late = 0.5 * told[1] * frame[1] + told[2] * frame[2] + told[3] * frame[3] + held - 0.5 * told[1] * frame[3]
     assert seen[-1] == pytest.approx(late)
     assert seen[5] == pytest.approx(signal(one_capture(coding, scene), rolling_shutter={"delay": 0.5})[0, -1, 0])
+
+
+def test_phased_reset(signal: Signal) -> None:
+    told, scene = one_slot_each()[:, 0, 0], np.zeros((4, 16, 16))
+    scene[2] = 1
+    seen = signal(one_capture(one_slot_each(), scene), phased_reset={"delay": 0.3})[0]
+    late = 0.3 * np.arange(16) / 15
+    np.testing.assert_allclose(seen, np.tile((1 - late) * told[2] + late * told[1], (16, 1)).T)
+    # what is late meets the light of that moment
+    pulse = {"amplitude": 1.0, "frequency": 4.0, "phase": np.pi}
+    late, on_time = (
+        signal(one_capture(one_slot_each(), scene), flicker=pulse, **wish)[0, -1, 0]
+        for wish in ({"phased_reset": {"delay": 0.3}}, {})
+    )
+    assert on_time - late == pytest.approx((0.3 - (1 - np.cos(0.6 * np.pi)) / (2 * np.pi)) / 8)
+
+
+def test_bit_planes(signal: Signal) -> None:
+    coding, scene = np.full((4, 16, 16), 5 / 16), np.ones((4, 16, 16)) * np.array([0.1, 0.3, 0.2, 0.6])[:, None, None]
+    change = np.array([0.2, 0.05, 0.15, 0.4])
+    coding[0] = 1 / 16  # so that the levels need four bits
+    for order, middles in (("msb_first", (14.5 / 15, 10 / 15)), ("lsb_first", (0.5 / 15, 5 / 15))):
+        seen = signal(one_capture(coding, scene), bit_planes={"order": order})[0, 0, 0]
+        least, third = (scene[:, 0, 0] + (middle - 0.5) * change for middle in middles)
+        assert seen == pytest.approx((least.sum() + 4 * third[1:].sum()) / 16)
+    still = one_capture(coding, 0.5)
+    np.testing.assert_allclose(signal(still, bit_planes={"order": "msb_first"}), signal(still), atol=1e-12)
+    twice = signal(one_capture(coding, scene), bit_planes={"order": "msb_first"}, phased_reset={"delay": 0.4})[0]
+    once = signal(one_capture(coding, scene), bit_planes={"order": "msb_first"})[0]
+    np.testing.assert_allclose(twice[0], once[0])
+    assert (np.abs(twice[-1] - once[-1]) > 1e-3).all()
+
+
+def test_field_blur_is_an_optical_blur_of_every_place(signal: Signal) -> None:
+    for row, column in ((8, 8), (12, 3)):
+        place = ((row - 8) ** 2 + (column - 8) ** 2) / 128
+        seen = signal(one_mirror(row, column, (17, 17)), field_blur={"centre": 0.3, "corner": 1.1})
+        blurred = signal(one_mirror(row, column, (17, 17)), optical_blur={"sigma": 0.3 + 0.8 * place})
+        np.testing.assert_allclose(seen, blurred, atol=1e-9)
+
+
+def test_lateral_colour(signal: Signal) -> None:
+    coding = np.random.default_rng(0).random((2, 17, 16)) / 2
+    larger, smaller = (signal(one_capture(coding), mask_scale={"scale": scale}) for scale in (1.02, 0.98))
+    seen = signal(one_capture(coding), lateral_colour={"spread": 0.02})
+    np.testing.assert_allclose(seen, (larger + smaller) / 2, atol=1e-12)
 
 
 def test_vignetting(signal: Signal) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from sci_lightning.errors import BadInput
-from sci_lightning.virtual_camera import OUTSIDE, VOCABULARY, Session, VirtualCamera, choose_effects
+from sci_lightning.virtual_camera import DRAWN, OUTSIDE, Session, VirtualCamera, choose_effects
 
 SESSION = Session(size=(24, 24), frames=4)
 
@@ -38,15 +38,15 @@ def test_by_name_and_seed() -> None:
 
 def test_at_random() -> None:
     names = [tuple(choose_effects("random", SESSION, seed, number=2)) for seed in range(60)]
-    assert all(len(set(pair)) == 2 and set(pair) <= set(VOCABULARY) for pair in names)
-    assert len({name for pair in names for name in pair}) == len(VOCABULARY)
+    assert all(len(set(pair)) == 2 and set(pair) <= set(DRAWN) for pair in names)
+    assert len({name for pair in names for name in pair}) == len(DRAWN)
     assert {name for seed in range(200) for name in choose_effects("outside", SESSION, seed)} == set(OUTSIDE)
 
 
 def test_random_effects_can_show() -> None:
     session = replace(SESSION, size=(24, 30), mask="binary", datasheet=False)
-    everything = choose_effects("random", session, 0, number=len(VOCABULARY) - 3)
-    assert set(VOCABULARY) - set(everything) == {"mask_level_gamma", "shot_noise", "read_noise"}
+    everything = choose_effects("random", session, 0, number=len(DRAWN) - 3)
+    assert set(DRAWN) - set(everything) == {"mask_level_gamma", "shot_noise", "read_noise"}
     for seed in range(10):
         operation = choose_effects("mask_orientation", session, seed)["mask_orientation"].values["operation"]
         assert operation in ("flip_lr", "flip_ud", "rot180")

@@ -28,6 +28,8 @@ TIME = {
     "uneven_slots": {"std": 0.1, "course": 5},
 }
 
+SUBSLOTS = {"phased_reset": {"delay": 0.3}, "bit_planes": {"order": "msb_first"}}
+FIELD = {"lateral_colour": {"spread": 0.03}, "field_blur": {"centre": 0.3, "corner": 1.0}}
 LATE = {"sync_offset": {"offset": -0.3}}
 """Alone: beside a flicker, integrals take the mean of a slot, and instants see which pattern meets the bright part."""
 
@@ -49,14 +51,22 @@ def test_without_faults_an_aligned_mask_is_exact() -> None:
 
 @pytest.mark.parametrize(
     ("wish", "error"),
-    [(GEOMETRY, 0.006), (LENS, 0.006), (TIME, 0.001), (LATE, 0.0005), ({**GEOMETRY, **BLUR}, 0.012)],
-    ids=["geometry", "lens", "time", "late", "blur"],
+    [
+        (GEOMETRY, 0.006),
+        (LENS, 0.006),
+        (TIME, 0.001),
+        (LATE, 0.0005),
+        ({**GEOMETRY, **BLUR}, 0.012),
+        (SUBSLOTS, 0.0005),
+        (FIELD, 0.01),
+    ],
+    ids=["geometry", "lens", "time", "late", "blur", "subslots", "field"],
 )
 @pytest.mark.parametrize(
     "surround", ["goes_on", *(pytest.param(one, marks=pytest.mark.slow) for one in ("dark", "edge"))]
 )
 def test_rays_and_integrals_agree(wish: dict[str, dict[str, float]], error: float, surround: str) -> None:
-    session = replace(SESSION, surround=surround)
+    session = replace(SESSION, surround=surround, mask="structural" if wish is SUBSLOTS else "binary")
     integrated, sampled = both(wish, session)
     nominal, _ = both({}, session)
     assert np.sqrt(np.mean((sampled - integrated) ** 2)) < error

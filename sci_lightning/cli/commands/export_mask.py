@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.settings import CommandSettings, Name
-from sci_lightning.configuration.bounds import ExistingPath, Positive, Repeats, Size
+from sci_lightning.configuration.bounds import ExistingPath, NonNegative, Positive, Repeats, Size
 from sci_lightning.console import PlainConsole, styled
 
 
@@ -21,6 +22,8 @@ class ExportMaskSettings(CommandSettings):
     frame_rate: Positive
     binary_rate: Positive
     gray_rate: Positive
+    order: Literal["msb_first", "lsb_first"]
+    reset_time: NonNegative
 
 
 def export_mask(composition: Composition) -> None:
@@ -45,8 +48,8 @@ def export_mask(composition: Composition) -> None:
     height, width = module.size
     canvas = (cfg.repeat * height, cfg.repeat * width) if cfg.canvas is None else tuple(cfg.canvas)
     layout = Layout((height, width), cfg.repeat, canvas)
-    timing = timing_of(module.frames, bits, cfg.frame_rate, cfg.binary_rate, cfg.gray_rate)
-    write_planes(mask, bits, out, layout, timing)
+    timing = timing_of(module.frames, bits, cfg.frame_rate, cfg.binary_rate, cfg.gray_rate, cfg.reset_time)
+    write_planes(mask, bits, out, layout, timing, cfg.order)
     if not torch.equal(read_planes(out), mask):
         raise MachineFailure(f"{out}: the planes do not read back as the mask; is the disk full?")
     console.print(f"{module.frames} slots of {bits} bit, {height} x {width}, on {canvas[0]} x {canvas[1]} mirrors")
@@ -54,6 +57,9 @@ def export_mask(composition: Composition) -> None:
         fits = "fits" if getattr(timing, f"{way}_fit") else styled("too fast", "red")
         most = getattr(timing, f"fastest_{what}_Hz")
         console.say(f"{cfg.frame_rate:g} snapshots/s by {way}: ", fits, f", at most {most:.1f}")
+    if bits > 1 or timing.phased_reset_slots:
+        effects = f"bit_planes.order={cfg.order}, phased_reset.delay={timing.phased_reset_slots:.3g}"
+        console.print(f"the encoder's effects of this display: {effects}")
     console.say(styled(out), ": planes/, frames/, planes.json (exposure of each plane; timing)")
     words = (*composition.trusted(), "measurement=SNAPSHOT.tiff")
     print_next(console, invocation("reconstruct", *words, paths={"ckpt_path": cfg.ckpt_path}))

@@ -55,7 +55,9 @@ OF_THE_FIELD = (
     "mask_keystone",
     "mask_distortion",
     "mask_orientation",
+    "lateral_colour",
     "rolling_shutter",
+    "phased_reset",
 )
 """Effects that depend on the place in the field, and are not looked for where only a part of it is searched."""
 MAX_LISTED = 10

@@ -325,10 +325,10 @@ class BlindLikelihood:
 
     def _shown(self, path: LightPath, sequence: torch.Tensor, requested: torch.Tensor | None = None) -> torch.Tensor:
         """Return what multiplies each frame of the scene where it is ``requested``, ``(T, H, W)`` float64."""
-        displayed = (*path.of(ModulatorEffect), *path.of(RelayEffect))
-        seen = LightPath([*displayed, *path.of(ExposureEffect)], path.grid)
+        before_lens = (*path.of(ModulatorEffect), *path.of(RelayEffect), *path.of(ExposureEffect))
+        seen = LightPath(before_lens, path.grid)
         where = None if requested is None else requested.numpy().tobytes()
-        key = (where, *(effect_key(effect) for effect in displayed))
+        key = (where, *(effect_key(effect) for effect in seen.imaging))
         images = self._images.get(key, lambda: seen.images(self.model.observation.patterns, requested))
         return seen.during(images, sequence[None])[0].double()
 

@@ -12,6 +12,8 @@ UNDETERMINED = {
     "duty_cycle": "the brightness of the scenes",
     "vignetting": "scenes that are darker towards the corners",
     "illumination": "scenes that are lit unevenly",
+    "field_blur": "scenes that are less sharp towards the corners",
+    "bit_planes": "scenes that move otherwise within the slots",
     "saturation": "the brightest parts of the scenes; saturated pixels are left out",
 }
 """Effects that snapshots of unknown scenes cannot tell from something about the scenes."""

@@ -305,17 +305,15 @@ class CameraModel:
     def _modulate(self, path: LightPath, scenes: list[torch.Tensor]) -> Signal:
         """Return the light of every capture behind the modulator: the sum over the slots of mask times scene."""
         observation, cells = self.observation, path.cells
-        displayed = (*path.of(ModulatorEffect), *path.of(RelayEffect))
-        key = tuple(effect_key(effect) for effect in displayed), cells
+        key = tuple(effect_key(effect) for effect in path.imaging), cells
         shown = self._images.get(key, lambda: path.images(observation.patterns))
         images: list[torch.Tensor] = [torch.zeros(shown.shape[-2:])] * len(observation)
         lit = self._lit if scenes is observation.scene else _lit(scenes)
-        timed = path.mixes_slots(observation.frames)
         for which, sequence in enumerate(observation.sequences):  # one by one: the masks of all do not fit in memory
             numbers = ((observation.sequence == which) & lit).nonzero()[:, 0].tolist()
             if not numbers:
                 continue
-            masks = path.during(shown, sequence[None])[0] if timed else shown[sequence]
+            masks = path.during(shown, sequence[None])[0]
             # cells are many: they are added up slot by slot, without memory for every slot's product
             operator, total = SnapshotOperator(masks, cells, slot_by_slot=cells > 1), None
             for number in numbers:

@@ -119,7 +119,8 @@ class Residuals:
         """``(P, H, W)`` images of the patterns on the pixels, as the model predicts them."""
         path = self.fit.fitter.model.path(self.fit.hypothesis)
         with torch.no_grad():
-            return self._counted(_pooled(path.images(self.observation.patterns), path.cells))
+            images = path.images(self.observation.patterns)[: len(self.observation.patterns)]
+            return self._counted(_pooled(images, path.cells))
 
     @cached_property
     def masks(self) -> torch.Tensor:

@@ -12,11 +12,15 @@ from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.local_gain import LocalGain
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting
 from sci_lightning.diagnosis.model.fixed_pattern_map import estimate_map
+from sci_lightning.diagnosis.model.likelihood import Prediction
 from sci_lightning.diagnosis.model.starting_points import starting_settings, with_effect_at
 from sci_lightning.encoder.effects.parameter import part_of, within
 
 STARTS_IN_MEMORY = 12
 """Starts whose predictions are held in memory at a time."""
+
+INVISIBLE_DN = 1e-3
+"""Largest change of the predicted DN by which an effect does nothing in these captures, and is no candidate."""
 
 SCREENED_FROM_KINK_PIXELS = 0.2
 """Pixels on either side of a whole displacement at which it is screened again: half of what its starts are apart."""
@@ -78,22 +82,21 @@ def _screened(base: Fit, further: Mapping[str, list[Setting]], part: float) -> l
         starts = [part_of(start, effect.about, part) for start in all_starts]
         if not starts:  # a converter of one bit can lose none, a single slot cannot come late
             continue
-        best = _best_start(local, name, starts)
+        screened = _screen_starts(local, name, starts)
+        if not screened:  # bit planes of binary patterns
+            continue
+        best = max(screened, key=lambda one: one.gain)
         nearby = [one for one in _on_both_sides(best.start, effect.displacement or ()) if within(one, effect.about)]
         if nearby and best.gain > fitter.settings.min_gain_nats:
-            best = max(best, _best_start(local, name, nearby), key=lambda one: one.gain)
+            best = max(best, *_screen_starts(local, name, nearby), key=lambda one: one.gain)
         candidates.append(best)
     return sorted(candidates, key=lambda candidate: -candidate.gain)
 
 
-def _best_start(local: LocalGain, name: str, starts: list[Setting]) -> Candidate:
-    """Return the start of one effect with the largest gain, see :func:`_screen_starts`."""
-    screened = (
-        candidate
-        for first in range(0, len(starts), STARTS_IN_MEMORY)
-        for candidate in _screen_starts(local, name, starts[first : first + STARTS_IN_MEMORY])
-    )
-    return max(screened, key=lambda candidate: candidate.gain)
+def _screen_starts(local: LocalGain, name: str, starts: list[Setting]) -> list[Candidate]:
+    """Estimate the gain of the starts of one effect that change something, some at a time."""
+    some = (starts[first : first + STARTS_IN_MEMORY] for first in range(0, len(starts), STARTS_IN_MEMORY))
+    return [candidate for few in some for candidate in _screen_few(local, name, few)]
 
 
 def _on_both_sides(start: Setting, parameters: Sequence[str]) -> list[Setting]:
@@ -115,15 +118,19 @@ def _on_both_sides(start: Setting, parameters: Sequence[str]) -> list[Setting]:
     return [setting for setting in settings if setting != start]
 
 
-def _screen_starts(local: LocalGain, name: str, starts: list[Setting]) -> list[Candidate]:
-    """Estimate the gain of every start of one effect.
+def _screen_few(local: LocalGain, name: str, starts: list[Setting]) -> list[Candidate]:
+    """Estimate the gain of every start of one effect that changes something.
 
     The gain is the larger of two estimates: that of the effect as large as the start, from chi2, and that of the effect
     scaled to its best size, to second order; the start is then scaled likewise.
     """
     fitter, at, model = local.fitter, local.at, local.fitter.model
     about = model.effects[name].about
-    predictions = [model.predict(with_effect_at(model, at.hypothesis, name, start)) for start in starts]
+    tried = [(start, model.predict(with_effect_at(model, at.hypothesis, name, start))) for start in starts]
+    tried = [(start, one) for start, one in tried if _changes(one, at.prediction)]
+    if not tried:
+        return []
+    starts, predictions = [start for start, _ in tried], [one for _, one in tried]
     if any(one.bits != at.prediction.bits for one in predictions):
         before = at.likelihood.log_likelihood
         gains = [float(((fitter.log_likelihood(one) - before) * fitter.fitted).sum()) for one in predictions]
@@ -139,6 +146,11 @@ def _screen_starts(local: LocalGain, name: str, starts: list[Setting]) -> list[C
             if gain > candidates[i].gain:
                 candidates[i] = Candidate(name, gain, part_of(starts[i], about, min(factor, 2.0)))
     return candidates
+
+
+def _changes(one: Prediction, other: Prediction) -> bool:
+    """Return whether two predictions differ."""
+    return one.bits != other.bits or float((one.mean - other.mean).abs().max()) > INVISIBLE_DN
 
 
 def rivals(fit: Fit, without: Fit, name: str) -> list[tuple[str, Fit]]:

@@ -5,13 +5,14 @@ A capture of a scene x with commanded patterns M forms as
 .. math::
     D_t &= \sum_s S_{ts}\, \mathrm{show}(M_s)                  && \text{modulator: what is displayed in slot } t \\
     P_t &= \mathrm{image}(D_t;\, \mathrm{geometry})                && \text{relay: its image on the sensor} \\
-    A_t &= w_t \odot P_t                                       && \text{exposure: what multiplies frame } t \\
+    A_t &= w_t \odot \textstyle\big(P_t + \sum_s R_{ts} Q_s\big)      && \text{exposure: what multiplies frame } t \\
     \mu &= \mathrm{form}\big(a \textstyle\sum_t A_t \odot x_t\big)  && \text{optics: the image on the pixels} \\
     (m, v) &= \mathrm{respond}(\mu, 0)                         && \text{sensor: mean and variance} \\
     y &= \mathrm{round}\big(\mathrm{clip}(m + \sqrt{v}\, n)\big)    && \text{converter}
 
 with the schedule S, the weight w of every slot (and row), the aperture a, and n drawn from a standard normal
-distribution. Every hook below is the identity unless an effect overrides it.
+distribution. Q is the image of what is displayed at another time within its slot, see :meth:`ExposureEffect.retimed`.
+Every hook below is the identity unless an effect overrides it.
 """
 
 from __future__ import annotations
@@ -63,13 +64,25 @@ class PlacementEffect(RelayEffect):
 
 
 class ExposureEffect(Effect):
-    r"""When light is collected: :math:`A_t = w_t \odot P_t`."""
+    r"""When light is collected: :math:`A_t = w_t \odot (P_t + \sum_s R_{ts} Q_s)`."""
 
     stage = "exposure"
 
     def expose(self, exposure: Exposure) -> Exposure:
         """Return when the source shines and when each row is open, from how it was without this effect."""
         return exposure
+
+    def retimed(self, patterns: torch.Tensor) -> torch.Tensor:
+        """Return the patterns, of the same shape, whose images less those of the commanded ones are Q.
+
+        Args:
+            patterns: ``(P, H, W)`` as commanded, in rows of the modulator; ``(P, Hm, Wm)`` on a grid of their own.
+        """
+        return patterns
+
+    def retiming(self, slots: int) -> torch.Tensor:
+        """Return R, ``(T, T)``: how much of Q in slot s (column) is added to what multiplies frame t (row)."""
+        return torch.zeros(slots, slots)
 
     def form(self, signal: Signal) -> Signal:
         """Return the light of whole captures; ``signal.mean`` is light without variance yet."""

@@ -26,6 +26,7 @@ COLOURS = {
     "nothing": "#444444",
     "outside": "#b0488c",
     "fewer": "#7a4fa3",
+    "later": "#2a9d9d",
 }
 BLUE = "#1f6fb2"
 LARGEST_ERROR = 5.0

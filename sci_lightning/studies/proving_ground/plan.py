@@ -11,10 +11,10 @@ import numpy as np
 
 from sci_lightning.errors import BadInput
 from sci_lightning.studies.proving_ground.case import DATASHEETS, Case
-from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY, Session
+from sci_lightning.virtual_camera import DRAWN, EFFECTS, LATER, OUTSIDE, Session
 from sci_lightning.virtual_camera.random_numbers import stream
 
-SUITES = ("single", "weak", "pair", "triple", "nothing", "outside", "fewer")
+SUITES = ("single", "weak", "pair", "triple", "nothing", "outside", "fewer", "later")
 CASES_OF_NOTHING = 12
 """Number of cases in every repetition in which nothing is hidden."""
 CAPTURES: dict[str, dict[str, int]] = {
@@ -42,9 +42,11 @@ def plan(
     """Return all cases, in an order that depends on nothing but the arguments.
 
     In every repetition, each effect of the vocabulary is hidden once alone (``single``, ``weak``, and ``fewer``, which
-    leaves out one of several sorts of captures in turn), once in a pair and once in a triple. Each effect outside the
-    vocabulary is hidden once (``outside``), and twelve times nothing is. Masks and bit depths take turns. With several
-    numbers of slots, datasheets or formulations, the cameras of all combinations do, in a random order.
+    leaves out one of several sorts of captures in turn), once in a pair and once in a triple. Effects that the
+    vocabulary got later are hidden once alone in a suite of their own (``later``), so that the others' cases stay what
+    they were. Each effect outside the vocabulary is hidden once (``outside``), and twelve times nothing is. Masks and
+    bit depths take turns. With several numbers of slots, datasheets or formulations, the cameras of all combinations
+    do, in a random order.
 
     Args:
         suites: some of ``SUITES``.
@@ -114,7 +116,7 @@ def _cases_of_repetition(
         order = stream(0, f"proving ground: cameras of {suite}").permutation(len(cameras))
         cameras = [cameras[number] for number in order]
     random = stream(repetition, f"proving ground: {suite}")
-    names = [name for name in (OUTSIDE if suite == "outside" else VOCABULARY) if name in allowed]
+    names = [name for name in {"outside": OUTSIDE, "later": LATER}.get(suite, DRAWN) if name in allowed]
     if suite == "weak":
         names = [name for name in names if _has_magnitude(name)]
     capture_sets = [name for name in CAPTURES if name != "full"] if suite == "fewer" else ["full"]

@@ -20,6 +20,8 @@ EXACT_SUITES = (
 """Suites in which exactly the hidden effects are to be named: suite, row of the table, smallest share of the cases."""
 ASKED = (*(suite for suite, _, _ in EXACT_SUITES), "nothing", "outside")
 """Suites in which there is a right answer."""
+LATER = "effects that got a name later, alone: its name and no other, explained"
+"""The row of the suite ``later``, which the first records do not have."""
 VISIBLE_GAIN = 30.0
 """Log-likelihood gain in nats below which no diagnosis is expected to see an effect."""
 WEAK_GAIN = 100.0
@@ -66,6 +68,7 @@ def summarise(records: Iterable[Outcome | FailedCase]) -> list[SuiteScore]:
     fewer, outside = of_suite(outcomes, "fewer"), of_suite(outcomes, "outside")
     return [
         *(exact_names(outcomes, lost, suite, what, least) for suite, what, least in EXACT_SUITES),
+        *(exact_names(outcomes, lost, "later", LATER, 0.95) for _ in of_suite(outcomes, "later")[:1]),
         *(false_alarms(outcomes, lost, mask) for mask in ("structural", "binary")),
         at_most("right names, yet something unnamed", [o for o in named if o.exact], lambda o: bool(o.unnamed), 0.02),
         wrong_names("any wrong name", named, 0.05),

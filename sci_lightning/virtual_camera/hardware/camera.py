@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import reduce
 from typing import TypeVar
 
@@ -10,9 +11,9 @@ import numpy as np
 
 from sci_lightning.virtual_camera.hardware.converter import BitDepth, ReadNoise, ShotNoise
 from sci_lightning.virtual_camera.hardware.effect import Effect
-from sci_lightning.virtual_camera.hardware.exposure import ExposureEffect, Timing
+from sci_lightning.virtual_camera.hardware.exposure import BLOCKS, ExposureEffect, Part, Timing
 from sci_lightning.virtual_camera.hardware.laboratory import TargetEffect
-from sci_lightning.virtual_camera.hardware.modulator import ModulatorEffect
+from sci_lightning.virtual_camera.hardware.modulator import MaskOrientation, ModulatorEffect
 from sci_lightning.virtual_camera.hardware.optics import Image, OpticsEffect
 from sci_lightning.virtual_camera.hardware.relay import Relay, RelayEffect
 from sci_lightning.virtual_camera.hardware.sensor import Readout, SensorEffect
@@ -21,6 +22,9 @@ from sci_lightning.virtual_camera.random_numbers import stream
 from sci_lightning.virtual_camera.session import Acquisition, Session
 
 S = TypeVar("S", bound=Effect)
+
+MOST_CELLS = 3
+"""Cells per pixel and axis behind which the lens' blur may differ from cell to cell; it bounds the memory."""
 
 
 class Camera:
@@ -71,35 +75,34 @@ class Camera:
         acquisition = self.happened(acquisition)
         slots = acquisition.sequence.shape[1]
         surround, border = self.session.surround, acquisition.border
-        patterns, schedule = self._displayed(acquisition)
         scenes = self._shown(acquisition)
-        height, width = acquisition.patterns.shape[1:]
-        relay = reduce(lambda before, effect: effect.apply(before), self._stage(RelayEffect), Relay())
-        timing = reduce(lambda before, effect: effect.apply(before), self._stage(ExposureEffect), Timing())
-        images = reduce(lambda before, effect: effect.apply(before), self._stage(OpticsEffect), [Image()])
-
-        sharp = images == [Image()]
-        slot_light = np.pad(timing.slot_light(slots, height), ((0, 0), (border, border)), mode="edge")
+        count, height, width = acquisition.patterns.shape
+        relay, timing, images = self._light_path()
+        parts, schedule = self._displayed(acquisition, timing)
+        patterns = np.concatenate([part.patterns for part in parts])
+        beyond = ((0, 0), (border, border))
+        lit = [
+            [(later, middle, np.pad(power, beyond, mode="edge")) for later, middle, power in one]
+            for one in (timing.lit(part, slots, height) for part in parts)
+        ]
         field = (slice(border, border + height), slice(border, border + width))
-        count = len(acquisition.sequence)
-        power = timing.power(count) * acquisition.aperture
-        light = np.empty((count, height, width))
-        relayed: tuple[Relay, np.ndarray, np.ndarray, np.ndarray] | None = None
+        captures = len(acquisition.sequence)
+        power = timing.power(captures) * acquisition.aperture
+        light = np.empty((captures, height, width))
+        before: Relay | None = None
         for number, (sequence, scene) in enumerate(zip(acquisition.sequence, scenes, strict=True)):
-            now = relay.during(number, count)
-            if relayed is None or relayed[0] != now:
-                relayed = now, *self._relayed(now, patterns, border, sharp)
-            _, rows, columns, transmitted = relayed
-            pixel_of_cell = np.ix_(rows[:-1].astype(int), columns[:-1].astype(int))
-            scene_light = np.zeros(scene.shape)
-            for slot, row_light in enumerate(slot_light):
-                scene_light[slot % slots] += row_light[:, None] * scene[min(slot, slots - 1)]
-            pattern_light = np.tensordot(schedule, scene_light, (0, 0)) * power[number]
+            now = relay.during(number, captures)
+            if now != before:
+                before, (rows, columns, transmitted) = now, self._relayed(now, patterns, border, images)
+                pixel_of_cell = np.ix_(rows[:-1].astype(int), columns[:-1].astype(int))
+                onto_pixels = [image.onto_pixels(rows, columns, surround, border) for image in images]
             modulated = np.zeros(transmitted.shape[1:])
-            for pattern in np.unique(sequence):
-                modulated += transmitted[pattern] * pattern_light[sequence == pattern].sum(0)[pixel_of_cell]
-            formed = sum(image.integrate(modulated, rows, columns, surround) for image in images)
-            light[number] = np.asarray(formed)[field]
+            for first, of_part in zip(range(0, len(patterns), count), lit, strict=True):
+                pattern_light = np.tensordot(schedule, timing.met(scene, of_part), (0, 0)) * power[number]
+                for pattern in np.unique(sequence):
+                    lit_by = pattern_light[sequence == pattern].sum(0)[pixel_of_cell]
+                    modulated += transmitted[first + pattern] * lit_by
+            light[number] = np.sum([form(modulated) for form in onto_pixels], axis=0)[field]
         for effect in self._stage(OpticsEffect):
             light = effect.change_irradiance(light, acquisition.exposure, self.fixed_maps)
         return light
@@ -108,16 +111,28 @@ class Camera:
         """Return the acquisition as it took place, which is not what the file says if something went wrong."""
         return reduce(lambda before, effect: effect.happened(before), self.effects, acquisition)
 
-    def _displayed(self, acquisition: Acquisition) -> tuple[np.ndarray, np.ndarray]:
-        """Return the patterns (P, H, W) as displayed, beyond the field too, and when (T, T) each one is."""
+    def _light_path(self) -> tuple[Relay, Timing, list[Image]]:
+        """Return the relay, the timing of the exposure and the images that the lens forms, with all their faults."""
+        relay = reduce(lambda before, effect: effect.apply(before), self._stage(RelayEffect), Relay())
+        timing = reduce(lambda before, effect: effect.apply(before), self._stage(ExposureEffect), Timing())
+        return relay, timing, reduce(lambda before, effect: effect.apply(before), self._stage(OpticsEffect), [Image()])
+
+    def _displayed(self, acquisition: Acquisition, timing: Timing) -> tuple[list[Part], np.ndarray]:
+        """Return the patterns as displayed, in parts and beyond the field too, and in which slots (T, T)."""
         slots, world = acquisition.sequence.shape[1], acquisition.world
+        height, width = acquisition.patterns.shape[1:]
         patterns = (acquisition.patterns if world is None else world.patterns).astype(np.float64)
-        schedule = np.eye(slots)
         maps = {name: _going_on(values, acquisition.border) for name, values in self.fixed_maps.items()}
-        for modulator in self._stage(ModulatorEffect):
-            patterns = modulator.display(patterns, maps)
-            schedule = modulator.schedule(slots) @ schedule
-        return patterns, schedule
+        block = np.broadcast_to(np.arange(height)[:, None] * BLOCKS // height, (height, width))
+        block = _going_on(block, acquisition.border)
+        modulators: list[ModulatorEffect] = self._stage(ModulatorEffect)
+        parts: list[Part] = []
+        for mounting in self._stage(MaskOrientation):
+            block = mounting.display(block[None], maps)[0]
+        for plane in timing.bit_planes(patterns):
+            shown = reduce(lambda before, effect: effect.display(before, maps), modulators, plane.patterns)
+            parts += timing.blocks(replace(plane, patterns=shown), block)
+        return parts, reduce(lambda before, effect: effect.schedule(slots) @ before, modulators, np.eye(slots))
 
     def _shown(self, acquisition: Acquisition) -> np.ndarray:
         """Return the scenes (N, T, H, W) as the target shows them, beyond the field too."""
@@ -129,11 +144,14 @@ class Camera:
         return scenes
 
     def _relayed(
-        self, relay: Relay, patterns: np.ndarray, border: int, sharp: bool
+        self, relay: Relay, patterns: np.ndarray, border: int, images: list[Image]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the edges of the cells along y and along x, and the relay's image of every pattern on them."""
         height, width = patterns.shape[1:]
-        rows, columns = relay.cells((height, width), self.session.oversampling, sharp_optics=sharp)
+        sharp, finest = images == [Image()], self.session.oversampling
+        if any(image.varies for image in images):
+            finest = min(finest, MOST_CELLS)
+        rows, columns = relay.cells((height, width), finest, sharp_optics=sharp)
         if sharp:  # no light from beyond the field falls on its pixels
             rows = rows[(rows >= border) & (rows <= height - border)]
             columns = columns[(columns >= border) & (columns <= width - border)]

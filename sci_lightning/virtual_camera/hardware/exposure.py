@@ -1,19 +1,37 @@
-"""The exposure: how the light source shines over time, and when every row is exposed. Its effects."""
+"""The exposure: what is displayed when, how the source shines, and when every row is exposed. Its effects."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from sci_lightning.errors import BadInput
-from sci_lightning.virtual_camera.hardware.effect import Effect, parameter
+from sci_lightning.virtual_camera.hardware.effect import Effect, choice, parameter
 from sci_lightning.virtual_camera.random_numbers import stream
 
 if TYPE_CHECKING:
     from sci_lightning.virtual_camera.session import Session
+
+BLOCKS = 16
+"""Blocks of rows of the modulator that may change their patterns one after the other."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """What some of the mirrors display, or all of them for a part of their slots.
+
+    Attributes:
+        patterns: (P, H, W) transmittance; 0 of the other mirrors.
+        start, stop: slots from the beginning of the slot to which a pattern belongs.
+    """
+
+    patterns: np.ndarray
+    start: float = 0.0
+    stop: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -28,6 +46,8 @@ class Timing:
         drift: relative change of the source's power from the first to the last capture.
         uneven: standard deviation of the light of the slots, and the seed of its random values.
         unsteady: standard deviation of the light of the captures, and the seed of its random values.
+        reset: slots between the changes of the first and the last block of the modulator's rows.
+        planes: ``msb_first`` or ``lsb_first`` where gray levels are displayed as bit planes, else ``none``.
     """
 
     delay: float = 0.0
@@ -40,8 +60,75 @@ class Timing:
     drift: float = 0.0
     uneven: tuple[float, int] = (0.0, 0)
     unsteady: tuple[float, int] = (0.0, 0)
+    reset: float = 0.0
+    planes: str = "none"
 
-    def slot_light(self, slots: int, rows: int) -> np.ndarray:
+    def bit_planes(self, patterns: np.ndarray) -> list[Part]:
+        """Return patterns (P, H, W) of gray levels plane by plane; as they are if they are not displayed in planes.
+
+        The levels are the multiples of 1 / 2**b, or of 1 / (2**b - 1), for the smallest b of 1 to 8. All planes of a
+        mirror are so bright that their light together is that of its level.
+        """
+        counts = [(bits, full) for bits in range(1, 9) for full in (2**bits, 2**bits - 1)]
+        fitting = [one for one in counts if np.abs(patterns * one[1] - np.rint(patterns * one[1])).max() < 1e-3]
+        if self.planes == "none" or not fitting:
+            return [Part(patterns)]
+        bits, full = fitting[0]
+        level = np.minimum(np.rint(patterns * full), 2**bits - 1).astype(int)
+        brightness = patterns * (2**bits - 1) / np.maximum(level, 1)
+        digits = [2**bit for bit in range(bits)]
+        lengths = np.array(digits if self.planes == "lsb_first" else digits[::-1])
+        stops = lengths.cumsum() / (2**bits - 1)
+        return [
+            Part(np.where(level // length % 2 == 1, brightness, 0), float(stop - length / (2**bits - 1)), float(stop))
+            for length, stop in zip(lengths, stops, strict=True)
+        ]
+
+    def blocks(self, part: Part, block: np.ndarray) -> list[Part]:
+        """Return a part block by block, as the blocks change one after the other.
+
+        Args:
+            part: of the patterns.
+            block: (H, W) to which every mirror belongs, 0 to 15.
+        """
+        if not self.reset:
+            return [part]
+        late = self.reset / (BLOCKS - 1)
+        return [
+            Part(part.patterns * (block == number), part.start + number * late, part.stop + number * late)
+            for number in range(BLOCKS)
+        ]
+
+    def lit(self, part: Part, slots: int, rows: int) -> Iterator[tuple[int, float, np.ndarray]]:
+        """Yield when a part is displayed: slots after its own, the middle within that slot, and the light (K, H)."""
+        for later in range(math.floor(part.start), math.ceil(part.stop)):
+            start, stop = max(part.start - later, 0.0), min(part.stop - later, 1.0)
+            yield later, (start + stop) / 2, self.slot_light(slots, rows, start, stop)
+
+    def met(self, scene: np.ndarray, lit: list[tuple[int, float, np.ndarray]]) -> np.ndarray:
+        """Return the light (T, H, W) of a scene that meets the patterns of a part, slot by slot.
+
+        Behind bit planes a scene moves within a slot: a frame is its mean over the slot, within which it changes
+        evenly, by half the difference of the frames before and after, at either end by that from the only neighbour.
+
+        Args:
+            scene: (T, H, W).
+            lit: see :meth:`lit`, with a row of light for every row of the scene.
+        """
+        slots, met = len(scene), np.zeros(scene.shape)
+        change = self.change(scene)
+        for later, middle, light in lit:
+            frames = scene if change is None else scene + (middle - 0.5) * change
+            for slot, row_light in enumerate(light):
+                frame = frames[slot] if slot < slots else scene[-1]
+                met[(slot - later) % slots] += row_light[:, None] * frame
+        return met
+
+    def change(self, scene: np.ndarray) -> np.ndarray | None:
+        """Return by how much a scene (T, H, W) changes from the beginning to the end of every slot; None: it rests."""
+        return None if self.planes == "none" else np.gradient(scene.astype(np.float64), axis=0)
+
+    def slot_light(self, slots: int, rows: int, begin: float = 0.0, end: float = 1.0) -> np.ndarray:
         """Return the light that every row collects during every slot, 1 for the ideal camera.
 
         The source's power is integrated in closed form over the time that slot and row have in common.
@@ -49,14 +136,15 @@ class Timing:
         Args:
             slots: T, slots per capture.
             rows: H, rows of the sensor.
+            begin, end: the part of every slot that counts.
 
         Returns:
             (K, H), K >= T; with a delay, the last rows are still exposed after slot T.
         """
         opens = np.linspace(0, self.delay, rows)
         slot = np.arange(slots + math.ceil(self.delay))[:, None]
-        start = np.maximum(slot, opens)
-        shown = np.minimum(self.duty, 1 - self.loss * (slot % slots == self.slot))
+        start = np.maximum(slot + begin, opens)
+        shown = np.minimum(np.minimum(self.duty, 1 - self.loss * (slot % slots == self.slot)), end)
         stop = np.minimum(slot + shown, opens + slots)
         stop = np.maximum(start, stop)
         rate = 2 * np.pi * self.frequency / slots
@@ -127,6 +215,39 @@ class DutyCycle(ExposureEffect):
 
     def apply(self, timing: Timing) -> Timing:
         return replace(timing, duty=self.fraction)
+
+
+@dataclass(frozen=True)
+class PhasedReset(ExposureEffect):
+    """Sixteen blocks of the modulator's rows change one after the other, the last one ``delay`` slots after the first.
+
+    Every block is displayed by itself, from its own moment on, and meets the light of that moment.
+    """
+
+    name = "phased_reset"
+    delay: float = parameter("slots", 0, 1, (0.05, 0.5), neutral=0.0)
+
+    def apply(self, timing: Timing) -> Timing:
+        return replace(timing, reset=self.delay)
+
+
+@dataclass(frozen=True)
+class BitPlanes(ExposureEffect):
+    """Gray levels are displayed as binary planes, 2**k parts of the slot long, between which the scene moves on.
+
+    Every plane is displayed by itself, before the scene of its own moment, see :meth:`Timing.light`. Invisible with
+    binary masks and with scenes at rest.
+    """
+
+    name = "bit_planes"
+    order: str = choice("none", "msb_first", "lsb_first", neutral="none")
+
+    @classmethod
+    def is_visible_in(cls, session: Session) -> bool:
+        return not session.is_binary and session.dynamic > 0
+
+    def apply(self, timing: Timing) -> Timing:
+        return replace(timing, planes=self.order)
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from sci_lightning.virtual_camera.hardware.effect import Effect, Maps, choice, parameter
-from sci_lightning.virtual_camera.hardware.overlap import overlap, with_surround
+from sci_lightning.virtual_camera.hardware.overlap import one_by_one, overlap, with_surround
 
 if TYPE_CHECKING:
     from sci_lightning.virtual_camera.session import Session
@@ -26,6 +27,8 @@ class Image:
         dx, dy: displacement to the right and down, pixel.
         sigma: standard deviation of its Gaussian blur, pixel.
         sigma_x: standard deviation of a further blur along x only, pixel.
+        centre, corner: standard deviation of a further blur in the centre of the field and in the corner pixels'
+            centres, pixel; it changes with the square of the radius.
     """
 
     share: float = 1.0
@@ -33,26 +36,54 @@ class Image:
     dy: float = 0.0
     sigma: float = 0.0
     sigma_x: float = 0.0
+    centre: float = 0.0
+    corner: float = 0.0
 
-    def integrate(self, light: np.ndarray, rows: np.ndarray, columns: np.ndarray, surround: str) -> np.ndarray:
-        """Return the light that every pixel receives from this image, blurred and integrated in closed form.
+    @property
+    def varies(self) -> bool:
+        """Whether the blur differs from place to place."""
+        return self.centre != self.corner
+
+    def sigma_at(self, y: np.ndarray | float, x: np.ndarray | float, field: tuple[float, float]) -> np.ndarray:
+        """Return the standard deviation of the blur, but for that along x only, at (y, x) from the field's middle.
 
         Args:
-            light: (n, m) irradiance, uniform within every cell.
+            y, x: pixel.
+            field: (H, W).
+        """
+        corner = ((field[0] - 1) ** 2 + (field[1] - 1) ** 2) / 4
+        return np.hypot(self.sigma, self.centre + (self.corner - self.centre) * (y**2 + x**2) / corner)
+
+    def onto_pixels(
+        self, rows: np.ndarray, columns: np.ndarray, surround: str, border: int
+    ) -> Callable[[np.ndarray], np.ndarray]:
+        """Return the function from the light of cells to that which every pixel (H, W) receives from this image.
+
+        It takes (n, m) irradiance, uniform within every cell, which is blurred and integrated in closed form; where the
+        blur varies, every cell is by itself.
+
+        Args:
             rows, columns: (n + 1,) and (m + 1,) edges of the cells, pixel.
             surround: what lies beyond the field, ``dark`` or ``edge``.
-
-        Returns:
-            (H, W).
+            border: pixels on each side that lie beyond the field.
         """
-        down, across = (
-            overlap(np.arange(cells[-1] + 1), with_surround(surround, cells + shift), sigma)
-            for cells, shift, sigma in (
-                (rows, self.dy, self.sigma),
-                (columns, self.dx, np.hypot(self.sigma, self.sigma_x)),
-            )
+        sides = (rows[-1] - 2 * border, columns[-1] - 2 * border)
+        y, x = ((cells[1:] + cells[:-1]) / 2 - cells[-1] / 2 for cells in (rows, columns))
+        targets = [np.arange(cells[-1] + 1) for cells in (rows, columns)]
+        top, left = with_surround(surround, rows + self.dy), with_surround(surround, columns + self.dx)
+        if not self.varies:
+            same = float(self.sigma_at(0.0, 0.0, sides))
+            down, across = overlap(targets[0], top, same), overlap(targets[1], left, np.hypot(same, self.sigma_x))
+            return lambda light: self.share * (down @ light @ across.T)
+        lines = []
+        for number, place in enumerate(y):
+            sigma = self.sigma_at(place, x, sides)
+            edges = np.tile(top[number : number + 2, None], len(x))
+            down = one_by_one(targets[0], edges[0], edges[1], sigma)
+            lines.append((down, one_by_one(targets[1], left[:-1], left[1:], np.hypot(sigma, self.sigma_x)).T))
+        return lambda light: (
+            self.share * sum((down * own) @ across for own, (down, across) in zip(light, lines, strict=True))
         )
-        return self.share * (down @ light @ across.T)
 
 
 @dataclass(frozen=True)
@@ -109,6 +140,21 @@ class OpticalBlur(OpticsEffect):
 
     def apply(self, images: list[Image]) -> list[Image]:
         return [replace(image, sigma=np.hypot(image.sigma, self.sigma)) for image in images]
+
+
+@dataclass(frozen=True)
+class FieldBlur(OpticsEffect):
+    """The lens before the sensor blurs by ``centre`` in the middle of the field and by ``corner`` in its corners.
+
+    The standard deviation changes with the square of the radius. Every square of light is blurred by that of its place.
+    """
+
+    name = "field_blur"
+    centre: float = parameter("pixel", 0, 4, (0.1, 0.4), neutral=0.0)
+    corner: float = parameter("pixel", 0, 4, (0.5, 1.5), neutral=0.0)
+
+    def apply(self, images: list[Image]) -> list[Image]:
+        return [replace(image, centre=self.centre, corner=self.corner) for image in images]
 
 
 @dataclass(frozen=True)

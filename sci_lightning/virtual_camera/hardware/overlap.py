@@ -9,7 +9,7 @@ FAR_AWAY = 1e4
 """Pixels. A border moved this far out lies beyond the reach of every blur that the virtual camera has."""
 
 
-def light_below(z: np.ndarray, sigma: float) -> np.ndarray:
+def light_below(z: np.ndarray, sigma: float | np.ndarray) -> np.ndarray:
     r"""Return the light below ``z`` when all light above 0 is blurred by a Gaussian.
 
     This is :math:`\int_{-\infty}^z \Phi(s/\sigma)\,ds`, or :math:`\max(z, 0)` without a blur.
@@ -18,7 +18,7 @@ def light_below(z: np.ndarray, sigma: float) -> np.ndarray:
         z: positions, in any unit.
         sigma: standard deviation of the blur in that unit, 0 for none.
     """
-    if sigma == 0:
+    if np.ndim(sigma) == 0 and sigma == 0:
         return np.maximum(z, 0)
     return z * ndtr(z / sigma) + sigma / np.sqrt(2 * np.pi) * np.exp(-0.5 * (z / sigma) ** 2)
 
@@ -39,6 +39,22 @@ def overlap(targets: np.ndarray, sources: np.ndarray, sigma: float = 0.0) -> np.
     """
     light = light_below(targets[:, None] - sources[None, :], sigma)
     return np.maximum(np.diff(light[:, :-1] - light[:, 1:], axis=0), 0)  # rounding may leave -1e-16
+
+
+def one_by_one(targets: np.ndarray, left: np.ndarray, right: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """Return the light of sources, each blurred by a Gaussian of its own, that falls into each target interval.
+
+    Args:
+        targets: (n + 1,) ascending edges.
+        left, right: (m,) edges of the sources.
+        sigma: (m,) standard deviations in the edges' unit.
+
+    Returns:
+        (n, m).
+    """
+    sigma = np.maximum(sigma, 1e-9)
+    light = light_below(targets[:, None] - left, sigma) - light_below(targets[:, None] - right, sigma)
+    return np.maximum(np.diff(light, axis=0), 0)
 
 
 def with_surround(surround: str, edges: np.ndarray) -> np.ndarray:

@@ -42,6 +42,7 @@ class Relay:
         tilt_x, tilt_y: relative increase of the magnification from the centre to the right and to the lower edge.
         k: relative radial distance by which what belongs into a corner is seen further out; it grows with the square of
             the radius.
+        spread: relative difference of the magnification of either of two colours from their mean.
         drift_x, drift_y: displacement that grows in even steps from the first to the last capture, pixel; none halfway.
     """
 
@@ -54,6 +55,7 @@ class Relay:
     tilt_x: float = 0.0
     tilt_y: float = 0.0
     k: float = 0.0
+    spread: float = 0.0
     drift_x: float = 0.0
     drift_y: float = 0.0
 
@@ -62,6 +64,12 @@ class Relay:
         time = capture / max(captures - 1, 1) - 0.5
         moved = {"dx": self.dx + time * self.drift_x, "dy": self.dy + time * self.drift_y}
         return replace(self, **moved, drift_x=0.0, drift_y=0.0) if self.drift_x or self.drift_y else self
+
+    @property
+    def colours(self) -> list[Relay]:
+        """The relay as it is for either of two colours, or for all the light alike."""
+        sides = (self.spread, -self.spread) if self.spread else (0.0,)
+        return [replace(self, scale=self.scale * (1 + side), spread=0.0) for side in sides]
 
     @property
     def is_upright(self) -> bool:
@@ -92,7 +100,7 @@ class Relay:
         pixels = [np.arange(length + 1.0) for length in size]
         if oversampling == 1 or (sharp_optics and self.is_upright):
             return pixels[0], pixels[1]
-        if not self.is_upright or any(self.sigmas):
+        if not self.is_upright or any(self.sigmas) or self.spread:
             count = min(oversampling, 4) if sharp_optics else oversampling
             return np.arange(count * size[0] + 1) / count, np.arange(count * size[1] + 1) / count
         down, across = self._mirror_edges(size)
@@ -115,6 +123,9 @@ class Relay:
         Returns:
             (P, n, m) irradiance for a scene of irradiance 1.
         """
+        if self.spread:
+            seen = [colour.image(patterns, rows, columns, surround, border) for colour in self.colours]
+            return np.mean(seen, axis=0)
         if not self.is_upright:
             return self._resampled(patterns, rows, columns, surround, border)
         axes = zip((rows, columns), self._mirror_edges(patterns.shape[1:]), self.sigmas, strict=True)
@@ -259,6 +270,14 @@ class MaskScale(RelayEffect):
 
     name = "mask_scale"
     scale: float = parameter("1", 0.5, 2, (0.003, 0.02), neutral=1.0, signed=True)
+
+
+@dataclass(frozen=True)
+class LateralColour(RelayEffect):
+    """The mirrors' image in one colour is larger by ``spread``, in another one of as much light smaller."""
+
+    name = "lateral_colour"
+    spread: float = parameter("1", 0, 0.1, (0.004, 0.02), neutral=0.0)
 
 
 @dataclass(frozen=True)

@@ -7,20 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import reduce
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, diags
 
 from sci_lightning.virtual_camera.hardware.camera import Camera
 from sci_lightning.virtual_camera.hardware.converter import ReadNoise, ShotNoise
 from sci_lightning.virtual_camera.hardware.effect import Effect
-from sci_lightning.virtual_camera.hardware.exposure import ExposureEffect, Timing
+from sci_lightning.virtual_camera.hardware.exposure import Part, Timing
 from sci_lightning.virtual_camera.hardware.fixed_pattern import Prnu
 from sci_lightning.virtual_camera.hardware.modulator import MaskLag, PatternOrder, SyncOffset
 from sci_lightning.virtual_camera.hardware.optics import Image, OpticsEffect
-from sci_lightning.virtual_camera.hardware.relay import Relay, RelayEffect
+from sci_lightning.virtual_camera.hardware.relay import Relay
 from sci_lightning.virtual_camera.hardware.sensor import Readout, SensorEffect
 from sci_lightning.virtual_camera.random_numbers import stream
 from sci_lightning.virtual_camera.rays.tracing import gathered, landing, settled, slot_shares, through_the_relay
@@ -107,6 +106,8 @@ def blotchy(random: np.random.Generator, size: tuple[int, int], blotch: float) -
     return (both - both.mean()) / both.std()
 
 
+WIDTHS = 12
+"""Constant blurs that a blur which varies over the field is mixed of."""
 PRINTED = ("static", "dynamic", "unknown")
 """Kinds of captures in front of printed targets; the others look at a lamp."""
 
@@ -135,38 +136,40 @@ class RayCamera(Camera):
     def irradiance(self, acquisition: Acquisition) -> np.ndarray:
         """Return the light that every pixel collects over the exposure, without noise: (N, H, W), 1 at full scale."""
         acquisition = self.happened(acquisition)
-        count, slots = acquisition.sequence.shape
-        height, width = acquisition.patterns.shape[1:]
-        patterns, _ = self._displayed(acquisition)
+        captures, slots = acquisition.sequence.shape
+        count, height, width = acquisition.patterns.shape
+        relay, timing, images = self._light_path()
+        parts, _ = self._displayed(acquisition, timing)
+        patterns = np.concatenate([part.patterns for part in parts])
         scenes = self._printed(self._shown(acquisition), acquisition.kind)
-        relay = reduce(lambda before, effect: effect.apply(before), self._stage(RelayEffect), Relay())
         border = acquisition.border
         if self.session.surround != "dark":  # where rays come from that a large displacement brings in
             border = max(border, BEYOND, _farthest(relay, (height, width)))
             around = [(border - acquisition.border,) * 2] * 2
             patterns = np.pad(patterns, [(0, 0), *around], mode="edge")
             scenes = np.pad(scenes, [(0, 0), (0, 0), *around], mode="edge")
-        timing = reduce(lambda before, effect: effect.apply(before), self._stage(ExposureEffect), Timing())
-        images = reduce(lambda before, effect: effect.apply(before), self._stage(OpticsEffect), [Image()])
-        shares = np.pad(self._shares(timing, slots, height), ((border, border), (0, 0), (0, 0)), mode="edge")
+        shares = [self._shares(timing, part, slots, height, border) for part in parts]
         sharp = images == [Image()]
         cells = 1 if sharp else self.imperfections.cells
         shape = (patterns.shape[1] * cells, patterns.shape[2] * cells)
-        onto_pixels = None if sharp else self._gathered("images", images, shape, cells, cells)
-        jitter = 1 + self.imperfections.exposure_jitter * stream(self.seed, "exposure jitter").standard_normal(count)
-        power = timing.power(count) * acquisition.aperture * jitter
+        onto_pixels = None if sharp else self._gathered("images", images, shape, cells, cells, (height, width))
+        jitter = 1 + self.imperfections.exposure_jitter * stream(self.seed, "exposure jitter").standard_normal(captures)
+        power = timing.power(captures) * acquisition.aperture * jitter
         field = (slice(border, border + height), slice(border, border + width))
-        light = np.empty((count, height, width))
+        light = np.empty((captures, height, width))
         relayed: tuple[Relay, np.ndarray] | None = None
         for number, (sequence, scene) in enumerate(zip(acquisition.sequence, scenes, strict=True)):
-            now = relay.during(number, count)
+            now = relay.during(number, captures)
             if relayed is None or relayed[0] != now:
                 relayed = now, self._transmitted(now, patterns, (height, width), cells)
-            passed = np.einsum("rsf,frc->src", shares, scene) * power[number]
-            modulated = np.zeros(relayed[1].shape[1:])
-            for pattern in np.unique(sequence):
-                lit = passed[sequence == pattern].sum(0)
-                modulated += relayed[1][pattern] * lit.repeat(cells, 0).repeat(cells, 1)
+            change, modulated = timing.change(scene), np.zeros(relayed[1].shape[1:])
+            for first, (share, moment) in zip(range(0, len(patterns), count), shares, strict=True):
+                passed = np.einsum("rsf,frc->src", share, scene) * power[number]
+                if change is not None:
+                    passed += np.einsum("rsf,frc->src", moment, change) * power[number]
+                for pattern in np.unique(sequence):
+                    lit = passed[sequence == pattern].sum(0)
+                    modulated += relayed[1][first + pattern] * lit.repeat(cells, 0).repeat(cells, 1)
             landed = modulated.ravel() if onto_pixels is None else onto_pixels @ modulated.ravel()
             light[number] = landed.reshape(patterns.shape[1:])[field]
         for effect in self._stage(OpticsEffect):
@@ -208,12 +211,18 @@ class RayCamera(Camera):
                 frames *= np.maximum(1 + self.imperfections.print_error * random.standard_normal(size), 0)
         return printed
 
-    def _shares(self, timing: Timing, slots: int, rows: int) -> np.ndarray:
-        """Return (H, T, T): the light of every frame that passes every commanded pattern, see :func:`.slot_shares`."""
+    def _shares(self, timing: Timing, part: Part, slots: int, rows: int, border: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the light of every frame that passes every commanded pattern, (H + 2 border, T, T).
+
+        And the same for the scene's change within a slot, see :func:`.slot_shares`.
+        """
         order = sum(effect.offset for effect in self._stage(PatternOrder))
         lag = sum(effect.lag for effect in self._stage(MaskLag))
         late = sum(effect.offset for effect in self._stage(SyncOffset))
-        return slot_shares(timing, settled(order, lag, slots), late, rows, stream(self.seed, "instants"))
+        shown = settled(order, lag, slots)
+        shares = slot_shares(timing, part, shown, late, rows, stream(self.seed, "instants"))
+        one, moments = (np.pad(share, ((border, border), (0, 0), (0, 0)), mode="edge") for share in shares)
+        return one, moments
 
     def _transmitted(self, relay: Relay, patterns: np.ndarray, field: tuple[int, int], cells: int) -> np.ndarray:
         """Return the irradiance (P, rows, columns) of the cells of the image plane for every pattern."""
@@ -221,31 +230,53 @@ class RayCamera(Camera):
         sigma_y, sigma_x = relay.sigmas
         finer = imperfect.cells if sigma_y or sigma_x else cells
         rays = stream(self.seed, "rays")
-        sharp = through_the_relay(relay, size, field, imperfect.fill_factor, imperfect.strata, finer, rays)
-        seen = sharp @ patterns.reshape(len(patterns), -1).T
+        mirrors = patterns.reshape(len(patterns), -1).T
+        colours = [
+            through_the_relay(colour, size, field, imperfect.fill_factor, imperfect.strata, finer, rays) @ mirrors
+            for colour in relay.colours
+        ]
+        seen = np.mean(colours, axis=0)
         if sigma_y or sigma_x:
             blurred = Image(sigma=sigma_y, sigma_x=float(np.sqrt(max(sigma_x**2 - sigma_y**2, 0))))
             shape = (size[0] * finer, size[1] * finer)
-            seen = self._gathered("relay", [blurred], shape, finer, finer // cells) @ seen
+            seen = self._gathered("relay", [blurred], shape, finer, finer // cells, field) @ seen
         return seen.T.reshape(len(patterns), size[0] * cells, size[1] * cells)
 
     def _gathered(
-        self, purpose: str, images: list[Image], shape: tuple[int, int], cells: int, targets: int
+        self,
+        purpose: str,
+        images: list[Image],
+        shape: tuple[int, int],
+        cells: int,
+        targets: int,
+        field: tuple[int, int],
     ) -> csr_matrix:
-        """Return the matrix from cells to targets of all images together, see :func:`.gathered`."""
+        """Return the matrix from cells to targets of all images together, see :func:`.gathered`.
+
+        A blur that varies over the field is a mixture of ``WIDTHS`` constant ones, interpolated in their variances.
+        """
         strata = (
             self.imperfections.strata if targets > 1 else self.imperfections.strata // 2
         )  # four times as many targets
         random, dark = stream(self.seed, purpose), self.session.surround == "dark"
-        matrices = [gathered(image, shape, cells, targets, strata, random, dark) for image in images]
+        y, x = ((np.arange(length) + 0.5 - length / 2) / cells for length in shape)
+        matrices = []
+        for image in images:
+            sigma = image.sigma_at(y[:, None], x, field).ravel()
+            widths = np.linspace(sigma.min(), sigma.max(), WIDTHS) if image.varies else sigma[:1]
+            for number, width in enumerate(widths):
+                constant = replace(image, sigma=float(width), centre=0.0, corner=0.0)
+                matrix = gathered(constant, shape, cells, targets, strata, random, dark)
+                share = np.interp(sigma**2, widths**2, np.eye(len(widths))[number])
+                matrices.append(matrix @ diags(share) if image.varies else matrix)
         return sum(matrices[1:], matrices[0])
 
 
 def _farthest(relay: Relay, field: tuple[int, int]) -> int:
     """Return by how many pixels at most the relay moves what belongs into the field, rounded up."""
     corners = np.array([(y, x) for y in (-0.5, 0.5) for x in (-0.5, 0.5)]).T * np.array(field)[:, None]
-    y, x, _ = landing(relay, corners[0], corners[1], field)
-    return int(np.ceil(max(np.abs(y - corners[0]).max(), np.abs(x - corners[1]).max()))) + 1
+    places = [np.array(landing(colour, corners[0], corners[1], field)[:2]) for colour in relay.colours]
+    return int(np.ceil(max(np.abs(place - corners).max() for place in places))) + 1
 
 
 CAMERAS: dict[str, type[Camera]] = {"overlap": Camera, "rays": RayCamera}

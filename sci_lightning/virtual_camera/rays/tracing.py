@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.special import ndtri
 
-from sci_lightning.virtual_camera.hardware.exposure import Timing
+from sci_lightning.virtual_camera.hardware.exposure import Part, Timing
 from sci_lightning.virtual_camera.hardware.optics import Image
 from sci_lightning.virtual_camera.hardware.relay import Relay
 
@@ -175,12 +175,13 @@ INSTANTS = 1000
 
 
 def slot_shares(
-    timing: Timing, displayed: np.ndarray, late: float, rows: int, random: np.random.Generator
-) -> np.ndarray:
+    timing: Timing, part: Part, displayed: np.ndarray, late: float, rows: int, random: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
     """Return how much light of every frame of the scene passes every commanded pattern, row by row.
 
     Args:
         timing: the lamp, the shutter and the part of a slot during which the mirrors are lit.
+        part: of the patterns, and when it is displayed.
         displayed: (T, T) what the mirrors have made of the commanded patterns: the share of every one of them in what
             they display in turn.
         late: slots by which the mirrors switch late, cyclically; negative for early.
@@ -188,7 +189,8 @@ def slot_shares(
         random: source of the instants.
 
     Returns:
-        (H, T, T): row, commanded slot, frame of the scene; 1 where the slot of a pattern is that of the frame.
+        (H, T, T): row, commanded slot, frame of the scene; 1 where the slot of a pattern is that of the frame. And the
+        same times how long after the middle of its slot the light passes, in slots: what meets the scene's change.
     """
     slots = len(displayed)
     last = slots + math.ceil(timing.delay)
@@ -200,13 +202,17 @@ def slot_shares(
     lamp = np.maximum(lamp, 0) * lit * timing.slot_levels(slots)[slot % slots]
     opens = timing.delay * np.arange(rows) / max(rows - 1, 1)
     exposed = (time >= opens[:, None]) & (time < opens[:, None] + slots)
-    shows = displayed[np.floor(time - late).astype(int) % slots]
+    since = time - late - part.start
+    shows = displayed[np.floor(since).astype(int) % slots] * (since % 1 < part.stop - part.start)[:, None]
     frame = np.minimum(slot, slots - 1)
-    shares = np.zeros((rows, slots, slots))
+    after = np.where(slot < slots, into - 0.5, 0)
+    shares, moments = np.zeros((2, rows, slots, slots))
     for number in range(slots):
         during = frame == number
-        shares[:, :, number] = (exposed[:, during] * lamp[during]) @ shows[during] / INSTANTS
-    return shares
+        light = exposed[:, during] * lamp[during]
+        shares[:, :, number] = light @ shows[during] / INSTANTS
+        moments[:, :, number] = light * after[during] @ shows[during] / INSTANTS
+    return shares, moments
 
 
 def settled(order: int, lag: float, slots: int) -> np.ndarray:

@@ -12,17 +12,17 @@ import pytest
 from sci_lightning.errors import BadInput
 from sci_lightning.studies.proving_ground.case import Case
 from sci_lightning.studies.proving_ground.plan import SUITES, in_turns, plan
-from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY
+from sci_lightning.virtual_camera import DRAWN, EFFECTS, LATER, OUTSIDE
 
-LATER = (
+SINCE = (
     "illumination",
     "mask_distortion",
     "mask_keystone",
     "duty_cycle",
-    *(name for name in VOCABULARY if name.startswith("scene_")),
+    *(name for name in DRAWN if name.startswith("scene_")),
 )
 """Effects that could not be hidden in the first records."""
-FORMER = [name for name in VOCABULARY if name not in LATER]
+FORMER = [name for name in DRAWN if name not in SINCE]
 
 
 def by_suite(cases: list[Case], suite: str) -> list[Case]:
@@ -31,9 +31,10 @@ def by_suite(cases: list[Case], suite: str) -> list[Case]:
 
 def test_every_effect_has_its_turn() -> None:
     cases = plan(seeds=2)
-    assert {case.effects for case in by_suite(cases, "single")} == {(name,) for name in VOCABULARY}
+    assert {case.effects for case in by_suite(cases, "single")} == {(name,) for name in DRAWN}
     assert {case.effects for case in by_suite(cases, "outside")} == {(name,) for name in OUTSIDE}
-    assert {name for case in by_suite(cases, "weak") for name in case.effects} == set(VOCABULARY) - {
+    assert {case.effects for case in by_suite(cases, "later")} == {(name,) for name in LATER}
+    assert {name for case in by_suite(cases, "weak") for name in case.effects} == set(DRAWN) - {
         "pattern_order",
         "mask_orientation",
         "bit_depth",
@@ -67,7 +68,7 @@ def test_cases_are_those_of_earlier_records() -> None:
         ("8836ae9847cfee3c", 3523630466),
         ("30505dd565df194f", 1427802300),
     ]
-    suites = [suite for suite in SUITES if suite != "outside"]  # two of its effects have got a name
+    suites = [suite for suite in SUITES if suite not in ("outside", "later")]  # two of its effects have got a name
     digests = "".join(in_a_dark_world(case).digest for case in plan(suites, seeds=2, effects=FORMER))
     assert hashlib.sha256(digests.encode()).hexdigest().startswith("fd0382a2f7412ee9")
 

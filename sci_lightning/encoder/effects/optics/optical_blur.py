@@ -9,7 +9,7 @@ import torch
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import OpticsEffect
-from sci_lightning.encoder.footprint import square_kernel
+from sci_lightning.encoder.footprint import blurs_onto_pixels
 from sci_lightning.encoder.signal import Signal
 
 
@@ -33,12 +33,6 @@ class OpticalBlur(OpticsEffect):
     def form(self, signal: Signal) -> Signal:
         if float(self.sigma.detach()) < 1e-6:
             return signal.pooled()
-        height, width = (self._kernel(length, signal) for length in signal.mean.shape[-2:])
-        return replace(signal, mean=height @ signal.mean @ width.T, cells=1)
-
-    def _kernel(self, length: int, signal: Signal) -> torch.Tensor:
-        """Return the blur along one axis as a dense matrix ``(pixels, cells)``, faster than a wide convolution."""
-        q = signal.cells
-        cell = torch.arange(length).to(signal.mean) + 0.5
-        pixel = (torch.arange(length // q).to(signal.mean) + 0.5) * q
-        return square_kernel(pixel[:, None] - cell, self.sigma * q, q)
+        light, q = signal.mean, signal.cells
+        down, across = (blurs_onto_pixels(length, q, self.sigma, light) for length in light.shape[-2:])
+        return replace(signal, mean=down @ light @ across.T, cells=1)

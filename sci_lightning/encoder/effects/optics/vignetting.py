@@ -29,6 +29,4 @@ class Vignetting(OpticsEffect):
         return signal.with_mean(signal.mean / self._falloff(signal).clamp(min=0.05))  # a dark corner stays dark
 
     def _falloff(self, signal: Signal) -> torch.Tensor:
-        y, x = signal.coordinates()
-        corner = ((signal.field[0] - 1) / 2) ** 2 + ((signal.field[1] - 1) / 2) ** 2
-        return 1 - self.strength * (y.square() + x.square()) / corner
+        return 1 - self.strength * signal.squared_radius()

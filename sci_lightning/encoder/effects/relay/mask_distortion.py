@@ -37,5 +37,4 @@ class MaskDistortion(PlacementEffect):
 
     def border(self, size: tuple[int, int]) -> Border:
         barrel = max(-float(self.k), 0.0)
-        inwards = min(barrel / max(1 - 3 * barrel, 0.1), 0.5)
-        return Border.around(inwards * size[0] / 2, inwards * size[1] / 2)
+        return Border.of_smaller(min(barrel / max(1 - 3 * barrel, 0.1), 0.5), size)

@@ -23,5 +23,4 @@ class MaskScale(PlacementEffect):
     scale: torch.Tensor
 
     def border(self, size: tuple[int, int]) -> Border:
-        smaller = max(1 - float(self.scale), 0.0)
-        return Border.around(smaller * size[0] / 2, smaller * size[1] / 2)
+        return Border.of_smaller(1 - float(self.scale), size)
