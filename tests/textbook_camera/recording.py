@@ -1,4 +1,4 @@
-"""One camera, one session in the laboratory, one captures file (format_version 1) and the truth beside it."""
+"""One camera, one calibration, one captures file (format_version 1) and the truth beside it."""
 
 from __future__ import annotations
 
