@@ -114,7 +114,7 @@ class OneNodeSlurm:
 
     def __call__(self, *words: str) -> str:
         """Run one of Slurm's commands; return what it prints, whether or not it fails."""
-        done = subprocess.run(words, env=self.environment, capture_output=True, text=True, timeout=60)
+        done = subprocess.run(words, env=self.environment, capture_output=True, text=True, timeout=300)
         return done.stdout + done.stderr
 
     def start(self, name: str) -> None:

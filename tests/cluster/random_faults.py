@@ -1,12 +1,13 @@
-"""Random faults in sweeps in a real Slurm: ``python -m tests.cluster.random_faults OUT.json FAULTS [SEED]``.
+"""Random faults in sweeps in a real Slurm: ``python -m tests.cluster.random_faults OUT.json FAULTS SEED``.
 
-Sweeps of four rows run one after the other until so many faults were injected. A sweep whose launcher was killed, or
-that a fault left unfinished, is started again by the same line. At the end of each sweep every row must have ended
-once, with the weights that it has without faults.
+Every run, of another seed, adds a column to the file. Sweeps of four rows run one after the other until so many faults
+were injected. A sweep whose launcher was killed, or that a fault left unfinished, is started again by the same line. At
+the end of each sweep every row must have ended once, with the weights that it has without faults.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import signal
@@ -16,13 +17,14 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import torch
 
 from tests.cluster.one_node_slurm import OneNodeSlurm, missing
-from tests.cluster.paced_rows import SLURM, STEPS, SWEEP, noted, paced, process_of, same_weights, weights
+from tests.cluster.paced_rows import SLURM, STEPS, SWEEP, noted, paced, same_weights, weights
 from tests.conftest import ROOT
 from tests.measurements_file import MeasurementsFile
 
@@ -64,16 +66,24 @@ def inject(kind: str, slurm: OneNodeSlurm, sweep: subprocess.Popen[bytes], folde
     elif not running:
         return False
     elif kind == "kill":
-        begun = [seed for seed in SEEDS if noted(folder, seed) and "end" not in noted(folder, seed)]
-        try:
-            os.kill(process_of(folder, chance.choice(begun)), signal.SIGKILL)
-        except (IndexError, ProcessLookupError):  # no row has begun, or this one waits in the queue
-            return False
+        return kill(slurm, chance.choice(running))
     elif kind == "time":
         slurm("scancel", "--signal=USR2", chance.choice(running))
     else:
         slurm(*{"requeue": ("scontrol", "requeue"), "cancel": ("scancel",)}[kind], chance.choice(running))
     return True
+
+
+def kill(slurm: OneNodeSlurm, job: str) -> bool:
+    """Kill the process of a row; return False if its job has none yet, or none any more."""
+    number = slurm("squeue", "--noheader", f"--jobs={job}", "--format=%A").strip()
+    for line in slurm("scontrol", "listpids", number).splitlines()[1:]:
+        process = line.split()[0]
+        with suppress(OSError):
+            if b"submitit.core._submit" in Path("/proc", process, "cmdline").read_bytes().split(b"\0"):
+                os.kill(int(process), signal.SIGKILL)
+                return True
+    return False
 
 
 def run_sweep(slurm: OneNodeSlurm, folder: Path, chance: random.Random, most: int) -> tuple[Counter[str], int]:
@@ -110,6 +120,7 @@ def main(out: Path, wanted: int, seed: int) -> None:
     faults: Counter[str] = Counter()
     counted: Counter[str] = Counter()
     sweeps = starts = 0
+    rows, notes = earlier_runs(out, seed)
     file = MeasurementsFile(
         out,
         machine="two cores, a Slurm of one node, other work on both",
@@ -130,17 +141,25 @@ def main(out: Path, wanted: int, seed: int) -> None:
             sweeps, starts, faults = sweeps + 1, starts + again, faults + injected
             counted.update(judge(folder, undisturbed))
             print(sweeps, dict(faults), dict(counted), flush=True)
-            rows: list[dict[str, Any]] = [{"fault": text, "count": faults[kind]} for kind, text in FAULTS.items()]
-            file.write(
-                [("fault", "fault", None), ("count", "injected", 0)],
-                rows,
-                [
-                    f"{faults.total()} faults in {sweeps} sweeps of {len(SEEDS)} rows, which took {starts} starts: "
-                    f"{counted['lost']} rows lost, {counted['twice']} finished twice, {counted['other_weights']} with "
-                    f"other weights than without faults, {counted['again']} steps made twice."
-                ],
+            for row in rows:
+                row[f"seed_{seed}"] = faults[str(row["kind"])]
+            summary = (
+                f"Seed {seed}: {faults.total()} faults in {sweeps} sweeps of {len(SEEDS)} rows, which took {starts} "
+                f"starts: {counted['lost']} rows lost, {counted['twice']} finished twice, {counted['other_weights']} "
+                f"with other weights than without faults, {counted['again']} steps made twice."
             )
+            columns = [(key, key.replace("_", " "), 0) for key in rows[0] if key.startswith("seed_")]
+            file.write([("fault", "injected fault", None), *columns], rows, [*notes, summary])
+
+
+def earlier_runs(out: Path, seed: int) -> tuple[list[dict[str, Any]], list[str]]:
+    """Return the rows and notes of the runs of other seeds in a file, rows without counts where there is none."""
+    if not out.is_file():
+        return [{"kind": kind, "fault": text} for kind, text in FAULTS.items()], []
+    content = json.loads(out.read_text())
+    rows = [{key: value for key, value in row.items() if key != f"seed_{seed}"} for row in content["rows"]]
+    return rows, [note for note in content["notes"] if not note.startswith(f"Seed {seed}:")]
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]) if len(sys.argv) > 3 else 0)
+    main(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]))
