@@ -19,6 +19,7 @@ from sci_lightning.captures import Captures
 from sci_lightning.diagnosis import vocabulary as effects_vocabulary
 from sci_lightning.diagnosis.bad_captures.leave_out import bad_verification_captures, explain_without_bad_captures
 from sci_lightning.diagnosis.blind.unknown_scenes import judged_by_unknown_scenes
+from sci_lightning.diagnosis.fit.budget import SECONDS_PER_PIXEL, Budget
 from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.fit.gap import held_out_gap, verify
 from sci_lightning.diagnosis.fit.split import set_aside
@@ -59,6 +60,7 @@ def diagnose(
     free_forms: bool = False,
     settings: SearchSettings | None = None,
     on_progress: Callable[[str], None] = lambda message: None,
+    budget: float | None = None,
 ) -> Diagnosis:
     """Find the effects that the model of an ideal camera lacks to explain the captures.
 
@@ -68,8 +70,10 @@ def diagnose(
         vocabulary: effects that may be named beside noise, by name; None for every effect of the package.
         seed: of the residuals' randomisation.
         free_forms: whether the corrected camera contains what has no name, in free form.
-        settings: thresholds and budgets; None for the defaults.
+        settings: thresholds; None for the defaults.
         on_progress: called with a one-line message after every step of the search.
+        budget: seconds of processor time after which the search begins nothing new; None for 120 seconds for 34
+            captures of 64 x 64 pixels, and more for more.
 
     Raises:
         BadInput: no capture with a known scene, all saturated, or all black.
@@ -80,7 +84,8 @@ def diagnose(
     names_of_effects = effects_vocabulary.with_noise(
         effects_vocabulary.vocabulary() if vocabulary is None else vocabulary
     )
-    explanation, bad = explain_without_bad_captures(CameraModel(seen, names_of_effects), settings, on_progress)
+    time = Budget(everything.dn.numel() * SECONDS_PER_PIXEL if budget is None else budget)
+    explanation, bad = explain_without_bad_captures(CameraModel(seen, names_of_effects), settings, time, on_progress)
     fitter, model = explanation.fit.fitter, explanation.fit.fitter.model
     observation = model.observation
     if unseen is not None and settings.find_bad_captures:
@@ -111,6 +116,7 @@ def diagnose(
         remaining=remaining,
         verification=None if unseen is None else verify(before.fit, after.fit, unseen, seed),
         bad_captures=bad,
+        budget=time,
         unknown_scenes=judged_by_unknown_scenes(
             captures, model, ideal.hypothesis, explanation.fit.hypothesis, seed, on_progress
         ),

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from sci_lightning.diagnosis.bad_captures.leave_out import BadCapture
 from sci_lightning.diagnosis.blind.unknown_scenes import UnknownScenes
+from sci_lightning.diagnosis.fit.budget import Budget
 from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.fit.gap import Gap, Verification
 from sci_lightning.diagnosis.fit.split import Split
@@ -131,6 +132,7 @@ class CalibratedResult(Result):
             :func:`~sci_lightning.diagnosis.diagnosis.remaining_tests`; verdict and headline follow from them.
         verification: the gap on captures that nothing has seen, on which the verdict rests; None where none are kept.
         bad_captures: captures that do not fit the others and count nowhere.
+        budget: processor time, and what was left out for lack of it.
         unknown_scenes: what snapshots of unknown scenes say about the corrected camera; None where there are none.
     """
 
@@ -141,6 +143,7 @@ class CalibratedResult(Result):
     unnamed: tuple[Unnamed, ...]
     rounds: tuple[Round, ...]
     correlation: ErrorCorrelation
+    budget: Budget
     remaining: tuple[ResidualTest, ...]
     verification: Verification | None = None
     bad_captures: tuple[BadCapture, ...] = ()

@@ -87,10 +87,6 @@ class SearchSettings:
             larger than ``formula_error``, because a free form also follows the small errors of the named effects.
         surrogate_fraction: part of an unnamed deviation's gain that a named effect beside it must be worth, or it is
             taken for a mere substitute of the unnamed; named effects imitate an unnamed one only to a few per cent.
-        name_share: part of the strongest unnamed deviation's nats that a name beside it must explain in the end.
-        name_agreement: part of its strength by which an effect may differ between parts of the captures, and with and
-            without the unnamed deviations, and still be named; what stands in for something else mostly differs by
-            as much as its own strength.
         many_effects: named effects, a count, from which a search that begins with the strongest free-form deviation is
             tried as well, because so many names may together imitate something that has none.
         max_map_p_value: p-value below which an estimated fixed-pattern map contradicts the definition of its effect
@@ -134,8 +130,6 @@ class SearchSettings:
     unnamed_min_gain_nats: NonNegative = 10.0
     unnamed_formula_error: Share = 2e-4
     surrogate_fraction: Share = 0.02
-    name_share: Share = 0.1
-    name_agreement: Positive = 0.25
     many_effects: Repeats = 3
     max_map_p_value: Share = 1e-4
     max_residual_p_value: Share = 1e-4

@@ -48,6 +48,8 @@ class NamedEffect(JsonObject):
     evidence: Evidence
     alternatives: list[str] = says("effects that these captures cannot tell from this one")
     tell_apart: str = says("which captures would, in words")
+    probability: Share | None = says("that it is there, or one of its class, given the captures", default=None)
+    shares: dict[str, Share] = says("of that probability, by name", default={}, alias="class")
 
 
 class Misfit(JsonObject):
@@ -185,6 +187,14 @@ class BadCapture(JsonObject):
     sentence: str = says("what it looks like")
 
 
+class BudgetUsed(JsonObject):
+    """Processor time of the search."""
+
+    allowed_s: float = says("seconds after which nothing new is begun", gt=0)
+    used_s: float = says("seconds that were used", ge=0)
+    not_tried: list[str] = says("what was left out for lack of time, in words")
+
+
 class DiagnosedFile(JsonObject):
     """The captures file that was diagnosed."""
 
@@ -195,11 +205,12 @@ class DiagnosedFile(JsonObject):
 class DiagnosisReport(JsonFile):
     """``report.json``: whether captures agree with the ideal encoder, and which effects explain where they do not.
 
-    Version 2 adds ``mode``, ``laboratory``, ``verification``, ``considered``, ``undetermined`` and ``notes``.
+    Version 2 adds ``mode``, ``laboratory``, ``verification``, ``considered``, ``undetermined`` and ``notes``, version 3
+    ``budget``, and ``probability`` and ``class`` of every effect.
     """
 
     format: Literal["sci-diagnosis"]
-    format_version: Literal[1, 2]
+    format_version: Literal[1, 2, 3]
     verdict: Verdict = says("consistent: the ideal camera suffices; explained: the named effects account for all")
     effects: list[NamedEffect] = says("in the order in which light meets them")
     uncertainty: str = says("what the uncertainties include and leave out, for people")
@@ -217,6 +228,7 @@ class DiagnosisReport(JsonFile):
     notes: list[str] = says("blind mode: what is unusual, in sentences", default=[])
     unknown_scenes: UnknownScenes | None = None
     bad_captures: list[BadCapture] = []
+    budget: BudgetUsed | None = None
     seed: Count = says("of the randomised quantile residuals")
     sci_lightning: str = says("version of the program")
     captures: DiagnosedFile | None = None

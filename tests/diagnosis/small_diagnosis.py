@@ -7,6 +7,7 @@ from typing import Any
 import torch
 
 from sci_lightning.diagnosis.diagnosis import Assessment, Diagnosis
+from sci_lightning.diagnosis.fit.budget import Budget
 from sci_lightning.diagnosis.fit.gap import Gap
 from sci_lightning.diagnosis.residual_tests import Picture, ResidualTest
 from sci_lightning.diagnosis.search.evidence import Estimate, NamedEffect
@@ -53,5 +54,6 @@ def diagnosed(
         rounds=(),
         stated_noise=(),
         correlation=nothing,
+        budget=Budget(120),
         remaining=remaining,
     )

@@ -55,6 +55,7 @@ class DiagnoseSettings(CommandSettings):
     mask_slots: Frames | None
     verification: Sequence[Count] | None
     seed: Seed
+    budget: Positive | None
     prior: NamedOrPath | None
     free_forms: bool
     candidates: Annotated[Mapping[str, Name], DocInfo("effects of your own, +candidates.mine=my_module.Mine")]
@@ -165,7 +166,9 @@ def _diagnosed(
     if captures.known.any():
         if cfg.prior is not None:
             raise BadInput(f"prior={cfg.prior}: the scenes are known, so that nothing is assumed of them; leave it out")
-        return library.diagnose(captures, candidates, cfg.seed, cfg.free_forms, settings, on_progress)
+        return library.diagnose(captures, candidates, cfg.seed, cfg.free_forms, settings, on_progress, cfg.budget)
+    if cfg.budget is not None:
+        raise BadInput(f"budget={cfg.budget:g}: no scene is known, and the search has no budget then; leave it out")
     if cfg.free_forms:
         raise BadInput("free_forms=true: no scene is known, so that nothing without a name is looked for; leave it out")
     statistics = None if cfg.prior is None else scene_statistics(cfg.prior)

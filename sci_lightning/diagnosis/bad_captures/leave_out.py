@@ -15,6 +15,7 @@ from sci_lightning.diagnosis.bad_captures.suspects import (
     suspects,
     suspicious,
 )
+from sci_lightning.diagnosis.fit.budget import Budget
 from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS, CameraModel
 from sci_lightning.diagnosis.model.observation import Observation
@@ -72,7 +73,7 @@ class BadCapture:
 
 
 def explain_without_bad_captures(
-    whole: CameraModel, settings: SearchSettings, on_progress: OnProgress
+    whole: CameraModel, settings: SearchSettings, budget: Budget, on_progress: OnProgress
 ) -> tuple[Explanation, tuple[BadCapture, ...]]:
     """Search for the effects that explain the captures, without captures that contradict the others.
 
@@ -82,14 +83,15 @@ def explain_without_bad_captures(
 
     Args:
         whole: the model with all captures for fits and choices.
-        settings: thresholds and budgets.
+        settings: thresholds.
+        budget: processor time for all searches together.
         on_progress: called with a one-line message after every step of the search.
 
     Returns:
         the model of the captures that agree with each other, and the captures that do not agree with them.
     """
     observation = whole.observation
-    ideal = ideal_camera(whole, settings)
+    ideal = ideal_camera(whole, settings, budget)
     most = most_bad(len(observation))
     left_out = suspects(ideal) if settings.find_bad_captures else torch.zeros(len(observation), dtype=torch.bool)
     nobody = torch.zeros_like(left_out)
@@ -99,7 +101,7 @@ def explain_without_bad_captures(
         if left_out.any():
             numbers = ", ".join(map(str, sorted(observation.number[left_out].tolist())))
             on_progress(f"search without capture{'s' * (int(left_out.sum()) > 1)} {numbers}")
-            start = ideal_camera(whole.of_captures(observation.take(~left_out)), settings)
+            start = ideal_camera(whole.of_captures(observation.take(~left_out)), settings, budget)
         explanation = searched[tuple(left_out.tolist())] = explain(start, on_progress)
         if not settings.find_bad_captures:
             return explanation, ()

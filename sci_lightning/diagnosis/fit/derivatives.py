@@ -37,6 +37,7 @@ class Derivatives:
         map_response: ``(p, S)`` derivative of the best map step with respect to every parameter, sign reversed: after a
             step d of the parameters the maps move by ``map_step - d @ map_response``.
         system: of all maps.
+        scores: ``(p, N, H, W)`` what every fitted pixel adds to the gradient, before maps are eliminated.
     """
 
     at: Evaluated
@@ -49,6 +50,16 @@ class Derivatives:
     map_step: torch.Tensor
     map_response: torch.Tensor
     system: MapSystem
+    scores: torch.Tensor
+
+    def own_scores(self) -> torch.Tensor:
+        """Return what every fitted pixel adds to the gradient, ``(p, N, H, W)``, the maps following the parameters."""
+        scores = self.scores.clone()
+        by_map = self.at.likelihood.mean_gradient * self.fitted
+        for fixed_map, response in zip(self.system.maps, self.system.split(self.map_response), strict=True):
+            for score, values in zip(scores, response, strict=True):
+                score -= fixed_map.spread(values) * fixed_map.jacobian * by_map
+        return scores
 
     def promised(self) -> float:
         """Return the nats that the step to the maximum gains with the parameters that no bound holds."""
@@ -106,14 +117,14 @@ def differentiate(
     system = MapSystem(list(maps.values()), weight)
     mean, spread, map_cost = _of_the_prediction(at, free, system.maps, weight)
     weighted_mean, weighted_spread = mean * weight, spread * (likelihood.spread_information * fitted)
-    per_pixel = (mean * likelihood.mean_gradient + spread * likelihood.spread_gradient) * fitted
-    gradient = per_pixel.flatten(1).sum(1, dtype=torch.float64)
+    scores = (mean * likelihood.mean_gradient + spread * likelihood.spread_gradient) * fitted
     information = (
         weighted_mean.flatten(1) @ mean.flatten(1).T + weighted_spread.flatten(1) @ spread.flatten(1).T
     ).double()
     if at.prediction.clipped is not None and len(free):  # mean and deviation do not describe a clipped signal
-        gradient, spike = _of_a_clipped_signal(at, at.prediction.clipped, free, fitted, log_likelihood)
+        scores, spike = _of_a_clipped_signal(at, at.prediction.clipped, free, fitted, log_likelihood)
         information += spike
+    gradient = scores.flatten(1).sum(1, dtype=torch.float64)
     # Fitting a fixed-pattern map absorbs part of the noise, so the residuals understate it. Add the absorbed
     # variance (the map's leverage) back before updating the noise level.
     leverage = sum(fixed_map.leverage for fixed_map in system.maps)
@@ -122,7 +133,7 @@ def differentiate(
     response = system.solve(cross)
     map_step = system.solve(system.gradient[None])
     gradient, information = gradient - response @ system.gradient, information - response @ cross.T
-    return Derivatives(at, objective, free, maps, fitted, gradient, information, map_step, response, system)
+    return Derivatives(at, objective, free, maps, fitted, gradient, information, map_step, response, system, scores)
 
 
 def _of_the_prediction(
@@ -154,7 +165,8 @@ def _of_a_clipped_signal(
     """Differentiate the log-likelihood itself where the signal saturates.
 
     Returns:
-        the gradient ``(p,)``, and the information ``(p, p)`` that the spike at the saturation level adds.
+        what every pixel adds to the gradient, ``(p, N, H, W)``, and the information ``(p, p)`` that the spike at the
+        saturation level adds.
     """
     slopes, level_slopes = [], []
     # central differences, because the log-likelihood is strongly curved over one step
@@ -162,8 +174,7 @@ def _of_a_clipped_signal(
     for (step, _, above), (back, _, below) in zip(*up_and_down, strict=True):
         one_sided = step == back
         start = at.likelihood.log_likelihood if one_sided else log_likelihood(below)
-        gain = (log_likelihood(above) - start) * fitted
-        slopes.append(gain.sum(dtype=torch.float64) / (step if one_sided else step - back))
+        slopes.append((log_likelihood(above) - start) * fitted / (step if one_sided else step - back))
         level = clipped.level if above.clipped is None else above.clipped.level
         level_slopes.append(((level - clipped.level) / step).expand_as(clipped.mean).flatten())
     weight = clipped.mixed * (1 - clipped.kept) / (clipped.read.square() + 1 / 12) * fitted

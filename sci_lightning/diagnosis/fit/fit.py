@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import torch
 
+from sci_lightning.diagnosis.fit.budget import Budget
 from sci_lightning.diagnosis.fit.derivatives import Derivatives, differentiate
 from sci_lightning.diagnosis.fit.levenberg_marquardt import maximise
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
@@ -81,6 +82,11 @@ class Fit:
         """The hypothesis with the likelihood of every pixel and its derivatives, which are computed anew."""
         return self.fitter.evaluate(self.hypothesis, self.prediction)
 
+    @cached_property
+    def derivatives(self) -> Derivatives:
+        """Derivatives of the objective at the end of the fit."""
+        return self.fitter.differentiate(self.evaluated, FreeParameters(self.fitter.model, self.free))
+
     def without(self, name: str, iterations: int = 12) -> Fit:
         """Return a fit without an effect, from the values that the other parameters have."""
         return self.fitter.fit(self.hypothesis.without(name), iterations)
@@ -115,14 +121,21 @@ class Fitter:
         split: which pixels are fitted and which are held out.
         settings: thresholds and budgets; None for the defaults.
         stride: every so many rows and columns are compared.
+        budget: processor time for everything that is fitted; None for no limit.
     """
 
     def __init__(
-        self, model: CameraModel, split: Split, settings: SearchSettings | None = None, stride: int = 1
+        self,
+        model: CameraModel,
+        split: Split,
+        settings: SearchSettings | None = None,
+        stride: int = 1,
+        budget: Budget | None = None,
     ) -> None:
         self.model = model.inside(split.border, stride)
         self.split = split
         self.settings = settings or SearchSettings()
+        self.budget = budget or Budget(math.inf)
         self.dn = self.model.windowed(model.observation.dn)
         self.fitted = self.model.windowed(split.fitted).float()
         self.held_out = self.model.windowed(split.held_out).float()
@@ -148,7 +161,7 @@ class Fitter:
         nobody = torch.zeros(int(some.sum()), dtype=torch.bool)
         subset = replace(split, assigned=split.assigned[some], held_out_captures=(), held_out_capture=nobody)
         stride = math.ceil(math.sqrt(surplus / 2))
-        return Fitter(self.model.of_captures(observation.take(some)), subset, self.settings, stride)
+        return Fitter(self.model.of_captures(observation.take(some)), subset, self.settings, stride, self.budget)
 
     def of_captures(self, observation: Observation, fitted: bool) -> Fitter:
         """Return a fitter of other captures of the same camera, of which all pixels inside the same border count.
@@ -158,7 +171,7 @@ class Fitter:
             fitted: whether all of them are fitted; else all are held out.
         """
         split = Split.all_alike(observation, fitted, self.split.border)
-        return Fitter(self.model.of_captures(observation), split, self.settings)
+        return Fitter(self.model.of_captures(observation), split, self.settings, budget=self.budget)
 
     @property
     def pixels(self) -> int:
@@ -187,7 +200,7 @@ class Fitter:
         wider = self.split.border | border
         if wider == self.split.border:
             return self
-        return Fitter(self.model, replace(self.split, border=wider), self.settings)
+        return Fitter(self.model, replace(self.split, border=wider), self.settings, budget=self.budget)
 
     def repeated(self, fit: Fit) -> Fit:
         """Return a fit repeated with the pixels that count here; the fit itself if it was made with these."""
@@ -228,10 +241,6 @@ class Fitter:
             hypothesis = Hypothesis(nearer.effects, hypothesis.maps)
         free = FreeParameters.of(self.model, hypothesis, fixed)
 
-        def derivatives_of(at: Evaluated) -> Derivatives:
-            maps = {fixed_map.name: fixed_map for fixed_map in self.maps(at)}
-            return differentiate(at, free, maps, self.fitted, self.log_likelihood)
-
         def step(at: Evaluated, derivatives: Derivatives, damping: float, attempt: int) -> tuple[Evaluated, float]:
             moved = self.evaluate(derivatives.step(damping, SHORTER_MAP_STEP**attempt))
             reached = self._sum(moved.likelihood.log_likelihood) - derivatives.penalty(moved)
@@ -243,9 +252,8 @@ class Fitter:
             return derivatives.objective + MAX_PROMISED_RATIO * promised < to_reach and self.covers(at.hypothesis)
 
         enough = self.settings.min_progress_nats
-        end, last = maximise(
-            self.evaluate(hypothesis), derivatives_of, step, lambda _: enough, iterations, ATTEMPTS, hopeless
-        )
+        start, differentiated = self.evaluate(hypothesis), partial(self.differentiate, free=free)
+        end, last = maximise(start, differentiated, step, lambda _: enough, iterations, ATTEMPTS, hopeless)
         objective = last.objective if end.objective is None else end.objective
         uncertain = end.likelihood.log_likelihood
         if last.maps:
@@ -265,6 +273,11 @@ class Fitter:
         """Return a hypothesis with its prediction, which need not be computed where it is known, and likelihood."""
         prediction = prediction or self.model.predict(hypothesis)
         return Evaluated(hypothesis, prediction, PixelLikelihood(self.intervals(prediction.bits), prediction))
+
+    def differentiate(self, at: Evaluated, free: FreeParameters) -> Derivatives:
+        """Return the derivatives of the objective with respect to some parameters and to all maps."""
+        maps = {fixed_map.name: fixed_map for fixed_map in self.maps(at)}
+        return differentiate(at, free, maps, self.fitted, self.log_likelihood)
 
     def log_likelihood(self, prediction: Prediction) -> torch.Tensor:
         """Return the log-likelihood ``(N, H, W)`` of every pixel, nats."""

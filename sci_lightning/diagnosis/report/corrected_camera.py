@@ -20,11 +20,15 @@ from sci_lightning.encoder.free_form import FreeForm
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.npy_file import write_npy
 
+MIN_CORRECTED_PROBABILITY = 0.95
+"""Of an effect that the corrected encoder has: a wrong correction costs more than a missing one."""
+
 
 def write_encoder(result: Result, out: str | Path) -> None:
     """Write the corrected encoder: ``encoder.yaml``, and beside it the patterns and maps that it names.
 
-    Noise that a blind diagnosis has only guessed is left out.
+    It holds every effect whose probability is at least ``MIN_CORRECTED_PROBABILITY``, whatever else has no name. Noise
+    that a blind diagnosis has only guessed is left out.
     """
     out, observation, hypothesis = Path(out), result.observation, result.hypothesis
     distinct = torch.tensor([len(set(sequence.tolist())) for sequence in observation.sequences])
@@ -32,8 +36,15 @@ def write_encoder(result: Result, out: str | Path) -> None:
     slots, (height, width) = len(patterns), observation.size
     _save(out / "patterns.npy", patterns)
     effects: dict[str, Any] = {}
+    improbable = {
+        effect.name
+        for effect in result.effects
+        if effect.probability is not None and effect.probability < MIN_CORRECTED_PROBABILITY
+    }
     for name, values in hypothesis.effects.items():
         effect = result.model.effects[name]
+        if name in improbable:
+            continue
         if (issubclass(effect, FreeForm) and effect.of_captures) or issubclass(effect, SceneEffect):
             continue
         if isinstance(result, BlindDiagnosis) and name in NOISE_GUESS and name not in result.stated_noise:

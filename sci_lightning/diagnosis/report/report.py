@@ -62,7 +62,7 @@ def describe(result: CalibratedResult | BlindDiagnosis) -> dict[str, Any]:
     noise = {name: values for name, values in result.hypothesis.effects.items() if result.model.effects[name].noise}
     return {
         "format": "sci-diagnosis",
-        "format_version": 2,
+        "format_version": 3,
         "verdict": result.verdict,
         "effects": [effect.describe() for effect in result.camera_effects],
         "uncertainty": UNCERTAINTY[result.mode],
@@ -82,6 +82,11 @@ def _of_known_scenes(result: CalibratedResult) -> dict[str, Any]:
     assessments = {"before": result.before, "after": result.after}
     unknown = result.unknown_scenes
     return {
+        "budget": {
+            "allowed_s": result.budget.seconds,
+            "used_s": result.budget.used,
+            "not_tried": list(result.budget.not_tried),
+        },
         "gap": {when: assessment.gap.describe() for when, assessment in assessments.items()},
         "unnamed": [
             {

@@ -18,7 +18,15 @@ from matplotlib.figure import Figure
 
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis, BlindEffect
 from sci_lightning.diagnosis.report.sections import sections_of_known_scenes, sections_of_unknown_scenes
-from sci_lightning.diagnosis.report.sentences import UNCERTAINTY, clause, considered, headline, quantity, uncertainty
+from sci_lightning.diagnosis.report.sentences import (
+    UNCERTAINTY,
+    clause,
+    considered,
+    headline,
+    percentage,
+    quantity,
+    uncertainty,
+)
 from sci_lightning.diagnosis.report.svg import svg
 from sci_lightning.diagnosis.result import CalibratedResult
 from sci_lightning.plain_text import printable
@@ -29,9 +37,10 @@ WIDE_INCHES = 7.0
 EFFECT_COLUMNS = (
     "effect",
     "stage",
+    "probability",
     "parameter",
     "value",
-    "statistical error (1 σ)",
+    "error (1 σ)",
     "unit",
     "nats lost without it",
     "snapshots that support it",
@@ -154,10 +163,10 @@ def without_empty_columns(
 
 
 def _effect_rows(result: CalibratedResult | BlindDiagnosis) -> list[tuple[str, ...]]:
-    """Return effect, stage, parameter, value, error, unit and evidence; what is as in the row above is empty."""
+    """Return the columns of every parameter's row; what is as in the row above is empty."""
     rows: list[tuple[str, ...]] = []
     for effect in result.effects:
-        first = effect.name, effect.effect.stage
+        first = effect.name, effect.effect.stage, percentage(effect.probability)
         evidence = "" if effect.delta_nll is None else f"{effect.delta_nll:,.0f}"
         agree = f"{effect.agree} of {effect.snapshots}" if isinstance(effect, BlindEffect) else ""
         for name, estimate in effect.parameters.items():
@@ -165,7 +174,7 @@ def _effect_rows(result: CalibratedResult | BlindDiagnosis) -> list[tuple[str, .
             error = uncertainty(estimate.std)
             unit = "" if estimate.unit == "1" else estimate.unit
             rows.append((*first, name, value, error and f"\u00b1 {error}", unit, evidence, agree))
-            first, evidence, agree = ("", ""), "", ""
+            first, evidence, agree = ("", "", ""), "", ""
     return rows
 
 

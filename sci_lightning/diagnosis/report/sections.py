@@ -12,7 +12,7 @@ from sci_lightning.diagnosis.blind.block_prediction import PredictionVerdict
 from sci_lightning.diagnosis.fit.gap import Misfit
 from sci_lightning.diagnosis.model.camera_model import datasheet_noise
 from sci_lightning.diagnosis.report import pictures
-from sci_lightning.diagnosis.report.sentences import chi2, count_of, fallen, further_notes, nats_gained
+from sci_lightning.diagnosis.report.sentences import chi2, count_of, fallen, further_notes, nats_gained, not_tried
 from sci_lightning.diagnosis.residual_tests import ResidualTest
 from sci_lightning.diagnosis.result import CalibratedResult
 
@@ -42,7 +42,10 @@ def sections_of_known_scenes(result: CalibratedResult) -> dict[str, Any]:
     tested = significant[:MAX_TEST_FIGURES]
     return {
         "captures": _captures(result),
-        "notes": [] if result.unknown_scenes is None else [result.unknown_scenes.sentence()],
+        "notes": [
+            *([] if result.unknown_scenes is None else [result.unknown_scenes.sentence()]),
+            *([f"Not tried: {not_tried(result)}."] if result.budget.not_tried else []),
+        ],
         "cards": _cards(result),
         "afterwards": _named_afterwards(result),
         "correlation": result.correlation,

@@ -23,9 +23,10 @@ NOTHING_LEFT = "nothing significant is left"
 
 UNCERTAINTY = {
     "calibrated": (
-        "Uncertainties are statistical only: one standard deviation, from the noise of the captures. Systematic "
-        "errors, of the target, of the light or of the patterns as displayed, come on top. Digits beyond a thousandth "
-        "of what an effect changes are not shown, because no formula is trusted further."
+        "Uncertainties are one standard deviation: from the noise of the captures, or, where they disagree by more "
+        "than that, from how far captures, levels of light and parts of the field disagree. What is the same in all of "
+        "them, such as an error of the patterns as displayed, comes on top. Digits beyond a thousandth of what an "
+        "effect changes are not shown, because no formula is trusted further."
     ),
     "blind": (
         "Uncertainties are one standard deviation, from the differences between blocks and between snapshots, because "
@@ -69,6 +70,12 @@ def _headline_of_unknown_scenes(result: BlindDiagnosis) -> str:
 def further_notes(result: BlindDiagnosis) -> tuple[str, ...]:
     """Return the notes beside the headline, which is the first of them where the verdict is ``unexplained``."""
     return result.notes[1:] if result.verdict == "unexplained" else result.notes
+
+
+def not_tried(result: CalibratedResult) -> str:
+    """Say what the search left out for lack of time, and how to have it tried."""
+    budget = result.budget
+    return f"{', '.join(budget.not_tried)}, for lack of time; budget={2 * budget.seconds:.0f} gives it twice as much"
 
 
 def _named(effects: Sequence[NamedEffect], captures: str) -> str:
@@ -210,6 +217,13 @@ def quantity(value: Value, std: float = 0.0, systematic: float = 0.0) -> str:
     if not 0.5 * 10.0**place <= std < math.inf:
         return text
     return f"{text} \u00b1 {_rounded(std, place)}"
+
+
+def percentage(probability: float | None) -> str:
+    """Return a probability in per cent, never rounded to certainty; nothing if there is none."""
+    if probability is None:
+        return ""
+    return "> 99.9 %" if probability > 0.999 else f"{100 * probability:.3g} %"
 
 
 def uncertainty(std: float) -> str:

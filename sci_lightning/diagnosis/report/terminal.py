@@ -11,7 +11,16 @@ from rich.table import Table
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
 from sci_lightning.diagnosis.blind.undetermined import SHOWN_IF_STRONG
-from sci_lightning.diagnosis.report.sentences import chi2, considered, count_of, further_notes, headline, quantity
+from sci_lightning.diagnosis.report.sentences import (
+    chi2,
+    considered,
+    count_of,
+    further_notes,
+    headline,
+    not_tried,
+    percentage,
+    quantity,
+)
 from sci_lightning.diagnosis.result import CalibratedResult
 
 COLOURS = {"consistent": "green", "explained": "green", "partly_explained": "yellow", "unexplained": "red"}
@@ -48,13 +57,16 @@ def print_report(result: CalibratedResult | BlindDiagnosis, console: PlainConsol
     if result.effects:
         effects = Table("effect", "stage", "parameter", title="effects", title_justify="left")
         effects.add_column("value", justify="right")
+        effects.add_column("probability", justify="right")
         for effect in result.effects:
+            probability = percentage(effect.probability)
             for name, estimate in effect.parameters.items():
                 value = quantity(estimate.value, estimate.std, estimate.systematic)
                 unit = "" if estimate.unit == "1" else f" {estimate.unit}"
-                effects.add_row(effect.name, effect.effect.stage, name, value + unit)
+                effects.add_row(effect.name, effect.effect.stage, name, value + unit, probability)
+                probability = ""
         console.print(effects)
-        console.say("\u00b1 is one standard deviation, statistical only; report.json has all digits")
+        console.say("\u00b1 is one standard deviation; report.json has all digits")
     if isinstance(result, BlindDiagnosis):
         _print_snapshots(result, console)
     else:
@@ -81,6 +93,8 @@ def _print_captures(result: CalibratedResult, console: PlainConsole) -> None:
         console.say(f"on {count} that nothing has seen: {reached}; the verdict rests on this")
     if result.unknown_scenes is not None:
         console.say(result.unknown_scenes.sentence())
+    if result.budget.not_tried:
+        console.say(styled("not tried", "yellow"), f": {not_tried(result)}")
     for capture in result.bad_captures:
         console.say(styled("left out", "yellow"), f": {capture.sentence}")
     split = result.split.describe()

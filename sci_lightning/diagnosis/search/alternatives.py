@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -28,12 +29,22 @@ class Alternatives:
     """Effects that explain the captures as well as a named one.
 
     Attributes:
-        names: of these effects.
+        lost: calibrated nats by which the captures are less likely with each of them, by name.
         tell_apart: what to record to tell them apart, in full sentences; empty without alternatives.
     """
 
-    names: tuple[str, ...]
+    lost: Mapping[str, float]
     tell_apart: str
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of these effects."""
+        return tuple(self.lost)
+
+    def shares_beside(self, name: str) -> dict[str, float]:
+        """Return how probable the named effect and each of these are if it is one of them, by name."""
+        weights = {other: math.exp(-nats) for other, nats in {name: 0.0, **self.lost}.items()}
+        return {other: weight / sum(weights.values()) for other, weight in weights.items()}
 
 
 @dataclass(frozen=True)
@@ -67,22 +78,25 @@ class Separation:
         return next((count for count in range(1, most + 1) if self.nats(count) >= needed), None)
 
 
-def alternatives(fit: Fit, without: Fit, name: str) -> Alternatives:
+def alternatives(fit: Fit, without: Fit, name: str, dispersion: float = 1.0) -> Alternatives:
     """Find the alternatives to an effect in a fit.
 
     Args:
         fit: with the effect.
         without: the best fit without it.
         name: of the effect.
+        dispersion: of its errors; a difference in nats is divided by it.
     """
-    settings, effects, equal = fit.fitter.settings, fit.fitter.model.effects, {}
+    settings, effects = fit.fitter.settings, fit.fitter.model.effects
+    lost, equal = dict[str, float](), dict[str, Fit]()
     for other, rival in rivals(fit, without, name):
         named, instead = with_common_pixels(fit, rival)
-        if instead.log_likelihood > named.log_likelihood - settings.indistinct_nats:
-            equal[other] = rival
+        nats = (named.log_likelihood - instead.log_likelihood) / dispersion
+        if nats < settings.indistinct_nats:
+            lost[other], equal[other] = nats, rival
     # what is the same but for a plainer name is mentioned, and nobody is asked to record anything for it
     distinct = [rival for other, rival in equal.items() if effects[other].plainer != name]
-    return Alternatives(tuple(equal), " ".join(tell_apart(fit, rival) for rival in distinct))
+    return Alternatives(lost, " ".join(tell_apart(fit, rival) for rival in distinct))
 
 
 def tell_apart(one: Fit, rival: Fit) -> str:

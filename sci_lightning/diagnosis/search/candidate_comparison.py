@@ -142,7 +142,8 @@ def fit_candidates(best: Fit, screened: list[Candidate]) -> dict[str, Fit]:
     first, others = screened[: settings.candidates_fitted], screened[settings.candidates_fitted :]
     for candidate in (*first, *(one for one in others if fitter.model.effects[one.name].is_discrete())):
         price = settings.min_gain_nats + bic_penalty(len(candidate.start), fitter.pixels)
-        if candidate.gain > max(settings.min_gain_nats, settings.screened_share * price):
+        promising = candidate.gain > max(settings.min_gain_nats, settings.screened_share * price)
+        if promising and (not fits or fitter.budget.allows(candidate.name)):
             start = candidate.added(fitter.model, best.hypothesis)
             fit = fitter.fit(start, 20, to_reach=reached - settings.abandon_nats, from_afar=True)
             if not fit.abandoned:

@@ -7,14 +7,16 @@ parameters are known, how much log-likelihood the captures lose without it, and 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 import torch
 
+from sci_lightning.diagnosis.fit.cluster_errors import cluster_errors
 from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.search.alternatives import alternatives
+from sci_lightning.diagnosis.search.probability import evidence_for
 from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.effects.parameter import Parameter, Value
 
@@ -33,7 +35,7 @@ class Estimate:
 
     Attributes:
         value: the maximum-likelihood estimate, or the choice.
-        std: statistical standard deviation, in the parameter's unit; 0 for a choice.
+        std: standard deviation by the disagreement of clusters of pixels, in the parameter's unit; 0 for a choice.
         systematic: least systematic error, in the parameter's unit, see :func:`systematic_limit`.
         unit: as in ``pixel``; ``1`` for a ratio.
     """
@@ -55,6 +57,9 @@ class NamedEffect:
         delta_bic: the difference of the Bayesian information criterion; None for noise.
         alternatives: names of the effects that explain the captures as well in its place.
         tell_apart: which captures would tell them apart, in full sentences; empty without alternatives.
+        probability: that it is there, or one of its alternatives in its place; None for noise, which always is, and
+            where it was not computed.
+        shares: of that probability, of the effect itself and of its alternatives, by name.
     """
 
     effect: type[Effect]
@@ -63,6 +68,8 @@ class NamedEffect:
     delta_bic: float | None = None
     alternatives: tuple[str, ...] = ()
     tell_apart: str = ""
+    probability: float | None = field(default=None, kw_only=True)
+    shares: Mapping[str, float] = field(default_factory=dict, kw_only=True)
 
     @property
     def name(self) -> str:
@@ -79,6 +86,7 @@ class NamedEffect:
             "evidence": evidence,
             "alternatives": list(self.alternatives),
             "tell_apart": self.tell_apart,
+            **({} if self.probability is None else {"probability": self.probability, "class": dict(self.shares)}),
         }
 
 
@@ -102,14 +110,14 @@ def named_effects(fit: Fit, names: Sequence[str]) -> tuple[NamedEffect, ...]:
         fit: the model with all effects.
         names: the effects to be described.
     """
-    fitter, deviations = fit.fitter, _standard_deviations(fit)
+    fitter, errors = fit.fitter, cluster_errors(fit)
     effects = []
     for name in names:
         effect = fitter.model.effects[name]
         parameters = {}
         for parameter, about in effect.about.items():
             value = fit.hypothesis.effects[name][parameter]
-            std = deviations.get((name, parameter), 0.0) * (float(value) if about.log else 1.0)
+            std = errors.deviation((name, parameter)) * (float(value) if about.log else 1.0)
             if name in fit.maps:
                 std = fit.maps[name].std_error
             parameters[parameter] = Estimate(value, std, systematic_limit(value, about), about.unit)
@@ -117,16 +125,23 @@ def named_effects(fit: Fit, names: Sequence[str]) -> tuple[NamedEffect, ...]:
             effects.append(NamedEffect(effect, parameters))
             continue
         without = fitter.fit(fit.hypothesis.without(name), from_afar=True)
-        other, lost = alternatives(fit, without, name), fit.log_likelihood - without.log_likelihood
+        evidence = evidence_for(fit, name, errors, without)
+        other = alternatives(fit, without, name, evidence.dispersion)
+        lost = fit.log_likelihood - without.log_likelihood
         delta_bic = 2 * lost - len(parameters) * float(np.log(fitter.pixels))
-        effects.append(NamedEffect(effect, parameters, lost, delta_bic, other.names, other.tell_apart))
+        effects.append(
+            NamedEffect(
+                effect,
+                parameters,
+                lost,
+                delta_bic,
+                other.names,
+                other.tell_apart,
+                probability=evidence.probability,
+                shares=other.shares_beside(name),
+            )
+        )
     return tuple(effects)
-
-
-def _standard_deviations(fit: Fit) -> dict[tuple[str, str], float]:
-    """Return the standard deviation of every free parameter, as it is fitted (of a logarithm, where it is one)."""
-    covariance = torch.linalg.pinv(fit.information) if fit.free else fit.information
-    return dict(zip(fit.free, covariance.diagonal().clamp(min=0).sqrt().tolist(), strict=True))
 
 
 def error_correlation(fit: Fit) -> ErrorCorrelation:

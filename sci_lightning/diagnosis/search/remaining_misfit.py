@@ -115,6 +115,8 @@ def explain_remaining_misfit(
         fit = fit.without(name, iterations=20)
     deviations, gained = [*given], 0.0
     for _ in range(settings.max_unnamed - len(deviations)):
+        if deviations and not fit.fitter.budget.allows("further deviations without a name"):
+            break
         least = unnamed_threshold(fit, ideal) + settings.surrogate_fraction * gained
         fit, best, larger = best_free_form(fit, least, as_free_form)
         if best is None:
@@ -167,6 +169,8 @@ def best_free_form(
     best: tuple[Fit, FreeFormCandidate | None, Fit] = (fit, None, fit)
     largest = least
     for deviation in promising[: fitter.settings.probes_fitted]:
+        if best[1] is not None and not fitter.budget.allows(deviation.where):
+            break
         start = deviation.added(fitter, fit.hypothesis)
         smaller = fitter.covering(start).repeated(fit)
         # held-out pixels may gain as much as the fitted ones, but hardly more

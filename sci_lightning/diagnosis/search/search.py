@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 
 import torch
 
+from sci_lightning.diagnosis.fit.budget import Budget
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.gap import residuals
 from sci_lightning.diagnosis.fit.information_criterion import bic, prune
 from sci_lightning.diagnosis.fit.split import split
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, datasheet_noise
+from sci_lightning.diagnosis.search.improbable_effects import names_are_certain, without_improbable_effects
 from sci_lightning.diagnosis.search.map_test import map_p_value
 from sci_lightning.diagnosis.search.remaining_misfit import (
     Unnamed,
@@ -21,7 +23,6 @@ from sci_lightning.diagnosis.search.remaining_misfit import (
     unnamed_threshold,
 )
 from sci_lightning.diagnosis.search.selection import OnProgress, Round, select_effects, select_noise
-from sci_lightning.diagnosis.search.spurious_effects import names_are_certain, without_spurious_effects
 from sci_lightning.diagnosis.search_settings import SearchSettings
 
 
@@ -71,10 +72,11 @@ def without_unnamed(hypothesis: Hypothesis, unnamed: Sequence[Unnamed]) -> Hypot
     return hypothesis
 
 
-def ideal_camera(model: CameraModel, settings: SearchSettings) -> Fit:
+def ideal_camera(model: CameraModel, settings: SearchSettings, budget: Budget | None = None) -> Fit:
     """Divide the captures of a model into fitted and held-out pixels, and fit the ideal camera to them."""
     noise, stated = datasheet_noise(model.observation)
-    return Fitter(model, split(model.observation, settings), settings).fit(noise, fixed=stated, iterations=30)
+    fitter = Fitter(model, split(model.observation, settings), settings, budget=budget)
+    return fitter.fit(noise, fixed=stated, iterations=30)
 
 
 def explain(ideal: Fit, on_progress: OnProgress) -> Explanation:
@@ -96,7 +98,8 @@ def explain(ideal: Fit, on_progress: OnProgress) -> Explanation:
     selected = Selected(fit, rounds, unnamed)
     settled, differing = select_noise(fit, ideal)
     count = len(fit.hypothesis.effects) - len(noise.effects)
-    if unnamed or differing or count >= whole.settings.many_effects:
+    doubtful = unnamed or differing or count >= whole.settings.many_effects
+    if doubtful and whole.budget.allows("effects beside a deviation without a name"):
         other = _with_a_free_form_first(selected, ideal, noise, on_progress)
         if other is not None:
             selected = other
@@ -172,7 +175,7 @@ def complete(
         unnamed = [quantified(wide, one) for one in unnamed]
         if not unnamed and misfit_outside(wide, fit.fitter) > whole.settings.negligible_chi2:
             wide, unnamed = explain_remaining_misfit(wide, ideal, noise, (), on_progress)
-    certain, left = without_spurious_effects(wide, noise, unnamed, on_progress)
+    certain, left = without_improbable_effects(wide, noise, unnamed, on_progress)
     if certain is wide or any(deviation.name in whole.model.vocabulary for deviation in left):
         return certain, left  # the map of a rejected effect is where nothing else would be localised
     # what was localised beside names that are withdrawn may have another place without them

@@ -59,9 +59,11 @@ def select_effects(
         the model, fitted on the pixels that it can predict, and the rounds.
     """
     best = ideal = whole.covering(start).fit(start, iterations=30)
-    rounds, settings = [], whole.settings
+    rounds, settings = list[Round](), whole.settings
     confirmed: Fit | None = None  # the model before an effect that was added provisionally
     for _ in range(settings.max_effects):
+        if rounds and not whole.budget.allows("further effects"):
+            break
         comparison = compare_candidates(best, far_displacements(best))
         least = settings.formula_error * comparison.best.explained_nats(ideal)
         added = comparison.winner(least)
@@ -106,6 +108,8 @@ def exchange(fit: Fit, keep: Collection[str]) -> Fit:
         name = waiting.pop(0)
         tried.add(name)
         if name in fit.hypothesis.effects and len(fit.hypothesis.effects) - len(keep) > 1:
+            if not fit.fitter.budget.allows(f"other effects in place of {name}"):
+                continue
             effects, now = fit.fitter.model.effects, name
             for other, rival in rivals(fit, fit.without(name), name):
                 common = fit.fitter.covering(rival.hypothesis)

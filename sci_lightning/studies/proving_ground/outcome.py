@@ -12,6 +12,8 @@ from sci_lightning.studies.engine.records import CaseRecord
 from sci_lightning.virtual_camera import EFFECTS
 from sci_lightning.virtual_camera.truth import HiddenEffect
 
+MIN_CLASS_SHARE = 0.05
+"""Share of a class of names from which a member counts as named."""
 LEFT_OUT = "left out"
 """What stands among the answers of a diagnosis that left captures out."""
 
@@ -117,10 +119,12 @@ class Outcome(CaseRecord):
 
     @property
     def exact(self) -> bool:
-        """Whether the diagnosis named the hidden effects and no others, except those that are true as well."""
-        return {effect.name for effect in self.named} - (set(self.also_true) - set(self.hidden_names)) == set(
-            self.hidden_names
-        )
+        """Whether the diagnosis named the hidden effects and no others, except those that are true as well.
+
+        A class of names that the captures cannot tell apart counts as any of its members.
+        """
+        meant = {name for effect in self.named for name in names_meant(effect)}
+        return not self.wrong_names and meant.issuperset(self.hidden_names)
 
     @property
     def smallest_gain(self) -> float:
@@ -129,9 +133,9 @@ class Outcome(CaseRecord):
 
     @property
     def wrong_names(self) -> tuple[str, ...]:
-        """Names in the diagnosis that are not true, whatever its verdict and whatever it reports beside them."""
+        """Names in the diagnosis of whose class no member is true, whatever its verdict and what it reports beside."""
         true_names = {*self.hidden_names, *self.also_true}
-        return tuple(effect.name for effect in self.named if effect.name not in true_names)
+        return tuple(effect.name for effect in self.named if true_names.isdisjoint(names_meant(effect)))
 
     @property
     def confidently_wrong(self) -> bool:
@@ -216,6 +220,11 @@ class Outcome(CaseRecord):
         if self.captures != "full":
             where += f", {self.captures}"
         return f"{names} ({where}; chi2 {self.chi2_before:.4g} to {self.chi2_after:.4g}, {self.seconds:.0f} s)"
+
+
+def names_meant(effect: NamedEffect) -> set[str]:
+    """Return the names of an effect's class that are not improbable."""
+    return {effect.name, *(name for name, share in effect.shares.items() if share >= MIN_CLASS_SHARE)}
 
 
 def _known_scenes(gap: Gap | BlindGap) -> Gap:

@@ -30,6 +30,8 @@ CLOSED_SHARE = 0.95
 """Part of chi2's excess over 1 that the named effects are to remove."""
 CLOSABLE_CHI2 = 1.5
 """Reduced chi2 above which that part is computed; nearer to 1, chi2's own noise is more than 5 % of its excess."""
+CERTAIN = 0.95
+"""Probability from which a name counts as certain."""
 SECONDS = {(128, 128): 60.0, (256, 256): 300.0}
 """Time allowed for a session of 34 captures of 8 slots on two cores, by size."""
 MEMORY = 4096.0
@@ -81,6 +83,7 @@ def summarise(records: Iterable[Outcome | FailedCase]) -> list[SuiteScore]:
             failed(lost, "outside"),
         ),
         wrong_names("fewer captures: any wrong name", fewer, 0.0),
+        *certain_names(every),
         interval_coverage([*named, *fewer]),
         at_least(
             f"right names: chi2 on verification captures at most {SearchSettings.negligible_chi2}",
@@ -222,6 +225,21 @@ def wrong_names(what: str, outcomes: Sequence[Outcome], most: float) -> SuiteSco
     if not (hedged := sum(outcome.confidently_wrong and outcome.hedged for outcome in outcomes)):
         return row
     return replace(row, figure=f"{row.figure}; {hedged} of them have the hidden effect among their alternatives")
+
+
+def certain_names(outcomes: Sequence[Outcome]) -> list[SuiteScore]:
+    """How often a name that is stated with near certainty is right, in every suite and every world."""
+    what, target = f"names with a probability of at least {CERTAIN}: right", "at least 97%"
+    stated = [
+        (effect.name not in outcome.wrong_names, f"{effect.name}: {outcome}")
+        for outcome in outcomes
+        for effect in outcome.named
+        if (effect.probability or 0.0) >= CERTAIN
+    ]
+    proportion = Proportion.of(right for right, _ in stated)
+    missed = tuple(line for right, line in stated if not right)
+    row = SuiteScore(what, in_words(proportion), target, proportion.share >= 0.97, proportion, missed)
+    return [row] if stated else []  # records of earlier versions state none
 
 
 def in_words(proportion: Proportion) -> str:

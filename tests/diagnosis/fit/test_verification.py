@@ -71,7 +71,7 @@ def test_what_is_kept_changes_nothing_but_the_verdict(captures: Captures, result
 
 def test_the_report_says_which_is_which(result: Diagnosis) -> None:
     content = describe(result)
-    assert content["format_version"] == 2 and content["mode"] == "calibrated" and content["laboratory"] == []
+    assert content["format_version"] == 3 and content["mode"] == "calibrated" and content["laboratory"] == []
     assert result.verification is not None
     assert content["verification"]["captures"] == sorted(result.verification.captures)
     assert content["verification"]["chi2"] == result.verification.after.chi2

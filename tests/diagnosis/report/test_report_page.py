@@ -114,8 +114,8 @@ def test_it_says_what_was_found(result: Diagnosis, text: str) -> None:
     command = "captures=&#39;&lt;a&gt;.h5"
     for words in (
         "column_noise",
-        "statistical error (1 σ)",
-        "Uncertainties are statistical only",
+        "error (1 σ)",
+        "Uncertainties are one standard deviation",
         "Estimated map of column_noise",
         "The errors of mask_shift dx and mask_shift dy are correlated by",
         "chance reaches" if result.after.gap.chi2_limit > 1.05 else "(1 = noise)",

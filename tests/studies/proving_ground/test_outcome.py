@@ -22,6 +22,14 @@ def outcome(record: dict[str, Any]) -> Outcome:
     return parsed
 
 
+def test_a_class_of_names_counts_as_any_of_its_members(record: Record) -> None:
+    duty = record("single", GAIN, {"duty_cycle": {"fraction": (0.9, 0.01)}})
+    assert outcome(duty).wrong_names == ("duty_cycle",)
+    for share, right in ((0.4, True), (0.01, False)):
+        duty["found"][0] |= {"probability": 0.99, "class": {"duty_cycle": 1 - share, "gain": share}}
+        assert outcome(duty).exact == right
+
+
 def test_exact_sets_of_names(record: Record) -> None:
     assert outcome(record("single", GAIN, FOUND)).exact
     assert not outcome(record("single", GAIN, {})).exact

@@ -44,9 +44,11 @@ def test_wilson_interval_of_nothing() -> None:
     assert Proportion(0, 0).interval == (0, 1)
 
 
+GHOST = {"ghost": {"fraction": 0.1, "dx": 5.0, "dy": 5.0}}
+
+
 @pytest.fixture
 def records(record: Callable[..., Any]) -> list[Outcome | FailedCase]:
-    ghost = {"ghost": {"fraction": 0.1, "dx": 5.0, "dy": 5.0}}
     contents = [
         *(record("single", GAIN, result(error)) for error in (-2.5, -1, 0, 0.5, 1)),
         record("single", GAIN, result(1.5), verification={"captures": [3], "chi2": 1.2, "chi2_limit": 1.1}),
@@ -57,8 +59,8 @@ def records(record: Callable[..., Any]) -> list[Outcome | FailedCase]:
         record("nothing", {}, {}),
         record("nothing", {}, result(0)),
         record("nothing", {}, {}, mask="binary"),
-        record("outside", ghost, {}, unnamed=("optics",), verdict="unexplained"),
-        record("outside", ghost, result(0), memory_mib=5000.0, size=[128, 128], frames=8, seconds=61.0),
+        record("outside", GHOST, {}, unnamed=("optics",), verdict="unexplained"),
+        record("outside", GHOST, result(0), memory_mib=5000.0, size=[128, 128], frames=8, seconds=61.0),
     ]
     outcomes = [Outcome.model_validate(content) for content in contents]
     return [*outcomes[:7], lost(), *outcomes[7:]]
@@ -93,6 +95,15 @@ def test_rows(records: list[Outcome | FailedCase]) -> None:
     assert row(rows, "time, 64 x 64").met is None and "4.0 s of a processor" in row(rows, "time, 64 x 64").figure
     assert row(rows, "time, 128 x 128").met is False and row(rows, "memory").met is False
     assert row(rows, "cases that failed").missed == ("single-bad: ValueError: no",)
+
+
+def test_names_that_are_stated_with_certainty(record: Callable[..., Any]) -> None:
+    contents = [record("single", GAIN, result(0)), record("outside", GHOST, result(0), verdict="unexplained")]
+    assert not [one for one in summarise(map(Outcome.model_validate, contents)) if one.what.startswith("names with")]
+    for content, probability in zip(contents, (0.99, 0.96), strict=True):
+        content["found"][0]["probability"] = probability
+    line = row(summarise(map(Outcome.model_validate, contents)), "names with")
+    assert line.proportion == Proportion(1, 2) and line.missed[0].startswith("gain: ghost -> gain")
 
 
 def test_failed_cases_count_where_they_belong() -> None:

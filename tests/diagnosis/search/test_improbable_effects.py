@@ -8,13 +8,9 @@ import pytest
 import torch
 
 from sci_lightning.diagnosis.diagnosis import diagnose
+from sci_lightning.diagnosis.search.improbable_effects import name_probabilities, without_improbable_effects
+from sci_lightning.diagnosis.search.probability import evidence_for, nats_from_nothing
 from sci_lightning.diagnosis.search.search import complete, misfit_outside, with_all_predictable
-from sci_lightning.diagnosis.search.spurious_effects import (
-    Contribution,
-    distance_from_nothing,
-    doubts_about,
-    without_spurious_effects,
-)
 from sci_lightning.encoder.border import Border
 from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.diagnosis.fit.small_fit import NOISE, fitter
@@ -35,20 +31,20 @@ def test_levels_of_light_and_captures_agree_about_a_right_name(
 ) -> None:
     subject = fitter(tmp_path, hidden)
     fit = subject.fit(NOISE.with_effect(name, dict(start)))
-    disagreement = Contribution(fit, name).disagreement()
-    assert disagreement < 0.1 if stays else disagreement > 0.3
+    probability = evidence_for(fit, name).probability
+    assert probability > 0.95 if stays else probability < 0.5
     messages: list[str] = []
-    remaining, unnamed = without_spurious_effects(fit, NOISE, [], messages.append)
+    remaining, unnamed = without_improbable_effects(fit, NOISE, [], messages.append)
     assert (name in remaining.hypothesis.effects) == stays and unnamed == []
     assert [message.partition(":")[0] for message in messages] == ([] if stays else [f"{name} is set aside"])
 
 
 @pytest.mark.parametrize("std", [0.003, 0.02])
-def test_a_weak_map_is_not_doubted(tmp_path: Path, std: float) -> None:
+def test_a_weak_map_is_probable(tmp_path: Path, std: float) -> None:
     """Its values are drawn towards 0 by their prior: every capture asks for a stronger map."""
     subject = fitter(tmp_path, {"prnu": {"std": std}})
     fit = subject.fit(NOISE.with_effect("prnu", {"std": std}, torch.zeros(64, 64)), iterations=20)
-    assert doubts_about(fit, set(NOISE.effects), []) == {}
+    assert name_probabilities(fit, set(NOISE.effects), [])["prnu"] > 0.95
 
 
 @pytest.mark.parametrize(("hidden", "level", "stays"), [(0.7, 0.72, True), (1.0, 0.9999, False)])
@@ -56,16 +52,9 @@ def test_a_name_does_something(tmp_path: Path, hidden: float, level: float, stay
     """A saturation at full scale changes nothing, whatever its likelihood is."""
     subject = fitter(tmp_path, {"saturation": {"level": hidden}} if hidden < 1 else {})
     fit = subject.fit(NOISE.with_effect("saturation", {"level": level}))
-    distance = distance_from_nothing(fit, "saturation")
+    distance = nats_from_nothing(fit, "saturation")
     assert distance > 100 if stays else distance < 2
-    assert ("saturation" not in doubts_about(fit, set(NOISE.effects), [])) == stays
-
-
-def test_an_effect_that_another_one_imitates_is_not_doubted(tmp_path: Path) -> None:
-    """Beside a gain, a duty cycle has nothing of its own by which parts of the captures could disagree."""
-    subject = fitter(tmp_path, {"gain": {"factor": 0.9}})
-    fit = subject.fit(NOISE.with_effect("gain", {"factor": 0.95}).with_effect("duty_cycle", {"fraction": 0.95}))
-    assert Contribution(fit, "duty_cycle").disagreement() == 0
+    assert (name_probabilities(fit, set(NOISE.effects), [])["saturation"] > 0.5) == stays
 
 
 def test_what_shows_only_outside_is_localised_and_quantified_once(tmp_path: Path) -> None:

@@ -1,0 +1,126 @@
+"""Errors of the parameters that hold where the model is a little wrong: the sandwich estimate, over clusters of pixels.
+
+The inverse information is the covariance of the estimates if the model of the camera and of its noise is right. In a
+laboratory it is not quite: exposures jitter, targets are printed with errors, formulas are inexact. What is left is the
+same in all pixels of a capture, of a level of light, or of a part of the field. Such clusters say by themselves where
+the parameters should be, and how far they disagree says how far the estimates may be trusted (White, "Maximum
+likelihood estimation of misspecified models", 1982; with clusters Liang and Zeger, 1986).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+
+from sci_lightning.diagnosis.fit.fit import Fit
+from sci_lightning.diagnosis.model.camera_model import ParameterName
+
+LIGHT_LEVELS = 12
+"""Levels of light, of equally many pixels each."""
+PARTS_PER_SIDE = 4
+"""Rows and columns of blocks that the field is divided into."""
+MAX_DISPERSION = 1e6
+"""Largest factor of the variances that is considered; below it every logarithm is as probable as any other."""
+RIGHT_MODEL_PROBABILITY = 0.5
+"""Prior probability that clusters disagree by no more than the noise says."""
+MIN_INFORMATION = 1e-9
+"""Information below which the captures say nothing about a parameter."""
+
+
+@dataclass(frozen=True)
+class ClusterErrors:
+    """Covariances of the fitted parameters' errors.
+
+    Attributes:
+        names: of the p parameters.
+        model: ``(p, p)`` if the model is right: the inverse information.
+        dispersions: ``(p,)`` factors of the variances by the disagreement of clusters, at least 1, of that division of
+            the pixels by which they are largest.
+        freedom: ``(p,)`` degrees of freedom of Student's t: infinite where the factor is certainly 1, else how many
+            clusters say how large it is.
+    """
+
+    names: tuple[ParameterName, ...]
+    model: torch.Tensor
+    dispersions: torch.Tensor
+    freedom: torch.Tensor
+
+    def deviation(self, name: ParameterName) -> float:
+        """Return a parameter's standard deviation (of its logarithm, where that is fitted), 0 of one that is fixed."""
+        if name not in self.names:
+            return 0.0
+        place = self.names.index(name)
+        return float((self.dispersions[place] * self.model[place, place]).clamp(min=0).sqrt())
+
+    def of_effect(self, effect: str) -> tuple[float, float]:
+        """Return dispersion and degrees of freedom of that parameter of an effect whose dispersion is largest.
+
+        They are 1 and infinite for an effect without fitted parameters.
+        """
+        places = [place for place, (name, _) in enumerate(self.names) if name == effect]
+        if not places:
+            return 1.0, math.inf
+        worst = max(places, key=lambda place: float(self.dispersions[place]))
+        return float(self.dispersions[worst]), float(self.freedom[worst])
+
+
+def cluster_errors(fit: Fit) -> ClusterErrors:
+    """Return the errors of the free parameters of a fit."""
+    names, derivatives = fit.free, fit.derivatives
+    count = len(names)
+    informed = (derivatives.information.diagonal() > MIN_INFORMATION).nonzero()[:, 0]
+    inverse = torch.zeros(count, count, dtype=torch.float64)
+    kept = derivatives.information[informed][:, informed]
+    inverse[informed[:, None], informed] = torch.linalg.pinv(kept, hermitian=True, rtol=1e-12)
+    dispersions, freedom = torch.ones(count, dtype=torch.float64), torch.full((count,), math.inf, dtype=torch.float64)
+    if not count:
+        return ClusterErrors(names, inverse, dispersions, freedom)
+    scores = derivatives.own_scores().flatten(1).double()
+    for cluster, clusters in divisions(fit):
+        sums = torch.zeros(clusters, count, dtype=torch.float64).index_add_(0, cluster.flatten(), scores.T)
+        sums = sums[sums.abs().sum(1) > 0]
+        free = len(sums) - 1
+        if free < 1:
+            continue
+        influence = (sums - sums.mean(0)) @ inverse
+        squares = (len(sums) * influence.square().sum(0) / inverse.diagonal().clamp(min=1e-300)).tolist()
+        for place in informed.tolist():
+            factor, wrong = dispersion(squares[place] * free / len(sums), free)
+            if factor > float(dispersions[place]):
+                dispersions[place], freedom[place] = factor, free / max(wrong, 1e-9)
+    return ClusterErrors(names, inverse, dispersions, freedom)
+
+
+def dispersion(squares: float, free: int) -> tuple[float, float]:
+    """Return the factor of the variances that a sum of squares stands for, and how probable it is that it is not 1.
+
+    Args:
+        squares: of the distances of the clusters' estimates from their mean, summed: chi2 times the factor.
+        free: degrees of freedom of that chi2.
+
+    Returns:
+        the posterior mean of the factor, and the probability that clusters disagree by more than noise.
+    """
+    logarithm = torch.linspace(0, math.log(MAX_DISPERSION), 400, dtype=torch.float64)
+    nats = -0.5 * (free * logarithm + squares * torch.exp(-logarithm))
+    weight = torch.full_like(logarithm, (1 - RIGHT_MODEL_PROBABILITY) / len(logarithm))
+    weight[0] += RIGHT_MODEL_PROBABILITY
+    posterior = torch.softmax(nats + weight.log(), 0)
+    return float((posterior * logarithm.exp()).sum()), 1 - float(posterior[0])
+
+
+def divisions(fit: Fit) -> Iterator[tuple[torch.Tensor, int]]:
+    """Yield ways to divide the pixels ``(N, H, W)``: the number of every pixel's cluster, and how many there are."""
+    mean = fit.prediction.mean.contiguous()
+    captures, height, width = mean.shape
+    yield torch.arange(captures)[:, None, None].expand(mean.shape).contiguous(), captures
+    order = mean.flatten().argsort()
+    level = torch.empty_like(order)
+    level[order] = torch.arange(order.numel()) * LIGHT_LEVELS // order.numel()
+    yield level.view(mean.shape), LIGHT_LEVELS
+    rows, columns = (torch.arange(side) * PARTS_PER_SIDE // side for side in (height, width))
+    block = rows[:, None] * PARTS_PER_SIDE + columns
+    yield block.expand(mean.shape).contiguous(), PARTS_PER_SIDE**2

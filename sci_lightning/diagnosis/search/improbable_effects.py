@@ -1,0 +1,85 @@
+"""Improbable effects: names that the search added and that the captures do not support in the end.
+
+Where the vocabulary lacks the true deviation, the search names the effects that come closest to it, and a free-form
+deviation takes what they leave. Probabilities are those of the camera that has names only: what has no name is then
+left in the residuals, clusters of pixels disagree about a name that merely stands in for it, and the name is worth
+little (:mod:`~sci_lightning.diagnosis.search.probability`). The least probable name is withdrawn first, because a
+stand-in beside it makes a right name look doubtful too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+
+from sci_lightning.diagnosis.fit.cluster_errors import cluster_errors
+from sci_lightning.diagnosis.fit.fit import Fit
+from sci_lightning.diagnosis.fit.information_criterion import prune
+from sci_lightning.diagnosis.model.camera_model import Hypothesis
+from sci_lightning.diagnosis.search.probability import evidence_for
+from sci_lightning.diagnosis.search.remaining_misfit import Unnamed, quantified
+
+MIN_PROBABILITY = 0.5
+"""Probability below which a name is withdrawn: it is wrong more often than right."""
+
+
+def without_improbable_effects(
+    fit: Fit,
+    noise: Hypothesis,
+    unnamed: Sequence[Unnamed],
+    on_progress: Callable[[str], None] = lambda message: None,
+) -> tuple[Fit, list[Unnamed]]:
+    """Return the model without the names that are improbable, and what has no name, quantified beside the others.
+
+    Args:
+        fit: the model that the search selected.
+        noise: effects that stay in any case.
+        unnamed: the deviations of the model that have no name.
+        on_progress: called with a one-line message for every name that is withdrawn.
+    """
+    stay = {*noise.effects, *(deviation.name for deviation in unnamed)}
+    rest, withdrawn = list(unnamed), False
+    while probabilities := name_probabilities(fit, stay, rest):
+        name, least = min(probabilities.items(), key=lambda item: item[1])
+        if least >= MIN_PROBABILITY:
+            break
+        on_progress(f"{name} is set aside: its probability is {least:.2g}")
+        fit, withdrawn = fit.without(name, iterations=20), True
+        rest = [quantified(fit, one) for one in rest]
+    if not withdrawn:
+        return fit, rest
+    fit = prune(fit, noise.effects)
+    return fit, [quantified(fit, one) for one in rest if one.name in fit.hypothesis.effects]
+
+
+def names_are_certain(fit: Fit, noise: Hypothesis, unnamed: Sequence[Unnamed]) -> bool:
+    """Return whether a model has names, and none of them is improbable; the arguments are as above."""
+    probabilities = name_probabilities(fit, {*noise.effects, *(deviation.name for deviation in unnamed)}, unnamed)
+    return bool(probabilities) and min(probabilities.values()) >= MIN_PROBABILITY
+
+
+def name_probabilities(fit: Fit, stay: Collection[str], unnamed: Sequence[Unnamed]) -> Mapping[str, float]:
+    """Return how probable every name is in the camera that has names only.
+
+    Args:
+        fit: the model.
+        stay: effects that are not tested: noise, and deviations without a name.
+        unnamed: those deviations.
+    """
+    names = [name for name in fit.hypothesis.effects if name not in stay]
+    if not names:
+        return {}
+    named_only = _without(fit, unnamed) if unnamed else fit
+    errors = cluster_errors(named_only)
+    return {name: evidence_for(named_only, name, errors).probability for name in names}
+
+
+def _without(fit: Fit, unnamed: Sequence[Unnamed]) -> Fit:
+    """Fit the model without what has no name; the noise keeps its values, so that it does not absorb the misfit."""
+    named = fit.hypothesis
+    for deviation in unnamed:
+        named = named.without(deviation.name)
+    effects = fit.fitter.model.effects
+    fixed = tuple(
+        (name, parameter) for name, setting in named.effects.items() if effects[name].noise for parameter in setting
+    )
+    return fit.fitter.fit(named, fixed=fixed)

@@ -1,0 +1,117 @@
+"""How probable it is that an effect is there, given the captures.
+
+Models with the effect, without it, and with another effect in its place are compared by their evidence: the likelihood
+averaged over the prior of the parameters, by Laplace's approximation (MacKay, "Information Theory, Inference, and
+Learning Algorithms", 2003, chapter 28). What the effect gains is measured by how far clusters of pixels disagree
+(:mod:`~sci_lightning.diagnosis.fit.cluster_errors`): a model that is a little wrong everywhere leaves more than noise,
+and nats of pixels that are not independent are too many. As the disagreement itself is estimated, from few clusters,
+the likelihood is that of Student's t.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+
+from sci_lightning.diagnosis.fit.cluster_errors import ClusterErrors, cluster_errors
+from sci_lightning.diagnosis.fit.fit import Fit
+from sci_lightning.encoder.effects.parameter import part_of
+
+PRIOR_PROBABILITY = 0.02
+"""Of every effect to be there, before anything is recorded: of some thirty effects a camera has less than one."""
+PRIOR_STEPS = 100.0
+"""Width of a parameter's prior in steps of the parameter, where its bounds are not narrower."""
+NEARLY_NEUTRAL_SHARE = 1e-3
+"""Part of the distance from their neutral values that the parameters of an effect keep which does nearly nothing."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the captures say for an effect, against the same model without it.
+
+    Attributes:
+        nats: log-likelihood that is lost without it, after everything else has been fitted again.
+        dispersion: factor by which variances are larger than if the model were right.
+        log_bayes_factor: natural logarithm of the ratio of the evidences.
+    """
+
+    nats: float
+    dispersion: float
+    log_bayes_factor: float
+
+    @property
+    def log_odds(self) -> float:
+        """Natural logarithm of the odds that the effect is there, if no other effect could be in its place."""
+        return self.log_bayes_factor + math.log(PRIOR_PROBABILITY / (1 - PRIOR_PROBABILITY))
+
+    @property
+    def probability(self) -> float:
+        """Probability that the effect is there, if no other could be in its place."""
+        return 1 / (1 + math.exp(-max(min(self.log_odds, 700.0), -700.0)))
+
+
+def evidence_for(fit: Fit, name: str, errors: ClusterErrors | None = None, without: Fit | None = None) -> Evidence:
+    """Return what the captures say for an effect of a fit.
+
+    Args:
+        fit: the model.
+        name: of an effect in it.
+        errors: of its parameters; None to compute them.
+        without: the best fit without the effect; None to make it.
+    """
+    errors = errors or cluster_errors(fit)
+    without = without or fit.fitter.fit(fit.hypothesis.without(name), from_afar=True)
+    nats = min(fit.log_likelihood - without.log_likelihood, nats_from_nothing(fit, name))
+    dispersion, freedom = errors.of_effect(name)
+    return Evidence(nats, dispersion, calibrated(nats, dispersion, freedom) - occam_factor(fit, name, errors))
+
+
+def nats_from_nothing(fit: Fit, name: str) -> float:
+    """Return the nats by which the numbers of an effect are likelier than nearly neutral ones, all else unchanged.
+
+    The effect itself stays, so that the form of its noise does not count: that of a saturation at full scale, say, may
+    take up pixels that nothing explains. Infinite for maps and for effects without neutral numbers.
+    """
+    fitter = fit.fitter
+    about, setting = fitter.model.effects[name].about, fit.hypothesis.effects[name]
+    if name in fit.maps or not any(isinstance(one.neutral, (int, float)) for one in about.values() if not one.choices):
+        return math.inf
+    nothing = fitter.model.predict(fit.hypothesis.with_effect(name, part_of(setting, about, NEARLY_NEUTRAL_SHARE)))
+    loss = (fitter.log_likelihood(fit.prediction) - fitter.log_likelihood(nothing)) * fitter.fitted
+    return float(loss.sum(dtype=torch.float64))
+
+
+def calibrated(nats: float, dispersion: float, freedom: float) -> float:
+    """Return the logarithm of a likelihood ratio by Student's t, from one of independent Gaussian pixels.
+
+    Args:
+        nats: of independent pixels.
+        dispersion: factor by which variances are larger than that.
+        freedom: degrees of freedom of the dispersion.
+    """
+    if nats <= 0 or math.isinf(freedom):
+        return nats / dispersion
+    return 0.5 * freedom * math.log1p(2 * nats / (dispersion * freedom))
+
+
+def occam_factor(fit: Fit, name: str, errors: ClusterErrors) -> float:
+    """Return what the evidence loses because the parameters of an effect might have been anything, in nats.
+
+    Of every number it is the logarithm of the width of its prior over that of its likelihood, of a choice the logarithm
+    of the number of choices.
+    """
+    lost = 0.0
+    for parameter, about in fit.fitter.model.effects[name].about.items():
+        if about.choices:
+            lost += math.log(len(about.choices))
+            continue
+        width = about.high - about.low
+        deviation = errors.deviation((name, parameter))
+        if name in fit.maps:
+            deviation = fit.maps[name].std_error
+        width = math.log(about.high / max(about.low, 1e-300)) if about.log else min(width, PRIOR_STEPS * about.step)
+        if deviation > 0:
+            lost += max(0.0, math.log(width / (math.sqrt(2 * math.pi) * deviation)))
+    return lost
