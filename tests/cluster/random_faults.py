@@ -38,6 +38,8 @@ FAULTS = {
     "launcher": "`kill -9` of the sweep's process",
 }
 
+KINDS = {text: kind for kind, text in FAULTS.items()}
+
 
 def start(slurm: OneNodeSlurm, folder: Path, seconds: float) -> subprocess.Popen[bytes]:
     """Start a sweep, or start it again."""
@@ -142,7 +144,7 @@ def main(out: Path, wanted: int, seed: int) -> None:
             counted.update(judge(folder, undisturbed))
             print(sweeps, dict(faults), dict(counted), flush=True)
             for row in rows:
-                row[f"seed_{seed}"] = faults[str(row["kind"])]
+                row[f"seed_{seed}"] = faults[KINDS[str(row["fault"])]]
             summary = (
                 f"Seed {seed}: {faults.total()} faults in {sweeps} sweeps of {len(SEEDS)} rows, which took {starts} "
                 f"starts: {counted['lost']} rows lost, {counted['twice']} finished twice, {counted['other_weights']} "
@@ -155,7 +157,7 @@ def main(out: Path, wanted: int, seed: int) -> None:
 def earlier_runs(out: Path, seed: int) -> tuple[list[dict[str, Any]], list[str]]:
     """Return the rows and notes of the runs of other seeds in a file, rows without counts where there is none."""
     if not out.is_file():
-        return [{"kind": kind, "fault": text} for kind, text in FAULTS.items()], []
+        return [{"fault": text} for text in FAULTS.values()], []
     content = json.loads(out.read_text())
     rows = [{key: value for key, value in row.items() if key != f"seed_{seed}"} for row in content["rows"]]
     return rows, [note for note in content["notes"] if not note.startswith(f"Seed {seed}:")]
