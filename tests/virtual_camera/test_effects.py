@@ -212,6 +212,14 @@ def test_bit_planes(signal: Signal) -> None:
     assert (np.abs(twice[-1] - once[-1]) > 1e-3).all()
 
 
+def test_planes_before_a_scene_that_lights_up(signal: Signal) -> None:
+    coding, scene = np.zeros((2, 16, 16)), np.zeros((2, 16, 16))
+    coding[0], scene[1] = 1 / 4, 1
+    coding[1, 0] = 1 / 2
+    assert signal(one_capture(coding, scene), bit_planes={"order": "lsb_first"})[0, 1:].max() == 0
+    assert signal(one_capture(coding, scene), bit_planes={"order": "msb_first"})[0, 1:].min() > 0
+
+
 def test_field_blur_is_an_optical_blur_of_every_place(signal: Signal) -> None:
     for row, column in ((8, 8), (12, 3)):
         place = ((row - 8) ** 2 + (column - 8) ** 2) / 128

@@ -102,6 +102,7 @@ class Camera:
                 for pattern in np.unique(sequence):
                     lit_by = pattern_light[sequence == pattern].sum(0)[pixel_of_cell]
                     modulated += transmitted[first + pattern] * lit_by
+            modulated = np.maximum(modulated, 0)  # a scene that changes evenly within a slot may fall below 0
             light[number] = np.sum([form(modulated) for form in onto_pixels], axis=0)[field]
         for effect in self._stage(OpticsEffect):
             light = effect.change_irradiance(light, acquisition.exposure, self.fixed_maps)

@@ -170,6 +170,7 @@ class RayCamera(Camera):
                 for pattern in np.unique(sequence):
                     lit = passed[sequence == pattern].sum(0)
                     modulated += relayed[1][first + pattern] * lit.repeat(cells, 0).repeat(cells, 1)
+            modulated = np.maximum(modulated, 0)  # a scene that changes evenly within a slot may fall below 0
             landed = modulated.ravel() if onto_pixels is None else onto_pixels @ modulated.ravel()
             light[number] = landed.reshape(patterns.shape[1:])[field]
         for effect in self._stage(OpticsEffect):

@@ -45,6 +45,14 @@ def test_it_does_nothing(told: torch.Tensor, scene: torch.Tensor) -> None:
     torch.testing.assert_close(planes, (told * scene).sum(0), rtol=0, atol=2e-6)
 
 
+def test_no_pixel_receives_less_than_no_light() -> None:
+    told, scene = torch.zeros(2, 2, 2), torch.zeros(2, 2, 2)
+    told[0], scene[1] = 1 / 4, 1.0  # the scene lights up after the only open slot, in whose middle it is dark
+    told[1, 0, 0] = 1 / 2  # so that there are two bits
+    assert (seen(BitPlanes(order="lsb_first"), told, scene)[0, 1:] == 0).all()
+    assert (seen(BitPlanes(order="msb_first"), told, scene)[0, 1:] > 0).all()
+
+
 def test_planes_leak_as_all_patterns_do() -> None:
     path = LightPath([BitPlanes(order="msb_first"), MaskContrast(leak=0.2)])
     own = LightPath([BitPlanes(order="msb_first")]).transmittance(LEVELS / 16)

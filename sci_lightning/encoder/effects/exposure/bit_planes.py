@@ -6,6 +6,7 @@ import torch
 
 from sci_lightning.encoder.effects.parameter import Parameter
 from sci_lightning.encoder.effects.stage import ExposureEffect
+from sci_lightning.encoder.signal import Signal
 from sci_lightning.files.modulator_files import LARGEST_BITS, display_times
 
 ROUNDING = 1e-3
@@ -23,8 +24,8 @@ class BitPlanes(ExposureEffect):
 
     where :math:`M_{tk}` is what plane k adds to the level :math:`M_t`. Binary patterns and scenes at rest do not
     change; nor do values that are no levels of 1 to 8 bits (multiples of 1 / 2^b or 1 / (2^b - 1)), such as those of a
-    measured mask. What multiplies a frame may be a little less than 0. Neglected are changes of the light within the
-    slot.
+    measured mask. What multiplies a frame may be a little less than 0; light that would be is 0. Neglected are changes
+    of the source within the slot.
 
     Args:
         order: ``msb_first`` or ``lsb_first``, the plane of the most or the least significant bit first; ``none``: gray
@@ -50,6 +51,9 @@ class BitPlanes(ExposureEffect):
     def retiming(self, slots: int) -> torch.Tensor:
         own = torch.eye(slots)
         return torch.gradient(own, dim=0)[0].T if slots > 1 and self.order != "none" else 0 * own
+
+    def form(self, signal: Signal) -> Signal:
+        return signal if self.order == "none" else signal.with_mean(signal.mean.clamp(min=0))
 
 
 def gray_levels(patterns: torch.Tensor) -> tuple[torch.Tensor, int, int] | None:
