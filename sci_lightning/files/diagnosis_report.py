@@ -14,9 +14,9 @@ Value = Annotated[int, Field(ge=-(2**63), lt=2**63)] | Finite | str
 Count = Annotated[int, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Kind = Literal["dark", "flat", "pattern", "static", "dynamic", "unknown"]
-Verdict = Literal["consistent", "explained", "partly_explained", "unexplained"]
+Verdict = Literal["consistent", "explained", "partly_explained", "undecided", "unexplained"]
 """The ideal camera suffices; the named effects account for everything; they make held-out pixels likelier, but
-something is left; no name helps."""
+something is left; snapshots of unknown scenes are explained nearly as well without any mask; no name helps."""
 Agree = Annotated[list[Count], Field(min_length=2, max_length=2)]
 """How many snapshots ask for something, and of how many."""
 
@@ -167,6 +167,13 @@ class PredictionErrors(JsonObject):
     without_mask: float = says("by a camera whose mask is the same everywhere")
 
 
+class WithoutMask(JsonObject):
+    """Blind mode: a camera without any mask beside the likeliest one, by what both gain over the ideal one."""
+
+    gained: float = says("nats per pixel; nearly as much as with the mask means that nothing is decided")
+    gained_with_mask: float = says("nats per pixel")
+
+
 class UnknownScenes(JsonObject):
     """What snapshots of unknown scenes, beside captures of known ones, say about the corrected camera."""
 
@@ -206,7 +213,8 @@ class DiagnosisReport(JsonFile):
     """``report.json``: whether captures agree with the ideal encoder, and which effects explain where they do not.
 
     Version 2 adds ``mode``, ``laboratory``, ``verification``, ``considered``, ``undetermined`` and ``notes``, version 3
-    ``budget``, and ``probability`` and ``class`` of every effect.
+    ``budget``, ``probability`` and ``class`` of every effect, the verdict ``undecided``, ``without_mask`` and
+    ``calibration``.
     """
 
     format: Literal["sci-diagnosis"]
@@ -226,6 +234,8 @@ class DiagnosisReport(JsonFile):
     considered: dict[str, str] = says("dotted paths of the classes that might have been named", default={})
     undetermined: list[Undetermined] = says("blind mode: what snapshots cannot tell", default=[])
     notes: list[str] = says("blind mode: what is unusual, in sentences", default=[])
+    without_mask: WithoutMask | None = None
+    calibration: dict[str, dict[str, Estimate]] = says("blind mode: of a measured mask, by effect", default={})
     unknown_scenes: UnknownScenes | None = None
     bad_captures: list[BadCapture] = []
     budget: BudgetUsed | None = None

@@ -174,6 +174,12 @@ DURATIONS = (6.0, 30.0)
 """Slots over which a scene is alike, by component."""
 CONTRASTS = (0.4, 1.2)
 """Standard deviations of texture and of brightness, as parts of the mean, by component."""
+FAST = ((1.0, 1.5, 2.0), (2.5, 3.0, 3.5), (4.0, 5.0, 6.0))
+"""Pixels by which a fast scene glides from slot to slot: the speeds of every component."""
+DIRECTIONS = 8
+"""Directions in which it glides, a component for each."""
+LASTING = 200.0
+"""Slots over which a scene is alike that does nothing but glide."""
 
 
 def smooth_scene_prior(frames: int, reach: int = 16, drift: tuple[int, int] = (0, 0)) -> PatchPrior:
@@ -194,15 +200,38 @@ def smooth_scene_prior(frames: int, reach: int = 16, drift: tuple[int, int] = (0
 
     Source: Rasmussen and Williams, "Gaussian processes for machine learning", MIT Press 2006, Eq. 4.17.
     """
+    parts = [
+        contrast**2 * _gliding(frames, reach, drift, length, duration)
+        for length, duration, contrast in itertools.product(LENGTHS, DURATIONS, CONTRASTS)
+    ]
+    weights = torch.full((len(parts),), 1 / len(parts))
+    return PatchPrior(1.0, weights, torch.stack(parts).float())
+
+
+def fast_scene_prior(frames: int, reach: int = 16) -> PatchPrior:
+    """Return components of scenes that glide, one for each range of speeds of :data:`FAST` and each direction.
+
+    A component's autocovariance is the mean over its speeds of what :func:`smooth_scene_prior` states for a
+    displacement from slot to slot. The mean is 1.
+
+    Args:
+        frames: T.
+        reach: largest displacement within a patch, in pixels.
+    """
+    parts = []
+    for speeds, step in itertools.product(FAST, range(DIRECTIONS)):
+        down, across = (turn(2 * math.pi * step / DIRECTIONS) for turn in (math.sin, math.cos))
+        every = [_gliding(frames, reach, (speed * down, speed * across), LENGTHS[0], LASTING) for speed in speeds]
+        parts.append(CONTRASTS[0] ** 2 * torch.stack(every).mean(0))
+    return PatchPrior(1.0, torch.full((len(parts),), 1 / len(parts)), torch.stack(parts).float())
+
+
+def _gliding(frames: int, reach: int, drift: tuple[float, float], length: float, duration: float) -> torch.Tensor:
+    """Return the autocovariance of :func:`smooth_scene_prior` for a contrast of 1, ``(T, 2 L + 1, 2 L + 1)``."""
     time = torch.arange(frames, dtype=torch.float64)[:, None, None]
     pixel = torch.arange(-reach, reach + 1, dtype=torch.float64)
     distance = torch.hypot(pixel[:, None] - drift[0] * time, pixel - drift[1] * time)
-    parts = []
-    for length, duration, contrast in itertools.product(LENGTHS, DURATIONS, CONTRASTS):
-        alike = _matern(distance / length) + _matern(distance / BACKGROUND)
-        parts.append(contrast**2 * torch.exp(-time / duration) * alike)
-    weights = torch.full((len(parts),), 1 / len(parts))
-    return PatchPrior(1.0, weights, torch.stack(parts).float())
+    return torch.exp(-time / duration) * (_matern(distance / length) + _matern(distance / BACKGROUND))
 
 
 def _matern(distance: torch.Tensor) -> torch.Tensor:

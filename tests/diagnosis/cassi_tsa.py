@@ -43,9 +43,9 @@ def read_cassi(folder: Path) -> Captures:
 
 def by_snapshot(diagnosis: BlindDiagnosis) -> list[dict[str, Any]]:
     """Return the prediction errors of every snapshot, and how many nats per pixel the corrected camera gains."""
-    judged, camera = diagnosis.prediction, diagnosis.camera
-    assert judged is not None and camera is not None
-    pairs = zip(camera.numbers, judged.gap.by_capture, judged.without_mask.by_capture, strict=True)
+    judged, seen = diagnosis.prediction, diagnosis.predicted
+    assert judged is not None and seen is not None
+    pairs = zip(seen.number.tolist(), judged.gap.by_capture, judged.without_mask.by_capture, strict=True)
     return [
         {
             "snapshot": f"scene {number + 1}",

@@ -11,8 +11,11 @@ import torch
 from sci_lightning.captures import read_captures, write_captures
 from sci_lightning.configuration.build import build
 from sci_lightning.diagnosis import diagnose
-from sci_lightning.diagnosis.blind.snapshots import snapshots_of
+from sci_lightning.diagnosis.blind.snapshots import observe_snapshots
+from sci_lightning.diagnosis.report.corrected_camera import encoder_of
 from sci_lightning.diagnosis.vocabulary import vocabulary
+from sci_lightning.encoder.effects import MaskShift
+from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.errors import BadInput
 from sci_lightning.runs.encoder_file import read_encoder_file
 from tests.own_grid_camera import Deviation, captures, homography, image
@@ -71,13 +74,11 @@ def test_deviations_behind_a_homography(matrix: np.ndarray, deviation: Deviation
 
 
 def test_snapshots_of_unknown_scenes_are_seen_through_it() -> None:
-    snapshots = snapshots_of(captures(WIDE, size=SIZE, mirrors=MIRRORS, known=False).take(range(12, 18)), vocabulary())
-    moved = snapshots.encoder({"mask_shift": {"dx": 0.6, "dy": -0.35}})
-    expected = image(snapshots.patterns.numpy(), WIDE, SIZE, Deviation(shift=(0.6, -0.35)))
-    part = snapshots.window(slice(4, 20), slice(6, None)).encoder({})
-    torch.testing.assert_close(
-        part.transmittance(), snapshots.encoder({}).transmittance()[:, 4:20, 6:], atol=1e-5, rtol=0
-    )
+    snapshots = captures(WIDE, size=SIZE, mirrors=MIRRORS, known=False).take(range(12, 18))
+    observation = observe_snapshots(snapshots)
+    moved = encoder_of(observation, LightPath([MaskShift(dx=0.6, dy=-0.35)]))
+    patterns = observation.patterns[observation.sequences[observation.sequence.mode().values]]
+    expected = image(patterns.numpy(), WIDE, SIZE, Deviation(shift=(0.6, -0.35)))
     assert moved.size == SIZE and np.sqrt(((moved.transmittance().numpy() - expected) ** 2).mean()) < 0.03
 
 

@@ -10,9 +10,12 @@ import torch
 from sci_lightning.prior.prior import (
     BACKGROUND,
     CONTRASTS,
+    DIRECTIONS,
     DURATIONS,
+    FAST,
     LENGTHS,
     PatchPrior,
+    fast_scene_prior,
     pattern_drift,
     smooth_scene_prior,
 )
@@ -48,3 +51,15 @@ def test_drift(step: tuple[int, int]) -> None:
     assert pattern_drift(moving) == step
     others = torch.rand(FRAMES, 40, 40, generator=torch.Generator().manual_seed(2))
     assert pattern_drift(others) == (0, 0)
+
+
+def test_fast_scenes() -> None:
+    """A component for every range of speeds and direction: what has moved on is alike where it went."""
+    prior = fast_scene_prior(FRAMES)
+    assert len(prior.weights) == len(FAST) * DIRECTIONS
+    covariance = prior.covariance(FRAMES, BLOCK, floor=0.0).reshape(len(prior.weights), FRAMES * BLOCK**2, -1)
+    assert float(torch.linalg.eigvalsh(covariance).min()) > -1e-5
+    for component, speeds in enumerate(FAST):
+        to_the_right, middle = prior.autocovariance[component * DIRECTIONS, 1], prior.reach
+        row, column = divmod(int(to_the_right.argmax()), to_the_right.shape[1])
+        assert row == middle and min(speeds) <= column - middle <= max(speeds)

@@ -149,7 +149,7 @@ def test_command(tmp_path: Path, command: Callable[..., CompletedProcess[str]]) 
     for wrong, message in (
         (["a.truth.json", "none.json"], "none.json: no such file"),
         (["a.h5", "a.truth.json"], "a.h5: not readable as JSON"),
-        (["a.truth.json"] * 2, "of another format, expected format sci-diagnosis 1 or 2"),
+        (["a.truth.json"] * 2, "of another format, expected format sci-diagnosis 1 or 2 or 3"),
     ):
         done = command("virtual_camera.reveal", *wrong)
         assert done.returncode == 2

@@ -145,7 +145,7 @@ def diagnose(composition: Composition) -> None:
         pixels = readable_shape(captures.size)
         console.say(styled(out / PART), f": the {pixels} pixels of the snapshots that the mask covers")
     lines = [invocation("train", "experiment=quickstart", paths={"encoder": out / "encoder.yaml"})]
-    if not getattr(result, "mask_is_visible", True):
+    if result.verdict == "undecided":
         lines = []
     # a report on unknown scenes has no chi2 to be revealed
     if known and cfg.captures and (truth := Path(cfg.captures).with_suffix(".truth.json")).is_file():

@@ -10,7 +10,7 @@ how far to trust a difference in likelihood follows from how much blocks and sna
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -19,29 +19,31 @@ import torch
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis import vocabulary as effects_vocabulary
 from sci_lightning.diagnosis.blind.blind_fit import MIN_SNAPSHOTS, BlindFit, BlindFitter
-from sci_lightning.diagnosis.blind.block_prediction import PredictionVerdict, predict_by_blocks, predictable_snapshots
+from sci_lightning.diagnosis.blind.block_prediction import (
+    PredictionVerdict,
+    of_predictable_snapshots,
+    predict_by_blocks,
+)
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prior import BLOCK, LONGEST_VIDEO, MOST_SLOTS, ScenePrior, statistics_for
 from sci_lightning.diagnosis.blind.search import (
-    BlindExplanation,
     BlindSearch,
+    MaskEvidence,
     NamedCandidate,
 )
 from sci_lightning.diagnosis.blind.snapshots import (
-    SnapshotCamera,
     observe_snapshots,
-    snapshots_of,
     textured_part,
     usable_snapshots,
     useless_snapshots,
 )
 from sci_lightning.diagnosis.blind.undetermined import SHOWN_IF_STRONG, determined_effects, undetermined_effects
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, datasheet_noise
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting, datasheet_noise
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.result import Result
 from sci_lightning.diagnosis.search.evidence import Estimate, NamedEffect, systematic_limit
 from sci_lightning.diagnosis.search_settings import SearchSettings
-from sci_lightning.encoder.effects import Effect, MaskContrast
+from sci_lightning.encoder.effects import Effect, MaskContrast, MaskLevelGamma
 from sci_lightning.errors import BadInput
 from sci_lightning.prior import PatchPrior
 
@@ -62,13 +64,24 @@ OF_THE_FIELD = (
 """Effects that depend on the place in the field, and are not looked for where only a part of it is searched."""
 MAX_LISTED = 10
 """Largest number of snapshots that a note lists by their numbers."""
-NO_MASK_IS_AS_GOOD = (
-    "A camera without any mask predicts held-out pixels as well as the likeliest one{effects}: the snapshots do not "
-    "show that their mask is the one of the file, and nothing is named."
+MOST_COMMANDED_LEVELS = 64
+"""Distinct levels of a pattern that somebody commands, 6 bits; a pattern with more was measured."""
+CALIBRATION: dict[str, Setting] = {"mask_contrast": {"leak": 0.02}, "mask_level_gamma": {"gamma": 1.0}}
+"""What nobody knows of a measured gray mask, and where its fit starts: its contrast, and the curve of its levels."""
+MEASURED = (
+    "The mask was measured: its contrast and the curve of its levels are fitted as its calibration, and are no effects."
 )
-ONLY_LIKELIER = (
-    "A camera without any mask predicts held-out pixels as well as the one that was named: only the likelihood of the "
-    "snapshots, which relies on statistics of scenes, shows their mask."
+NO_MASK = (
+    "No mask is to be seen in the snapshots: they have no texture, or other patterns were shown than the file says, or "
+    "these were displaced further than the search looks."
+)
+AS_LIKELY_WITHOUT_MASK = (
+    "A camera without any mask explains the snapshots nearly as well, so that nothing is corrected: the likeliest "
+    "camera gains {gained:.3f} nats a pixel over the ideal one, and one without a mask {without:.3f}."
+)
+AS_PREDICTABLE_WITHOUT_MASK = (
+    "A camera without any mask predicts held-out pixels as well as the likeliest one, so that nothing is corrected: "
+    "only the likelihood of the snapshots, which relies on statistics of scenes, shows their mask."
 )
 RECORD = "a flat field behind the coding patterns, and an even scene behind one open pattern in one slot only"
 """What tells effects apart that snapshots of unknown scenes do not."""
@@ -106,11 +119,11 @@ class BlindDiagnosis(Result):
         undetermined: what these snapshots cannot tell: the name of an effect, and what about the scenes looks alike.
             An effect that is seen only if it is strong stands here unless it is named.
         notes: what is unusual about the snapshots, in sentences.
-        mask_is_visible: whether the snapshots are likelier with the mask than with none, and that by more than chance
-            or confirmed by held-out pixels where an effect is named; if not, nothing is named and nothing corrected.
+        mask: what the snapshots say for the mask itself.
+        calibration: contrast and curve of a measured gray mask by effect, which nobody knows; they are no deviation.
         prediction: what held-out pixels say about the corrected camera; None if they were not predicted.
         verification: numbers of the snapshots that were set aside: the search has not seen them.
-        camera: the snapshots as held-out pixels were predicted in them; None if they were not predicted.
+        predicted: the snapshots, those set aside among them, in which held-out pixels were predicted; None if in none.
     """
 
     mode = "blind"
@@ -120,31 +133,30 @@ class BlindDiagnosis(Result):
     rounds: tuple[dict[str, float], ...]
     undetermined: Mapping[str, str]
     notes: tuple[str, ...]
-    mask_is_visible: bool = True
+    mask: MaskEvidence
+    calibration: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
     prediction: PredictionVerdict | None = None
     verification: tuple[int, ...] = ()
-    camera: SnapshotCamera | None = None
+    predicted: Observation | None = None
 
     @property
     def verdict(self) -> str:
         """``consistent`` where nothing is named, else ``explained``; nobody looked for what has no name.
 
-        Where no mask is to be seen in the snapshots, it is ``unexplained``; where an effect does not make held-out
-        pixels more predictable, or snapshots that were set aside do not confirm what was named, or a camera without any
-        mask predicts held-out pixels as well as the one that was named, ``partly_explained``.
+        Where a camera without any mask explains the snapshots nearly as well, or predicts held-out pixels as well as
+        the one that was named, it is ``undecided``; where an effect does not make held-out pixels more predictable, or
+        snapshots that were set aside do not confirm what was named, ``partly_explained``.
         """
-        if not self.mask_is_visible:
-            return "unexplained"
-        if self.effects and self.prediction is not None and not self.prediction.mask_helps():
-            return "partly_explained"
+        if not self.mask.decides or (self.effects and not _mask_helps(self.prediction)):
+            return "undecided"
         if self.prediction is not None and self.prediction.contradicted():
             return "partly_explained"
         return "explained" if self.effects else "consistent"
 
     @property
     def hypothesis(self) -> Hypothesis:
-        """The corrected camera."""
-        return self.corrected.hypothesis
+        """The corrected camera; the ideal one where nothing is decided."""
+        return self.ideal.hypothesis if self.verdict == "undecided" else self.corrected.hypothesis
 
 
 def diagnose_blind(
@@ -203,23 +215,24 @@ def diagnose_blind(
             f"({observation.full_scale} DN): reduce exposure or aperture"
         )
     noise, stated = datasheet_noise(observation)
-    explanation = BlindSearch(BlindFitter(likelihood, settings.min_progress_nats), noise, settings, on_progress).run()
-    usable_numbers = usable_snapshots(captures)
-    predicted = [*observation.number.tolist(), *(number for number in verification if number in usable_numbers)]
-    prediction = camera = None
-    withdrawn: tuple[str, ...] = ()
-    if explanation.mask_is_visible:
-        prediction, camera = _prediction(captures, part, predicted, vocabulary, prior, noise, explanation, seed)
-    if prediction is not None:
-        gap = prediction.gap
-        on_progress(f"held-out pixels: prediction error {gap.before:.4f} to {gap.after:.4f}")
-        # Any mask, weakened enough, would do as well.
-        if explanation.named and not prediction.mask_helps() and not explanation.mask_is_clear:
-            withdrawn, prediction, camera = tuple(one.name for one in explanation.named), None, None
-            explanation = BlindExplanation(
-                explanation.ideal, explanation.ideal, (), explanation.rounds, False, mask_is_clear=False
-            )
-    names = [one.name for one in explanation.named]
+    nuisance = CALIBRATION if is_measured(observation) else {}
+    fitter = BlindFitter(likelihood, settings.min_progress_nats)
+    explanation = BlindSearch(fitter, noise, settings, on_progress, nuisance).run()
+    prediction = predicted = None
+    if explanation.mask.visible:
+        numbers = sorted([*observation.number.tolist(), *usable_snapshots(captures, observation.number.tolist())])
+        seen = observe_snapshots(part.take(numbers))
+        seen = replace(seen, number=torch.tensor(numbers)[seen.number])
+        cameras, every = (noise, explanation.fit.hypothesis), BlindLikelihood(_model(seen, vocabulary), prior)
+        if (of_predicted := of_predictable_snapshots(every, *cameras)) is not None:
+            predicted = of_predicted.model.observation
+            judging = [place for place, number in enumerate(predicted.number.tolist()) if number in verification]
+            named = [one.name for one in explanation.named]
+            prediction = predict_by_blocks(of_predicted, *cameras, named, judging, seed)
+            gap = prediction.gap
+            on_progress(f"held-out pixels: prediction error {gap.before:.4f} to {gap.after:.4f}")
+    fit, names = explanation.fit, [one.name for one in explanation.named]
+    calibration = {name: _estimates(model, fit, name) for name in nuisance if name in fit.hypothesis.effects}
     weak = {name: why for name, why in SHOWN_IF_STRONG.items() if name in vocabulary and name not in names}
     return BlindDiagnosis(
         observation=observation,
@@ -227,72 +240,43 @@ def diagnose_blind(
         settings=settings,
         seed=seed,
         ideal=explanation.ideal,
-        corrected=explanation.fit,
-        effects=tuple(_named(model, explanation.fit, one) for one in explanation.named),
+        corrected=fit,
+        effects=tuple(_named(model, fit, one) for one in explanation.named),
         rounds=explanation.rounds,
         considered=determined_effects(searched),
         undetermined=undetermined_effects(model) | weak,
-        notes=_notes(captures, likelihood, explanation.mask_is_visible, prediction, withdrawn),
-        mask_is_visible=explanation.mask_is_visible,
+        notes=_notes(captures, likelihood, explanation.mask, prediction, bool(calibration)),
+        mask=explanation.mask,
+        calibration=calibration,
         prediction=prediction,
         verification=tuple(verification),
-        camera=camera,
+        predicted=predicted,
         stated_noise=tuple(effect for effect, _ in stated),
     )
 
 
+def is_measured(observation: Observation) -> bool:
+    """Return whether patterns have more levels than anybody commands, so that they were measured."""
+    return len(observation.patterns[observation.sequences[0, 0]].unique()) > MOST_COMMANDED_LEVELS
+
+
+def _mask_helps(prediction: PredictionVerdict | None) -> bool:
+    return prediction is None or prediction.mask_helps()
+
+
 def _model(observation: Observation, vocabulary: Mapping[str, type[Effect]]) -> CameraModel:
     """Return the forward model, which can weaken the mask whether or not a lower contrast may be named."""
-    return CameraModel(observation, vocabulary, {"mask_contrast": MaskContrast})
-
-
-def _prediction(
-    captures: Captures,
-    part: Captures,
-    numbers: list[int],
-    vocabulary: Mapping[str, type[Effect]],
-    prior: ScenePrior,
-    ideal: Hypothesis,
-    explanation: BlindExplanation,
-    seed: int,
-) -> tuple[PredictionVerdict | None, SnapshotCamera | None]:
-    """Predict held-out pixels of the part of the field that was searched, in the snapshots of these numbers.
-
-    Returns:
-        what they say about the corrected camera, and the snapshots in which they were predicted; None where every block
-        has a saturated pixel.
-    """
-    corrected = explanation.fit.hypothesis
-    camera = snapshots_of(captures.take(numbers), vocabulary)
-    camera = replace(camera, numbers=tuple(numbers[place] for place in camera.numbers))
-    seen = observe_snapshots(part.take(camera.numbers))
-    camera = camera.take(torch.isin(torch.arange(len(camera)), seen.number))
-    likelihood = BlindLikelihood(_model(seen, vocabulary), prior)
-    predictable = predictable_snapshots(likelihood, ideal, corrected)
-    if not predictable.any():
-        return None, None
-    camera = camera.take(predictable)
-    if not predictable.all():
-        likelihood = BlindLikelihood(_model(seen.take(predictable), vocabulary), prior)
-    names = tuple(one.name for one in explanation.named)
-    verification = camera.verification.nonzero()[:, 0].tolist()
-    return predict_by_blocks(likelihood, ideal, corrected, names, verification, seed), camera
+    unnamed: dict[str, type[Effect]] = {"mask_contrast": MaskContrast, "mask_level_gamma": MaskLevelGamma}
+    return CameraModel(observation, vocabulary, unnamed)
 
 
 def _named(model: CameraModel, fit: BlindFit, named: NamedCandidate) -> BlindEffect:
     """Return an effect with its parameters, their errors, and what speaks for it."""
-    effect = model.effects[named.name]
-    deviations = dict(zip(fit.free, fit.covariance.diagonal().clamp(min=0).sqrt().tolist(), strict=True))
-    parameters = {}
-    for parameter, about in effect.about.items():
-        value = fit.hypothesis.effects[named.name][parameter]
-        std = deviations.get((named.name, parameter), 0.0)
-        parameters[parameter] = Estimate(value, std, systematic_limit(value, about), about.unit)
     others = " or ".join(named.alternatives)
     advice = f"To tell {named.name} from {others}, record captures of something known: {RECORD}." if others else ""
     return BlindEffect(
-        effect,
-        parameters,
+        model.effects[named.name],
+        _estimates(model, fit, named.name),
         named.nats,
         2 * (named.nats - named.penalty),
         named.alternatives,
@@ -303,24 +287,33 @@ def _named(model: CameraModel, fit: BlindFit, named: NamedCandidate) -> BlindEff
     )
 
 
+def _estimates(model: CameraModel, fit: BlindFit, name: str) -> dict[str, Estimate]:
+    """Return the parameters of an effect with their errors."""
+    deviations = dict(zip(fit.free, fit.covariance.diagonal().clamp(min=0).sqrt().tolist(), strict=True))
+    estimates = {}
+    for parameter, about in model.effects[name].about.items():
+        value, std = fit.hypothesis.effects[name][parameter], deviations.get((name, parameter), 0.0)
+        estimates[parameter] = Estimate(value, std, systematic_limit(value, about), about.unit)
+    return estimates
+
+
 def _notes(
     captures: Captures,
     likelihood: BlindLikelihood,
-    mask_is_visible: bool,
+    mask: MaskEvidence,
     prediction: PredictionVerdict | None,
-    withdrawn: tuple[str, ...],
+    measured: bool,
 ) -> tuple[str, ...]:
-    """Say what is unusual about the snapshots, and which names were withdrawn."""
+    """Say what is unusual about the snapshots, first why they decide nothing where they do not."""
     notes, count = [], len(likelihood.model.observation)
-    if withdrawn:
-        notes.append(NO_MASK_IS_AS_GOOD.format(effects=f" (with {', '.join(withdrawn)})"))
-    elif mask_is_visible and prediction is not None and not prediction.mask_helps():
-        notes.append(ONLY_LIKELIER if prediction.by_effect else NO_MASK_IS_AS_GOOD.format(effects=""))
-    elif not mask_is_visible:
-        notes.append(
-            "No mask is to be seen in the snapshots: they have no texture, or other patterns were shown than the file "
-            "says, or these were displaced further than the search looks."
-        )
+    if not mask.visible:
+        notes.append(NO_MASK)
+    elif not mask.decides:
+        notes.append(AS_LIKELY_WITHOUT_MASK.format(gained=mask.gained, without=mask.gained_without))
+    elif not _mask_helps(prediction):
+        notes.append(AS_PREDICTABLE_WITHOUT_MASK)
+    if measured:
+        notes.append(MEASURED)
     if count < MIN_SNAPSHOTS:
         what = "One snapshot says" if count == 1 else "Two snapshots say"
         notes.append(f"{what} little about how scenes differ: uncertainties are widened.")

@@ -10,12 +10,12 @@ import torch
 from sci_lightning.diagnosis.blind.held_out_pixels import (
     HeldOutErrors,
     PairedComparison,
-    blue_noise_folds,
     compare_errors,
+    held_out_pixels,
 )
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood, SeenBlocks
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
-from sci_lightning.diagnosis.blind.prior import BLOCK
+from sci_lightning.diagnosis.blind.prior import BLOCK, LEAST_SHARE
 from sci_lightning.diagnosis.model.camera_model import Hypothesis
 
 HIDDEN_VARIANCE = 1e6
@@ -86,34 +86,33 @@ class BlockPredictor:
         self, likelihood: BlindLikelihood, blocks: torch.Tensor, share: float = 0.05, folds: int = 4, seed: int = 0
     ) -> None:
         self.likelihood = likelihood
-        self.numbers = blocks.nonzero()[:, 0]
-        size = likelihood.model.observation.size
-        held_out = blue_noise_folds(size, share, folds, seed).float()
-        self._folds = likelihood.cut(held_out, 0)[:, self.numbers].bool()  # (folds, b, n)
+        self.blocks, self.numbers = blocks, blocks.nonzero()[:, 0]
+        self._folds = held_out_pixels(len(self.numbers), BLOCK**2, share, folds, seed)
 
     @torch.no_grad()
     def errors(self, hypothesis: Hypothesis) -> HeldOutErrors:
         """Return the errors of a hypothesis about the camera, in units of full scale."""
         likelihood, numbers = self.likelihood, self.numbers
         observation = likelihood.model.observation
-        weights = likelihood.evaluate(hypothesis, _chosen(numbers, len(likelihood.usable))).weights
+        weights = likelihood.evaluate(hypothesis, self.blocks).weights
+        matters = weights > min(LEAST_SHARE, float(weights.max()))
         squared = torch.full((len(numbers), len(observation), BLOCK**2), torch.nan, dtype=torch.float64)
 
         def predict(seen: SeenBlocks) -> None:
             """Write the squared errors of the held-out pixels of some blocks."""
-            every = torch.ones(len(weights), len(seen.places), dtype=torch.bool)
+            every = matters[:, None].expand(-1, len(seen.places))
             parts = [part for *_, part in likelihood.prior.covariances(seen.mask, seen.operator, every)]
-            covariance = torch.cat(parts).unflatten(0, every.shape)
+            covariance = torch.cat(parts).unflatten(0, (-1, len(seen.places)))
             covariance = seen.with_brightness(covariance, torch.arange(len(seen.places)))
             deviation = seen.deviation
             for fold in self._folds:
                 hidden = fold[seen.places]
                 noise = torch.where(hidden, HIDDEN_VARIANCE, seen.noise)
                 factor = torch.linalg.cholesky(covariance + torch.diag_embed(noise))
-                weighted = torch.cholesky_solve(deviation.expand(len(weights), *deviation.shape), factor)
+                weighted = torch.cholesky_solve(deviation.expand(len(covariance), *deviation.shape), factor)
                 distance = (deviation * weighted * ~hidden[..., None]).sum(-2)
                 determinant = 2 * factor.diagonal(dim1=-2, dim2=-1).log().sum(-1)
-                shares = (weights.log()[:, None, None] - 0.5 * (distance + determinant[..., None])).softmax(0)
+                shares = (weights[matters].log()[:, None, None] - 0.5 * (distance + determinant[..., None])).softmax(0)
                 expected = ((covariance @ weighted) * shares[..., None, :]).sum(0)
                 error = ((expected - deviation).mT * seen.per_light).square()
                 rows, snapshots = seen.places[:, None], seen.members
@@ -139,10 +138,21 @@ class BlockPredictor:
         return HeldOutErrors(field, variance)
 
 
-def predictable_snapshots(likelihood: BlindLikelihood, ideal: Hypothesis, corrected: Hypothesis) -> torch.Tensor:
-    """Return which snapshots, (N,) bool, have a block without a saturated pixel where both hypotheses predict."""
+def predicted_blocks(likelihood: BlindLikelihood, ideal: Hypothesis, corrected: Hypothesis) -> torch.Tensor:
+    """Return the blocks, (blocks,) bool, that both hypotheses predict and that are not saturated in every snapshot."""
+    border = likelihood.model.border(ideal) | likelihood.model.border(corrected)
+    return likelihood.inside(border) & likelihood.usable.any(1)
+
+
+def of_predictable_snapshots(
+    likelihood: BlindLikelihood, ideal: Hypothesis, corrected: Hypothesis
+) -> BlindLikelihood | None:
+    """Return the likelihood of the snapshots that have a block without a saturated pixel where both predict."""
+    predictable = likelihood.usable[predicted_blocks(likelihood, ideal, corrected)].any(0)
+    if predictable.all() or not predictable.any():
+        return likelihood if predictable.any() else None
     model = likelihood.model
-    return likelihood.usable[likelihood.inside(model.border(ideal) | model.border(corrected))].any(0)
+    return BlindLikelihood(model.of_captures(model.observation.take(predictable)), likelihood.prior)
 
 
 def predict_by_blocks(
@@ -162,9 +172,7 @@ def predict_by_blocks(
         verification: places of the snapshots that the search has not seen.
         seed: of the choice of pixels.
     """
-    model = likelihood.model
-    predicted_blocks = likelihood.inside(model.border(ideal) | model.border(corrected)) & likelihood.usable.any(1)
-    predictor = BlockPredictor(likelihood, predicted_blocks, seed=seed)
+    predictor = BlockPredictor(likelihood, predicted_blocks(likelihood, ideal, corrected), seed=seed)
     after = predictor.errors(corrected)
     before = predictor.errors(ideal) if names else after
     gap = compare_errors(before, after)
@@ -175,9 +183,3 @@ def predict_by_blocks(
     without_mask = compare_errors(predictor.errors(ideal.with_effect("mask_contrast", {"leak": 1.0})), after)
     verified = compare_errors(before.take(verification), after.take(verification)) if verification else None
     return PredictionVerdict(gap, by_effect, without_mask, verified)
-
-
-def _chosen(numbers: torch.Tensor, count: int) -> torch.Tensor:
-    chosen = torch.zeros(count, dtype=torch.bool)
-    chosen[numbers] = True
-    return chosen

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 from scipy.stats import norm, wilcoxon
 
 from sci_lightning.diagnosis.blind.blind_fit import MIN_SNAPSHOTS, BlindFit, BlindFitter, price, tiles
-from sci_lightning.diagnosis.blind.undetermined import SHOWN_IF_STRONG
+from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
+from sci_lightning.diagnosis.blind.undetermined import SHOWN_IF_STRONG, slower_scenes
+from sci_lightning.diagnosis.model.camera_model import CameraModel
 from sci_lightning.diagnosis.model.recent import Recent
 from sci_lightning.encoder.effects.stage import ModulatorEffect, RelayEffect
 
@@ -28,6 +31,8 @@ DARKEST_SIGMA = 4.0
 """Standard deviations of the noise by which the darkest pixels of a snapshot may lie below no light."""
 WEAKENED_BY_SIGMA = 2.0
 """Standard deviations of its own error by which an effect is weakened before it is called impossible."""
+SLOWER_ITERATIONS = 4
+"""Iterations of the fit of scenes that move less, which starts where a mixture of slots was fitted."""
 HYPOTHESES_CACHED = 16
 """Hypotheses whose likelihood on all blocks is kept: many candidates are compared with the same one."""
 
@@ -149,21 +154,37 @@ class CandidateAssessor:
 
         Snapshots have to agree about an effect that looks like a scene of another kind, and the few blocks that are
         fitted say little about one snapshot: they are compared on all blocks. The nats are those of the fitted blocks,
-        which the penalty is for. Such an effect is refused if it leaves less light than none where it is darkest.
+        which the penalty is for. Such an effect is refused if it leaves less light than none where it is darkest. Of
+        a mixture of slots only that counts which no motion does: it is compared with scenes that move less.
 
         Args:
             fit: of the model with the effect.
             without: the fitted model without it.
             name: of the effect.
         """
-        comparison = compare(fit.log_likelihood, without.log_likelihood, self.fitter.likelihood.columns)
+        columns, fitter = self.fitter.likelihood.columns, self.fitter
+        comparison = compare(fit.log_likelihood, without.log_likelihood, columns)
         like_a_scene, possible = self.is_like_a_scene(name), True
+        if name in SHOWN_IF_STRONG and comparison.z > KEPT_MIN_Z:
+            slower = self._of_slower_scenes.fit(fit.hypothesis, fit.blocks, SLOWER_ITERATIONS, errors=False)
+            direct = compare(fit.log_likelihood, slower.log_likelihood, columns)
+            if direct.nats < comparison.nats:
+                without, comparison, fitter = slower, direct, self._of_slower_scenes
         if like_a_scene and comparison.nats > 0:
-            comparison = replace(self._on_all_blocks(fit, without), nats=comparison.nats)
+            on_all = compare(self._score(fit, self.fitter), self._score(without, fitter), columns)
+            comparison = replace(on_all, nats=comparison.nats)
             possible = self._is_possible(fit, without, name)
         nats = self.nats(fit, name, comparison)
         gain = nats - price(fit, without) - self.min_gain_nats
         return FittedCandidate(name, fit, comparison, nats, gain, like_a_scene, possible)
+
+    @cached_property
+    def _of_slower_scenes(self) -> BlindFitter:
+        """Fits what scenes that move less look like, in the place of effects that mix slots and under their names."""
+        model, likelihood = self.fitter.model, self.fitter.likelihood
+        slower = {name: slower_scenes(effect) for name, effect in model.vocabulary.items() if name in SHOWN_IF_STRONG}
+        model = CameraModel(model.observation, model.vocabulary | slower, model.free_forms)
+        return BlindFitter(BlindLikelihood(model, likelihood.prior), self.fitter.min_progress_nats)
 
     def nats(self, fit: BlindFit, name: str, comparison: LikelihoodComparison) -> float:
         """Return the calibrated nats that an effect of a fit gains: no more than as snapshots agree about it."""
@@ -178,7 +199,8 @@ class CandidateAssessor:
             fit: with an effect that is named.
             rival: with an effect in its place that looks like a scene of another kind.
         """
-        return self._on_all_blocks(fit, rival).snapshots_prefer
+        mine, other = (self._score(one, self.fitter) for one in (fit, rival))
+        return compare(mine, other, self.fitter.likelihood.columns).snapshots_prefer
 
     def is_like_a_scene(self, name: str) -> bool:
         """Return whether an effect changes the image as a scene of another kind would, and not that of the mask."""
@@ -197,12 +219,9 @@ class CandidateAssessor:
         weakest = self.fitter.weakened(fit, name, WEAKENED_BY_SIGMA)
         return below(weakest) < DARKEST_SIGMA or below(without.hypothesis) >= DARKEST_SIGMA
 
-    def _on_all_blocks(self, first: BlindFit, second: BlindFit) -> LikelihoodComparison:
-        return compare(self._score(first), self._score(second), self.fitter.likelihood.columns)
-
-    def _score(self, fit: BlindFit) -> torch.Tensor:
-        """Return the log-likelihood ``(blocks, N)`` of a fitted hypothesis on all blocks."""
+    def _score(self, fit: BlindFit, fitter: BlindFitter) -> torch.Tensor:
+        """Return the log-likelihood ``(blocks, N)`` on all blocks of a hypothesis that a fitter has fitted."""
         if not bool((self.blocks & ~fit.blocks).any()):
             return fit.log_likelihood
-        key = tuple((name, *setting.items()) for name, setting in fit.hypothesis.effects.items())
-        return self._scores.get(key, lambda: self.fitter.evaluate(fit.hypothesis, self.blocks).log_likelihood)
+        key = (fitter is self.fitter, *((name, *setting.items()) for name, setting in fit.hypothesis.effects.items()))
+        return self._scores.get(key, lambda: fitter.evaluate(fit.hypothesis, self.blocks).log_likelihood)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass
 
 import torch
@@ -158,6 +159,12 @@ class BlindLikelihood:
         height, width = observation.size
         return max(1, VALUES_AT_A_TIME // (observation.frames * height * width))
 
+    def with_prior(self, prior: ScenePrior) -> BlindLikelihood:
+        """Return the likelihood of the same snapshots with another prior."""
+        view = copy(self)
+        view.prior = prior
+        return view
+
     def cut(self, image: torch.Tensor, reach: int, numbers: torch.Tensor | None = None) -> torch.Tensor:
         """Return blocks of images ``(C, H, W)`` with ``reach`` pixels around them, ``(C, blocks, n)``; None for all."""
         top, left = self.origin
@@ -198,7 +205,7 @@ class BlindLikelihood:
         counted = self.inside(self.model.border(hypothesis))
         numbers = (counted if blocks is None else counted & blocks).nonzero()[:, 0]
         count, observation = len(self.prior.weights), self.model.observation
-        requested = torch.ones(count, len(numbers), dtype=torch.bool) if likely is None else likely[:, numbers]
+        requested = self.prior.active[:, None].expand(-1, len(numbers)) if likely is None else likely[:, numbers]
         if weights is not None:
             requested = requested & (weights > 0)[:, None]
         scores = torch.full((count, len(numbers), len(observation)), -math.inf, dtype=torch.float64)
@@ -299,14 +306,17 @@ class BlindLikelihood:
         darkest, _ = response.light(self._darkest)
         return float(((everywhere - darkest) / response.noise(everywhere).sqrt()).max())
 
-    def relative_mask(self, hypothesis: Hypothesis, sequence: torch.Tensor) -> torch.Tensor:
+    def relative_mask(
+        self, hypothesis: Hypothesis, sequence: torch.Tensor, requested: torch.Tensor | None = None
+    ) -> torch.Tensor:
         """Return the patterns as the sensor sees them, divided by the mean of their sum, ``(T, H, W)`` float64.
 
         Args:
             hypothesis: about the camera.
             sequence: which pattern every slot shows, ``(T,)``.
+            requested: ``(H, W)`` bool, where they are asked for; None: everywhere.
         """
-        return self._relative_mask(self.model.path(hypothesis), sequence)
+        return self._relative_mask(self.model.path(hypothesis), sequence, requested)
 
     def _relative_mask(
         self, path: LightPath, sequence: torch.Tensor, requested: torch.Tensor | None = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from copy import copy
 from pathlib import Path
 from threading import Lock
 
@@ -12,7 +13,7 @@ import torch
 from sci_lightning.data.reader import find_clips, read_clip
 from sci_lightning.prior import PatchFactors, PatchPrior
 from sci_lightning.prior.fit import fit_prior
-from sci_lightning.prior.prior import FLOOR, pattern_drift, read_prior, smooth_scene_prior
+from sci_lightning.prior.prior import FLOOR, fast_scene_prior, pattern_drift, read_prior, smooth_scene_prior
 
 BLOCK = 8
 """Side of a block in pixels."""
@@ -27,6 +28,10 @@ SMOOTH_MODES = 4
 CONTRASTS = (0.25, 1.0, 4.0)
 """Variances of patches over those of many videos: places differ in contrast more than the components do. Chosen by the
 likelihood of snapshots of validation clips behind known cameras, see ``docs/results/blind-contrasts.json``."""
+FAST_SHARE = 0.1
+"""Share of scenes that move faster than those of the statistics: where estimating the shares begins."""
+LEAST_SHARE = 0.01
+"""Share of the blocks from which a component matters to these scenes."""
 MATRICES = 48
 """Covariances of blocks that are handed out at a time: they stay in the processor's cache."""
 ITERATIONS = 8
@@ -71,7 +76,7 @@ class ScenePrior:
 
     The components differ in texture and motion, and each of them comes with several contrasts; which share of the
     blocks each of these K explains is the prior's nuisance parameter, and is estimated anew for every hypothesis about
-    the camera.
+    the camera. Scenes may move by up to six pixels a slot, faster than the clips from which the statistics come.
 
     Args:
         frames: T.
@@ -81,6 +86,7 @@ class ScenePrior:
 
     Attributes:
         weights: ``(K,)`` shares in many videos, of the components at one contrast after another.
+        active: ``(K,)`` bool, the components that a likelihood is computed of.
     """
 
     def __init__(
@@ -91,31 +97,61 @@ class ScenePrior:
     ) -> None:
         statistics = read_prior() if statistics is None else statistics
         order = statistics.weights.argsort(descending=True)
-        self._statistics = PatchPrior(
-            statistics.level,
-            statistics.weights[order] / statistics.weights[order].sum(),
-            statistics.autocovariance[order],
-        )
+        shares, autocovariance = statistics.weights[order], statistics.autocovariance[order]
+        shares, self._slow = shares / shares.sum(), len(shares)
+        if frames <= LONGEST_VIDEO:
+            fast = fast_scene_prior(autocovariance.shape[1], statistics.reach)
+            shares = torch.cat([(1 - FAST_SHARE) * shares, FAST_SHARE * fast.weights])
+            autocovariance = torch.cat([autocovariance, statistics.level**2 * fast.autocovariance])
+        self._statistics = PatchPrior(statistics.level, shares, autocovariance)
         self.frames = frames
         contrasts = contrasts if frames <= LONGEST_VIDEO else (1.0,)
         self._contrasts = torch.tensor(contrasts, dtype=torch.float64)
-        self.weights = self._statistics.weights.double().repeat(len(contrasts)) / len(contrasts)
-        self._factors: dict[int, PatchFactors] = {}
+        self.weights = shares.double().repeat(len(contrasts)) / len(contrasts)
+        self.active = torch.ones_like(self.weights, dtype=torch.bool)
+        self._numbers = tuple(range(len(shares)))
+        self._factors: dict[tuple[int, int], PatchFactors] = {}
+        self._together: dict[int, PatchFactors] = {}
         self._lock = Lock()  # several threads may ask for factors at a time
+
+    def of_these_scenes(self, weights: torch.Tensor) -> ScenePrior:
+        """Return the same prior with fewer components: those of many videos, and whatever else has a share.
+
+        Args:
+            weights: ``(K,)`` shares by some hypothesis.
+        """
+        view, contrasts = copy(self), len(self._contrasts)
+        active = (weights > LEAST_SHARE).view(contrasts, -1)
+        active[(self._contrasts - 1).abs().argmin(), : self._slow] = True
+        kept = active.any(0)
+        view._numbers = tuple(kept.nonzero()[:, 0].tolist())
+        view.weights, view.active = self.weights.view(contrasts, -1)[:, kept].flatten(), active[:, kept].flatten()
+        view._together = {}
+        return view
 
     def factors(self, block: int = BLOCK) -> PatchFactors:
         """Return the covariances of patches of mean 1, factored, for blocks of so many pixels a side."""
         with self._lock:
-            if block not in self._factors:
-                self._factors[block] = self._factored(block)
-        return self._factors[block]
+            if block not in self._together:
+                missing = [number for number in self._numbers if (block, number) not in self._factors]
+                if missing:
+                    self._factors |= {(block, number): one for number, one in self._factored(block, missing)}
+                every = [self._factors[block, number] for number in self._numbers]
+                rest = torch.cat([one.rest for one in every])
+                self._together[block] = PatchFactors(torch.cat([one.factors for one in every], 2).contiguous(), rest)
+            return self._together[block]
 
-    def _factored(self, block: int) -> PatchFactors:
-        smooth, power = self.frames > LONGEST_VIDEO, self._statistics.level**2
-        covariance = self._statistics.covariance(self.frames, block, floor=0.0).double() / power
-        modes = (SMOOTH_MODES if smooth else MODES) * BLOCK**2
+    def _factored(self, block: int, numbers: list[int]) -> Iterator[tuple[int, PatchFactors]]:
+        """Yield the numbers of components with their factors, which take most of the time of preparing a prior."""
+        smooth, statistics = self.frames > LONGEST_VIDEO, self._statistics
+        modes, power = (SMOOTH_MODES if smooth else MODES) * BLOCK**2, statistics.level**2
+        some = PatchPrior(statistics.level, statistics.weights[numbers], statistics.autocovariance[numbers])
+        covariance = some.covariance(self.frames, block, floor=0.0).double() / power
         factors = PatchFactors.of(covariance, modes, 0.0 if smooth else FLOOR / power)
-        return factors.to(torch.float32)  # twice as fast, and precise enough; Cholesky's is not
+        factors = factors.to(torch.float32)  # twice as fast, and precise enough; Cholesky's is not
+        for place, number in enumerate(numbers):
+            one = slice(place, place + 1)
+            yield number, PatchFactors(factors.factors[:, :, one], factors.rest[one])
 
     def covariances(
         self, mask: torch.Tensor, operator: torch.Tensor | None, requested: torch.Tensor

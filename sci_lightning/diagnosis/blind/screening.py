@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -50,14 +50,21 @@ class Screener:
         fitter: fits hypotheses.
         usable: ``(blocks,)`` bool, all blocks that count.
         border_share: largest part of the field by which the mask's image may be displaced.
+        replaced: starts that are not tried, by candidate: another candidate does the same to these patterns.
 
     Attributes:
         blocks: ``(blocks,)`` bool, those that are screened; none of them is at the edge of the field, which most
             candidates leave.
     """
 
-    def __init__(self, fitter: BlindFitter, usable: torch.Tensor, border_share: float) -> None:
-        self.fitter, self.border_share = fitter, border_share
+    def __init__(
+        self,
+        fitter: BlindFitter,
+        usable: torch.Tensor,
+        border_share: float,
+        replaced: Mapping[str, Sequence[Setting]],
+    ) -> None:
+        self.fitter, self.border_share, self.replaced = fitter, border_share, replaced
         self.blocks = spread(usable & _inner(fitter.likelihood), SCREENED_BLOCKS)
 
     def screen(self, base: BlindFit, names: Sequence[str], count: int, starts: int) -> list[ScreenedCandidate]:
@@ -76,7 +83,15 @@ class Screener:
         proposed = proposed_displacements(likelihood, base.hypothesis, self.border_share)
         candidates = [name for name in names if name not in base.hypothesis.effects]
         starts_of = {
-            name: [*starting_settings(model, name, base.hypothesis), *proposed.get(name, [])] for name in candidates
+            name: [
+                *(
+                    start
+                    for start in starting_settings(model, name, base.hypothesis)
+                    if start not in self.replaced.get(name, ())
+                ),
+                *proposed.get(name, []),
+            ]
+            for name in candidates
         }
         tried = self._tried(base, starts_of)
         weaker = {

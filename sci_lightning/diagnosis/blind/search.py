@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price, price_of
 from sci_lightning.diagnosis.blind.candidate_comparison import (
@@ -18,7 +19,9 @@ from sci_lightning.diagnosis.blind.candidate_comparison import (
 from sci_lightning.diagnosis.blind.displacement import first_pose
 from sci_lightning.diagnosis.blind.likelihood import spread
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
-from sci_lightning.diagnosis.blind.screening import FINAL_ITERATIONS, STARTS_FITTED, Screener
+from sci_lightning.diagnosis.blind.prior import BLOCK
+from sci_lightning.diagnosis.blind.same_patterns import SamePatterns
+from sci_lightning.diagnosis.blind.screening import FINAL_ITERATIONS, STARTS_FITTED, ScreenedCandidate, Screener
 from sci_lightning.diagnosis.blind.undetermined import determined_effects
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 from sci_lightning.diagnosis.search_settings import SearchSettings
@@ -45,6 +48,9 @@ FIRST_POSE_RIVALS = {"mask_scale": "mask_distortion", "black_level": "mask_contr
 distortion as such; of a black level and a leak, fitted together, pruning would drop whichever it tests first."""
 DISTINCT_Z = 3.0
 """Standard deviations below which two hypotheses are not distinguished."""
+MASK_SHARE, MASK_NATS = 0.1, 0.05
+"""Part of what the likeliest camera gains over the ideal one, and nats per pixel: a camera without any mask that lacks
+less than both explains nearly as much. Behind 18 slots, with the mask blurred by 0.8 pixels, it lacks 0.3."""
 
 
 @dataclass(frozen=True)
@@ -67,24 +73,47 @@ class NamedCandidate:
 
 
 @dataclass(frozen=True)
+class MaskEvidence:
+    """What the snapshots say for the mask: the likeliest camera is compared with one without any mask.
+
+    Attributes:
+        gained: nats per pixel that the likeliest camera gains over the ideal one.
+        gained_without: the same of a camera whose mask is the same everywhere.
+        distinct: whether the snapshots distinguish the likeliest camera from that.
+    """
+
+    gained: float
+    gained_without: float
+    distinct: bool
+
+    @property
+    def visible(self) -> bool:
+        """Whether the snapshots are likelier with the mask than with none."""
+        return self.gained > self.gained_without
+
+    @property
+    def decides(self) -> bool:
+        """Whether a camera without any mask does not explain nearly as much as the likeliest one."""
+        return self.distinct and self.gained - self.gained_without >= min(MASK_SHARE * self.gained, MASK_NATS)
+
+
+@dataclass(frozen=True)
 class BlindExplanation:
     """What the search found.
 
     Attributes:
         ideal: the ideal camera.
         fit: the final model.
-        named: its effects, in the order in which light meets them.
+        named: its effects, in the order in which light meets them; nothing where no mask is to be seen.
         rounds: calibrated nats of the candidates that were fitted, by name, round by round.
-        mask_is_visible: whether the snapshots are likelier with the mask than with none; if not, nothing is named.
-        mask_is_clear: whether they are so by more than chance.
+        mask: what the snapshots say for the mask itself.
     """
 
     ideal: BlindFit
     fit: BlindFit
     named: tuple[NamedCandidate, ...]
     rounds: tuple[dict[str, float], ...]
-    mask_is_visible: bool = True
-    mask_is_clear: bool = True
+    mask: MaskEvidence
 
 
 class BlindSearch:
@@ -95,26 +124,53 @@ class BlindSearch:
         noise: the ideal camera with its noise.
         settings: thresholds and budgets.
         on_progress: called with a one-line message after every step.
+        calibration: effects that every model has, and where their fit starts: what nobody knows of a measured mask.
     """
 
     def __init__(
-        self, fitter: BlindFitter, noise: Hypothesis, settings: SearchSettings, on_progress: OnProgress
+        self,
+        fitter: BlindFitter,
+        noise: Hypothesis,
+        settings: SearchSettings,
+        on_progress: OnProgress,
+        calibration: Mapping[str, Setting] = MappingProxyType({}),
     ) -> None:
         self.fitter, self.noise, self.settings, self.on_progress = fitter, noise, settings, on_progress
+        self.calibrated = Hypothesis({**noise.effects, **calibration})
         likelihood = fitter.likelihood
         self.columns = likelihood.columns
         self.all_blocks = likelihood.usable.any(1)
         self.fitted_blocks = spread(self.all_blocks, FITTED_BLOCKS)
-        self.screener = Screener(fitter, self.all_blocks, settings.border_share)
+        names = [name for name in determined_effects(fitter.model) if name not in self.calibrated.effects]
+        self.patterns = SamePatterns(likelihood, self.calibrated, names)
+        self.candidates = [name for name in names if name not in self.patterns.idle]
+        self._every_scene = likelihood
+        self._use(fitter)
+        self._promising: set[str] = set()
+
+    def _use(self, fitter: BlindFitter) -> None:
+        """Compare hypotheses by the likelihood of a fitter from now on; what was compared by another one is void."""
+        self.fitter, settings = fitter, self.settings
+        self.screener = Screener(fitter, self.all_blocks, settings.border_share, self.patterns.replaced)
         self.assessor = CandidateAssessor(fitter, self.all_blocks, settings.min_gain_nats)
         self._fitted_candidates: dict[frozenset[str], list[FittedCandidate]] = {}
-        self._promising: set[str] = set()
-        self.candidates = list(determined_effects(fitter.model))
+
+    def _of_these_scenes(self, best: BlindFit) -> BlindFit:
+        """Go on with the components of the prior that these scenes are made of by a model; return the model anew."""
+        every = self._every_scene
+        weights = every.evaluate(best.hypothesis, self.screener.blocks).weights
+        prior = every.prior.of_these_scenes(weights)
+        self._use(BlindFitter(every.with_prior(prior), self.settings.min_progress_nats))
+        again = self.fitter.evaluate(best.hypothesis, best.blocks)
+        return replace(again, free=best.free, covariance=best.covariance)
 
     def run(self) -> BlindExplanation:
         """Find the most likely model: forward selection, pruning, and what else would explain the snapshots."""
-        ideal = self.fitter.evaluate(self.noise, self.fitted_blocks)
-        best = self._posed(ideal)
+        start = self._of_these_scenes(self.fitter.evaluate(self.noise, self.fitted_blocks))
+        if self.calibrated != self.noise:
+            start = self.fitter.fit(self.calibrated, self.fitted_blocks)
+            self.calibrated = start.hypothesis
+        best = self._posed(start)
         rounds = []
         for _ in range(self.settings.max_effects):  # pruning may drop what an earlier round added: rounds are bounded
             fitted = self.fitted_candidates(best)
@@ -126,30 +182,43 @@ class BlindSearch:
             best = self.prune(winner.fit)
             if winner.name not in best.hypothesis.effects:  # the same would be added again
                 break
-        even = best.hypothesis.with_effect("mask_contrast", {"leak": 1.0})
-        without_mask = self.fitter.evaluate(even, best.blocks)
-        mask = compare(best.log_likelihood, without_mask.log_likelihood, self.columns)
-        if bool((self.all_blocks & ~self.fitted_blocks).any()):
-            ideal = self.fitter.evaluate(self.noise, self.all_blocks)
-        if mask.nats <= 0:
-            return BlindExplanation(ideal, ideal, (), tuple(rounds), mask_is_visible=False, mask_is_clear=False)
+            best = self._of_these_scenes(best)
+        ideal = BlindFitter(self._every_scene).evaluate(self.noise, self.all_blocks)
+        mask = self._mask_evidence(best, ideal)
+        if not mask.visible:
+            return BlindExplanation(ideal, ideal, (), tuple(rounds), mask)
+        for name in self._deviations(best):
+            for other in self.patterns.continuous(name):
+                best = self._exchanged(best, name, other) if name in best.hypothesis.effects else best
         best = self.fitter.fit(best.hypothesis, self.all_blocks, iterations=FINAL_ITERATIONS, rough=False)
-        return BlindExplanation(
-            ideal, best, self.evidence(best), tuple(rounds), mask_is_clear=self._is_distinguished(mask)
+        named = self.evidence(best)
+        in_every_scene = self._every_scene.evaluate(best.hypothesis, best.blocks).log_likelihood
+        return BlindExplanation(ideal, replace(best, log_likelihood=in_every_scene), named, tuple(rounds), mask)
+
+    def _mask_evidence(self, best: BlindFit, ideal: BlindFit) -> MaskEvidence:
+        """Compare the likeliest camera with the same one without any mask, and both with the ideal one."""
+        even = best.hypothesis.with_effect("mask_contrast", {"leak": 1.0})
+        with_mask, without = (
+            self._every_scene.evaluate(one, best.blocks).log_likelihood for one in (best.hypothesis, even)
         )
+        gained, gained_without = (
+            float((one - ideal.log_likelihood).nanmean()) / BLOCK**2 for one in (with_mask, without)
+        )
+        distinct = self._is_distinguished(compare(with_mask, without, self.columns))
+        return MaskEvidence(gained, gained_without, distinct)
 
     def _posed(self, ideal: BlindFit) -> BlindFit:
-        """Return the camera in which the search of a large field begins: the ideal one, and what parts of it show.
+        """Return the camera in which the search of a large field begins: the given one, and what parts of it show.
 
         The pose of the mask's image that the parts show is fitted together with what hides it from a search for one
         effect at a time (:data:`FITTED_WITH_POSE`), and what has no support is dropped. What is left gives way to an
         effect that is much like it and makes the snapshots likelier (:data:`FIRST_POSE_RIVALS`).
         """
-        pose = first_pose(self.fitter.likelihood, self.noise, self.settings.border_share)
+        pose = first_pose(self.fitter.likelihood, self.calibrated, self.settings.border_share)
         begun = {name: setting for name, setting in {**pose, **FITTED_WITH_POSE}.items() if name in self.candidates}
         if not pose or not pose.keys() <= begun.keys():
             return ideal
-        hypothesis = self.noise
+        hypothesis = self.calibrated
         for name, setting in begun.items():
             hypothesis = hypothesis.with_effect(name, setting)
         fit = self.prune(self.fitter.fit(hypothesis, self.fitted_blocks, enough=CANDIDATE_PROGRESS_NATS))
@@ -221,9 +290,12 @@ class BlindSearch:
             names: of the candidates; None for all.
             ahead: a model that they have to catch up with; None for none.
         """
-        screened = self.screener.screen(base, self.candidates if names is None else names, count, starts)
+        asked = self.candidates if names is None else names
+        named = base.hypothesis.effects.keys()
+        twice = {name for name in asked if self.patterns.same[name] & named}  # another one of them is named
+        screened = self.screener.screen(base, [name for name in asked if name not in twice], count, starts)
         self._promising |= {one.name for one in screened if one.promising}
-        screened = [one for one in screened if one.nats > 0]
+        screened = self._one_of_a_kind([one for one in screened if one.nats > 0])
         least = max(least, PROMISING_SHARE * screened[0].nats) if screened else least
         more = float(self.fitted_blocks.sum() / self.screener.blocks.sum())  # times as many blocks are fitted
         blocks = int(base.log_likelihood.isfinite().sum())
@@ -238,6 +310,14 @@ class BlindSearch:
             self.fitter.likelihood.at_a_time,
         )
         return sorted(fitted, key=lambda one: -one.gain)
+
+    def _one_of_a_kind(self, screened: list[ScreenedCandidate]) -> list[ScreenedCandidate]:
+        """Return, of candidates that do the same to these patterns, the first one only."""
+        kept: list[ScreenedCandidate] = []
+        for one in screened:
+            if not self.patterns.same[one.name] & {other.name for other in kept}:
+                kept.append(one)
+        return kept
 
     def _fitted_candidate(self, base: BlindFit, name: str, start: Setting, ahead: BlindFit | None) -> FittedCandidate:
         hypothesis = base.hypothesis.with_effect(name, start)
@@ -258,8 +338,7 @@ class BlindSearch:
         best = clear[0]
         for other in clear[1:]:
             direct = compare(other.fit.log_likelihood, best.fit.log_likelihood, self.columns)
-            plainer = self.fitter.model.effects[best.name].plainer == other.name
-            if direct.nats > price(other.fit, best.fit) or (plainer and direct.z > -DISTINCT_Z):
+            if direct.nats > price(other.fit, best.fit):
                 best = other
         better = [one for one in fitted if one.supported and not one.clear and self._replaces(one, best)]
         return max(better, key=lambda one: one.comparison.nats, default=best)
@@ -281,8 +360,8 @@ class BlindSearch:
         return sure and comparison.calibrated >= self.settings.indistinct_nats
 
     def _deviations(self, fit: BlindFit) -> list[str]:
-        """Return the effects of a model beside the noise of the ideal camera."""
-        return [name for name in fit.hypothesis.effects if name not in self.noise.effects]
+        """Return the effects of a model beside noise and calibration."""
+        return [name for name in fit.hypothesis.effects if name not in self.calibrated.effects]
 
     def prune(self, fit: BlindFit) -> BlindFit:
         """Drop every effect that has no support beside the others."""
@@ -304,10 +383,12 @@ class BlindSearch:
             without = self.fitter.fit(fit.hypothesis.without(name), self.fitted_blocks, FINAL_ITERATIONS, errors=False)
             one, cost = self.assessor(fit, without, name), price(fit, without)
             on_screened = (fit.log_likelihood - without.log_likelihood)[self.screener.blocks].nan_to_num(0.0)
-            rivals = []
-            for rival in self.rivals(without, RIVAL_SHARE * float(on_screened.sum()), fit):
+            rivals = self.patterns.chosen(name, fit.hypothesis.effects[name])
+            same = self.patterns.continuous(name)
+            alike = self._fitted(without, len(same), 1, names=same, ahead=fit) if same else []
+            for rival in [*self.rivals(without, RIVAL_SHARE * float(on_screened.sum()), fit), *alike]:
                 direct = compare(fit.log_likelihood, rival.fit.log_likelihood, self.columns)
-                if rival.name == name or not rival.possible:
+                if rival.name in (name, *rivals) or not rival.possible:
                     continue
                 if not self._is_distinguished(direct) or (
                     rival.like_a_scene and not self.assessor.snapshots_prefer(fit, rival.fit)

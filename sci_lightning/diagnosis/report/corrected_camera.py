@@ -11,12 +11,17 @@ import yaml
 from scipy.io import savemat
 
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
-from sci_lightning.diagnosis.blind.unknown_scenes import effective_mask
 from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS
+from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.result import Result
 from sci_lightning.diagnosis.target_effects import SceneEffect
 from sci_lightning.encoder import Encoder
+from sci_lightning.encoder.effects import Effect, OpticsEffect
 from sci_lightning.encoder.free_form import FreeForm
+from sci_lightning.encoder.light_path import LightPath
+from sci_lightning.encoder.mask import Measured
+from sci_lightning.encoder.sensor import ClipQuantise
+from sci_lightning.encoder.signal import Signal
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.npy_file import write_npy
 
@@ -74,6 +79,39 @@ def write_encoder(result: Result, out: str | Path) -> None:
 def _save(path: Path, array: np.ndarray) -> None:
     with atomic_write(path) as temporary:
         np.save(temporary, array.astype(np.float32))
+
+
+def encoder_of(observation: Observation, path: LightPath) -> Encoder:
+    """Return a camera with the effects of a light path, maps included, behind the sequence of patterns most used.
+
+    Args:
+        observation: captures of the camera.
+        path: the effects.
+    """
+    sequence = observation.sequences[observation.sequence.mode().values]
+    patterns, grid = observation.patterns[sequence], observation.grid
+    mask = Measured(None, len(patterns), (patterns.shape[1], patterns.shape[2]))
+    mask.pattern = patterns
+    effects = [effect for effect in path.effects.values() if isinstance(effect, Effect)]
+    homography = None if grid is None else grid.sensor_to_modulator.tolist()
+    sensor = ClipQuantise(observation.bit_depth)
+    return Encoder(mask, sensor, effects=effects, sensor_to_modulator=homography, size=observation.size)
+
+
+@torch.no_grad()
+def effective_mask(encoder: Encoder) -> torch.Tensor:
+    """Return what multiplies every frame by the time its light is recorded, ``(T, H, W)``, on the sensor's pixels.
+
+    An effect of the optics that cannot be undone on the measurement, a blur, acts on the mask instead: for a scene
+    without detail of the mask's size that is the same.
+    """
+    mask, q = encoder.transmittance(), encoder.path.cells
+    ones = mask.new_ones(len(mask), 1, 1)
+    signal = Signal(mask, mask.new_zeros(()), ones, encoder.dn, (0, 0), encoder.mask.size, q)
+    for effect in encoder.path.of(OpticsEffect):
+        if type(effect).undo is OpticsEffect.undo:
+            signal = effect.form(signal)
+    return signal.pooled().mean
 
 
 def write_effective_mask(encoder: Encoder, out: str | Path) -> None:

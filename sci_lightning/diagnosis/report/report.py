@@ -6,6 +6,7 @@ Everything here reads a :class:`~sci_lightning.diagnosis.result.Result`, of know
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from matplotlib.figure import Figure
 
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
 from sci_lightning.diagnosis.blind.prior import BLOCK
-from sci_lightning.diagnosis.report.corrected_camera import write_effective_mask, write_encoder
+from sci_lightning.diagnosis.report.corrected_camera import encoder_of, write_effective_mask, write_encoder
 from sci_lightning.diagnosis.report.pictures import figures
 from sci_lightning.diagnosis.report.report_page import ReportProvenance, report_page
 from sci_lightning.diagnosis.report.sentences import UNCERTAINTY, class_paths
@@ -48,8 +49,8 @@ def write_report(
     provenance = provenance or ReportProvenance()
     write_json(describe(result) | provenance.describe(), out / "report.json")
     write_encoder(result, out)
-    if isinstance(result, BlindDiagnosis) and result.effects and result.camera is not None:
-        write_effective_mask(result.camera.encoder_of(result.model.path(result.hypothesis)), out)
+    if isinstance(result, BlindDiagnosis) and result.effects and result.predicted is not None:
+        write_effective_mask(encoder_of(result.observation, result.model.path(result.hypothesis)), out)
     for name, figure in drawn.items():
         with atomic_write(out / name) as temporary:
             figure.savefig(temporary, dpi=150, facecolor="white", bbox_inches="tight")  # no label is cut off
@@ -123,6 +124,11 @@ def _of_unknown_scenes(result: BlindDiagnosis) -> dict[str, Any]:
         "where": {"before": [], "after": []},
         "undetermined": [{"effect": name, "looks_like": why} for name, why in result.undetermined.items()],
         "notes": list(result.notes),
+        "without_mask": {"gained": result.mask.gained_without, "gained_with_mask": result.mask.gained},
+        "calibration": {
+            name: {parameter: asdict(estimate) for parameter, estimate in estimates.items()}
+            for name, estimates in result.calibration.items()
+        },
         "verification": verification,
         "split": {
             "held_out_captures": list(result.verification),

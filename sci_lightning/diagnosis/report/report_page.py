@@ -50,6 +50,7 @@ VERDICTS = {
     "consistent": "consistent: nothing is missing",
     "explained": "explained",
     "partly_explained": "partly explained",
+    "undecided": "undecided",
     "unexplained": "unexplained",
 }
 

@@ -58,8 +58,9 @@ def headline(result: CalibratedResult | BlindDiagnosis) -> str:
 
 
 def _headline_of_unknown_scenes(result: BlindDiagnosis) -> str:
-    if result.verdict == "unexplained":
-        return result.notes[0]
+    if result.verdict == "undecided":
+        camera = f" The likeliest camera: {_named(result.effects, 'snapshots')}." if result.effects else ""
+        return f"{result.notes[0]}{camera}"
     if not result.effects:
         count = len(result.observation)
         snapshots = "The snapshot agrees" if count == 1 else f"The {count} snapshots agree"
@@ -68,8 +69,8 @@ def _headline_of_unknown_scenes(result: BlindDiagnosis) -> str:
 
 
 def further_notes(result: BlindDiagnosis) -> tuple[str, ...]:
-    """Return the notes beside the headline, which is the first of them where the verdict is ``unexplained``."""
-    return result.notes[1:] if result.verdict == "unexplained" else result.notes
+    """Return the notes beside the headline, which begins with the first one where the verdict is ``undecided``."""
+    return result.notes[1:] if result.verdict == "undecided" else result.notes
 
 
 def not_tried(result: CalibratedResult) -> str:

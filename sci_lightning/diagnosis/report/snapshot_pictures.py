@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import numpy as np
 import torch
 from matplotlib.figure import Figure
 
+from sci_lightning.decoder import GAP
 from sci_lightning.decoder.decoder import Decoder
+from sci_lightning.decoder.denoiser import TotalVariation
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
 from sci_lightning.diagnosis.blind.held_out_pixels import PairedComparison
 from sci_lightning.diagnosis.blind.prior import BLOCK
 from sci_lightning.diagnosis.blind.snapshots import textured_window
-from sci_lightning.diagnosis.blind.unknown_scenes import default_decoder, effective_mask
+from sci_lightning.diagnosis.report.corrected_camera import effective_mask, encoder_of
 from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, FAINT, style
 from sci_lightning.encoder import Encoder
 from sci_lightning.operator import SnapshotOperator
@@ -25,16 +26,18 @@ WHITE = 0.99
 
 def snapshot_figures(result: BlindDiagnosis) -> dict[str, Figure]:
     """Draw the figures that lie beside the report, by file name; what there is nothing to draw for is left out."""
-    drawn, camera = {}, result.camera
+    drawn, seen = {}, result.predicted
     if result.effects or any(result.rounds[:1]):
         drawn["evidence.png"] = gain_figure(result)
-    if result.effects and result.prediction is not None and camera is not None:
+    if result.effects and result.prediction is not None and seen is not None:
         before, after = (
-            camera.encoder_of(result.model.path(fit.hypothesis)) for fit in (result.ideal, result.corrected)
+            encoder_of(seen, result.model.path(fit.hypothesis)) for fit in (result.ideal, result.corrected)
         )
-        snapshot = camera.measurement[int(np.argmax(camera.verification.numpy()))]
-        drawn["prediction.png"] = prediction_figure(result.prediction.gap, camera.numbers, result.verification)
-        drawn["reconstruction.png"] = reconstruction_figure(snapshot, before, after)
+        numbers = tuple(seen.number.tolist())
+        behind_most = (seen.sequence == seen.sequence.mode().values).tolist()
+        shown = max(range(len(seen)), key=lambda n: (behind_most[n], numbers[n] in result.verification, -n))
+        drawn["prediction.png"] = prediction_figure(result.prediction.gap, numbers, result.verification)
+        drawn["reconstruction.png"] = reconstruction_figure(seen.dn[shown] / seen.full_scale, before, after)
     return drawn
 
 
@@ -90,9 +93,9 @@ def reconstruction_figure(
     Args:
         measurement: ``(H, W)``, normalised by full scale.
         before, after: the camera as it was given, and the corrected one.
-        decoder: None for :func:`~sci_lightning.diagnosis.blind.unknown_scenes.default_decoder`.
+        decoder: None for GAP-TV, frame by frame, with little smoothing: it has no notion of time.
     """
-    decoder = default_decoder() if decoder is None else decoder
+    decoder = decoder or GAP(TotalVariation(steps=3), strengths=(0.02,), iterations=(25,))
     rows, columns = textured_window(measurement[None], SIDE_PX)
     origin = rows.start, columns.start
     part = measurement[None, rows, columns].float()

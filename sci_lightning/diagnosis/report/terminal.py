@@ -23,7 +23,13 @@ from sci_lightning.diagnosis.report.sentences import (
 )
 from sci_lightning.diagnosis.result import CalibratedResult
 
-COLOURS = {"consistent": "green", "explained": "green", "partly_explained": "yellow", "unexplained": "red"}
+COLOURS = {
+    "consistent": "green",
+    "explained": "green",
+    "partly_explained": "yellow",
+    "undecided": "yellow",
+    "unexplained": "red",
+}
 
 
 @contextmanager

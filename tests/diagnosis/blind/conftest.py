@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
-import pytest
-
 from sci_lightning.captures import Captures
-from sci_lightning.diagnosis.blind.snapshots import SnapshotCamera, snapshots_of
-from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, VirtualCamera
 
 NONE = {"dark": 0, "flat": 0, "all_on": 0, "all_off": 0, "pattern": 0, "static": 0, "dynamic": 0}
@@ -21,14 +16,3 @@ def snapshots(
     """Snapshots of unknown scenes behind a random binary mask, and nothing else."""
     plan = {**NONE, "unknown": count, "size": (side, side), "frames": 4, "mask": "binary", "bit_depth": 12, **session}
     return VirtualCamera(Session(**plan), hidden or {}).capture(seed)
-
-
-@pytest.fixture(scope="session")
-def record() -> Callable[..., SnapshotCamera]:
-    """Record snapshots with hidden effects, for a search among effects of some names."""
-
-    def recorded(hidden: dict[str, dict[str, Any]] | None = None, names: tuple[str, ...] = (), **session: Any) -> Any:
-        known = vocabulary()
-        return snapshots_of(snapshots(hidden, **session), {name: known[name] for name in names or known})
-
-    return recorded
