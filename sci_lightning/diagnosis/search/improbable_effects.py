@@ -15,11 +15,8 @@ from sci_lightning.diagnosis.fit.cluster_errors import cluster_errors
 from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.fit.information_criterion import prune
 from sci_lightning.diagnosis.model.camera_model import Hypothesis
-from sci_lightning.diagnosis.search.probability import evidence_for
+from sci_lightning.diagnosis.search.probability import MIN_PROBABILITY, evidence_for
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed, quantified
-
-MIN_PROBABILITY = 0.5
-"""Probability below which a name is withdrawn: it is wrong more often than right."""
 
 
 def without_improbable_effects(

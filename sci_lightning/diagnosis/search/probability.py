@@ -21,6 +21,8 @@ from sci_lightning.encoder.effects.parameter import part_of
 
 PRIOR_PROBABILITY = 0.02
 """Of every effect to be there, before anything is recorded: of some thirty effects a camera has less than one."""
+MIN_PROBABILITY = 0.5
+"""Probability below which a name is withdrawn: it is wrong more often than right."""
 PRIOR_STEPS = 100.0
 """Width of a parameter's prior in steps of the parameter, where its bounds are not narrower."""
 NEARLY_NEUTRAL_SHARE = 1e-3

@@ -96,17 +96,17 @@ def explain(ideal: Fit, on_progress: OnProgress) -> Explanation:
     fit, rounds = select_effects(whole, noise, on_progress)
     fit, unnamed = explain_remaining_misfit(fit, ideal, noise, (), on_progress)
     selected = Selected(fit, rounds, unnamed)
-    settled, differing = select_noise(fit, ideal)
+    settled, differing = select_noise(fit)
     count = len(fit.hypothesis.effects) - len(noise.effects)
     doubtful = unnamed or differing or count >= whole.settings.many_effects
     if doubtful and whole.budget.allows("effects beside a deviation without a name"):
         other = _with_a_free_form_first(selected, ideal, noise, on_progress)
         if other is not None:
             selected = other
-            settled, differing = select_noise(selected.fit, ideal)
+            settled, differing = select_noise(selected.fit)
     completed, left = complete(whole, selected.fit, ideal, noise, selected.unnamed, on_progress)
     if completed is not selected.fit:
-        settled, differing = select_noise(completed, ideal)
+        settled, differing = select_noise(completed)
     free_forms = {deviation.name for deviation in left}
     names = [name for name in completed.hypothesis.effects if name not in noise.effects and name not in free_forms]
     if settled.fitter.split.border != whole.split.border:

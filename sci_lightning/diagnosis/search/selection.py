@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
+from sci_lightning.diagnosis.fit.cluster_errors import cluster_errors
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, bic_penalty, prune
-from sci_lightning.diagnosis.model.camera_model import Hypothesis, datasheet_noise
+from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, prune
+from sci_lightning.diagnosis.model.camera_model import Hypothesis, ParameterName, datasheet_noise
 from sci_lightning.diagnosis.search.candidate_comparison import compare_candidates
 from sci_lightning.diagnosis.search.displacement import far_displacements
+from sci_lightning.diagnosis.search.probability import MIN_PROBABILITY, evidence_for
 from sci_lightning.diagnosis.search.screening import rivals
 
 OnProgress = Callable[[str], None]
@@ -97,7 +98,8 @@ def select_effects(
 def exchange(fit: Fit, keep: Collection[str]) -> Fit:
     """Replace effects that were selected before the others were known, where another effect now fits better.
 
-    Of two effects that the captures do not tell apart the plainer one stands.
+    Of two effects that the captures do not tell apart, in nats that count as much as clusters of pixels agree about the
+    effect, the plainer one stands.
 
     Args:
         fit: the selected model.
@@ -107,7 +109,8 @@ def exchange(fit: Fit, keep: Collection[str]) -> Fit:
     while waiting:
         name = waiting.pop(0)
         tried.add(name)
-        if name in fit.hypothesis.effects and len(fit.hypothesis.effects) - len(keep) > 1:
+        several = len(fit.hypothesis.effects) - len(keep) > 1
+        if name in fit.hypothesis.effects and (several or fit.fitter.model.effects[name].plainer):
             if not fit.fitter.budget.allows(f"other effects in place of {name}"):
                 continue
             effects, now = fit.fitter.model.effects, name
@@ -116,7 +119,7 @@ def exchange(fit: Fit, keep: Collection[str]) -> Fit:
                 former, instead = common.repeated(fit), common.repeated(rival)
                 needed = common.settings.min_gain_nats
                 if effects[now].plainer == other:
-                    needed = -common.settings.indistinct_nats
+                    needed = -common.settings.indistinct_nats * cluster_errors(former).of_effect(now)[0]
                 elif effects[other].plainer == now:
                     needed = common.settings.indistinct_nats
                 if bic(instead) > bic(former) + needed:
@@ -128,25 +131,24 @@ def exchange(fit: Fit, keep: Collection[str]) -> Fit:
     return fit
 
 
-def select_noise(fit: Fit, ideal: Fit) -> tuple[Fit, list[str]]:
+def select_noise(fit: Fit) -> tuple[Fit, list[str]]:
     """Return the fit with the datasheet's noise where the captures bear it, and the noise effects that differ from it.
 
-    Every combination of stated parameters is fixed at the datasheet's values in turn; a freed one has to be worth its
-    parameter, and what the formulas of strong effects get wrong, which would pass for noise.
+    A stated parameter is freed where it probably differs (:mod:`~sci_lightning.diagnosis.search.probability`): what the
+    formulas of strong effects get wrong passes for noise, but not for the same noise at all levels of light.
     """
     fitter = fit.fitter
     datasheet, stated = datasheet_noise(fitter.model.observation)
-    price = fitter.settings.min_gain_nats + bic_penalty(1, fitter.pixels)
-    price += fitter.settings.formula_error * fit.explained_nats(ideal)
-    best, differing, best_value = fit, [name for name, _ in stated], -math.inf
-    for combination in range(2 ** len(stated)):
-        fixed = tuple(parameter for i, parameter in enumerate(stated) if not combination >> i & 1)
+
+    def with_stated(fixed: Sequence[ParameterName]) -> Fit:
         start = fit.hypothesis
         for name, parameter in fixed:
             start = start.with_effect(name, {parameter: datasheet.effects[name][parameter]})
-        tried = fitter.fit(start, fixed=fixed, iterations=30)
-        freed = [name for name, parameter in stated if (name, parameter) not in fixed]
-        value = tried.log_likelihood - len(freed) * price
-        if value > best_value:
-            best, differing, best_value = tried, freed, value
-    return best, differing
+        return fitter.fit(start, fixed=tuple(fixed), iterations=30)
+
+    freed = with_stated(())
+    errors = cluster_errors(freed) if stated else None
+    kept = [
+        one for one in stated if evidence_for(freed, one[0], errors, with_stated([one])).probability < MIN_PROBABILITY
+    ]
+    return (with_stated(kept) if kept else freed), [one[0] for one in stated if one not in kept]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import ClassVar
 
 import torch
 
@@ -31,6 +32,7 @@ class Flicker(ExposureEffect):
         "frequency": Parameter("cycles per exposure", None, 0.05, 1000, step=0.02, starts=FREQUENCIES),
         "phase": Parameter("rad", None, -2 * math.pi, 2 * math.pi, step=0.05, starts=PHASES, period=2 * math.pi),
     }
+    plainer: ClassVar[str | None] = "gain"  # much slower than an exposure, the light is only stronger or weaker
     sentence = "the light flickers by {amplitude} of its mean, {frequency} times per exposure"
     amplitude: torch.Tensor
     frequency: torch.Tensor
