@@ -14,8 +14,12 @@ from tests.diagnosis.cassi_tsa import read_cassi
 
 
 @pytest.mark.slow
-def test_a_camera_without_a_mask_explains_nearly_as_much(shared_data: Path) -> None:
-    """Contrast and curve of the measured mask are its calibration, and the snapshots hardly need the mask at all."""
+def test_the_mask_is_softer_than_in_its_file(shared_data: Path) -> None:
+    """Its contrast and curve are its calibration, and a camera without any mask explains most of what is gained.
+
+    A displacement by half a pixel softens a mask nearly as a blur does: one of the two is named, the other one is among
+    its alternatives.
+    """
     captures = read_cassi(shared_data / "real" / "cassi_tsa")
     part = slice(272, 400)
     size = np.full((len(captures), 1, 1, 1), np.nan, np.float32)
@@ -23,9 +27,7 @@ def test_a_camera_without_a_mask_explains_nearly_as_much(shared_data: Path) -> N
     captures = replace(captures, patterns=patterns.copy(), measurement=measurement.copy(), scene=size)
     names = ("mask_blur", "mask_shift", "mask_contrast", "shot_noise", "read_noise")
     diagnosis = diagnose_blind(captures, {name: vocabulary()[name] for name in names})
-    assert diagnosis.verdict == "undecided" and diagnosis.mask.visible
-    assert diagnosis.mask.gained > 0.1 and not diagnosis.mask.decides
-    assert {"mask_contrast", "mask_level_gamma"} == set(diagnosis.calibration) and not set(diagnosis.names) & {
-        "mask_contrast",
-        "mask_level_gamma",
-    }
+    assert len(diagnosis.effects) == 1 and diagnosis.mask.visible
+    assert {"mask_blur", "mask_shift"} <= {diagnosis.effects[0].name, *diagnosis.effects[0].alternatives}
+    assert diagnosis.calibration.keys() == {"mask_contrast", "mask_level_gamma"}
+    assert 0.6 * diagnosis.mask.gained < diagnosis.mask.gained_without < diagnosis.mask.gained
