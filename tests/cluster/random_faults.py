@@ -92,15 +92,18 @@ def run_sweep(slurm: OneNodeSlurm, folder: Path, chance: random.Random, most: in
     """Run a sweep to its end, with at most so many faults; return these by kind, and how often it was started."""
     faults: Counter[str] = Counter()
     starts, sweep = 1, start(slurm, folder, 0.4)
-    while True:
-        time.sleep(chance.uniform(1, 8))
-        if sweep.poll() is not None:
-            if sweep.returncode == 0:
-                return faults, starts
-            starts, sweep = starts + 1, start(slurm, folder, 0.4)
-        elif faults.total() < most:
-            kind = chance.choice(list(FAULTS))
-            faults[kind] += inject(kind, slurm, sweep, folder, chance)
+    try:
+        while True:
+            time.sleep(chance.uniform(1, 8))
+            if sweep.poll() is not None:
+                if sweep.returncode == 0:
+                    return faults, starts
+                starts, sweep = starts + 1, start(slurm, folder, 0.4)
+            elif faults.total() < most:
+                kind = chance.choice(list(FAULTS))
+                faults[kind] += inject(kind, slurm, sweep, folder, chance)
+    finally:
+        sweep.kill()  # which waits for Slurm as long as there is none
 
 
 def judge(folder: Path, undisturbed: Mapping[int, dict[str, torch.Tensor]]) -> Counter[str]:

@@ -91,7 +91,7 @@ def main(out: Path, count: int) -> None:
         ("importing", "importing torch and Lightning (s)", 2),
         ("overhead", "more than both, a row and core (s)", 2),
     ]
-    file.write(columns, rows, ["A Ray keeps its processes: a row there imports nothing after the first two."])
+    file.write(columns, rows)
 
 
 if __name__ == "__main__":
