@@ -22,14 +22,13 @@ from sci_lightning.files.diagnosis_report import NamedEffect, Unnamed, Verdict
 from sci_lightning.files.json_file import says
 from sci_lightning.studies.engine.records import CaseRecord, FailedCase, Records, digest_of
 from sci_lightning.studies.engine.run_cases import run_cases
+from sci_lightning.studies.proving_ground.outcome import names_meant
 from tests.textbook_camera.recording import save
 from tests.textbook_camera.suite import cases, record, seed_of
 
 SIZE = 64
 QUANTILES = {"50 %": 0.674490, "80 %": 1.281552, "95 %": 1.959964}
 """Half the widths of intervals of a normal distribution, in standard deviations."""
-MIN_CLASS_SHARE = 0.05
-"""Share of a class of names from which a member counts as named."""
 
 
 @dataclass(frozen=True)
@@ -100,11 +99,6 @@ class TrialRecord(CaseRecord):
                 beyond = math.copysign(max(abs(error) - one["tolerance"].get(name, 0.0), 0.0), error)
                 off.append((f"{effect.name}.{name}", beyond / estimate.std))
         return off
-
-
-def names_meant(effect: NamedEffect) -> set[str]:
-    """Return the names of an effect's class that are not improbable."""
-    return {effect.name, *(name for name, share in effect.shares.items() if share >= MIN_CLASS_SHARE)}
 
 
 def work(trial: Trial) -> dict[str, Any]:

@@ -25,6 +25,7 @@ from sci_lightning.diagnosis.blind.block_prediction import (
     predict_by_blocks,
 )
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
+from sci_lightning.diagnosis.blind.mask_evidence import MaskEvidence
 from sci_lightning.diagnosis.blind.prior import BLOCK, LONGEST_VIDEO, MOST_SLOTS, ScenePrior, statistics_for
 from sci_lightning.diagnosis.blind.search import (
     BlindSearch,

@@ -18,6 +18,7 @@ from sci_lightning.diagnosis.blind.candidate_comparison import (
 )
 from sci_lightning.diagnosis.blind.displacement import first_pose
 from sci_lightning.diagnosis.blind.likelihood import spread
+from sci_lightning.diagnosis.blind.mask_evidence import MaskEvidence
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from sci_lightning.diagnosis.blind.prior import BLOCK
 from sci_lightning.diagnosis.blind.same_patterns import SamePatterns
@@ -48,9 +49,6 @@ FIRST_POSE_RIVALS = {"mask_scale": "mask_distortion", "black_level": "mask_contr
 distortion as such; of a black level and a leak, fitted together, pruning would drop whichever it tests first."""
 DISTINCT_Z = 3.0
 """Standard deviations below which two hypotheses are not distinguished."""
-MASK_SHARE, MASK_NATS = 0.1, 0.05
-"""Part of what the likeliest camera gains over the ideal one, and nats per pixel: a camera without any mask that lacks
-less than both explains nearly as much. Behind 18 slots, with the mask blurred by 0.8 pixels, it lacks 0.3."""
 
 
 @dataclass(frozen=True)
@@ -70,31 +68,6 @@ class NamedCandidate:
     nats: float
     penalty: float
     alternatives: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class MaskEvidence:
-    """What the snapshots say for the mask: the likeliest camera is compared with one without any mask.
-
-    Attributes:
-        gained: nats per pixel that the likeliest camera gains over the ideal one.
-        gained_without: the same of a camera whose mask is the same everywhere.
-        distinct: whether the snapshots distinguish the likeliest camera from that.
-    """
-
-    gained: float
-    gained_without: float
-    distinct: bool
-
-    @property
-    def visible(self) -> bool:
-        """Whether the snapshots are likelier with the mask than with none."""
-        return self.gained > self.gained_without
-
-    @property
-    def decides(self) -> bool:
-        """Whether a camera without any mask does not explain nearly as much as the likeliest one."""
-        return self.distinct and self.gained - self.gained_without >= min(MASK_SHARE * self.gained, MASK_NATS)
 
 
 @dataclass(frozen=True)

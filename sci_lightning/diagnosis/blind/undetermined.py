@@ -43,14 +43,14 @@ def slower_scenes(effect: type[Effect]) -> type[Effect]:
         effect: of the modulator, which mixes slots.
     """
 
-    class OfSlowerScenes(effect):  # type: ignore[valid-type, misc]
+    class SlowerScenes(effect):  # type: ignore[valid-type, misc]
         def schedule(self, slots: int) -> torch.Tensor:
             slot = torch.arange(slots)
             neighbours = (slot[:, None] - slot).abs() <= slots / 2
             mixture = super().schedule(slots) * neighbours
             return mixture / mixture.sum(0)
 
-    return OfSlowerScenes
+    return SlowerScenes
 
 
 def undetermined_effects(model: CameraModel) -> dict[str, str]:

@@ -26,7 +26,7 @@ from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.npy_file import write_npy
 
 MIN_CORRECTED_PROBABILITY = 0.95
-"""Of an effect that the corrected encoder has: a wrong correction costs more than a missing one."""
+"""Smallest probability of an effect in the corrected encoder: a wrong correction costs more than a missing one."""
 
 
 def write_encoder(result: Result, out: str | Path) -> None:

@@ -65,16 +65,21 @@ def name_probabilities(fit: Fit, stay: Collection[str], unnamed: Sequence[Unname
     names = [name for name in fit.hypothesis.effects if name not in stay]
     if not names:
         return {}
-    named_only = _without(fit, unnamed) if unnamed else fit
+    named_only = fit_names_only(fit, unnamed) if unnamed else fit
     errors = cluster_errors(named_only)
     return {name: evidence_for(named_only, name, errors).probability for name in names}
 
 
-def _without(fit: Fit, unnamed: Sequence[Unnamed]) -> Fit:
-    """Fit the model without what has no name; the noise keeps its values, so that it does not absorb the misfit."""
-    named = fit.hypothesis
+def without_unnamed(hypothesis: Hypothesis, unnamed: Sequence[Unnamed]) -> Hypothesis:
+    """Return a hypothesis without the deviations that have no name."""
     for deviation in unnamed:
-        named = named.without(deviation.name)
+        hypothesis = hypothesis.without(deviation.name)
+    return hypothesis
+
+
+def fit_names_only(fit: Fit, unnamed: Sequence[Unnamed]) -> Fit:
+    """Fit the model without what has no name; the noise keeps its values, so that it does not absorb the misfit."""
+    named = without_unnamed(fit.hypothesis, unnamed)
     effects = fit.fitter.model.effects
     fixed = tuple(
         (name, parameter) for name, setting in named.effects.items() if effects[name].noise for parameter in setting

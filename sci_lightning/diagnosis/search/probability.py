@@ -20,7 +20,7 @@ from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.encoder.effects.parameter import part_of
 
 PRIOR_PROBABILITY = 0.02
-"""Of every effect to be there, before anything is recorded: of some thirty effects a camera has less than one."""
+"""Prior probability that an effect is there: of some thirty effects a camera has less than one."""
 MIN_PROBABILITY = 0.5
 """Probability below which a name is withdrawn: it is wrong more often than right."""
 PRIOR_STEPS = 100.0
@@ -101,7 +101,7 @@ def calibrated(nats: float, dispersion: float, freedom: float) -> float:
 def occam_factor(fit: Fit, name: str, errors: ClusterErrors) -> float:
     """Return what the evidence loses because the parameters of an effect might have been anything, in nats.
 
-    Of every number it is the logarithm of the width of its prior over that of its likelihood, of a choice the logarithm
+    For a number it is the logarithm of the width of its prior over that of its likelihood, for a choice the logarithm
     of the number of choices.
     """
     lost = 0.0

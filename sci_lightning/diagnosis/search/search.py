@@ -13,7 +13,12 @@ from sci_lightning.diagnosis.fit.gap import residuals
 from sci_lightning.diagnosis.fit.information_criterion import bic, prune
 from sci_lightning.diagnosis.fit.split import split
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, datasheet_noise
-from sci_lightning.diagnosis.search.improbable_effects import names_are_certain, without_improbable_effects
+from sci_lightning.diagnosis.search.improbable_effects import (
+    fit_names_only,
+    names_are_certain,
+    without_improbable_effects,
+    without_unnamed,
+)
 from sci_lightning.diagnosis.search.map_test import map_p_value
 from sci_lightning.diagnosis.search.remaining_misfit import (
     Unnamed,
@@ -49,11 +54,7 @@ class Explanation:
         """Return the corrected camera, with the deviations that have no name if ``free_forms``."""
         if free_forms or not self.unnamed:
             return self.fit
-        named = without_unnamed(self.fit.hypothesis, self.unnamed)
-        noise, _ = datasheet_noise(self.fit.fitter.model.observation)
-        # the noise keeps its values: it must not absorb what has no name
-        fixed = tuple((effect, parameter) for effect in noise.effects for parameter in noise.effects[effect])
-        return self.fit.fitter.fit(named, fixed=fixed)
+        return fit_names_only(self.fit, self.unnamed)
 
 
 @dataclass(frozen=True)
@@ -63,13 +64,6 @@ class Selected:
     fit: Fit
     rounds: Sequence[Round]
     unnamed: Sequence[Unnamed]
-
-
-def without_unnamed(hypothesis: Hypothesis, unnamed: Sequence[Unnamed]) -> Hypothesis:
-    """Return a hypothesis without the deviations that have no name."""
-    for deviation in unnamed:
-        hypothesis = hypothesis.without(deviation.name)
-    return hypothesis
 
 
 def ideal_camera(model: CameraModel, settings: SearchSettings, budget: Budget | None = None) -> Fit:
