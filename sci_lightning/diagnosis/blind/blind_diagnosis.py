@@ -29,7 +29,6 @@ from sci_lightning.diagnosis.blind.mask_evidence import MaskEvidence
 from sci_lightning.diagnosis.blind.prior import BLOCK, LONGEST_VIDEO, MOST_SLOTS, ScenePrior, statistics_for
 from sci_lightning.diagnosis.blind.search import (
     BlindSearch,
-    MaskEvidence,
     NamedCandidate,
 )
 from sci_lightning.diagnosis.blind.snapshots import (
