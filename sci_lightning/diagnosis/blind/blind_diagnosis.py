@@ -105,7 +105,7 @@ class BlindEffect(NamedEffect):
         """Return the effect as it stands in ``report.json``."""
         content = super().describe()
         content["evidence"] |= {"agree": [self.agree, self.snapshots], "p_value": self.p_value}
-        return content
+        return content | {"class": dict(self.shares)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -284,6 +284,7 @@ def _named(model: CameraModel, fit: BlindFit, named: NamedCandidate) -> BlindEff
         named.comparison.agree,
         named.comparison.snapshots,
         named.comparison.p_value,
+        shares=named.shares,
     )
 
 

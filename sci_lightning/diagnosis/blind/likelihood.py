@@ -38,7 +38,7 @@ BRIGHTNESS = 1e4
 """Variance of the relative brightness of a block: so large that nothing is assumed about it."""
 LEAST_SPREAD = 1e-5
 """Part of a pixel's light below which it counts as staying there."""
-LEAST_SHARE = 1e-3
+LEAST_SHARE = 1e-2
 """A component matters in a block if it explains this part of it, in one of the snapshots at least."""
 DARKEST_PART = 1e-3
 """Part of a snapshot's pixels that may be defects, and darker than no light."""

@@ -4,10 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-MASK_SHARE, MASK_NATS = 0.1, 0.05
-"""Part of what the likeliest camera gains over the ideal one, and nats per pixel: a camera without any mask that lacks
-less than both explains nearly as much. Behind 18 slots, with the mask blurred by 0.8 pixels, it lacks 0.3."""
-
 
 @dataclass(frozen=True)
 class MaskEvidence:
@@ -16,11 +12,13 @@ class MaskEvidence:
     Attributes:
         gained: nats per pixel that the likeliest camera gains over the ideal one.
         gained_without: the same of a camera whose mask is the same everywhere.
+        needed: nats per pixel that a camera without any mask must lack, as the prior of the scenes is not better known.
         distinct: whether the snapshots distinguish the likeliest camera from that.
     """
 
     gained: float
     gained_without: float
+    needed: float
     distinct: bool
 
     @property
@@ -31,4 +29,4 @@ class MaskEvidence:
     @property
     def decides(self) -> bool:
         """Whether a camera without any mask does not explain nearly as much as the likeliest one."""
-        return self.distinct and self.gained - self.gained_without >= min(MASK_SHARE * self.gained, MASK_NATS)
+        return self.distinct and self.gained - self.gained_without >= self.needed

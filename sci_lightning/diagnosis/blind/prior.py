@@ -28,6 +28,11 @@ SMOOTH_MODES = 4
 CONTRASTS = (0.25, 1.0, 4.0)
 """Variances of patches over those of many videos: places differ in contrast more than the components do. Chosen by the
 likelihood of snapshots of validation clips behind known cameras, see ``docs/results/blind-contrasts.json``."""
+UNCERTAIN_VIDEO_NATS, UNCERTAIN_SMOOTH_NATS = 0.01, 0.1
+"""Nats per pixel within which a difference between cameras may be an error of the prior: about twice what further
+components gain on validation clips. Statistics of video gain 0.0065 by five contrasts in place of three
+(``docs/results/blind-contrasts.json``), smooth scenes 0.045 by three lengths of texture in place of two
+(``docs/results/blind-lengths.json``)."""
 FAST_SHARE = 0.1
 """Share of scenes that move faster than those of the statistics: where estimating the shares begins."""
 LEAST_SHARE = 0.01
@@ -87,6 +92,7 @@ class ScenePrior:
     Attributes:
         weights: ``(K,)`` shares in many videos, of the components at one contrast after another.
         active: ``(K,)`` bool, the components that a likelihood is computed of.
+        uncertainty_nats: per pixel, within which a difference in likelihood may be the prior's.
     """
 
     def __init__(
@@ -98,8 +104,9 @@ class ScenePrior:
         statistics = read_prior() if statistics is None else statistics
         order = statistics.weights.argsort(descending=True)
         shares, autocovariance = statistics.weights[order], statistics.autocovariance[order]
-        shares, self._slow = shares / shares.sum(), len(shares)
+        shares, self._slow, self.uncertainty_nats = shares / shares.sum(), 0, UNCERTAIN_SMOOTH_NATS
         if frames <= LONGEST_VIDEO:
+            self._slow, self.uncertainty_nats = len(shares), UNCERTAIN_VIDEO_NATS
             fast = fast_scene_prior(autocovariance.shape[1], statistics.reach)
             shares = torch.cat([(1 - FAST_SHARE) * shares, FAST_SHARE * fast.weights])
             autocovariance = torch.cat([autocovariance, statistics.level**2 * fast.autocovariance])

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import torch
 
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter
-from sci_lightning.diagnosis.blind.candidate_comparison import compare
 from sci_lightning.diagnosis.blind.displacement import proposed_displacements
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood, spread
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
@@ -18,6 +17,8 @@ from sci_lightning.encoder.effects.parameter import part_of
 
 SCREENED_BLOCKS = 64
 """Blocks on which candidates are screened, spread evenly over the field."""
+TRIED_BLOCKS = 8
+"""Of these, blocks that choose among the many starts of a candidate: most starts are wrong by thousands of nats."""
 STARTS_FITTED = 3
 """Starts of a promising candidate that are fitted to the screened blocks."""
 WEAK_START_SHARE = 0.25
@@ -66,6 +67,7 @@ class Screener:
     ) -> None:
         self.fitter, self.border_share, self.replaced = fitter, border_share, replaced
         self.blocks = spread(usable & _inner(fitter.likelihood), SCREENED_BLOCKS)
+        self._few = spread(self.blocks, TRIED_BLOCKS)
 
     def screen(self, base: BlindFit, names: Sequence[str], count: int, starts: int) -> list[ScreenedCandidate]:
         """Return every candidate that a model lacks, the one that gains most first.
@@ -93,15 +95,17 @@ class Screener:
             ]
             for name in candidates
         }
-        tried = self._tried(base, starts_of)
+        tried = self._tried(base, starts_of, self._few)
         weaker = {
             name: [part_of(start, model.effects[name].about, WEAK_START_SHARE) for _, start in trials[:STARTS_FITTED]]
             for name, trials in tried.items()
             if not model.effects[name].is_discrete()
         }
         # a start as strong as the effect usually is may lie beyond the maximum of a weak one
-        for name, trials in self._tried(base, weaker).items():
+        for name, trials in self._tried(base, weaker, self._few).items():
             tried[name] = sorted([*tried[name], *trials], key=lambda trial: -trial[0])
+        best_of = {name: [start for _, start in trials[:STARTS_FITTED]] for name, trials in tried.items()}
+        tried = self._tried(base, best_of, self.blocks)
         ranked = sorted(((name, trials) for name, trials in tried.items() if trials), key=lambda one: -one[1][0][0])
         promising = {name for name, trials in ranked[:count] if trials[0][0] > 0}
 
@@ -120,18 +124,22 @@ class Screener:
         """Return nats and setting of the best of a few starts after a short fit beside the model as it stands."""
         if self.fitter.model.effects[name].is_discrete():
             return trials[0]
-        fitted = []
-        for _, start in trials:
-            hypothesis = base.hypothesis.with_effect(name, start)
-            fit = self.fitter.fit(hypothesis, self.blocks, FINAL_ITERATIONS, alone=name, errors=False)
-            fitted.append((self._gain(fit, base), fit.hypothesis.effects[name]))
-        return max(fitted, key=lambda trial: trial[0])
 
-    def _tried(self, base: BlindFit, starts: dict[str, list[Setting]]) -> dict[str, list[tuple[float, Setting]]]:
-        """Return nats and setting of every start of every candidate as it stands, the best of a candidate first."""
+        def fitted(start: Setting, blocks: torch.Tensor) -> tuple[float, Setting]:
+            hypothesis = base.hypothesis.with_effect(name, start)
+            fit = self.fitter.fit(hypothesis, blocks, FINAL_ITERATIONS, alone=name, errors=False)
+            return _gain(fit, base), fit.hypothesis.effects[name]
+
+        _, best = max((fitted(start, self._few) for _, start in trials), key=lambda trial: trial[0])
+        return fitted(best, self.blocks)
+
+    def _tried(
+        self, base: BlindFit, starts: dict[str, list[Setting]], blocks: torch.Tensor
+    ) -> dict[str, list[tuple[float, Setting]]]:
+        """Return nats on some blocks and setting of every start as it stands, the best of a candidate first."""
 
         def nats(trial: tuple[str, Setting]) -> float:
-            return self._gain(self.fitter.evaluate(base.hypothesis.with_effect(*trial), self.blocks), base)
+            return _gain(self.fitter.evaluate(base.hypothesis.with_effect(*trial), blocks), base)
 
         trials = [(name, start) for name, settings in starts.items() for start in settings]
         gains = on_every_core(nats, trials, self.fitter.likelihood.at_a_time)
@@ -140,8 +148,10 @@ class Screener:
             tried[name].append((gain, start))
         return {name: sorted(entries, key=lambda entry: -entry[0]) for name, entries in tried.items()}
 
-    def _gain(self, fit: BlindFit, base: BlindFit) -> float:
-        return compare(fit.log_likelihood, base.log_likelihood, self.fitter.likelihood.columns).nats
+
+def _gain(fit: BlindFit, base: BlindFit) -> float:
+    """Return the nats that a fit gains over a model on the blocks that count for both."""
+    return float((fit.log_likelihood - base.log_likelihood).nansum())
 
 
 def _inner(likelihood: BlindLikelihood) -> torch.Tensor:

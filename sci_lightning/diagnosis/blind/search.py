@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
+import torch
+
 from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter, price, price_of
 from sci_lightning.diagnosis.blind.candidate_comparison import (
     AMPLE_NATS,
@@ -60,14 +62,19 @@ class NamedCandidate:
         comparison: of the final model with the same without it.
         nats: calibrated nats that it gains.
         penalty: nats that its parameters cost.
-        alternatives: effects that explain the snapshots as well in its place.
+        shares: of itself and of the effects that explain the snapshots as well in its place, by name; sum 1.
     """
 
     name: str
     comparison: LikelihoodComparison
     nats: float
     penalty: float
-    alternatives: tuple[str, ...]
+    shares: dict[str, float]
+
+    @property
+    def alternatives(self) -> tuple[str, ...]:
+        """Effects that explain the snapshots as well in its place."""
+        return tuple(name for name in self.shares if name != self.name)
 
 
 @dataclass(frozen=True)
@@ -178,7 +185,7 @@ class BlindSearch:
             float((one - ideal.log_likelihood).nanmean()) / BLOCK**2 for one in (with_mask, without)
         )
         distinct = self._is_distinguished(compare(with_mask, without, self.columns))
-        return MaskEvidence(gained, gained_without, distinct)
+        return MaskEvidence(gained, gained_without, self._every_scene.prior.uncertainty_nats, distinct)
 
     def _posed(self, ideal: BlindFit) -> BlindFit:
         """Return the camera in which the search of a large field begins: the given one, and what parts of it show.
@@ -356,16 +363,17 @@ class BlindSearch:
             without = self.fitter.fit(fit.hypothesis.without(name), self.fitted_blocks, FINAL_ITERATIONS, errors=False)
             one, cost = self.assessor(fit, without, name), price(fit, without)
             on_screened = (fit.log_likelihood - without.log_likelihood)[self.screener.blocks].nan_to_num(0.0)
-            rivals = self.patterns.chosen(name, fit.hypothesis.effects[name])
+            lacks = {name: 0.0} | dict.fromkeys(self.patterns.chosen(name, fit.hypothesis.effects[name]), 0.0)
             same = self.patterns.continuous(name)
             alike = self._fitted(without, len(same), 1, names=same, ahead=fit) if same else []
             for rival in [*self.rivals(without, RIVAL_SHARE * float(on_screened.sum()), fit), *alike]:
                 direct = compare(fit.log_likelihood, rival.fit.log_likelihood, self.columns)
-                if rival.name in (name, *rivals) or not rival.possible:
+                if rival.name in lacks or not rival.possible:
                     continue
                 if not self._is_distinguished(direct) or (
                     rival.like_a_scene and not self.assessor.snapshots_prefer(fit, rival.fit)
                 ):
-                    rivals.append(rival.name)
-            named.append(NamedCandidate(name, one.comparison, one.nats, cost, tuple(rivals)))
+                    lacks[rival.name] = direct.calibrated
+            likely = (-torch.tensor(list(lacks.values()))).softmax(0).tolist()
+            named.append(NamedCandidate(name, one.comparison, one.nats, cost, dict(zip(lacks, likely, strict=True))))
         return tuple(named)

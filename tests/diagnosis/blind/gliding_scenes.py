@@ -1,17 +1,15 @@
-"""``python -m tests.diagnosis.blind.gliding_scenes CASES.jsonl SEED [NOTHING EACH]``: fast scenes are the scene's.
+"""``python -m tests.diagnosis.blind.gliding_scenes OUT SEED [NOTHING EACH]``: fast scenes are the scene's.
 
 Photographs glide behind the masks by up to three pixels a slot, faster than the clips from which the statistics of
 scenes come. A camera of its own records them: it shares no code with the package, and light falls on it point by point.
 NOTHING times nothing is hidden, EACH times each of a displacement, a blur, a rotation and another order of the
-patterns; the seeds of the cases begin with SEED. What looks like motion must not be called a lag or a delay. A case is
-a line of CASES.jsonl once it is done; it writes docs/results/blind-gliding.json.
+patterns; the seeds of the cases begin with SEED. What looks like motion must not be called a lag or a delay. A case
+leaves a record in OUT, and the same command goes on where it ended. It writes docs/results/blind-gliding.json.
 """
 
 from __future__ import annotations
 
-import json
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +18,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from skimage import data
 
 from sci_lightning.captures import Captures
-from sci_lightning.diagnosis.blind.blind_diagnosis import diagnose_blind
+from tests.diagnosis.blind.trials import COLUMNS, Trial, diagnosed, ran, rows
 from tests.measurements_file import MeasurementsFile
 
 PHOTOGRAPHS = ("camera", "astronaut", "coffee", "chelsea", "rocket", "coins", "brick", "gravel", "grass", "moon")
@@ -32,7 +30,6 @@ FASTEST = 3.0
 """Pixels by which a scene glides in a slot; the slowest one glides by a third of that."""
 FULL_WELL, READ_NOISE = 10000.0, 1.0
 HIDDEN = ("nothing", "mask_shift", "mask_blur", "mask_rotation", "pattern_order")
-MIXED = {"mask_lag", "sync_offset"}
 
 
 def record(hidden: str, seed: int) -> tuple[Captures, dict[str, float]]:
@@ -110,40 +107,10 @@ def _exposed(shown: np.ndarray, scene: np.ndarray, random: np.random.Generator) 
     return np.floor(255 * signal.clip(0, 1) + 0.5).astype(np.uint8)
 
 
-def case(hidden: str, seed: int) -> dict[str, Any]:
+def case(trial: Trial) -> dict[str, Any]:
     """Diagnose one case."""
-    captures, truth = record(hidden, seed)
-    start = time.process_time()
-    diagnosis = diagnose_blind(captures)
-    return {
-        "hidden": hidden,
-        "seed": seed,
-        "truth": truth,
-        "named": {one.name: {key: value.value for key, value in one.parameters.items()} for one in diagnosis.effects},
-        "alternatives": {one.name: one.alternatives for one in diagnosis.effects},
-        "verdict": diagnosis.verdict,
-        "cpu_seconds": time.process_time() - start,
-    }
-
-
-def summary(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return a row for everything that was hidden."""
-    rows = []
-    for hidden in HIDDEN:
-        group = [one for one in cases if one["hidden"] == hidden]
-        right = [set(one["named"]) == ({hidden} if one["truth"] else set()) for one in group]
-        otherwise = [one for one, good in zip(group, right, strict=True) if not good]
-        if group:
-            rows.append(
-                {
-                    "hidden": hidden,
-                    "right": f"{sum(right)} of {len(group)}",
-                    "mixed": f"{sum(bool(MIXED & set(one['named'])) for one in group)} of {len(group)}",
-                    "instead": "; ".join(", ".join(sorted(one["named"])) or "nothing" for one in otherwise),
-                    "seconds": float(np.median([one["cpu_seconds"] for one in group])),
-                }
-            )
-    return rows
+    captures, truth = record(trial.hidden, trial.number)
+    return diagnosed(captures, {trial.hidden: truth} if truth else {})
 
 
 def main(out: Path, first: int, nothing: int = 20, each: int = 4) -> None:
@@ -152,25 +119,11 @@ def main(out: Path, first: int, nothing: int = 20, each: int = 4) -> None:
         machine="one thread",
         scale=f"{SNAPSHOTS} snapshots of {SIDE} x {SIDE} pixels, {SLOTS} slots, a binary mask, photographs that glide",
         seeds=f"from {first}",
-        command=f"python -m tests.diagnosis.blind.gliding_scenes CASES.jsonl {first} {nothing} {each}",
+        command=f"python -m tests.diagnosis.blind.gliding_scenes OUT {first} {nothing} {each}",
     )
-    columns: list[tuple[str, str, int | None]] = [
-        ("hidden", "hidden", None),
-        ("right", "named, and nothing else", None),
-        ("mixed", "a lag or a delay is named", None),
-        ("instead", "named otherwise", None),
-        ("seconds", "processor seconds", 0),
-    ]
-    done = [json.loads(line) for line in out.read_text().splitlines()] if out.is_file() else []
-    for hidden in HIDDEN:
-        for seed in range(first, first + (each if hidden != "nothing" else nothing)):
-            if not any(one["hidden"] == hidden and one["seed"] == seed for one in done):
-                done.append(case(hidden, seed))
-                with out.open("a") as stream:
-                    stream.write(json.dumps(done[-1]) + "\n")
-                last = done[-1]
-                print(f"{hidden} {seed}: {last['named'] or 'nothing'} {last['verdict']} {last['cpu_seconds']:.0f} s")
-    file.write(columns, summary(done))
+    counts = {hidden: each if hidden != "nothing" else nothing for hidden in HIDDEN}
+    trials = [Trial(hidden, first + number, SIDE) for hidden in HIDDEN for number in range(counts[hidden])]
+    file.write([column for column in COLUMNS if column[0] != "clear"], rows(ran(case, trials, out)))
 
 
 if __name__ == "__main__":

@@ -174,7 +174,7 @@ def test_a_camera_without_a_mask_is_as_good() -> None:
     assert diagnosis.mask.decides and diagnosis.verdict == "explained"
     gap = compared(0.7, 0.5, 1e-6)
     judged = PredictionVerdict(gap, {"mask_contrast": gap}, compared(0.5, 0.5, 0.4))
-    weak, chance = MaskEvidence(0.219, 0.208, distinct=True), MaskEvidence(0.0, -0.01, distinct=False)
+    weak, chance = MaskEvidence(0.219, 0.208, 0.1, distinct=True), MaskEvidence(0.0, -0.2, 0.1, distinct=False)
     for changed in ({"prediction": judged}, {"mask": weak}, {"mask": chance}):
         undecided = replace(diagnosis, notes=("A camera without any mask", "Further"), **changed)
         assert undecided.verdict == "undecided" and undecided.hypothesis == diagnosis.ideal.hypothesis

@@ -247,6 +247,8 @@ def test_what_might_stand_in_the_place_of_an_effect(
     monkeypatch.setattr(search, "rivals", lambda *_: rivals)
     (effect,) = search.evidence(named)
     assert (effect.name, effect.alternatives) == ("mask_contrast", alternatives)
+    # what is exactly as likely has an equal share of the class
+    assert sum(effect.shares.values()) == pytest.approx(1) and effect.shares["mask_blur"] == effect.shares[effect.name]
 
 
 def test_a_black_level_is_refused_only_beyond_its_error(search: BlindSearch, monkeypatch: pytest.MonkeyPatch) -> None:
