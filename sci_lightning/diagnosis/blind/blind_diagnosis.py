@@ -24,13 +24,10 @@ from sci_lightning.diagnosis.blind.block_prediction import (
     of_predictable_snapshots,
     predict_by_blocks,
 )
+from sci_lightning.diagnosis.blind.candidate_comparison import MaskEvidence
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
-from sci_lightning.diagnosis.blind.mask_evidence import MaskEvidence
 from sci_lightning.diagnosis.blind.prior import BLOCK, LONGEST_VIDEO, MOST_SLOTS, ScenePrior, statistics_for
-from sci_lightning.diagnosis.blind.search import (
-    BlindSearch,
-    NamedCandidate,
-)
+from sci_lightning.diagnosis.blind.search import BlindSearch, NamedCandidate
 from sci_lightning.diagnosis.blind.snapshots import (
     observe_snapshots,
     textured_part,
@@ -147,7 +144,8 @@ class BlindDiagnosis(Result):
         the one that was named, it is ``undecided``; where an effect does not make held-out pixels more predictable, or
         snapshots that were set aside do not confirm what was named, ``partly_explained``.
         """
-        if not self.mask.decides or (self.effects and not _mask_helps(self.prediction)):
+        needless = self.prediction is not None and not self.prediction.mask_helps()
+        if not self.mask.decides or (self.effects and needless):
             return "undecided"
         if self.prediction is not None and self.prediction.contradicted():
             return "partly_explained"
@@ -218,20 +216,19 @@ def diagnose_blind(
     nuisance = CALIBRATION if is_measured(observation) else {}
     fitter = BlindFitter(likelihood, settings.min_progress_nats)
     explanation = BlindSearch(fitter, noise, settings, on_progress, nuisance).run()
+    fit, names = explanation.fit, [one.name for one in explanation.named]
     prediction = predicted = None
     if explanation.mask.visible:
         numbers = sorted([*observation.number.tolist(), *usable_snapshots(captures, observation.number.tolist())])
         seen = observe_snapshots(part.take(numbers))
         seen = replace(seen, number=torch.tensor(numbers)[seen.number])
-        cameras, every = (noise, explanation.fit.hypothesis), BlindLikelihood(_model(seen, vocabulary), prior)
+        cameras, every = (noise, fit.hypothesis), BlindLikelihood(_model(seen, vocabulary), prior)
         if (of_predicted := of_predictable_snapshots(every, *cameras)) is not None:
             predicted = of_predicted.model.observation
             judging = [place for place, number in enumerate(predicted.number.tolist()) if number in verification]
-            named = [one.name for one in explanation.named]
-            prediction = predict_by_blocks(of_predicted, *cameras, named, judging, seed)
+            prediction = predict_by_blocks(of_predicted, *cameras, names, judging, seed)
             gap = prediction.gap
             on_progress(f"held-out pixels: prediction error {gap.before:.4f} to {gap.after:.4f}")
-    fit, names = explanation.fit, [one.name for one in explanation.named]
     calibration = {name: _estimates(model, fit, name) for name in nuisance if name in fit.hypothesis.effects}
     weak = {name: why for name, why in SHOWN_IF_STRONG.items() if name in vocabulary and name not in names}
     return BlindDiagnosis(
@@ -258,10 +255,6 @@ def diagnose_blind(
 def is_measured(observation: Observation) -> bool:
     """Return whether patterns have more levels than anybody commands, so that they were measured."""
     return len(observation.patterns[observation.sequences[0, 0]].unique()) > MOST_COMMANDED_LEVELS
-
-
-def _mask_helps(prediction: PredictionVerdict | None) -> bool:
-    return prediction is None or prediction.mask_helps()
 
 
 def _model(observation: Observation, vocabulary: Mapping[str, type[Effect]]) -> CameraModel:
@@ -311,7 +304,7 @@ def _notes(
         notes.append(NO_MASK)
     elif not mask.decides:
         notes.append(AS_LIKELY_WITHOUT_MASK.format(gained=mask.gained, without=mask.gained_without))
-    elif not _mask_helps(prediction):
+    elif prediction is not None and not prediction.mask_helps():
         notes.append(AS_PREDICTABLE_WITHOUT_MASK)
     if measured:
         notes.append(MEASURED)

@@ -96,14 +96,8 @@ class BlindFitter:
     def evaluate(self, hypothesis: Hypothesis, blocks: torch.Tensor, weights: torch.Tensor | None = None) -> BlindFit:
         """Return a hypothesis as it stands, without fitting anything but the prior's shares."""
         scores = self.likelihood.evaluate(hypothesis, blocks, weights)
-        return BlindFit(
-            hypothesis,
-            scores.log_likelihood,
-            blocks,
-            weights=scores.weights,
-            likely=scores.likely,
-            by_likely=scores.by_likely,
-        )
+        fit = BlindFit(hypothesis, scores.log_likelihood, blocks, weights=scores.weights)
+        return replace(fit, likely=scores.likely, by_likely=scores.by_likely)
 
     def fit(
         self,
@@ -159,9 +153,8 @@ class BlindFitter:
             return trial, float((trial.log_likelihood - at.log_likelihood).nansum())
 
         def needed(at: BlindFit) -> float:
-            return (
-                enough if ahead is None else max(enough, CATCH_UP_SHARE * float((ahead - at.log_likelihood).nansum()))
-            )
+            behind = 0.0 if ahead is None else float((ahead - at.log_likelihood).nansum())
+            return max(enough, CATCH_UP_SHARE * behind)
 
         best, _ = maximise(best, differentiate, step, needed, iterations, MAX_ATTEMPTS)
         if errors:

@@ -1,4 +1,4 @@
-"""Which of two hypotheses snapshots prefer, in nats calibrated by how much they agree; which effects may be named."""
+"""Which of two hypotheses snapshots prefer, in nats calibrated by how much they agree; what may be named, and why."""
 
 from __future__ import annotations
 
@@ -97,6 +97,33 @@ def compare(first: torch.Tensor, second: torch.Tensor, columns: int) -> Likeliho
     differing = by_snapshot[by_snapshot != 0]
     by_chance = float(wilcoxon(differing.numpy(), alternative="greater").pvalue) if len(differing) else 1.0
     return LikelihoodComparison(float(by_snapshot.sum()), z, int((differing > 0).sum()), len(differing), by_chance)
+
+
+@dataclass(frozen=True)
+class MaskEvidence:
+    """What the snapshots say for the mask: the likeliest camera is compared with one without any mask.
+
+    Attributes:
+        gained: nats per pixel that the likeliest camera gains over the ideal one.
+        gained_without: the same of a camera whose mask is the same everywhere.
+        needed: nats per pixel that a camera without any mask must lack, as the prior of the scenes is not better known.
+        distinct: whether the snapshots distinguish the likeliest camera from that.
+    """
+
+    gained: float
+    gained_without: float
+    needed: float
+    distinct: bool
+
+    @property
+    def visible(self) -> bool:
+        """Whether the snapshots are likelier with the mask than with none."""
+        return self.gained > self.gained_without
+
+    @property
+    def decides(self) -> bool:
+        """Whether a camera without any mask does not explain nearly as much as the likeliest one."""
+        return self.distinct and self.gained - self.gained_without >= self.needed
 
 
 @dataclass(frozen=True)

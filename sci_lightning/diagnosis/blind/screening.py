@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -59,11 +60,7 @@ class Screener:
     """
 
     def __init__(
-        self,
-        fitter: BlindFitter,
-        usable: torch.Tensor,
-        border_share: float,
-        replaced: Mapping[str, Sequence[Setting]],
+        self, fitter: BlindFitter, usable: torch.Tensor, border_share: float, replaced: Mapping[str, Sequence[Setting]]
     ) -> None:
         self.fitter, self.border_share, self.replaced = fitter, border_share, replaced
         self.blocks = spread(usable & _inner(fitter.likelihood), SCREENED_BLOCKS)
@@ -83,17 +80,17 @@ class Screener:
         """
         likelihood, model = self.fitter.likelihood, self.fitter.model
         proposed = proposed_displacements(likelihood, base.hypothesis, self.border_share)
-        candidates = [name for name in names if name not in base.hypothesis.effects]
         starts_of = {
             name: [
                 *(
-                    start
-                    for start in starting_settings(model, name, base.hypothesis)
-                    if start not in self.replaced.get(name, ())
+                    one
+                    for one in starting_settings(model, name, base.hypothesis)
+                    if one not in self.replaced.get(name, ())
                 ),
                 *proposed.get(name, []),
             ]
-            for name in candidates
+            for name in names
+            if name not in base.hypothesis.effects
         }
         tried = self._tried(base, starts_of, self._few)
         weaker = {
@@ -114,10 +111,8 @@ class Screener:
             return self._fitted_start(base, name, trials[:starts]) if name in promising else trials[0]
 
         settings = on_every_core(best, ranked, likelihood.at_a_time)
-        screened = [
-            ScreenedCandidate(name, nats, start, name in promising)
-            for (name, _), (nats, start) in zip(ranked, settings, strict=True)
-        ]
+        named = zip((name for name, _ in ranked), settings, strict=True)
+        screened = [ScreenedCandidate(name, nats, start, name in promising) for name, (nats, start) in named]
         return sorted(screened, key=lambda one: -one.nats)
 
     def _fitted_start(self, base: BlindFit, name: str, trials: list[tuple[float, Setting]]) -> tuple[float, Setting]:
@@ -143,15 +138,14 @@ class Screener:
 
         trials = [(name, start) for name, settings in starts.items() for start in settings]
         gains = on_every_core(nats, trials, self.fitter.likelihood.at_a_time)
-        tried: dict[str, list[tuple[float, Setting]]] = {name: [] for name in starts}
-        for (name, start), gain in zip(trials, gains, strict=True):
-            tried[name].append((gain, start))
-        return {name: sorted(entries, key=lambda entry: -entry[0]) for name, entries in tried.items()}
+        tried = [(gain, *trial) for trial, gain in sorted(zip(trials, gains, strict=True), key=lambda one: -one[1])]
+        return {one: [(gain, start) for gain, name, start in tried if name == one] for one in starts}
 
 
 def _gain(fit: BlindFit, base: BlindFit) -> float:
-    """Return the nats that a fit gains over a model on the blocks that count for both."""
-    return float((fit.log_likelihood - base.log_likelihood).nansum())
+    """Return the nats that a fit gains over a model on the blocks that count for both; -inf where there are none."""
+    gained = fit.log_likelihood - base.log_likelihood
+    return float(gained.nansum()) if gained.isfinite().any() else -math.inf
 
 
 def _inner(likelihood: BlindLikelihood) -> torch.Tensor:

@@ -16,11 +16,11 @@ from sci_lightning.diagnosis.blind.candidate_comparison import (
     CandidateAssessor,
     FittedCandidate,
     LikelihoodComparison,
+    MaskEvidence,
     compare,
 )
 from sci_lightning.diagnosis.blind.displacement import first_pose
 from sci_lightning.diagnosis.blind.likelihood import spread
-from sci_lightning.diagnosis.blind.mask_evidence import MaskEvidence
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from sci_lightning.diagnosis.blind.prior import BLOCK
 from sci_lightning.diagnosis.blind.same_patterns import SamePatterns

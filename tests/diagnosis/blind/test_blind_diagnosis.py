@@ -14,8 +14,8 @@ import pytest
 from sci_lightning.captures import Captures, write_captures
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis, diagnose_blind
 from sci_lightning.diagnosis.blind.block_prediction import PredictionVerdict
+from sci_lightning.diagnosis.blind.candidate_comparison import MaskEvidence
 from sci_lightning.diagnosis.blind.held_out_pixels import PairedComparison
-from sci_lightning.diagnosis.blind.mask_evidence import MaskEvidence
 from sci_lightning.diagnosis.report.report import describe, write_report
 from sci_lightning.diagnosis.report.report_folder import report_folder
 from sci_lightning.diagnosis.report.sentences import further_notes, headline
