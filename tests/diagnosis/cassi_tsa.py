@@ -21,6 +21,7 @@ from sci_lightning.diagnosis.blind.prior import BLOCK, ScenePrior, statistics_fo
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots, textured_part
 from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.report.report import write_report
+from sci_lightning.diagnosis.report.sentences import headline
 from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, FAINT, style
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder.effects import MaskContrast
@@ -42,7 +43,7 @@ def read_cassi(folder: Path) -> Captures:
 
 
 def by_snapshot(diagnosis: BlindDiagnosis) -> list[dict[str, Any]]:
-    """Return the prediction errors of every snapshot, and how many nats per pixel the corrected camera gains."""
+    """Return the prediction errors of every snapshot, and how much error the likeliest camera removes."""
     judged, seen = diagnosis.prediction, diagnosis.predicted
     assert judged is not None and seen is not None
     pairs = zip(seen.number.tolist(), judged.gap.by_capture, judged.without_mask.by_capture, strict=True)
@@ -89,7 +90,7 @@ def picture(rows: list[dict[str, Any]], report: Path) -> Figure:
         above, below = figure.subplots(2, 1, height_ratios=(2.2, 1))
         above.imshow(imread(report / "reconstruction.png"), interpolation="lanczos")
         above.set_axis_off()
-        bars = ((-0.27, BEFORE, "before", "the mask of the file"), (0.0, AFTER, "after", "the corrected camera"))
+        bars = ((-0.27, BEFORE, "before", "the mask of the file"), (0.0, AFTER, "after", "the likeliest camera"))
         for shift, colour, key, label in (*bars, (0.27, FAINT, "without_mask", "no mask")):
             places = [place + shift for place in range(len(rows))]
             below.bar(places, [row[key] for row in rows], 0.25, color=colour, label=label)
@@ -112,15 +113,16 @@ def main(folder: Path, out: Path) -> None:
         ("snapshot", "snapshot", None),
         ("role", "role", None),
         ("before", "the mask of the file", 3),
-        ("after", "the corrected camera", 3),
+        ("after", "the likeliest camera", 3),
         ("fall", "error removed (%)", 1),
         ("without_mask", "no mask", 3),
     ]
     for effect in diagnosis.effects:
         print(effect.name, {name: (one.value, one.std) for name, one in effect.parameters.items()})
-    print(diagnosis.verdict)
+    said = f"The report: {diagnosis.verdict}. {headline(diagnosis)}"
+    print(said)
     rows = by_snapshot(diagnosis)
-    file.write(columns, rows)
+    file.write(columns, rows, [said])
     picture(rows, out).savefig(RESULTS / "real-snapshots.png", dpi=110, facecolor="white")
     columns = [("camera", "camera", None), ("nats", "nats per pixel", 3), ("gained", "gained", 3)]
     likely.write(columns, by_hypothesis(captures))

@@ -242,7 +242,7 @@ def diagnose_blind(
         rounds=explanation.rounds,
         considered=determined_effects(searched),
         undetermined=undetermined_effects(model) | weak,
-        notes=_notes(captures, likelihood, explanation.mask, prediction, bool(calibration)),
+        notes=_notes(captures, likelihood, explanation.mask, prediction) + (MEASURED,) * bool(calibration),
         mask=explanation.mask,
         calibration=calibration,
         prediction=prediction,
@@ -292,11 +292,7 @@ def _estimates(model: CameraModel, fit: BlindFit, name: str) -> dict[str, Estima
 
 
 def _notes(
-    captures: Captures,
-    likelihood: BlindLikelihood,
-    mask: MaskEvidence,
-    prediction: PredictionVerdict | None,
-    measured: bool,
+    captures: Captures, likelihood: BlindLikelihood, mask: MaskEvidence, prediction: PredictionVerdict | None
 ) -> tuple[str, ...]:
     """Say what is unusual about the snapshots, first why they decide nothing where they do not."""
     notes, count = [], len(likelihood.model.observation)
@@ -306,8 +302,6 @@ def _notes(
         notes.append(AS_LIKELY_WITHOUT_MASK.format(gained=mask.gained, without=mask.gained_without))
     elif prediction is not None and not prediction.mask_helps():
         notes.append(AS_PREDICTABLE_WITHOUT_MASK)
-    if measured:
-        notes.append(MEASURED)
     if count < MIN_SNAPSHOTS:
         what = "One snapshot says" if count == 1 else "Two snapshots say"
         notes.append(f"{what} little about how scenes differ: uncertainties are widened.")

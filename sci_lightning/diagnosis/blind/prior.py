@@ -30,9 +30,8 @@ CONTRASTS = (0.25, 1.0, 4.0)
 likelihood of snapshots of validation clips behind known cameras, see ``docs/results/blind-contrasts.json``."""
 UNCERTAIN_VIDEO_NATS, UNCERTAIN_SMOOTH_NATS = 0.01, 0.1
 """Nats per pixel within which a difference between cameras may be an error of the prior: about twice what further
-components gain on validation clips. Statistics of video gain 0.0065 by five contrasts in place of three
-(``docs/results/blind-contrasts.json``), smooth scenes 0.045 by three lengths of texture in place of two
-(``docs/results/blind-lengths.json``)."""
+components gain on validation clips, 0.0065 of statistics of video (``docs/results/blind-contrasts.json``) and 0.045 of
+smooth scenes (``docs/results/blind-lengths.json``)."""
 FAST_SHARE = 0.1
 """Share of scenes that move faster than those of the statistics: where estimating the shares begins."""
 LEAST_SHARE = 0.01

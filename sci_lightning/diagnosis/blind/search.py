@@ -72,6 +72,11 @@ class NamedCandidate:
     shares: dict[str, float]
 
     @property
+    def likeliest(self) -> str:
+        """Of itself and its alternatives the one with the largest share; itself where it is one of them."""
+        return max(self.shares, key=lambda name: self.shares[name])
+
+    @property
     def alternatives(self) -> tuple[str, ...]:
         """Effects that explain the snapshots as well in its place."""
         return tuple(name for name in self.shares if name != self.name)
@@ -138,8 +143,7 @@ class BlindSearch:
     def _of_these_scenes(self, best: BlindFit) -> BlindFit:
         """Go on with the components of the prior that these scenes are made of by a model; return the model anew."""
         every = self._every_scene
-        weights = every.evaluate(best.hypothesis, self.screener.blocks).weights
-        prior = every.prior.of_these_scenes(weights)
+        prior = every.prior.of_these_scenes(every.evaluate(best.hypothesis, self.screener.blocks).weights)
         self._use(BlindFitter(every.with_prior(prior), self.settings.min_progress_nats))
         again = self.fitter.evaluate(best.hypothesis, best.blocks)
         return replace(again, free=best.free, covariance=best.covariance)
@@ -167,11 +171,15 @@ class BlindSearch:
         mask = self._mask_evidence(best, ideal)
         if not mask.visible:
             return BlindExplanation(ideal, ideal, (), tuple(rounds), mask)
-        for name in self._deviations(best):
-            for other in self.patterns.continuous(name):
-                best = self._exchanged(best, name, other) if name in best.hypothesis.effects else best
-        best = self.fitter.fit(best.hypothesis, self.all_blocks, iterations=FINAL_ITERATIONS, rough=False)
-        named = self.evidence(best)
+        named: tuple[NamedCandidate, ...] = ()
+        # A name was chosen when less was known of the scenes: another one of its class may be the likeliest by now.
+        for _ in range(2):
+            for one in named:
+                best = self._exchanged(best, one.name, one.likeliest) if one.likeliest != one.name else best
+            best = self.fitter.fit(best.hypothesis, self.all_blocks, iterations=FINAL_ITERATIONS, rough=False)
+            named = self.evidence(best)
+            if all(one.likeliest == one.name for one in named):
+                break
         in_every_scene = self._every_scene.evaluate(best.hypothesis, best.blocks).log_likelihood
         return BlindExplanation(ideal, replace(best, log_likelihood=in_every_scene), named, tuple(rounds), mask)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis, diagnose_blind
+from sci_lightning.diagnosis.blind.prior import ScenePrior, statistics_for
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput
 from tests.diagnosis.blind.conftest import snapshots
@@ -29,6 +30,10 @@ def test_too_many_slots() -> None:
     captures = replace(captures, sequence=twice, scene=np.full((1, 66, 24, 24), np.nan, np.float32))
     with pytest.raises(BadInput, match=r"66 slots, .* 64"):
         diagnose_blind(captures)
+
+
+def test_scenes_are_known_less_well_than_behind_few() -> None:
+    assert ScenePrior(SLOTS, statistics_for(SLOTS)).uncertainty_nats > ScenePrior(8).uncertainty_nats
 
 
 @pytest.mark.slow

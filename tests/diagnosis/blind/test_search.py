@@ -16,7 +16,7 @@ from sci_lightning.diagnosis.blind.candidate_comparison import (
     LikelihoodComparison,
     compare,
 )
-from sci_lightning.diagnosis.blind.screening import ScreenedCandidate
+from sci_lightning.diagnosis.blind.screening import ScreenedCandidate, _gain
 from sci_lightning.diagnosis.blind.search import BlindSearch
 from sci_lightning.diagnosis.model.camera_model import Hypothesis
 from sci_lightning.diagnosis.search_settings import SearchSettings
@@ -249,6 +249,11 @@ def test_what_might_stand_in_the_place_of_an_effect(
     assert (effect.name, effect.alternatives) == ("mask_contrast", alternatives)
     # what is exactly as likely has an equal share of the class
     assert sum(effect.shares.values()) == pytest.approx(1) and effect.shares["mask_blur"] == effect.shares[effect.name]
+
+
+def test_a_start_of_which_no_block_is_left_is_the_last(search: BlindSearch) -> None:
+    fit = replace(fit_of(search, "mask_contrast", 0.3), log_likelihood=torch.zeros(16, 4))
+    assert _gain(replace(fit, log_likelihood=torch.full((16, 4), math.nan)), fit) == -math.inf
 
 
 def test_a_black_level_is_refused_only_beyond_its_error(search: BlindSearch, monkeypatch: pytest.MonkeyPatch) -> None:
