@@ -72,8 +72,8 @@ class NamedCandidate:
     shares: dict[str, float]
 
     @property
-    def likeliest(self) -> str:
-        """Of itself and its alternatives the one with the largest share; itself where it is one of them."""
+    def most_likely(self) -> str:
+        """The effect with the largest share, itself where several have it."""
         return max(self.shares, key=lambda name: self.shares[name])
 
     @property
@@ -175,10 +175,10 @@ class BlindSearch:
         # A name was chosen when less was known of the scenes: another one of its class may be the likeliest by now.
         for _ in range(2):
             for one in named:
-                best = self._exchanged(best, one.name, one.likeliest) if one.likeliest != one.name else best
+                best = self._exchanged(best, one.name, one.most_likely) if one.most_likely != one.name else best
             best = self.fitter.fit(best.hypothesis, self.all_blocks, iterations=FINAL_ITERATIONS, rough=False)
             named = self.evidence(best)
-            if all(one.likeliest == one.name for one in named):
+            if all(one.most_likely == one.name for one in named):
                 break
         in_every_scene = self._every_scene.evaluate(best.hypothesis, best.blocks).log_likelihood
         return BlindExplanation(ideal, replace(best, log_likelihood=in_every_scene), named, tuple(rounds), mask)

@@ -123,7 +123,8 @@ def main(out: Path, first: int, nothing: int = 20, each: int = 4) -> None:
     )
     counts = {hidden: each if hidden != "nothing" else nothing for hidden in HIDDEN}
     trials = [Trial(hidden, first + number, SIDE) for hidden in HIDDEN for number in range(counts[hidden])]
-    file.write([column for column in COLUMNS if column[0] != "clear"], rows(ran(case, trials, out)))
+    counted = [{key: value for key, value in row.items() if key != "clear"} for row in rows(ran(case, trials, out))]
+    file.write([column for column in COLUMNS if column[0] != "clear"], counted)
 
 
 if __name__ == "__main__":
