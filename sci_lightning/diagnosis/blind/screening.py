@@ -50,7 +50,7 @@ class Screener:
 
     Args:
         fitter: fits hypotheses.
-        usable: ``(blocks,)`` bool, all blocks that count.
+        usable: ``(blocks,)`` bool, the blocks to which models are fitted: only there their likelihood is known.
         border_share: largest part of the field by which the mask's image may be displaced.
         replaced: starts that are not tried, by candidate: another candidate does the same to these patterns.
 
@@ -125,8 +125,8 @@ class Screener:
             fit = self.fitter.fit(hypothesis, blocks, FINAL_ITERATIONS, alone=name, errors=False)
             return _gain(fit, base), fit.hypothesis.effects[name]
 
-        _, best = max((fitted(start, self._few) for _, start in trials), key=lambda trial: trial[0])
-        return fitted(best, self.blocks)
+        best = max(trials, key=lambda trial: fitted(trial[1], self._few)[0]) if len(trials) > 1 else trials[0]
+        return fitted(best[1], self.blocks)
 
     def _tried(
         self, base: BlindFit, starts: dict[str, list[Setting]], blocks: torch.Tensor

@@ -136,7 +136,7 @@ class BlindSearch:
     def _use(self, fitter: BlindFitter) -> None:
         """Compare hypotheses by the likelihood of a fitter from now on; what was compared by another one is void."""
         self.fitter, settings = fitter, self.settings
-        self.screener = Screener(fitter, self.all_blocks, settings.border_share, self.patterns.replaced)
+        self.screener = Screener(fitter, self.fitted_blocks, settings.border_share, self.patterns.replaced)
         self.assessor = CandidateAssessor(fitter, self.all_blocks, settings.min_gain_nats)
         self._fitted_candidates: dict[frozenset[str], list[FittedCandidate]] = {}
 

@@ -4,7 +4,7 @@ Photographs glide behind the masks by up to three pixels a slot, faster than the
 scenes come. A camera of its own records them: it shares no code with the package, and light falls on it point by point.
 NOTHING times nothing is hidden, EACH times each of a displacement, a blur, a rotation and another order of the
 patterns; the seeds of the cases begin with SEED. What looks like motion must not be called a lag or a delay. A case
-leaves a record in OUT, and the same command goes on where it ended. It writes docs/results/blind-gliding.json.
+leaves a record in OUT, and the same command goes on where it ended. It writes docs/results/blind-gliding-SEED.json.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def case(trial: Trial) -> dict[str, Any]:
 
 def main(out: Path, first: int, nothing: int = 20, each: int = 4) -> None:
     file = MeasurementsFile(
-        Path("docs/results/blind-gliding.json"),
+        Path(f"docs/results/blind-gliding-{first}.json"),
         machine="one thread",
         scale=f"{SNAPSHOTS} snapshots of {SIDE} x {SIDE} pixels, {SLOTS} slots, a binary mask, photographs that glide",
         seeds=f"from {first}",
