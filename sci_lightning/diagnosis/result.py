@@ -132,6 +132,7 @@ class CalibratedResult(Result):
             :func:`~sci_lightning.diagnosis.diagnosis.remaining_tests`; verdict and headline follow from them.
         verification: the gap on captures that nothing has seen, on which the verdict rests; None where none are kept.
         bad_captures: captures that do not fit the others and count nowhere.
+        imperfections: errors of the laboratory that the model of every camera contains, where they are certain.
         budget: processor time, and what was left out for lack of it.
         unknown_scenes: what snapshots of unknown scenes say about the corrected camera; None where there are none.
     """
@@ -147,6 +148,7 @@ class CalibratedResult(Result):
     remaining: tuple[ResidualTest, ...]
     verification: Verification | None = None
     bad_captures: tuple[BadCapture, ...] = ()
+    imperfections: tuple[NamedEffect, ...] = ()
     unknown_scenes: UnknownScenes | None = None
 
     @property

@@ -61,8 +61,6 @@ class SearchSettings:
         provisional_nats: gain in nats beyond that penalty from which an effect is added provisionally that held-out
             pixels do not confirm; small ones are nearly always chance. Below it, effects are compared once more with
             narrow borders.
-        formula_error: part of the log-likelihood that the model explains already which an effect must gain as well;
-            formulas are right to a thousandth of what they change, and log-likelihood goes with the square of that.
         rival_nats: nats of an effect's evidence that another effect may leave unexplained and still be fitted in its
             place; well above ``indistinct_nats``, because screening is only accurate to second order.
         rival_fraction: the same as a part of the evidence, because large effects are not linear.
@@ -81,14 +79,6 @@ class SearchSettings:
         probes_fitted: free-form deviations per round, a count, that are fitted jointly after screening; see
             ``candidates_fitted``.
         max_unnamed: deviations without a name, a count, that are localised; it bounds the run time.
-        unnamed_min_gain_nats: gain in nats beyond its cost that a free-form deviation must bring; it says that
-            something is there that nobody has named, and therefore has to be clearer than a named effect.
-        unnamed_formula_error: part of the log-likelihood that the model explains already which it must gain as well;
-            larger than ``formula_error``, because a free form also follows the small errors of the named effects.
-        surrogate_fraction: part of an unnamed deviation's gain that a named effect beside it must be worth, or it is
-            taken for a mere substitute of the unnamed; named effects imitate an unnamed one only to a few per cent.
-        many_effects: named effects, a count, from which a search that begins with the strongest free-form deviation is
-            tried as well, because so many names may together imitate something that has none.
         max_map_p_value: p-value below which an estimated fixed-pattern map contradicts the definition of its effect
             (independent Gaussian values).
         max_residual_p_value: corrected p-value of a residual test below which something is left in the residuals while
@@ -114,7 +104,6 @@ class SearchSettings:
     abandon_nats: NonNegative = 60.0
     min_gain_nats: NonNegative = 2.0
     provisional_nats: NonNegative = 100.0
-    formula_error: Share = 1e-6
     rival_nats: NonNegative = 24.0
     rival_fraction: Share = 0.03
     rivals_fitted: Repeats = 2
@@ -127,10 +116,6 @@ class SearchSettings:
     probe_max_derivatives: Repeats = 250_000_000
     probes_fitted: Repeats = 3
     max_unnamed: Repeats = 3
-    unnamed_min_gain_nats: NonNegative = 10.0
-    unnamed_formula_error: Share = 2e-4
-    surrogate_fraction: Share = 0.02
-    many_effects: Repeats = 3
     max_map_p_value: Share = 1e-4
     max_residual_p_value: Share = 1e-4
     significance: Share = 1e-3

@@ -213,8 +213,8 @@ class DiagnosisReport(JsonFile):
     """``report.json``: whether captures agree with the ideal encoder, and which effects explain where they do not.
 
     Version 2 adds ``mode``, ``laboratory``, ``verification``, ``considered``, ``undetermined`` and ``notes``, version 3
-    ``budget``, ``probability`` and ``class`` of every effect, the verdict ``undecided``, ``without_mask`` and
-    ``calibration``.
+    ``budget``, ``probability`` and ``class`` of every effect, the verdict ``undecided``, ``without_mask``,
+    ``calibration`` and ``imperfections``.
     """
 
     format: Literal["sci-diagnosis"]
@@ -238,6 +238,7 @@ class DiagnosisReport(JsonFile):
     calibration: dict[str, dict[str, Estimate]] = says("blind mode: of a measured mask, by effect", default={})
     unknown_scenes: UnknownScenes | None = None
     bad_captures: list[BadCapture] = []
+    imperfections: list[NamedEffect] = says("errors of the laboratory, for which no camera is blamed", default=[])
     budget: BudgetUsed | None = None
     seed: Count = says("of the randomised quantile residuals")
     sci_lightning: str = says("version of the program")

@@ -86,7 +86,10 @@ def test_estimated_parameters_and_maps_widen_the_limit(few: Diagnosis) -> None:
     fitter, fit = Fitter(few.model, few.split), few.after.fit
     free = fitter.fit(fit.hypothesis.with_effect("gain", {"factor": 1.0}))
     assert limit(free) > limit(replace(free, free=()))
-    model = CameraModel(few.observation, {**few.model.vocabulary, "prnu": vocabulary()["prnu"]})
+    imperfections = few.model.imperfections
+    model = CameraModel(
+        few.observation, {**few.model.vocabulary, "prnu": vocabulary()["prnu"]}, imperfections=imperfections
+    )
     fitter = Fitter(model, few.split)
     assert "prnu" not in few.model.effects  # a new model: the one of the diagnosis stays as it was
     mapped = fitter.fit(free.hypothesis.with_effect("prnu", {"std": 0.05}, fitter.model.zero_map("prnu")), iterations=2)

@@ -10,13 +10,16 @@ likelihood estimation of misspecified models", 1982; with clusters Liang and Zeg
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 import torch
 
 from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.model.camera_model import ParameterName
+from sci_lightning.diagnosis.model.capture_map import CaptureMap
+from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap
+from sci_lightning.diagnosis.model.map_system import DENSE
 
 LIGHT_LEVELS = 12
 """Levels of light, of equally many pixels each."""
@@ -26,6 +29,10 @@ MAX_DISPERSION = 1e6
 """Largest factor of the variances that is considered; below it every logarithm is as probable as any other."""
 RIGHT_MODEL_PROBABILITY = 0.5
 """Prior probability that clusters disagree by no more than the noise says."""
+FEW_PARAMETERS = 3
+"""Parameters of an effect up to which the largest of their dispersions counts, and not the mean."""
+MIN_OTHERS_SHARE = 0.1
+"""Least part of the information about a value that other targets than one count as having."""
 MIN_INFORMATION = 1e-9
 """Information below which the captures say nothing about a parameter."""
 
@@ -41,12 +48,14 @@ class ClusterErrors:
             the pixels by which they are largest.
         freedom: ``(p,)`` degrees of freedom of Student's t: infinite where the factor is certainly 1, else how many
             clusters say how large it is.
+        maps: the same two numbers for the values of fixed-pattern maps together, by effect.
     """
 
     names: tuple[ParameterName, ...]
     model: torch.Tensor
     dispersions: torch.Tensor
     freedom: torch.Tensor
+    maps: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def deviation(self, name: ParameterName) -> float:
         """Return a parameter's standard deviation (of its logarithm, where that is fitted), 0 of one that is fixed."""
@@ -60,9 +69,13 @@ class ClusterErrors:
 
         They are 1 and infinite for an effect without fitted parameters.
         """
+        if effect in self.maps:
+            return self.maps[effect]
         places = [place for place, (name, _) in enumerate(self.names) if name == effect]
         if not places:
             return 1.0, math.inf
+        if len(places) > FEW_PARAMETERS:  # the largest of many would be large by chance
+            return float(self.dispersions[places].mean()), float(self.freedom[places].min())
         worst = max(places, key=lambda place: float(self.dispersions[place]))
         return float(self.dispersions[worst]), float(self.freedom[worst])
 
@@ -76,8 +89,9 @@ def cluster_errors(fit: Fit) -> ClusterErrors:
     kept = derivatives.information[informed][:, informed]
     inverse[informed[:, None], informed] = torch.linalg.pinv(kept, hermitian=True, rtol=1e-12)
     dispersions, freedom = torch.ones(count, dtype=torch.float64), torch.full((count,), math.inf, dtype=torch.float64)
+    of_maps = {name: map_dispersion(fit, one) for name, one in fit.maps.items() if not one.of_captures}
     if not count:
-        return ClusterErrors(names, inverse, dispersions, freedom)
+        return ClusterErrors(names, inverse, dispersions, freedom, of_maps)
     scores = derivatives.own_scores().flatten(1).double()
     for cluster, clusters in divisions(fit):
         sums = torch.zeros(clusters, count, dtype=torch.float64).index_add_(0, cluster.flatten(), scores.T)
@@ -91,7 +105,50 @@ def cluster_errors(fit: Fit) -> ClusterErrors:
             factor, wrong = dispersion(squares[place] * free / len(sums), free)
             if factor > float(dispersions[place]):
                 dispersions[place], freedom[place] = factor, free / max(wrong, 1e-9)
-    return ClusterErrors(names, inverse, dispersions, freedom)
+    return ClusterErrors(names, inverse, dispersions, freedom, of_maps)
+
+
+def map_dispersion(fit: Fit, one: FixedPatternMap) -> tuple[float, float]:
+    """Return how far targets disagree about the values of a map, and the degrees of freedom of that."""
+    at, fitted = fit.evaluated, fit.fitter.fitted
+    targets = fit.fitter.model.observation.target
+    slopes, curvatures = (
+        torch.zeros(int(targets.max()) + 1, *values.shape[1:]).index_add_(0, targets, values)
+        for values in (
+            one.jacobian * at.likelihood.mean_gradient * fitted,
+            one.jacobian.square() * at.likelihood.mean_information * fitted,
+        )
+    )
+    scores = torch.stack([one.reduce(slope).flatten() for slope in slopes]).double()
+    if one.smooth is None:
+        about = torch.stack([one.reduce(curvature).flatten() for curvature in curvatures]).double()
+    else:
+        about = torch.stack([one.smooth.squares(curvature) for curvature in curvatures]).double()
+    if one.smooth is not None:  # a sheet whose own shape is in the model agrees with everybody
+        shapes = [
+            other.functions.member for other in fit.maps.values() if isinstance(other, CaptureMap) and other.shape
+        ]
+        free_of_shape = torch.ones(len(scores), dtype=torch.bool)
+        for member in shapes:
+            free_of_shape[targets[member]] = False
+        scores, about = scores[free_of_shape], about[free_of_shape]
+    total = about.sum(0)
+    known = total > MIN_INFORMATION
+    scores, about, total = scores[:, known], about[:, known], total[known]
+    share = about / total  # of a target in what is known about a value, which follows it to that part
+    several = 1 / share.square().sum(0) - 1
+    if not len(total) or float(several.sum()) < 1:
+        return 1.0, math.inf
+    mean = scores.sum(0) / total  # the step from where the prior holds the values
+    apart = ((scores - about * mean).square() / (1 - share).clamp(min=MIN_OTHERS_SHARE)).sum(0) / total
+    weight = several
+    if one.kind in DENSE:  # where errors of the targets may be as large, they have taken the disagreement
+        left = fit.derivatives.system.own_precision(one).diagonal() / one.precision.flatten()
+        weight = several * left.clamp(min=0)[known]
+    free = max(1, round(float(several.sum())))
+    squares = float((apart * weight).sum() / weight.sum().clamp(min=1e-9)) * free
+    factor, wrong = dispersion(squares, free)
+    return factor, free / max(wrong, 1e-9)
 
 
 def dispersion(squares: float, free: int) -> tuple[float, float]:
@@ -117,6 +174,9 @@ def divisions(fit: Fit) -> Iterator[tuple[torch.Tensor, int]]:
     mean = fit.prediction.mean.contiguous()
     captures, height, width = mean.shape
     yield torch.arange(captures)[:, None, None].expand(mean.shape).contiguous(), captures
+    target = fit.fitter.model.observation.target
+    if (targets := int(target.max()) + 1) < captures:
+        yield target[:, None, None].expand(mean.shape).contiguous(), targets
     order = mean.flatten().argsort()
     level = torch.empty_like(order)
     level[order] = torch.arange(order.numel()) * LIGHT_LEVELS // order.numel()

@@ -83,14 +83,11 @@ class Derivatives:
 
         The Fisher information before the step is rescaled by the change of every pixel's variance.
         """
-        penalty, model = 0.0, self.free.model
-        if self.maps:
-            before, after = self.at.prediction.total_variance, moved.prediction.total_variance
-            scale = self.at.likelihood.mean_information * self.fitted * before / after
-            for name, fixed_map in self.maps.items():
-                squared = model.map_jacobian(moved.hypothesis, name, moved.prediction).square()
-                penalty += fixed_map.penalty_of(model, moved.hypothesis.maps[name], (squared * scale).sum(0))
-        return penalty
+        if not self.maps:
+            return 0.0
+        before, after = self.at.prediction.total_variance, moved.prediction.total_variance
+        information = self.at.likelihood.mean_information * self.fitted * before / after
+        return sum(one.penalty_after(self.free.model, moved, information) for one in self.maps.values())
 
 
 def differentiate(
@@ -153,7 +150,7 @@ def _of_the_prediction(
         mean[i] = (shifted.mean - prediction.mean) / step
         spread[i] = (shifted.deviation / prediction.deviation).log() / step
         for fixed_map in maps:
-            if fixed_map.kind != "hot":
+            if fixed_map.kind != "hot" and not fixed_map.of_captures:
                 change = (free.model.map_jacobian(neighbour, fixed_map.name, shifted) - fixed_map.jacobian) / step
                 penalty[i] += fixed_map.penalty_slope(change * weight)
     return mean, spread, penalty

@@ -21,12 +21,12 @@ from sci_lightning.diagnosis.fit.split import Split
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Evaluated, Hypothesis, ParameterName
 from sci_lightning.diagnosis.model.fixed_pattern_map import (
     FixedPatternMap,
-    estimate_map,
     with_map_uncertainty,
     with_means_given_away,
 )
 from sci_lightning.diagnosis.model.likelihood import Intervals, PixelLikelihood, Prediction, log_likelihood
 from sci_lightning.diagnosis.model.observation import Observation
+from sci_lightning.diagnosis.model.smooth_map import estimate_map
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.border import Border
 
@@ -259,6 +259,7 @@ class Fitter:
         if last.maps:
             uncertain = self.log_likelihood(with_map_uncertainty(end.prediction, last.maps))
         held_out = float((uncertain * self.held_out).sum(dtype=torch.float64))
+        held_out -= sum(fixed_map.own_penalty for fixed_map in last.maps.values())
         abandoned = objective < to_reach and self.covers(end.hypothesis)
         numbers = objective, held_out, free.names, last.information, last.maps, abandoned
         return Fit(self, end.hypothesis, end.prediction, *numbers)
@@ -298,6 +299,6 @@ class Fitter:
         names = [name for name in at.hypothesis.effects if effects[name].map_kind]
         states: dict[str, FixedPatternMap] = {}
         # smooth maps come last: they must not take what the maps of pixels say already
-        for name in sorted(names, key=lambda name: effects[name].map_kind == "smooth"):
+        for name in sorted(names, key=lambda name: (effects[name].map_kind == "smooth", not effects[name].of_captures)):
             states[name] = estimate_map(self.model, at, name, self.fitted, tuple(states.values()))
         return [states[name] for name in names]

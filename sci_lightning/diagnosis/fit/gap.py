@@ -18,6 +18,8 @@ from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.free_form import FreeForm
 
+MIN_LABORATORY_NATS = 10.0
+"""Nats from which the errors of a laboratory are there beyond doubt."""
 CLIP_SIGMAS = 6.0
 """Standard deviations at which residuals are clipped, so that a few pixels do not hide all the others."""
 OUTLIER_RMS = 4.0
@@ -148,6 +150,9 @@ def chi2_limit(fit: Fit, residual: torch.Tensor, pixels: torch.Tensor, estimated
       fixed-pattern map was estimated: its error is common to the pixels i that share a map value c, and a_i is that
       error's part of the predicted variance of pixel i.
 
+    Where the laboratory has errors, captures of different targets disagree by more than that, and the square of the
+    standard error by this disagreement is added.
+
     The effective number of degrees of freedom is f = 2 mean^2 / variance, and the limit is mean * Q(f) / f, where Q is
     the quantile of chi2 that one right model in a thousand exceeds (``SearchSettings.significance``, as for the
     residual tests). It is never below ``SearchSettings.negligible_chi2``, which it falls to from about 7,700 pixels on.
@@ -169,7 +174,16 @@ def chi2_limit(fit: Fit, residual: torch.Tensor, pixels: torch.Tensor, estimated
         for one in fit.maps.values():
             part = torch.where(pixels, one.leverage / total, 0.0).double()
             variance += 2 * one.shared_variance(part) / count**2
+    if any(one.of_captures and one.evidence > MIN_LABORATORY_NATS for one in fit.maps.values()):
+        variance += _scatter_of_captures(residual, pixels)
     return max(settings.negligible_chi2, largest_by_chance(mean, variance, settings.significance))
+
+
+def _scatter_of_captures(residual: torch.Tensor, pixels: torch.Tensor) -> float:
+    """Return the squared standard error of reduced chi2 by how far captures disagree about it, 0 for fewer than 3."""
+    counts = pixels.sum((1, 2))
+    squares = (residual.double().square() * pixels).sum((1, 2))[counts > 0] / counts[counts > 0]
+    return float(squares.var() / len(squares)) if len(squares) > 2 else 0.0
 
 
 def variance_of_squares(residual: torch.Tensor) -> float:
@@ -211,7 +225,6 @@ def transferred(fit: Fit, fitter: Fitter) -> Fit:
         if issubclass(effect, FreeForm) and effect.of_captures:
             hypothesis = hypothesis.without(name)
     prediction = model.predict(hypothesis)
-    maps = {
-        name: replace(one, jacobian=model.map_jacobian(hypothesis, name, prediction)) for name, one in fit.maps.items()
-    }
+    at = fitter.evaluate(hypothesis, prediction)
+    maps = {name: one.of_other_captures(model, at) for name, one in fit.maps.items()}
     return replace(fit, fitter=fitter, hypothesis=hypothesis, prediction=prediction, maps=maps)

@@ -43,6 +43,8 @@ class LocalGain:
 
     Args:
         fit: at its maximum.
+        errors_follow: whether errors of the captures respond to a change; without them, changes are compared that these
+            errors could nearly make as well.
 
     Attributes:
         fitter: of the fit.
@@ -50,11 +52,12 @@ class LocalGain:
         gradient, information: ``(N, H, W)`` of the fitted pixels with respect to their mean; 0 for the others.
     """
 
-    def __init__(self, fit: Fit) -> None:
+    def __init__(self, fit: Fit, errors_follow: bool = True) -> None:
         self.fitter, self.at = fit.fitter, fit.evaluated
         self.information = self.at.likelihood.mean_information * self.fitter.fitted
         self.gradient = self.at.likelihood.mean_gradient * self.fitter.fitted
-        self._maps = MapSystem(self.fitter.maps(self.at), self.information)
+        maps = [one for one in self.fitter.maps(self.at) if errors_follow or not one.of_captures]
+        self._maps = MapSystem(maps, self.information)
         jacobian = FreeParameters(self.fitter.model, fit.free).jacobian(fit.hypothesis, fit.prediction)
         self._weighted = (jacobian * self.information).flatten(1)
         cross = self._maps.cross_information(jacobian * self.information)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import torch
 
+from sci_lightning.diagnosis.model.imperfections import ErrorOfLight
 from sci_lightning.diagnosis.model.likelihood import MIN_DEVIATION_DN, ClippedSignal, PixelLikelihood, Prediction
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.model.recent import Recent
@@ -103,6 +104,7 @@ class CameraModel:
         vocabulary: every effect that may be named, by name.
         free_forms: effects that a hypothesis may contain beside them, by name: free-form deviations; None for those
             that these captures can determine.
+        imperfections: errors of the laboratory that every hypothesis contains, by name; None for none.
     """
 
     def __init__(
@@ -110,11 +112,13 @@ class CameraModel:
         observation: Observation,
         vocabulary: Mapping[str, type[Effect]],
         free_forms: Mapping[str, type[Effect]] | None = None,
+        imperfections: Mapping[str, type[Effect]] | None = None,
     ) -> None:
         self.observation = observation
         self.vocabulary = dict(vocabulary)
         self.free_forms = free_forms_for(observation) if free_forms is None else dict(free_forms)
-        self.effects: Mapping[str, type[Effect]] = {**self.free_forms, **self.vocabulary}
+        self.imperfections = dict(imperfections or {})
+        self.effects: Mapping[str, type[Effect]] = {**self.free_forms, **self.imperfections, **self.vocabulary}
         self.window = Border().window(observation.size)
         self._recorded_before = self._in_window(observation.before)
         self._lit = _lit(observation.scene)
@@ -123,10 +127,19 @@ class CameraModel:
         self._images: Recent[torch.Tensor] = Recent(1)
         self._modulated: Recent[Signal] = Recent(REMEMBERED_LIGHT_FIELDS)
         self._formed: Recent[Signal] = Recent(REMEMBERED_LIGHT_FIELDS)
+        self._light_slopes: Recent[tuple[torch.Tensor, Prediction]] = Recent(1)
 
     def of_captures(self, observation: Observation) -> CameraModel:
         """Return a new model of the same camera for other captures."""
-        return CameraModel(observation, self.vocabulary, self.free_forms)
+        return CameraModel(observation, self.vocabulary, self.free_forms, self.imperfections)
+
+    def ideal(self) -> tuple[Hypothesis, tuple[ParameterName, ...]]:
+        """Return :func:`datasheet_noise` with the errors of the laboratory, which no search adds or withdraws."""
+        noise, stated = datasheet_noise(self.observation)
+        for name, effect in self.imperfections.items():
+            start: Setting = {parameter: about.starts[0] for parameter, about in effect.about.items()}
+            noise = noise.with_effect(name, start, self.zero_map(name))
+        return noise, stated
 
     def inside(self, border: Border, stride: int = 1) -> CameraModel:
         """Return the same model whose predictions are those of the pixels inside a border of whole pixels.
@@ -261,6 +274,12 @@ class CameraModel:
             name: of an effect with a map.
             prediction: of the hypothesis.
         """
+        effect = self.effects[name]
+        if issubclass(effect, ErrorOfLight):
+            slope = self._light_slopes.get(
+                id(prediction), lambda: (self._light_slope(hypothesis, prediction), prediction)
+            )[0]
+            return slope * effect.concerned[self.observation.position][:, None, None]
         values = self.map_values(hypothesis, name)
         neutral_scale: Setting = {
             parameter: 1.0 if parameter == "std" else 0.5 for parameter in self.effects[name].about
@@ -272,6 +291,15 @@ class CameraModel:
         if name not in hypothesis.effects or name not in hypothesis.maps:
             prediction = self.predict(hypothesis.with_effect(name, neutral_scale, values))
         return (shifted.mean - prediction.mean) / (self.windowed(step) if isinstance(step, torch.Tensor) else step)
+
+    def _light_slope(self, hypothesis: Hypothesis, prediction: Prediction) -> torch.Tensor:
+        """Return the derivative ``(N, H, W)`` of the mean with respect to a relative change of the light."""
+        name = "exposure_jitter"
+        scale = max(float(hypothesis.effects[name]["std"]), 1e-12)
+        shifted = self.predict(
+            hypothesis.with_effect(name, {"std": scale}, self.map_values(hypothesis, name) + MAP_STEP)
+        )
+        return (shifted.mean - prediction.mean) / MAP_STEP
 
     def map_values(self, hypothesis: Hypothesis, name: str) -> torch.Tensor:
         """Return the values of an effect's map in a hypothesis, 0 where it has none yet.

@@ -18,13 +18,14 @@ import torch
 
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Evaluated, Hypothesis, Setting
 from sci_lightning.diagnosis.model.likelihood import Prediction
-from sci_lightning.diagnosis.model.smooth_basis import SmoothBasis, orthonormal, prior
+from sci_lightning.diagnosis.model.smooth_basis import SmoothBasis
 
-PRIOR_STEEPNESSES = (1.0, 2.0, 3.0, 4.0)
-"""Powers of the degree with which the prior of a smooth map may fall; the most likely one counts. A steeper prior would
-ask for more digits than maps in single precision have."""
 CENTRING_INFORMATION_RATIO = 1e4
 """Information about the mean of centred values that is added, as a multiple of that about one of them."""
+MAX_TYPICAL_SIZES = 2.0
+"""Times their typical size that errors of a laboratory may have: what is larger is a fault."""
+REFINEMENTS = 8
+"""Times that the search for the standard deviation of a prior looks closer, each time by a factor of 4."""
 HOT_PIXEL_PENALTY_NATS = 5.0
 """Nats that the value of a hot pixel costs, beside the logarithm of the number of pixels for its place."""
 
@@ -49,6 +50,7 @@ class FixedPatternMap:
         pixel_gradient, pixel_information: of a smooth map, what the captures say about every pixel of the whole field
             alone.
         centred: whether the values of rows or columns are held to a mean of 0.
+        of_captures: whether it is a matter of the captures, and no pattern of the camera.
     """
 
     name: str
@@ -65,6 +67,17 @@ class FixedPatternMap:
     pixel_gradient: torch.Tensor | None = None
     pixel_information: torch.Tensor | None = None
     centred: bool = False
+    of_captures: bool = False
+
+    @property
+    def correction(self) -> torch.Tensor:
+        """What is added to the mean of captures that no fit has seen, DN, of a shape that broadcasts to (N, H, W)."""
+        return torch.zeros(1, 1, 1)
+
+    @property
+    def own_penalty(self) -> float:
+        """Nats that prior and uncertainty of :attr:`correction` take off the log-likelihood of these captures."""
+        return 0.0
 
     @property
     def active(self) -> torch.Tensor:
@@ -120,6 +133,8 @@ class FixedPatternMap:
             other: the second map.
             shared: ``(H, W)`` information that they share about every pixel.
         """
+        if other.of_captures:
+            return other.shared_information(self, shared).T
         if self.smooth is not None:
             return other.reduce(self.smooth.seen * shared).flatten(1)
         if other.smooth is not None:
@@ -182,19 +197,31 @@ class FixedPatternMap:
             return {"fraction": float((values > 0).float().mean())}, model.whole(values)
         return {"std": self.std}, model.whole(values)
 
-    def penalty_of(self, model: CameraModel, values: torch.Tensor, information: torch.Tensor) -> float:
-        """Return the penalty, in nats, of another map.
+    def penalty_after(self, model: CameraModel, moved: Evaluated, information: torch.Tensor) -> float:
+        """Return the penalty, in nats, after a step.
 
         Args:
             model: knows which pixels count.
-            values: the map, as a hypothesis holds it.
-            information: ``(H, W)`` about its value at every pixel.
+            moved: the hypothesis after the step.
+            information: ``(N, H, W)`` about the mean of every pixel.
         """
+        jacobian = self.jacobian  # of errors of captures, which are small, it hardly changes
+        if not self.of_captures:
+            jacobian = model.map_jacobian(moved.hypothesis, self.name, moved.prediction)
+        squared = jacobian.square()
+        return self._penalty_of(model, moved.hypothesis.maps[self.name], (squared * information).sum(0))
+
+    def of_other_captures(self, model: CameraModel, at: Evaluated) -> FixedPatternMap:
+        """Return the same map in other captures, of which a model predicts a hypothesis."""
+        return replace(self, jacobian=model.map_jacobian(at.hypothesis, self.name, at.prediction))
+
+    def _penalty_of(self, model: CameraModel, values: torch.Tensor, information: torch.Tensor) -> float:
+        """Return the penalty, in nats, of another map, as a hypothesis holds it, with so much information (H, W)."""
         if self.kind == "hot":
             return float((values > 0).sum()) * _hot_penalty(self.values)
         if self.smooth is not None:
-            return _penalty(self.smooth.coordinates(values), self.smooth.squares(information), self.std)
-        return _penalty(model.windowed(values).double(), self.reduce(information).double(), self.std)
+            return penalty_of(self.smooth.coordinates(values), self.smooth.squares(information), self.std)
+        return penalty_of(model.windowed(values).double(), self.reduce(information).double(), self.std)
 
 
 def with_means_given_away(model: CameraModel, hypothesis: Hypothesis) -> Hypothesis:
@@ -211,14 +238,15 @@ def with_means_given_away(model: CameraModel, hypothesis: Hypothesis) -> Hypothe
 
 
 def with_map_uncertainty(prediction: Prediction, maps: Mapping[str, FixedPatternMap]) -> Prediction:
-    """Return the prediction with the maps' uncertainty in its standard deviation."""
-    variance = prediction.deviation.square()
+    """Return the prediction with the maps' uncertainty in its standard deviation, and with the errors that captures
+    which no fit has seen turn out to have."""
+    mean, variance = prediction.mean, prediction.deviation.square()
     for fixed_map in maps.values():
-        variance = variance + fixed_map.leverage
-    return replace(prediction, deviation=variance.sqrt()) if maps else prediction
+        mean, variance = mean + fixed_map.correction, variance + fixed_map.leverage
+    return replace(prediction, mean=mean, deviation=variance.sqrt()) if maps else prediction
 
 
-def estimate_map(
+def estimate_pattern(
     model: CameraModel,
     at: Evaluated,
     name: str,
@@ -232,7 +260,7 @@ def estimate_map(
         at: a hypothesis that need not contain the effect yet; its map is then taken at 0.
         name: of an effect with a map.
         fitted: ``(N, H, W)``, 1 for fitted pixels and 0 for held-out ones.
-        others: maps of the hypothesis; those of pixels hold what a smooth map could say with fewer numbers.
+        others: maps of the hypothesis; those of pixels hold what this map could say as well.
     """
     hypothesis, likelihood = at.hypothesis, at.likelihood
     kind = model.effects[name].map_kind or ""
@@ -241,13 +269,11 @@ def estimate_map(
     jacobian = model.map_jacobian(hypothesis, name, at.prediction)
     slope = (jacobian * likelihood.mean_gradient * fitted).sum(0)
     curvature = (jacobian.square() * likelihood.mean_information * fitted).sum(0)
-    if kind == "smooth":
-        taken = torch.zeros(2, *curvature.shape, dtype=torch.float64)
-        for other in others:
-            if other.kind == "pixel":
-                shared = (jacobian * other.jacobian * likelihood.mean_information * fitted).sum(0)
-                taken += torch.stack((other.gradient, shared)) * (shared / other.precision)
-        return _smooth_map(model, name, values, jacobian, slope, curvature, (taken[0], taken[1]))
+    taken = torch.zeros(2, *curvature.shape, dtype=torch.float64)
+    for other in others:
+        if other.kind == "pixel" and other.of_captures:
+            shared = (jacobian * other.jacobian * likelihood.mean_information * fitted).sum(0)
+            taken += torch.stack((other.gradient, shared)) * (shared / other.precision)
     gradient, information = (_reduce(kind, field).double() for field in (slope, curvature))
     values = model.windowed(values).double()
     if kind == "hot":
@@ -261,53 +287,16 @@ def estimate_map(
         from_zero = gradient + information * values
         if centred:
             from_zero = from_zero - information * (from_zero.sum() / information.sum().clamp(min=1e-9))
-        std, evidence, std_error = _likeliest_prior(from_zero, information)
-        penalty = _penalty(values, information, std)
+        left = (information - _reduce(kind, taken[1])).clamp(min=0)
+        from_zero = from_zero - _reduce(kind, taken[0] + taken[1] * values)
+        typical = getattr(model.effects[name], "typical", math.inf)
+        std, evidence, std_error = likeliest_prior(from_zero, left, typical)
+        penalty = penalty_of(values, information, std) + 0.5 * (std / typical) ** 2
     numbers = std, std_error, penalty, evidence
-    return FixedPatternMap(name, kind, values, jacobian, gradient, information, *numbers, centred=centred)
-
-
-def _smooth_map(
-    model: CameraModel,
-    name: str,
-    values: torch.Tensor,
-    jacobian: torch.Tensor,
-    slope: torch.Tensor,
-    curvature: torch.Tensor,
-    taken: tuple[torch.Tensor, torch.Tensor],
-) -> FixedPatternMap:
-    """Return the state of a smooth map ``(H, W)`` from gradient and information about the value at every counted pixel.
-
-    Its standard error is that of the map's standard deviation over the field. ``taken`` is the part of gradient and
-    information that maps of pixels can take over: prior and standard error are those that suit what they leave.
-    """
-    left = (curvature - taken[1]).clamp(min=0)
-    steepness, std, evidence = _smoothest_prior(model.whole(slope - taken[0]), model.whole(left), values)
-    basis = SmoothBasis.of(model.whole(curvature), steepness, model.window)
-    coordinates, gradient, information = basis.coordinates(values), basis.reduce(slope), basis.squares(curvature)
-    factors = basis.mixing @ coordinates
-    direction = basis.mixing.T @ (factors / factors.norm().clamp(min=1e-12))
-    precision = basis.gram(left) + torch.eye(len(coordinates), dtype=torch.float64) / max(std, 1e-9) ** 2
-    std_error = float((direction @ torch.linalg.solve(precision, direction)).sqrt()) if len(direction) else 0.0
-    penalty = _penalty(coordinates, information, std)
-    numbers = std, std_error, penalty, evidence
-    of_pixels = model.whole(slope), model.whole(curvature)
-    return FixedPatternMap(name, "smooth", coordinates, jacobian, gradient, information, *numbers, basis, *of_pixels)
-
-
-def _smoothest_prior(slope: torch.Tensor, curvature: torch.Tensor, values: torch.Tensor) -> tuple[float, float, float]:
-    """Return steepness and standard deviation of the prior of the largest marginal likelihood, and its gain in nats."""
-    flat, degree = orthonormal(*curvature.shape)
-    about = (flat * curvature.flatten().double()) @ flat.T
-    along = flat @ (slope + curvature * values).flatten().double()
-    best = (PRIOR_STEEPNESSES[0], 1e-6, -math.inf)
-    for steepness in PRIOR_STEEPNESSES:
-        spread = prior(degree, steepness)
-        information, turn = torch.linalg.eigh(spread[:, None] * about * spread)
-        std, evidence, _ = _likeliest_prior(turn.T @ (spread * along), information.clamp(min=0))
-        if evidence > best[2]:
-            best = steepness, std, evidence
-    return best
+    of_captures = model.effects[name].of_captures
+    return FixedPatternMap(
+        name, kind, values, jacobian, gradient, information, *numbers, centred=centred, of_captures=of_captures
+    )
 
 
 def _reduce(kind: str, field: torch.Tensor) -> torch.Tensor:
@@ -328,35 +317,35 @@ def _hot_penalty(values: torch.Tensor) -> float:
     return math.log(values.numel()) + HOT_PIXEL_PENALTY_NATS
 
 
-def _penalty(values: torch.Tensor, information: torch.Tensor, std: float) -> float:
+def penalty_of(values: torch.Tensor, information: torch.Tensor, std: float) -> float:
     """Return what a Gaussian prior and the uncertainty of the values take off the log-likelihood, in nats."""
     std = max(std, 1e-9)
     return float(0.5 * (values / std).square().sum() + 0.5 * torch.log1p(std**2 * information).sum())
 
 
-def _marginal_gain(from_zero: torch.Tensor, information: torch.Tensor, std: float) -> float:
-    """Return the gain of the marginal likelihood, in nats, by a map whose prior has this standard deviation."""
-    shrink = std**2 / (1 + std**2 * information)
-    return float(0.5 * (from_zero.square() * shrink).sum() - 0.5 * torch.log1p(std**2 * information).sum())
-
-
-def _likeliest_prior(from_zero: torch.Tensor, information: torch.Tensor) -> tuple[float, float, float]:
+def likeliest_prior(
+    from_zero: torch.Tensor, information: torch.Tensor, typical: float = math.inf
+) -> tuple[float, float, float]:
     """Return the prior's standard deviation of the largest marginal likelihood, its gain, and its standard error.
 
     Args:
         from_zero: gradient of the log-likelihood with respect to each value, at a map of zeros.
         information: about each value.
+        typical: standard deviation of a half-normal prior of the result; infinite for none. It ends at twice as much.
     """
-    grid = torch.logspace(-6, 0, 61, dtype=torch.float64).tolist()
-    gains = [_marginal_gain(from_zero, information, std) for std in grid]
-    best = max(range(len(grid)), key=gains.__getitem__)
-    low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-    for _ in range(40):  # golden-section search
-        a, b = low + 0.382 * (high - low), low + 0.618 * (high - low)
-        a_is_better = _marginal_gain(from_zero, information, a) > _marginal_gain(from_zero, information, b)
-        low, high = (low, b) if a_is_better else (a, high)
-    std = (low + high) / 2
-    gain, step = _marginal_gain(from_zero, information, std), 0.02 * std
-    below, above = (_marginal_gain(from_zero, information, std + way * step) for way in (-1, 1))
-    curvature = -(above - 2 * gain + below) / step**2
+    squares, information = from_zero.flatten().square(), information.flatten()
+
+    def gains_of(stds: torch.Tensor) -> torch.Tensor:
+        more = stds[:, None].square() * information
+        shrunk = squares * (stds[:, None].square() / (1 + more))
+        return 0.5 * ((shrunk - torch.log1p(more)).sum(1) - (stds / typical).square())
+
+    grid = torch.logspace(-6, min(0.0, math.log10(MAX_TYPICAL_SIZES * typical)), 61, dtype=torch.float64)
+    for _ in range(REFINEMENTS):
+        best = int(gains_of(grid).argmax())
+        low, high = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+        grid = torch.exp(torch.linspace(float(low.log()), float(high.log()), 9, dtype=torch.float64))
+    std = float(grid[4])
+    below, gain, above = gains_of(std + 0.02 * std * torch.tensor([-1.0, 0.0, 1.0], dtype=torch.float64)).tolist()
+    curvature = -(above - 2 * gain + below) / (0.02 * std) ** 2
     return std, gain, 1 / math.sqrt(curvature) if curvature > 0 else std

@@ -122,6 +122,15 @@ class Observation:
             levels.add(float(near.median()) / self.full_scale)
         return sorted(level for level in levels if 0 < level < 1)
 
+    @cached_property
+    def target(self) -> torch.Tensor:
+        """``(N,)`` number of the target of every capture: captures whose scenes are equal are of the same one."""
+        contents = [
+            hashlib.sha256(str(scene.shape).encode() + scene.numpy().tobytes()).digest() for scene in self.scene
+        ]
+        numbers = {content: number for number, content in enumerate(sorted(set(contents)))}
+        return torch.tensor([numbers[content] for content in contents])
+
     def __len__(self) -> int:
         return len(self.dn)
 

@@ -50,7 +50,7 @@ def write_encoder(result: Result, out: str | Path) -> None:
         effect = result.model.effects[name]
         if name in improbable:
             continue
-        if (issubclass(effect, FreeForm) and effect.of_captures) or issubclass(effect, SceneEffect):
+        if effect.of_captures or issubclass(effect, SceneEffect):
             continue
         if isinstance(result, BlindDiagnosis) and name in NOISE_GUESS and name not in result.stated_noise:
             continue

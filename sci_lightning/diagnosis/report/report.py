@@ -20,6 +20,7 @@ from sci_lightning.diagnosis.report.pictures import figures
 from sci_lightning.diagnosis.report.report_page import ReportProvenance, report_page
 from sci_lightning.diagnosis.report.sentences import UNCERTAINTY, class_paths
 from sci_lightning.diagnosis.result import CalibratedResult
+from sci_lightning.encoder.effects import Effect
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.json_file import write_json
 from sci_lightning.runs.provenance import installed_version
@@ -60,7 +61,9 @@ def write_report(
 
 def describe(result: CalibratedResult | BlindDiagnosis) -> dict[str, Any]:
     """Return the content of ``report.json`` without its provenance, as plain data."""
-    noise = {name: values for name, values in result.hypothesis.effects.items() if result.model.effects[name].noise}
+    noise = {
+        name: values for name, values in result.hypothesis.effects.items() if _is_noise(result.model.effects[name])
+    }
     return {
         "format": "sci-diagnosis",
         "format_version": 3,
@@ -76,6 +79,11 @@ def describe(result: CalibratedResult | BlindDiagnosis) -> dict[str, Any]:
         "seed": result.seed,
         "sci_lightning": installed_version(),
     }
+
+
+def _is_noise(effect: type[Effect]) -> bool:
+    """Return whether an effect is noise of the camera."""
+    return effect.noise and not effect.of_captures
 
 
 def _of_known_scenes(result: CalibratedResult) -> dict[str, Any]:
@@ -102,6 +110,7 @@ def _of_known_scenes(result: CalibratedResult) -> dict[str, Any]:
         "where": {when: [test.describe() for test in model.tests] for when, model in assessments.items()},
         "verification": VERIFIED_BY_NONE if result.verification is None else result.verification.describe(),
         "bad_captures": [capture.describe() for capture in result.bad_captures],
+        "imperfections": [error.describe() for error in result.imperfections],
         **({} if unknown is None else {"unknown_scenes": unknown.describe()}),
         "split": result.split.describe(),
     }

@@ -12,7 +12,15 @@ from sci_lightning.diagnosis.blind.block_prediction import PredictionVerdict
 from sci_lightning.diagnosis.fit.gap import Misfit
 from sci_lightning.diagnosis.model.camera_model import datasheet_noise
 from sci_lightning.diagnosis.report import pictures
-from sci_lightning.diagnosis.report.sentences import chi2, count_of, fallen, further_notes, nats_gained, not_tried
+from sci_lightning.diagnosis.report.sentences import (
+    chi2,
+    count_of,
+    fallen,
+    further_notes,
+    laboratory,
+    nats_gained,
+    not_tried,
+)
 from sci_lightning.diagnosis.residual_tests import ResidualTest
 from sci_lightning.diagnosis.result import CalibratedResult
 
@@ -44,6 +52,7 @@ def sections_of_known_scenes(result: CalibratedResult) -> dict[str, Any]:
         "captures": _captures(result),
         "notes": [
             *([] if result.unknown_scenes is None else [result.unknown_scenes.sentence()]),
+            *([f"{laboratory(result)}."] if result.imperfections else []),
             *([f"Not tried: {not_tried(result)}."] if result.budget.not_tried else []),
         ],
         "cards": _cards(result),
@@ -193,7 +202,7 @@ def _significant_tests(result: CalibratedResult) -> list[tuple[ResidualTest | No
 def _maps(result: CalibratedResult) -> dict[str, Figure]:
     """Return a figure of every estimated fixed-pattern map by the effect's name."""
     drawn = {}
-    for name in result.after.fit.maps:
+    for name in (name for name, one in result.after.fit.maps.items() if not one.of_captures):
         effect = result.model.effects[name]
         unit = effect.map_unit or next(iter(effect.about.values())).unit
         values = result.after.fit.hypothesis.maps[name]
@@ -230,7 +239,7 @@ def _about_pixels(result: CalibratedResult) -> dict[str, str]:
     )
     noise, datasheet = [], datasheet_noise(result.observation)[0].effects
     for name, values in result.after.fit.hypothesis.effects.items():
-        if result.model.effects[name].noise:
+        if name in datasheet:
             stated = name in result.stated_noise and values == datasheet[name]
             listed = ", ".join(f"{key} {value:.4g}" for key, value in values.items())
             noise.append(f"{name.replace('_', ' ')}: {listed} ({'stated by the file' if stated else 'estimated'})")

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
 from sci_lightning.diagnosis.fit.gap import Gap
 from sci_lightning.diagnosis.result import CalibratedResult
-from sci_lightning.diagnosis.search.evidence import NamedEffect
+from sci_lightning.diagnosis.search.evidence import Estimate, NamedEffect
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.effects.parameter import Value
@@ -71,6 +71,19 @@ def _headline_of_unknown_scenes(result: BlindDiagnosis) -> str:
 def further_notes(result: BlindDiagnosis) -> tuple[str, ...]:
     """Return the notes beside the headline, which begins with the first one where the verdict is ``undecided``."""
     return result.notes[1:] if result.verdict == "undecided" else result.notes
+
+
+def laboratory(result: CalibratedResult) -> str:
+    """Say which errors the laboratory has, which no camera is blamed for."""
+    clauses = (
+        error.effect.describe({"std": percentage_of_size(error.parameters["std"])}) for error in result.imperfections
+    )
+    return f"In this laboratory {'; '.join(clauses)}"
+
+
+def percentage_of_size(estimate: Estimate) -> str:
+    """Return a relative size in per cent, with one standard deviation."""
+    return f"{quantity(100 * float(estimate.value), 100 * estimate.std, 0.0)} %"
 
 
 def not_tried(result: CalibratedResult) -> str:

@@ -17,6 +17,7 @@ from sci_lightning.diagnosis.report.sentences import (
     count_of,
     further_notes,
     headline,
+    laboratory,
     not_tried,
     percentage,
     quantity,
@@ -77,6 +78,8 @@ def print_report(result: CalibratedResult | BlindDiagnosis, console: PlainConsol
         _print_snapshots(result, console)
     else:
         _print_captures(result, console)
+    if isinstance(result, CalibratedResult) and result.imperfections:
+        console.say(f"{laboratory(result)}.")
     console.say(considered(result.considered))
     for advice in result.next_captures:
         console.say(styled("record next"), f": {advice}")

@@ -57,7 +57,7 @@ def residual_tests(residuals: Residuals) -> list[ResidualTest]:
     The p-values are corrected for the number of tests (Holm).
     """
     questions = dict(QUESTIONS)
-    for name in residuals.fit.maps:
+    for name in (name for name, one in residuals.fit.maps.items() if not one.of_captures):
         question = f"Is the map of {name} as random as its name says?"
         questions[f"map_of_{name}"] = ("map", question, partial(pixel_tests.estimated_map, name=name))
     tests, significance = [], residuals.fit.fitter.settings.significance

@@ -7,6 +7,7 @@ import math
 import torch
 from scipy.stats import ncx2
 
+from sci_lightning.diagnosis.fit.cluster_errors import map_dispersion
 from sci_lightning.diagnosis.residual_tests.residual_test import (
     MIN_CHI2_FREEDOM,
     Answer,
@@ -147,7 +148,7 @@ def estimated_map(residuals: Residuals, name: str) -> Answer:
     else:
         place = tuple(map(float, range(scores.numel())))
         picture = Picture("curve", scores.flatten(), x=place, axes=(PLACE[one.kind == "row"],))
-    p_value = map_p_value(one)
+    p_value = map_p_value(one, map_dispersion(residuals.fit, one)[0])
     nats = -math.log(max(p_value, 1e-300))
     return Answer(nats, p_value, nats, picture)
 

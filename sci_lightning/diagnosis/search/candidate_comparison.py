@@ -48,9 +48,9 @@ class CandidateComparison:
             for name, fit in self.fits.items()
         }
 
-    def winner(self, least: float) -> str | None:
-        """Return the candidate of the largest gain by the information criterion; None if no gain exceeds ``least``."""
-        enough = [name for name, gain in self._bic_gains.items() if gain > least]
+    def winner(self) -> str | None:
+        """Return the candidate of the largest gain by the information criterion; None if none gains."""
+        enough = [name for name, gain in self._bic_gains.items() if gain > 0]
         return max(enough, key=self._bic_gains.__getitem__, default=None)
 
     def gain_of(self, name: str | None) -> float:

@@ -15,6 +15,7 @@ import torch
 
 from sci_lightning.diagnosis.fit.cluster_errors import cluster_errors
 from sci_lightning.diagnosis.fit.fit import Fit
+from sci_lightning.diagnosis.fit.gap import MIN_LABORATORY_NATS
 from sci_lightning.diagnosis.search.alternatives import alternatives
 from sci_lightning.diagnosis.search.probability import evidence_for
 from sci_lightning.encoder.effects import Effect
@@ -142,6 +143,24 @@ def named_effects(fit: Fit, names: Sequence[str]) -> tuple[NamedEffect, ...]:
             )
         )
     return tuple(effects)
+
+
+def imperfections_in(fit: Fit) -> tuple[NamedEffect, ...]:
+    """Return the errors of the laboratory that a fit certainly has, with their sizes."""
+    fitter, errors, found = fit.fitter, cluster_errors(fit), []
+    for name, effect in fitter.model.imperfections.items():
+        if name not in fit.hypothesis.effects:
+            continue
+        size = float(fit.hypothesis.effects[name]["std"])
+        if name in fit.maps:
+            nats, error = fit.maps[name].evidence, fit.maps[name].std_error
+        else:
+            without = fitter.model.predict(fit.hypothesis.with_effect(name, {"std": effect.about["std"].low}))
+            lost = (fitter.log_likelihood(fit.prediction) - fitter.log_likelihood(without)) * fitter.fitted
+            nats, error = float(lost.sum(dtype=torch.float64)), size * errors.deviation((name, "std"))
+        if nats > MIN_LABORATORY_NATS:
+            found.append(NamedEffect(effect, {"std": Estimate(size, error, 0.0, effect.about["std"].unit)}))
+    return tuple(found)
 
 
 def error_correlation(fit: Fit) -> ErrorCorrelation:

@@ -25,18 +25,22 @@ NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0))
 """Displacements (rows, columns) at which values are correlated with each other."""
 
 
-def map_p_value(one: FixedPatternMap) -> float:
+def map_p_value(one: FixedPatternMap, dispersion: float = 1.0) -> float:
     """Return the p-value of the hypothesis that the values are independent and Gaussian, corrected for several tests.
 
     The values are maximum-likelihood estimates without the prior, divided by their standard deviation under the
     hypothesis, so that they are standard normal numbers. Hot pixels are few and may have any value; only their places
     are tested: they should not be neighbours more often than by chance. Of a smooth map it is tested whether the
     captures ask for detail just finer than such a map may have.
+
+    Args:
+        one: the map.
+        dispersion: factor by which the variances of smooth detail are larger than noise makes them.
     """
     if one.kind == "hot":
         return _hot_neighbours(one.values > 0)
     if one.smooth is not None:
-        return _finer_than_smooth(one, one.smooth)
+        return _finer_than_smooth(one, one.smooth, dispersion)
     raw = one.values + one.likelihood_gradient / one.likelihood_information.clamp(min=1e-12)
     known = one.likelihood_information > 1e-3 * one.likelihood_information.median()
     spread = (one.std**2 + 1 / one.likelihood_information.clamp(min=1e-12)).sqrt()
@@ -108,7 +112,7 @@ def _hot_neighbours(hot: torch.Tensor) -> float:
     return float(chi2.cdf(2 * expected, 2 * pairs)) if pairs else 1.0
 
 
-def _finer_than_smooth(one: FixedPatternMap, basis: SmoothBasis) -> float:
+def _finer_than_smooth(one: FixedPatternMap, basis: SmoothBasis, dispersion: float) -> float:
     """Return the p-value of the detail that a smooth map leaves just beyond the finest that it may have."""
     if one.pixel_gradient is None or one.pixel_information is None or not len(one.values):
         return 1.0
@@ -122,7 +126,7 @@ def _finer_than_smooth(one: FixedPatternMap, basis: SmoothBasis) -> float:
     values, vectors = torch.linalg.eigh(information)
     known = values > 0.01 * values.max().clamp(min=1e-30)
     along = (vectors.T @ gradient)[known]
-    statistic = float((along.square() / values[known]).sum())
-    size = float((along / values[known]).square().sum() - (1 / values[known]).sum())
+    statistic = float((along.square() / values[known]).sum()) / dispersion
+    size = float((along / values[known]).square().sum() - (dispersion / values[known]).sum())
     smooth = float(torch.einsum("k,khw->hw", one.values, basis.seen).square().mean())  # beyond, it is extrapolated
     return float(chi2.sf(statistic, int(known.sum()))) if size > MIN_FINE_DETAIL_SHARE * smooth else 1.0

@@ -17,6 +17,8 @@ import torch
 
 from sci_lightning.diagnosis.fit.cluster_errors import ClusterErrors, cluster_errors
 from sci_lightning.diagnosis.fit.fit import Fit
+from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap, likeliest_prior
+from sci_lightning.diagnosis.model.map_system import DENSE
 from sci_lightning.encoder.effects.parameter import part_of
 
 PRIOR_PROBABILITY = 0.02
@@ -67,7 +69,29 @@ def evidence_for(fit: Fit, name: str, errors: ClusterErrors | None = None, witho
     without = without or fit.fitter.fit(fit.hypothesis.without(name), from_afar=True)
     nats = min(fit.log_likelihood - without.log_likelihood, nats_from_nothing(fit, name))
     dispersion, freedom = errors.of_effect(name)
-    return Evidence(nats, dispersion, calibrated(nats, dispersion, freedom) - occam_factor(fit, name, errors))
+    gain = calibrated(nats, dispersion, freedom)
+    if name in fit.maps:
+        gain = min(gain, map_evidence(fit, fit.maps[name], dispersion))
+    return Evidence(nats, dispersion, gain - occam_factor(fit, name, errors))
+
+
+def map_evidence(fit: Fit, one: FixedPatternMap, dispersion: float) -> float:
+    """Return the nats that a map gains where variances are so much larger than noise makes them.
+
+    A map follows what it is fitted to, so that its nats divided by the dispersion would be too many. What other maps
+    could say as well, such as errors of the targets, is not counted.
+    """
+    if one.kind == "hot":
+        return math.inf
+    from_zero, information = (
+        one.likelihood_gradient + one.likelihood_information * one.values,
+        one.likelihood_information,
+    )
+    if one.kind in DENSE:
+        precision = fit.derivatives.system.own_precision(one)
+        information, turn = torch.linalg.eigh(precision - torch.eye(len(precision)) / max(one.std, 1e-9) ** 2)
+        from_zero, information = turn.T @ (precision @ one.values.flatten()), information.clamp(min=0)
+    return likeliest_prior(from_zero / dispersion, information / dispersion)[1]
 
 
 def nats_from_nothing(fit: Fit, name: str) -> float:

@@ -13,14 +13,16 @@ from dataclasses import dataclass, replace
 import torch
 from scipy.stats import chi2
 
+from sci_lightning.diagnosis.fit.cluster_errors import map_dispersion
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.fit.information_criterion import bic_gain, bic_penalty, prune, with_common_pixels
+from sci_lightning.diagnosis.fit.information_criterion import bic_penalty, prune, with_common_pixels
 from sci_lightning.diagnosis.fit.local_gain import LocalGain
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.fit.split import NO_BORDER
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
-from sci_lightning.diagnosis.model.fixed_pattern_map import estimate_map
+from sci_lightning.diagnosis.model.smooth_map import estimate_map
 from sci_lightning.diagnosis.search.map_test import map_p_value
+from sci_lightning.diagnosis.search.probability import evidence_for
 from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.free_form import FreeForm
 
@@ -106,28 +108,24 @@ def explain_remaining_misfit(
         the model, fitted on the pixels that it can predict, and what it contains without a name.
     """
     settings, effects = fit.fitter.settings, fit.fitter.model.effects
-    p_values = {name: map_p_value(one) for name, one in fit.maps.items()}
-    contradicted = {name: p_value for name, p_value in p_values.items() if p_value < settings.max_map_p_value}
+    contradicted = contradicted_maps(fit)
     given_names = {deviation.name for deviation in given}
     as_free_form = {name: effects[name] for name in contradicted if name not in given_names}
     for name in as_free_form:
         on_progress(f"{name} is set aside: its map is not random")
         fit = fit.without(name, iterations=20)
-    deviations, gained = [*given], 0.0
+    deviations = [*given]
     for _ in range(settings.max_unnamed - len(deviations)):
         if deviations and not fit.fitter.budget.allows("further deviations without a name"):
             break
-        least = unnamed_threshold(fit, ideal) + settings.surrogate_fraction * gained
-        fit, best, larger = best_free_form(fit, least, as_free_form)
+        fit, best, larger = best_free_form(fit, as_free_form)
         if best is None:
             break
         on_progress(f"unnamed: {best.where}")
-        gained = max(gained, larger.log_likelihood - fit.log_likelihood)
-        fit = prune(larger, {*noise.effects, best.name}, margin=settings.surrogate_fraction * gained)
+        fit = prune(larger, {*noise.effects, best.name})
         deviations = [one for one in (*deviations, best) if one.name in fit.hypothesis.effects]
     if as_free_form and not deviations:  # what was worth a name that it does not deserve has none
-        least = settings.unnamed_min_gain_nats + settings.formula_error * fit.explained_nats(ideal)
-        fit, best, larger = best_free_form(fit, least, as_free_form, only_maps=True)
+        fit, best, larger = best_free_form(fit, as_free_form, only_maps=True)
         if best is not None:
             on_progress(f"unnamed: {best.where}")
             fit, deviations = larger, [best]
@@ -136,55 +134,45 @@ def explain_remaining_misfit(
     return fit, [_unnamed(fit, deviation, contradicted) for deviation in deviations]
 
 
-def unnamed_threshold(fit: Fit, ideal: Fit, noise: Fit | None = None) -> float:
-    """Return the nats beyond its penalty that a free-form deviation must gain.
-
-    Args:
-        fit: the model that explains something already.
-        ideal: the fitted ideal camera.
-        noise: the fit whose standard deviation is used to say how much is explained; None: ``fit``.
-    """
-    settings = fit.fitter.settings
-    return settings.unnamed_min_gain_nats + settings.unnamed_formula_error * fit.explained_nats(ideal, noise)
+def contradicted_maps(fit: Fit) -> dict[str, float]:
+    """Return the maps of the camera that are not what their effects say, with their p-values."""
+    p_values = {
+        name: map_p_value(one, map_dispersion(fit, one)[0]) for name, one in fit.maps.items() if not one.of_captures
+    }
+    return {name: p_value for name, p_value in p_values.items() if p_value < fit.fitter.settings.max_map_p_value}
 
 
 def best_free_form(
-    fit: Fit, least: float, maps: Mapping[str, type[Effect]] | None = None, only_maps: bool = False
+    fit: Fit, maps: Mapping[str, type[Effect]] | None = None, only_maps: bool = False
 ) -> tuple[Fit, FreeFormCandidate | None, Fit]:
-    """Find the free-form deviation of the largest gain in a joint fit.
+    """Find the most probable free-form deviation by a joint fit.
 
     Args:
         fit: the model without it.
-        least: nats beyond its penalty that it must gain; else None is returned with the model as it was.
         maps: effects of the vocabulary whose maps may serve as free forms too.
         only_maps: whether these are the only ones.
 
     Returns:
         the model without the deviation, the deviation, and the model with it, both fitted on the pixels that both can
-        predict.
+        predict; the model as it was and None if none is more probable than not.
     """
     fitter, pixels = fit.fitter, float(fit.fitter.pixels)
     screened = screen_free_forms(fit, maps or {}, only_maps)
-    promising = [one for one in screened if one.bic_gain(pixels) > least]
+    promising = [one for one in screened if one.bic_gain(pixels) > 0]
     best: tuple[Fit, FreeFormCandidate | None, Fit] = (fit, None, fit)
-    largest = least
+    largest = 0.0
     for deviation in promising[: fitter.settings.probes_fitted]:
         if best[1] is not None and not fitter.budget.allows(deviation.where):
             break
         start = deviation.added(fitter, fit.hypothesis)
         smaller = fitter.covering(start).repeated(fit)
-        # held-out pixels may gain as much as the fitted ones, but hardly more
-        needed = 0.5 * (largest + deviation.choice_penalty) - fitter.settings.abandon_nats
-        to_reach = smaller.fitted_log_likelihood + needed
-        larger = smaller.fitter.fit(start, iterations=15, to_reach=to_reach, from_afar=True)
-        if larger.abandoned:
-            continue
+        larger = smaller.fitter.fit(start, iterations=15, from_afar=True)
         smaller, larger = with_common_pixels(smaller, larger)
-        value = bic_gain(smaller, larger) - deviation.choice_penalty
-        if deviation.name in (maps or {}):  # a map with structure can imitate much
-            value *= 1 - fitter.settings.surrogate_fraction
-        if value > largest:
-            best, largest = (smaller, deviation, larger), value
+        log_odds = evidence_for(larger, deviation.name, without=smaller).log_odds - deviation.choice_penalty
+        if log_odds > largest:  # the smaller model may have gained by further iterations alone
+            log_odds = evidence_for(larger, deviation.name).log_odds - deviation.choice_penalty
+        if log_odds > largest:
+            best, largest = (smaller, deviation, larger), log_odds
     return best
 
 
@@ -201,13 +189,13 @@ def screen_free_forms(base: Fit, maps: Mapping[str, type[Effect]], only_maps: bo
     fields = light, fitter.model.whole(local.gradient), fitter.model.whole(local.information)
     free_forms = [] if only_maps else fitter.model.free_forms
     tried = [*free_forms, *(name for name in maps if name not in fitter.model.free_forms)]
-    significant = []
+    significant, others = [], fitter.maps(local.at)
     for name in tried:
         effect = fitter.model.effects[name]
         if name in base.hypothesis.effects:
             continue
         if effect.map_kind:
-            one = estimate_map(fitter.model, local.at, name, fitter.fitted)
+            one = estimate_map(fitter.model, local.at, name, fitter.fitted, others)
             p_value = float(chi2.sf(2 * max(one.evidence, 0.0), 1))
             significant.append(
                 FreeFormCandidate(name, one.evidence, 1, p_value, dict.fromkeys(effect.about, one.std), effect)

@@ -11,8 +11,8 @@ import torch
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.local_gain import LocalGain
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting
-from sci_lightning.diagnosis.model.fixed_pattern_map import estimate_map
 from sci_lightning.diagnosis.model.likelihood import Prediction
+from sci_lightning.diagnosis.model.smooth_map import estimate_map
 from sci_lightning.diagnosis.model.starting_points import starting_settings, with_effect_at
 from sci_lightning.encoder.effects.parameter import part_of, within
 
@@ -68,13 +68,12 @@ def screen(base: Fit, further: Mapping[str, list[Setting]] | None = None, part: 
 def _screened(base: Fit, further: Mapping[str, list[Setting]], part: float) -> list[Candidate]:
     """Estimate the gain of every candidate on the pixels that count for a fit."""
     fitter, model, local = base.fitter, base.fitter.model, LocalGain(base)
-    candidates = []
+    candidates, maps = [], fitter.maps(local.at)
     for name, effect in model.vocabulary.items():
         if name in base.hypothesis.effects or effect.noise:
             continue
         if effect.map_kind:
-            others = fitter.maps(local.at) if effect.map_kind == "smooth" else []
-            one = estimate_map(model, local.at, name, fitter.fitted, others)
+            one = estimate_map(model, local.at, name, fitter.fitted, maps)
             start: Setting = dict.fromkeys(effect.about, one.std)
             candidates.append(Candidate(name, one.evidence, start))
             continue
@@ -168,8 +167,13 @@ def rivals(fit: Fit, without: Fit, name: str) -> list[tuple[str, Fit]]:
     if model.effects[name].noise or model.effects[name].is_discrete():
         return []
     seen = without.seen_coarsely()
-    coarse, local = seen.fitter, LocalGain(seen)
-    change = coarse.predicted(fit).mean - seen.prediction.mean
+    coarse, local = seen.fitter, LocalGain(seen, errors_follow=False)
+    base = Hypothesis(without.hypothesis.effects, {**without.hypothesis.maps})
+    for error in model.imperfections:  # what the effect explains, errors of captures have taken over without it
+        if error in base.effects:
+            base = base.with_effect(error, fit.hypothesis.effects[error], fit.hypothesis.maps.get(error))
+    nothing = coarse.model.predict(base).mean
+    change = coarse.predicted(fit).mean - nothing
     evidence = fit.log_likelihood - without.log_likelihood
     allowed = max(settings.rival_fraction, settings.rival_nats / max(evidence, 1.0))
     close = []
@@ -177,12 +181,10 @@ def rivals(fit: Fit, without: Fit, name: str) -> list[tuple[str, Fit]]:
         if other in fit.hypothesis.effects or effect.noise or effect.map_kind:
             continue
         starts = starting_settings(model, other, without.hypothesis)[: settings.rival_starts]
-        predictions = [
-            coarse.model.predict(with_effect_at(model, without.hypothesis, other, start)) for start in starts
-        ]
+        predictions = [coarse.model.predict(with_effect_at(model, base, other, start)) for start in starts]
         if not predictions or any(one.bits != seen.prediction.bits for one in predictions):
             continue
-        changes = torch.stack([change, *(one.mean - seen.prediction.mean for one in predictions)])
+        changes = torch.stack([change, *(one.mean - nothing for one in predictions)])
         information = local.joint_gain(changes).information
         unexplained = _unexplained(information)
         if unexplained < allowed:

@@ -19,13 +19,12 @@ from sci_lightning.diagnosis.search.improbable_effects import (
     without_improbable_effects,
     without_unnamed,
 )
-from sci_lightning.diagnosis.search.map_test import map_p_value
 from sci_lightning.diagnosis.search.remaining_misfit import (
     Unnamed,
     best_free_form,
+    contradicted_maps,
     explain_remaining_misfit,
     quantified,
-    unnamed_threshold,
 )
 from sci_lightning.diagnosis.search.selection import OnProgress, Round, select_effects, select_noise
 from sci_lightning.diagnosis.search_settings import SearchSettings
@@ -36,7 +35,8 @@ class Explanation:
     """What a search over some captures found.
 
     Attributes:
-        ideal: the ideal camera with the datasheet's noise, on the pixels that count for the fit.
+        ideal: the ideal camera with the datasheet's noise and without errors of the laboratory, on the pixels that
+            count for the fit.
         fit: the likeliest model, with named effects and free-form deviations; its fitter leaves out what depends on the
             unknown surround.
         names: the named effects, noise that differs from the datasheet's among them.
@@ -68,7 +68,7 @@ class Selected:
 
 def ideal_camera(model: CameraModel, settings: SearchSettings, budget: Budget | None = None) -> Fit:
     """Divide the captures of a model into fitted and held-out pixels, and fit the ideal camera to them."""
-    noise, stated = datasheet_noise(model.observation)
+    noise, stated = model.ideal()
     fitter = Fitter(model, split(model.observation, settings), settings, budget=budget)
     return fitter.fit(noise, fixed=stated, iterations=30)
 
@@ -76,23 +76,22 @@ def ideal_camera(model: CameraModel, settings: SearchSettings, budget: Budget | 
 def explain(ideal: Fit, on_progress: OnProgress) -> Explanation:
     """Find the likeliest model of the camera.
 
-    Named effects are selected first, then free-form deviations for what they leave. If something is left, or if many
-    effects or another noise than the datasheet's were needed, named effects may only imitate something unnamed, and the
-    search is repeated with the strongest free-form deviation first. In the end every pixel counts that the model can
-    predict, and names that may only stand in for what has none are withdrawn.
+    Named effects are selected first, then free-form deviations for what they leave. If something is left, if a name is
+    improbable, or if another noise than the datasheet's was needed, named effects may only imitate something unnamed,
+    and the search is repeated with the strongest free-form deviation first. In the end every pixel counts that the
+    model can predict, and names that may only stand in for what has none are withdrawn.
 
     Args:
         ideal: the fitted ideal camera with the datasheet's noise, on all pixels.
         on_progress: called with a one-line message after every step.
     """
     whole = ideal.fitter
-    noise, stated = datasheet_noise(whole.model.observation)
+    noise, stated = whole.model.ideal()
     fit, rounds = select_effects(whole, noise, on_progress)
     fit, unnamed = explain_remaining_misfit(fit, ideal, noise, (), on_progress)
     selected = Selected(fit, rounds, unnamed)
     settled, differing = select_noise(fit)
-    count = len(fit.hypothesis.effects) - len(noise.effects)
-    doubtful = unnamed or differing or count >= whole.settings.many_effects
+    doubtful = unnamed or differing or not names_are_certain(fit, noise, unnamed)
     if doubtful and whole.budget.allows("effects beside a deviation without a name"):
         other = _with_a_free_form_first(selected, ideal, noise, on_progress)
         if other is not None:
@@ -103,8 +102,8 @@ def explain(ideal: Fit, on_progress: OnProgress) -> Explanation:
         settled, differing = select_noise(completed)
     free_forms = {deviation.name for deviation in left}
     names = [name for name in completed.hypothesis.effects if name not in noise.effects and name not in free_forms]
-    if settled.fitter.split.border != whole.split.border:
-        ideal = settled.fitter.fit(noise, fixed=stated, iterations=30)
+    datasheet, _ = datasheet_noise(whole.model.observation)
+    ideal = settled.fitter.fit(datasheet, fixed=stated, iterations=30)
     effects = tuple(names if left else names + differing)
     explanation = Explanation(ideal, settled, effects, tuple(selected.rounds), tuple(left))
     return _without_contradicted_maps(explanation, on_progress)
@@ -114,7 +113,7 @@ def _with_a_free_form_first(first: Selected, ideal: Fit, noise: Hypothesis, on_p
     """Select effects beside the strongest free-form deviation; return the model if it is better, else None.
 
     Effects that imitated the deviation are not needed beside it. The model counts if its information criterion is
-    clearly better, and by more than the small errors of names that nothing calls in question.
+    clearly better, and a name of the other one is improbable: a free form follows the small errors of right names too.
 
     Args:
         first: the model whose names were selected without it.
@@ -123,26 +122,20 @@ def _with_a_free_form_first(first: Selected, ideal: Fit, noise: Hypothesis, on_p
         on_progress: called with a one-line message after every step.
     """
     start = first.fit.fitter.fit(noise, iterations=30)
-    start, free_form, larger = best_free_form(start, unnamed_threshold(first.fit, start, noise=start))
+    start, free_form, larger = best_free_form(start)
     if free_form is None:
         return None
-    gained = larger.log_likelihood - start.log_likelihood
     gained_by_names = start.fitter.repeated(first.fit).log_likelihood - start.log_likelihood
     if bic(larger) <= bic(start) + 0.5 * gained_by_names:
         return None
     on_progress(f"beside it: {free_form.where}")
     fit, rounds = select_effects(start.fitter, larger.hypothesis, on_progress)
-    settings = fit.fitter.settings
-    margin = settings.surrogate_fraction * gained
-    fit = prune(fit, larger.hypothesis.effects, margin)
+    fit = prune(fit, larger.hypothesis.effects)
     fit, unnamed = explain_remaining_misfit(fit, ideal, noise, (free_form,), on_progress)
     common = fit.fitter.with_border(first.fit.fitter.split.border)
-    # a free form that is as likely as a named effect (stray light as an offset, say) does not take its place,
-    # nor one that is a little likelier than names which nothing calls in question: it follows small errors too
+    # a free form that is as likely as a named effect (stray light as an offset, say) does not take its place
     gain = bic(common.repeated(fit)) - bic(common.repeated(first.fit))
-    better = gain > settings.indistinct_nats and (
-        gain > margin or not names_are_certain(first.fit, noise, first.unnamed)
-    )
+    better = gain > common.settings.indistinct_nats and not names_are_certain(first.fit, noise, first.unnamed)
     return Selected(fit, rounds, unnamed) if better else None
 
 
@@ -197,10 +190,9 @@ def _without_contradicted_maps(explanation: Explanation, on_progress: OnProgress
 
     Beside such a deviation, which takes what does not fit, any map looks right.
     """
-    settings = explanation.fit.fitter.settings
-    maps = explanation.corrected(free_forms=False).maps if explanation.unnamed else {}
-    for name in [name for name in explanation.names if name in maps]:
-        if map_p_value(maps[name]) < settings.max_map_p_value:
+    contradicted = contradicted_maps(explanation.corrected(free_forms=False)) if explanation.unnamed else {}
+    for name in explanation.names:
+        if name in contradicted:
             on_progress(f"{name} is set aside: its map is not what its name says")
             names = tuple(other for other in explanation.names if other != name)
             explanation = replace(explanation, fit=explanation.fit.without(name, iterations=20), names=names)

@@ -59,25 +59,24 @@ def select_effects(
     Returns:
         the model, fitted on the pixels that it can predict, and the rounds.
     """
-    best = ideal = whole.covering(start).fit(start, iterations=30)
+    best = whole.covering(start).fit(start, iterations=30)
     rounds, settings = list[Round](), whole.settings
     confirmed: Fit | None = None  # the model before an effect that was added provisionally
     for _ in range(settings.max_effects):
         if rounds and not whole.budget.allows("further effects"):
             break
         comparison = compare_candidates(best, far_displacements(best))
-        least = settings.formula_error * comparison.best.explained_nats(ideal)
-        added = comparison.winner(least)
+        added = comparison.winner()
         if comparison.gain_of(added) < settings.provisional_nats and comparison.leaves_out_much(whole):
             narrow = whole.covering(best.hypothesis)
             near = compare_candidates(narrow.repeated(best), part=WEAK_START_SHARE)
-            weak = near.winner(least)
+            weak = near.winner()
             # one that gains more there is a matter of some pixels at the sides, which are localised in the end
             if comparison.gain_of(added) < near.gain_of(weak) < settings.provisional_nats:
                 comparison, added = near, weak
         best, fits = comparison.best, comparison.fits
         if provisional := added is None and confirmed is None:
-            added = comparison.unconfirmed(max(least, settings.provisional_nats))
+            added = comparison.unconfirmed(settings.provisional_nats)
         gains = comparison.gains()
         screened_gains = {candidate.name: candidate.gain for candidate in comparison.screened}
         rounds.append(Round(screened_gains, gains, added, provisional and added is not None))
@@ -86,12 +85,12 @@ def select_effects(
         on_progress(f"{added}: {gains[added][0]:.0f} nats{', provisionally' if provisional else ''}")
         needed = comparison.screener.covering(fits[added].hypothesis)
         larger = needed.repeated(fits[added])
-        if confirmed is not None and bic_gain(needed.repeated(confirmed), larger) <= least:
+        if confirmed is not None and bic_gain(needed.repeated(confirmed), larger) <= 0:
             break
         confirmed = best if provisional else None
         best = larger
         if not provisional:
-            best = prune(larger, start.effects, settings.formula_error * larger.explained_nats(ideal))
+            best = prune(larger, start.effects)
     return exchange(confirmed or best, start.effects), rounds
 
 

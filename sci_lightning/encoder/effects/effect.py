@@ -40,8 +40,8 @@ class Effect(nn.Module):
     about: ClassVar[dict[str, Parameter]]
     """Every parameter by name: its unit, its range, its neutral value and where a search for it starts."""
     map_kind: ClassVar[str | None] = None
-    """For an effect with an estimated map: ``pixel``, ``column``, ``row``, ``hot`` (few pixels, the others 0) or
-    ``smooth`` (no detail much finer than an eighth of the field)."""
+    """For an effect with an estimated map: ``pixel``, ``column``, ``row``, ``hot`` (few pixels, the others 0),
+    ``smooth`` (no detail much finer than an eighth of the field) or ``capture`` (an error of every capture)."""
     map_unit: ClassVar[str] = ""
     """Unit of the map's values; empty where it is that of the first parameter."""
     centred_by: ClassVar[str] = ""
@@ -50,6 +50,8 @@ class Effect(nn.Module):
     """The parameters that displace the mask's image, or the target, to the right and down, in pixels, for an effect
     that does nothing else. A diagnosis then looks more closely around its best start, and for displacements of the
     mask that are far from every start."""
+    of_captures: ClassVar[bool] = False
+    """Whether it belongs to the captures and not to the camera, so that no encoder file keeps it."""
     noise: ClassVar[bool] = False
     """Whether the effect changes the variance of the signal and not its mean."""
     plainer: ClassVar[str | None] = None

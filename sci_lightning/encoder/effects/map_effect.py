@@ -48,11 +48,11 @@ class MapEffect(Effect):
         self.register_buffer("map", values_of_map)
 
     @classmethod
-    def shape(cls, size: tuple[int, int]) -> tuple[int, int]:
+    def shape(cls, size: tuple[int, int]) -> tuple[int, ...]:
         """Return the shape of the map on a field of ``size``."""
         return (1 if cls.map_kind == "column" else size[0], 1 if cls.map_kind == "row" else size[1])
 
-    def draw(self, size: tuple[int, int], random: torch.Generator) -> torch.Tensor:
+    def draw(self, size: tuple[int, ...], random: torch.Generator) -> torch.Tensor:
         """Draw a random map of mean 0 and standard deviation 1."""
         numbers = torch.randn(size, generator=random)
         return (numbers - numbers.mean()) / numbers.std().clamp(min=1e-6)

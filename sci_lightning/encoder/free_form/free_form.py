@@ -31,8 +31,6 @@ class FreeForm(Effect):
     """What a report says if the captures ask for this deviation."""
     number: ClassVar[Parameter]
     """Unit, bounds and step of each number."""
-    of_captures: ClassVar[bool] = False
-    """Whether it belongs to the captures and not to the camera, so that no encoder file keeps it."""
     count: int
     """How many numbers there are; a class without one says it in :meth:`numbers`."""
     about: ClassVar[dict[str, Parameter]] = {}

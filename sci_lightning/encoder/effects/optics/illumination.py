@@ -33,7 +33,7 @@ class Illumination(MapEffect, OpticsEffect):
     sentence = "the light is uneven, smoothly over the field, by {std} (standard deviation)"
     map_kind = "smooth"
 
-    def draw(self, size: tuple[int, int], random: torch.Generator) -> torch.Tensor:
+    def draw(self, size: tuple[int, ...], random: torch.Generator) -> torch.Tensor:
         down, across = (
             torch.cos(math.pi * torch.arange(FINEST + 1)[:, None] * (torch.arange(length) + 0.5) / length)
             for length in size

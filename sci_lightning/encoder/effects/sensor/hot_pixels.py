@@ -25,7 +25,7 @@ class HotPixels(MapEffect, SensorEffect):
     map_kind = "hot"
     map_unit = "full scale"
 
-    def draw(self, size: tuple[int, int], random: torch.Generator) -> torch.Tensor:
+    def draw(self, size: tuple[int, ...], random: torch.Generator) -> torch.Tensor:
         excess = 0.05 + 0.55 * torch.rand(size, generator=random)
         return excess * (torch.rand(size, generator=random) < self.fraction)
 
