@@ -99,15 +99,15 @@ def diagnose(
     time = Budget(everything.dn.numel() * SECONDS_PER_PIXEL if budget is None else budget)
     search = _Search(everything, seen, unseen, names_of_effects, settings, free_forms, seed, on_progress)
     spent = Budget(FIRST_SEARCH_SHARE * time.seconds)
-    found = search.with_imperfections({}, spent)
-    if found.is_open:
+    judged = search.with_imperfections({}, spent)
+    if judged.is_open:
         on_progress("something is left: errors of exposures and targets become part of every model")
         second = Budget(max(time.seconds - time.used, 0.0))
         in_laboratory = search.with_imperfections(imperfections_of(everything), second)
         if imperfections_in(in_laboratory.explanation.fit):
-            found, spent = in_laboratory, second
+            judged, spent = in_laboratory, second
     time.not_tried = spent.not_tried
-    explanation, before, after, unseen = found.explanation, found.before, found.after, found.unseen
+    explanation, before, after, unseen = judged.explanation, judged.before, judged.after, judged.unseen
     model, corrected = explanation.fit.fitter.model, after.fit
     observation, ideal = model.observation, explanation.ideal
     return Diagnosis(
@@ -118,15 +118,15 @@ def diagnose(
         seed=seed,
         before=before,
         after=after,
-        effects=named_effects(explanation.fit, found.names),
+        effects=named_effects(explanation.fit, judged.names),
         unnamed=explanation.unnamed,
         rounds=explanation.rounds,
         considered={name: effect for name, effect in model.vocabulary.items() if not effect.noise},
         stated_noise=tuple(effect for effect, _ in datasheet_noise(observation)[1]),
         correlation=error_correlation(corrected),
-        remaining=found.remaining,
+        remaining=judged.remaining,
         verification=None if unseen is None else verify(before.fit, after.fit, unseen, seed),
-        bad_captures=found.bad,
+        bad_captures=judged.bad,
         budget=time,
         imperfections=imperfections_in(explanation.fit),
         unknown_scenes=judged_by_unknown_scenes(
@@ -136,8 +136,8 @@ def diagnose(
 
 
 @dataclass(frozen=True)
-class _Found:
-    """What a search found, judged.
+class _Judged:
+    """What a search says, judged.
 
     Attributes:
         explanation: of the captures that agree with each other.
@@ -175,8 +175,8 @@ class _Search:
     seed: int
     on_progress: Callable[[str], None]
 
-    def with_imperfections(self, imperfections: Mapping[str, type[Effect]], time: Budget) -> _Found:
-        """Search with these errors of the laboratory in every model, and judge what is found."""
+    def with_imperfections(self, imperfections: Mapping[str, type[Effect]], time: Budget) -> _Judged:
+        """Search with these errors of the laboratory in every model, and judge what it says."""
         camera, unseen = CameraModel(self.seen, self.vocabulary, imperfections=imperfections), self.unseen
         explanation, bad = explain_without_bad_captures(camera, self.settings, time, self.on_progress)
         model = explanation.fit.fitter.model
@@ -190,7 +190,7 @@ class _Search:
             names = without_noise  # more noise than stated makes room for what is left, and is no finding of its own
         else:
             remaining = remaining_tests(before, after, names)
-        return _Found(explanation, bad, unseen, before, after, names, remaining)
+        return _Judged(explanation, bad, unseen, before, after, names, remaining)
 
 
 def assess(fit: Fit, seed: int) -> Assessment:

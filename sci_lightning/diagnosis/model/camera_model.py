@@ -276,9 +276,7 @@ class CameraModel:
         """
         effect = self.effects[name]
         if issubclass(effect, ErrorOfLight):
-            slope = self._light_slopes.get(
-                id(prediction), lambda: (self._light_slope(hypothesis, prediction), prediction)
-            )[0]
+            slope, _ = self._light_slopes.get(id(prediction), lambda: self._light_slope(hypothesis, prediction))
             return slope * effect.concerned[self.observation.position][:, None, None]
         values = self.map_values(hypothesis, name)
         neutral_scale: Setting = {
@@ -292,14 +290,11 @@ class CameraModel:
             prediction = self.predict(hypothesis.with_effect(name, neutral_scale, values))
         return (shifted.mean - prediction.mean) / (self.windowed(step) if isinstance(step, torch.Tensor) else step)
 
-    def _light_slope(self, hypothesis: Hypothesis, prediction: Prediction) -> torch.Tensor:
-        """Return the derivative ``(N, H, W)`` of the mean with respect to a relative change of the light."""
-        name = "exposure_jitter"
-        scale = max(float(hypothesis.effects[name]["std"]), 1e-12)
-        shifted = self.predict(
-            hypothesis.with_effect(name, {"std": scale}, self.map_values(hypothesis, name) + MAP_STEP)
-        )
-        return (shifted.mean - prediction.mean) / MAP_STEP
+    def _light_slope(self, hypothesis: Hypothesis, prediction: Prediction) -> tuple[torch.Tensor, Prediction]:
+        """Return the derivative ``(N, H, W)`` of a prediction's mean by a relative change of the light, and itself."""
+        name, values = "exposure_jitter", self.map_values(hypothesis, "exposure_jitter")
+        shifted = self.predict(hypothesis.with_effect(name, {"std": 1.0}, values + MAP_STEP))
+        return (shifted.mean - prediction.mean) / MAP_STEP, prediction
 
     def map_values(self, hypothesis: Hypothesis, name: str) -> torch.Tensor:
         """Return the values of an effect's map in a hypothesis, 0 where it has none yet.

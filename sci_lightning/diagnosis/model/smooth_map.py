@@ -69,15 +69,17 @@ def _estimate_smooth_map(
     steepness, std, evidence = _smoothest_prior(about, along + about @ factors, degree)
     basis = SmoothBasis.of(model.whole(curvature), steepness, model.window)
     coordinates, gradient = basis.coordinates(values), basis.reduce(slope)
-    about_each = basis.squares(curvature)
+    about_coordinates = basis.squares(curvature)
     mixed = basis.mixing @ coordinates
     direction = basis.mixing.T @ (mixed / mixed.norm().clamp(min=1e-12))
     precision = basis.mixing.T @ about @ basis.mixing
     precision = precision + torch.eye(len(coordinates), dtype=torch.float64) / max(std, 1e-9) ** 2
     std_error = float((direction @ torch.linalg.solve(precision, direction)).sqrt()) if len(direction) else 0.0
-    numbers = std, std_error, penalty_of(coordinates, about_each, std), evidence
+    numbers = std, std_error, penalty_of(coordinates, about_coordinates, std), evidence
     of_pixels = model.whole(slope), model.whole(curvature)
-    return FixedPatternMap(name, "smooth", coordinates, jacobian, gradient, about_each, *numbers, basis, *of_pixels)
+    return FixedPatternMap(
+        name, "smooth", coordinates, jacobian, gradient, about_coordinates, *numbers, basis, *of_pixels
+    )
 
 
 def _smoothest_prior(about: torch.Tensor, along: torch.Tensor, degree: torch.Tensor) -> tuple[float, float, float]:

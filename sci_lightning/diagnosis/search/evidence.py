@@ -147,7 +147,7 @@ def named_effects(fit: Fit, names: Sequence[str]) -> tuple[NamedEffect, ...]:
 
 def imperfections_in(fit: Fit) -> tuple[NamedEffect, ...]:
     """Return the errors of the laboratory that a fit certainly has, with their sizes."""
-    fitter, errors, found = fit.fitter, cluster_errors(fit), []
+    fitter, errors, certain = fit.fitter, cluster_errors(fit), list[NamedEffect]()
     for name, effect in fitter.model.imperfections.items():
         if name not in fit.hypothesis.effects:
             continue
@@ -159,8 +159,8 @@ def imperfections_in(fit: Fit) -> tuple[NamedEffect, ...]:
             lost = (fitter.log_likelihood(fit.prediction) - fitter.log_likelihood(without)) * fitter.fitted
             nats, error = float(lost.sum(dtype=torch.float64)), size * errors.deviation((name, "std"))
         if nats > MIN_LABORATORY_NATS:
-            found.append(NamedEffect(effect, {"std": Estimate(size, error, 0.0, effect.about["std"].unit)}))
-    return tuple(found)
+            certain.append(NamedEffect(effect, {"std": Estimate(size, error, 0.0, effect.about["std"].unit)}))
+    return tuple(certain)
 
 
 def error_correlation(fit: Fit) -> ErrorCorrelation:
