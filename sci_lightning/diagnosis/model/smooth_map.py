@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import torch
 
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Evaluated
-from sci_lightning.diagnosis.model.capture_map import estimate_capture_map
+from sci_lightning.diagnosis.model.capture_map import CaptureMap, estimate_capture_map
 from sci_lightning.diagnosis.model.fixed_pattern_map import (
     FixedPatternMap,
     estimate_pattern,
@@ -62,7 +62,7 @@ def _estimate_smooth_map(
     if others:
         system = MapSystem(others, information)
         functions = model.windowed(flat.unflatten(1, model.observation.size)).float()
-        cross = system.cross_information(functions[:, None] * (jacobian * information))
+        cross = torch.cat([_shared(functions, one, jacobian * one.jacobian * information) for one in system.maps], 1)
         response = system.solve(cross)
         about, along = about - response @ cross.T, along - response @ system.gradient
     factors = flat @ values.flatten().double() / values.numel()
@@ -80,6 +80,20 @@ def _estimate_smooth_map(
     return FixedPatternMap(
         name, "smooth", coordinates, jacobian, gradient, about_coordinates, *numbers, basis, *of_pixels
     )
+
+
+def _shared(functions: torch.Tensor, other: FixedPatternMap, product: torch.Tensor) -> torch.Tensor:
+    """Return the information ``(K, S)`` that factors of functions ``(K, h, w)`` share with the values of another map.
+
+    Args:
+        functions: of the place.
+        other: the map.
+        product: ``(N, h, w)`` of both slopes and the information about the mean.
+    """
+    if isinstance(other, CaptureMap):
+        columns = other.functions.columns(product).flatten(1)
+        return (functions.flatten(1) @ columns.T).double()
+    return other.reduce(functions * product.sum(0)).flatten(1).double()
 
 
 def _smoothest_prior(about: torch.Tensor, along: torch.Tensor, degree: torch.Tensor) -> tuple[float, float, float]:
