@@ -33,7 +33,7 @@ from sci_lightning.diagnosis.model.observation import Observation, observe
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
 from sci_lightning.diagnosis.residual_tests.all_tests import residual_tests
 from sci_lightning.diagnosis.result import Assessment, CalibratedResult
-from sci_lightning.diagnosis.search.evidence import error_correlation, imperfections_in, named_effects
+from sci_lightning.diagnosis.search.evidence import NamedEffect, error_correlation, imperfections_in, named_effects
 from sci_lightning.diagnosis.search.search import Explanation
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.effects import Effect
@@ -104,7 +104,7 @@ def diagnose(
         on_progress("something is left: errors of exposures and targets become part of every model")
         second = Budget(max(time.seconds - time.used, 0.0))
         in_laboratory = search.with_imperfections(imperfections_of(everything), second)
-        if imperfections_in(in_laboratory.explanation.fit):
+        if in_laboratory.imperfections:
             judged, spent = in_laboratory, second
     time.not_tried = spent.not_tried
     explanation, before, after, unseen = judged.explanation, judged.before, judged.after, judged.unseen
@@ -128,7 +128,7 @@ def diagnose(
         verification=None if unseen is None else verify(before.fit, after.fit, unseen, seed),
         bad_captures=judged.bad,
         budget=time,
-        imperfections=imperfections_in(explanation.fit),
+        imperfections=judged.imperfections,
         unknown_scenes=judged_by_unknown_scenes(
             captures, model, ideal.hypothesis, explanation.fit.hypothesis, seed, on_progress
         ),
@@ -146,6 +146,7 @@ class _Judged:
         before, after: assessments of the ideal and of the corrected camera.
         names: of the effects, in order; noise is among them if nothing else is left.
         remaining: residual tests that find more than noise.
+        imperfections: errors of the laboratory that are certain.
     """
 
     explanation: Explanation
@@ -155,6 +156,7 @@ class _Judged:
     after: Assessment
     names: list[str]
     remaining: tuple[ResidualTest, ...]
+    imperfections: tuple[NamedEffect, ...]
 
     @property
     def is_open(self) -> bool:
@@ -190,7 +192,8 @@ class _Search:
             names = without_noise  # more noise than stated makes room for what is left, and is no finding of its own
         else:
             remaining = remaining_tests(before, after, names)
-        return _Judged(explanation, bad, unseen, before, after, names, remaining)
+        certain = imperfections_in(explanation.fit) if imperfections else ()
+        return _Judged(explanation, bad, unseen, before, after, names, remaining, certain)
 
 
 def assess(fit: Fit, seed: int) -> Assessment:

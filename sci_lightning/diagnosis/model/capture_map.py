@@ -172,9 +172,6 @@ class CaptureMap(FixedPatternMap):
         pairs = gram.square() * self.variance[:, :, None] * self.variance[:, None]
         return float(pairs.sum() - part.square().sum())
 
-    def penalty_slope(self, change: torch.Tensor) -> float:
-        return 0.0
-
     def moved(self, model: CameraModel, step: torch.Tensor) -> tuple[Setting, torch.Tensor]:
         return {"std": self.std}, self.functions.errors(self.values + step)
 
@@ -196,7 +193,7 @@ class CaptureMap(FixedPatternMap):
 def estimate_capture_map(model: CameraModel, at: Evaluated, name: str, fitted: torch.Tensor) -> CaptureMap:
     """Return the errors of captures at a hypothesis, with the prior that makes the captures likeliest.
 
-    The arguments are those of :func:`~sci_lightning.diagnosis.model.fixed_pattern_map.estimate_map`.
+    The arguments are those of :func:`~sci_lightning.diagnosis.model.smooth_map.estimate_map`.
     """
     effect = _class_of(model, name)
     functions = CaptureFunctions.of(model, effect)

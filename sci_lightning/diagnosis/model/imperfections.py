@@ -1,9 +1,10 @@
 """What is slightly wrong in every laboratory, and belongs to the captures, not to the camera.
 
 Exposures jitter, and printed targets differ from what the file says: smoothly over the sheet, and from patch to patch.
-Every hypothesis of a diagnosis with known scenes contains these errors, each with a size that the captures say and
-that a prior holds small (random effects: Laird and Ware, "Random-effects models for longitudinal data", 1982). They
-are reported as what they are and are no names of the camera: a camera is not blamed for its laboratory.
+Where a search has left something, every hypothesis of the next one contains these errors, each with a size that the
+captures say and that a prior holds small (random effects: Laird and Ware, "Random-effects models for longitudinal
+data", 1982). They are reported as what they are and are no names of the camera: a camera is not blamed for its
+laboratory.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ class ErrorOfLight(MapEffect, SensorEffect):
     """The light of some captures is a little more or less than nominal."""
 
     of_captures = True
+    about = {"std": Parameter("1", 0.0, 0, 1, step=0.001, starts=(0.002,))}
     concerned: ClassVar[torch.Tensor]
     """``(F,)`` bool: the captures of the file that have this error."""
     typical: ClassVar[float]
@@ -39,7 +41,6 @@ class RelativeError(ErrorOfLight):
     """
 
     map_kind = "capture"
-    about = {"std": Parameter("1", 0.0, 0, 1, step=0.001, starts=(0.002,))}
     group: ClassVar[torch.Tensor]
     """``(F,)`` number of every capture's group; -1 for captures without this error."""
     degree: ClassVar[int]
@@ -111,7 +112,6 @@ class SheetError(ErrorOfLight):
     map_kind = "pixel"
     name = "sheet_error"
     rank = 49.1
-    about = {"std": Parameter("1", 0.0, 0, 1, step=0.001, starts=(0.002,))}
     sentence = "and from pixel to pixel by {std}"
     typical = 0.01
 

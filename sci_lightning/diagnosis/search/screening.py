@@ -168,7 +168,7 @@ def rivals(fit: Fit, without: Fit, name: str) -> list[tuple[str, Fit]]:
         return []
     seen = without.seen_coarsely()
     coarse, local = seen.fitter, LocalGain(seen, errors_follow=False)
-    base = Hypothesis(without.hypothesis.effects, {**without.hypothesis.maps})
+    base = without.hypothesis
     for error in model.imperfections:  # what the effect explains, errors of captures have taken over without it
         if error in base.effects:
             base = base.with_effect(error, fit.hypothesis.effects[error], fit.hypothesis.maps.get(error))
