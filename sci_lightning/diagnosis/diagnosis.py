@@ -17,11 +17,7 @@ from typing import TYPE_CHECKING
 
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis import vocabulary as effects_vocabulary
-from sci_lightning.diagnosis.bad_captures.leave_out import (
-    BadCapture,
-    bad_verification_captures,
-    explain_without_bad_captures,
-)
+from sci_lightning.diagnosis.bad_captures.leave_out import bad_verification_captures, explain_without_bad_captures
 from sci_lightning.diagnosis.blind.unknown_scenes import judged_by_unknown_scenes
 from sci_lightning.diagnosis.fit.budget import SECONDS_PER_PIXEL, Budget
 from sci_lightning.diagnosis.fit.fit import Fit
@@ -29,12 +25,11 @@ from sci_lightning.diagnosis.fit.gap import held_out_gap, verify
 from sci_lightning.diagnosis.fit.split import set_aside
 from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.model.imperfections import imperfections_of
-from sci_lightning.diagnosis.model.observation import Observation, observe
+from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
 from sci_lightning.diagnosis.residual_tests.all_tests import residual_tests
 from sci_lightning.diagnosis.result import Assessment, CalibratedResult
-from sci_lightning.diagnosis.search.evidence import NamedEffect, error_correlation, imperfections_in, named_effects
-from sci_lightning.diagnosis.search.search import Explanation
+from sci_lightning.diagnosis.search.evidence import error_correlation, imperfections_in, named_effects
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.effects import Effect
 
@@ -42,8 +37,6 @@ if TYPE_CHECKING:  # a diagnosis without pictures does not load matplotlib
     from matplotlib.figure import Figure
 
 
-FIRST_SEARCH_SHARE = 0.5
-"""Part of the processor time for the search in which nothing is wrong but the camera."""
 FORMULA_NATS_SHARE = 2e-4
 """Part of the log-likelihood gained by the corrected camera that its formulas may be wrong by."""
 
@@ -97,19 +90,21 @@ def diagnose(
         effects_vocabulary.vocabulary() if vocabulary is None else vocabulary
     )
     time = Budget(everything.dn.numel() * SECONDS_PER_PIXEL if budget is None else budget)
-    search = _Search(everything, seen, unseen, names_of_effects, settings, free_forms, seed, on_progress)
-    spent = Budget(FIRST_SEARCH_SHARE * time.seconds)
-    judged = search.with_imperfections({}, spent)
-    if judged.is_open:
-        on_progress("something is left: errors of exposures and targets become part of every model")
-        second = Budget(max(time.seconds - time.used, 0.0))
-        in_laboratory = search.with_imperfections(imperfections_of(everything), second)
-        if in_laboratory.imperfections:
-            judged, spent = in_laboratory, second
-    time.not_tried = spent.not_tried
-    explanation, before, after, unseen = judged.explanation, judged.before, judged.after, judged.unseen
-    model, corrected = explanation.fit.fitter.model, after.fit
-    observation, ideal = model.observation, explanation.ideal
+    camera = CameraModel(seen, names_of_effects, imperfections=imperfections_of(everything))
+    explanation, bad = explain_without_bad_captures(camera, settings, time, on_progress)
+    model, ideal = explanation.fit.fitter.model, explanation.ideal
+    observation = model.observation
+    if unseen is not None and settings.find_bad_captures:
+        odd, worse = bad_verification_captures(explanation.fit, observation, unseen, everything)
+        unseen, bad = None if odd.all() else unseen.take(~odd), (*bad, *worse)
+    before, after = (assess(fit, seed) for fit in (ideal, explanation.corrected(free_forms)))
+    corrected = after.fit
+    names = sorted(explanation.names, key=lambda name: model.vocabulary[name].rank)
+    without_noise = [name for name in names if not model.vocabulary[name].noise]
+    if remaining := remaining_tests(before, after, without_noise):
+        names = without_noise  # more noise than stated makes room for what is left, and is no finding of its own
+    else:
+        remaining = remaining_tests(before, after, names)
     return Diagnosis(
         observation=observation,
         model=model,
@@ -118,82 +113,21 @@ def diagnose(
         seed=seed,
         before=before,
         after=after,
-        effects=named_effects(explanation.fit, judged.names),
+        effects=named_effects(explanation.fit, names),
         unnamed=explanation.unnamed,
         rounds=explanation.rounds,
         considered={name: effect for name, effect in model.vocabulary.items() if not effect.noise},
         stated_noise=tuple(effect for effect, _ in datasheet_noise(observation)[1]),
         correlation=error_correlation(corrected),
-        remaining=judged.remaining,
+        remaining=remaining,
         verification=None if unseen is None else verify(before.fit, after.fit, unseen, seed),
-        bad_captures=judged.bad,
+        bad_captures=bad,
         budget=time,
-        imperfections=judged.imperfections,
+        imperfections=imperfections_in(explanation.fit),
         unknown_scenes=judged_by_unknown_scenes(
             captures, model, ideal.hypothesis, explanation.fit.hypothesis, seed, on_progress
         ),
     )
-
-
-@dataclass(frozen=True)
-class _Judged:
-    """What a search says, judged.
-
-    Attributes:
-        explanation: of the captures that agree with each other.
-        bad: the others.
-        unseen: captures kept for verification, without bad ones; None where there are none.
-        before, after: assessments of the ideal and of the corrected camera.
-        names: of the effects, in order; noise is among them if nothing else is left.
-        remaining: residual tests that find more than noise.
-        imperfections: errors of the laboratory that are certain.
-    """
-
-    explanation: Explanation
-    bad: tuple[BadCapture, ...]
-    unseen: Observation | None
-    before: Assessment
-    after: Assessment
-    names: list[str]
-    remaining: tuple[ResidualTest, ...]
-    imperfections: tuple[NamedEffect, ...]
-
-    @property
-    def is_open(self) -> bool:
-        """Whether something is left that no name explains."""
-        return bool(self.explanation.unnamed or self.remaining or not self.after.gap.within_chance)
-
-
-@dataclass(frozen=True)
-class _Search:
-    """Everything that a search needs but for the errors of the laboratory and its time; see :func:`diagnose`."""
-
-    everything: Observation
-    seen: Observation
-    unseen: Observation | None
-    vocabulary: Mapping[str, type[Effect]]
-    settings: SearchSettings
-    free_forms: bool
-    seed: int
-    on_progress: Callable[[str], None]
-
-    def with_imperfections(self, imperfections: Mapping[str, type[Effect]], time: Budget) -> _Judged:
-        """Search with these errors of the laboratory in every model, and judge what it says."""
-        camera, unseen = CameraModel(self.seen, self.vocabulary, imperfections=imperfections), self.unseen
-        explanation, bad = explain_without_bad_captures(camera, self.settings, time, self.on_progress)
-        model = explanation.fit.fitter.model
-        if unseen is not None and self.settings.find_bad_captures:
-            odd, worse = bad_verification_captures(explanation.fit, model.observation, unseen, self.everything)
-            unseen, bad = None if odd.all() else unseen.take(~odd), (*bad, *worse)
-        before, after = (assess(fit, self.seed) for fit in (explanation.ideal, explanation.corrected(self.free_forms)))
-        names = sorted(explanation.names, key=lambda name: model.vocabulary[name].rank)
-        without_noise = [name for name in names if not model.vocabulary[name].noise]
-        if remaining := remaining_tests(before, after, without_noise):
-            names = without_noise  # more noise than stated makes room for what is left, and is no finding of its own
-        else:
-            remaining = remaining_tests(before, after, names)
-        certain = imperfections_in(explanation.fit) if imperfections else ()
-        return _Judged(explanation, bad, unseen, before, after, names, remaining, certain)
 
 
 def assess(fit: Fit, seed: int) -> Assessment:

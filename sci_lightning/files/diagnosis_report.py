@@ -25,8 +25,8 @@ class Estimate(JsonObject):
     """An estimated parameter."""
 
     value: Value = says("maximum-likelihood estimate")
-    std: Number = says("statistical standard deviation, 0 where it was not estimated or is a choice", ge=0)
-    systematic: Number = says("lower bound of the systematic error: the accuracy of the formula", ge=0, default=0)
+    std: Number = says("standard deviation, 0 where it was not estimated or is a choice", ge=0)
+    systematic: Number = says("part of it that is the error of the formula", ge=0, default=0)
     unit: str = says("of the three numbers; 1 for a ratio, empty for a choice")
 
 

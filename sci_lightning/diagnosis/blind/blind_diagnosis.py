@@ -38,7 +38,8 @@ from sci_lightning.diagnosis.blind.undetermined import SHOWN_IF_STRONG, determin
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting, datasheet_noise
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.result import Result
-from sci_lightning.diagnosis.search.evidence import Estimate, NamedEffect, systematic_limit
+from sci_lightning.diagnosis.search.evidence import Estimate, NamedEffect
+from sci_lightning.diagnosis.search.formula_error import IDEAL
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.effects import Effect, MaskContrast, MaskLevelGamma
 from sci_lightning.errors import BadInput
@@ -287,7 +288,7 @@ def _estimates(model: CameraModel, fit: BlindFit, name: str) -> dict[str, Estima
     estimates = {}
     for parameter, about in model.effects[name].about.items():
         value, std = fit.hypothesis.effects[name][parameter], deviations.get((name, parameter), 0.0)
-        estimates[parameter] = Estimate(value, std, systematic_limit(value, about), about.unit)
+        estimates[parameter] = Estimate.of(value, about, std, IDEAL)
     return estimates
 
 

@@ -36,6 +36,8 @@ MAX_PROMISED_RATIO = 20.0
 """A fit that has to reach some log-likelihood is abandoned when it lacks more than so many times what its next step, by
 the quadratic approximation, would gain: near the maximum of such a fit every step gains a small part of the one before,
 far from it the approximation is wrong by a small factor."""
+MIN_LABORATORY_NATS = 10.0
+"""Nats from which the errors of a laboratory are there beyond doubt."""
 SHORTER_MAP_STEP = 0.4
 """Part of the maps' step that is tried next when a step was too long."""
 
@@ -73,6 +75,11 @@ class Fit:
         return self.fitted_log_likelihood + self.held_out_log_likelihood
 
     @property
+    def in_laboratory(self) -> bool:
+        """Whether exposures or targets certainly have errors."""
+        return any(one.of_captures and one.evidence > MIN_LABORATORY_NATS for one in self.maps.values())
+
+    @property
     def uncertain_prediction(self) -> Prediction:
         """The prediction with the maps' uncertainty in its standard deviation, for pixels that no fit has seen."""
         return with_map_uncertainty(self.prediction, self.maps)
@@ -87,9 +94,15 @@ class Fit:
         """Derivatives of the objective at the end of the fit."""
         return self.fitter.differentiate(self.evaluated, FreeParameters(self.fitter.model, self.free))
 
-    def without(self, name: str, iterations: int = 12) -> Fit:
-        """Return a fit without an effect, from the values that the other parameters have."""
-        return self.fitter.fit(self.hypothesis.without(name), iterations)
+    @property
+    def fixed(self) -> tuple[ParameterName, ...]:
+        """Names of the parameters that the fit kept."""
+        every = FreeParameters.of(self.fitter.model, self.hypothesis).names
+        return tuple(name for name in every if name not in self.free)
+
+    def without(self, name: str, iterations: int = 12, from_afar: bool = False) -> Fit:
+        """Return a fit of the same parameters without an effect, from the values that they have."""
+        return self.fitter.fit(self.hypothesis.without(name), iterations, self.fixed, from_afar=from_afar)
 
     def explained_nats(self, baseline: Fit, noise: Fit | None = None) -> float:
         """Return the log-likelihood that the mean gains over that of another fit, in nats, at least 0.
@@ -206,9 +219,7 @@ class Fitter:
         """Return a fit repeated with the pixels that count here; the fit itself if it was made with these."""
         if fit.fitter.split.border == self.split.border:
             return fit
-        every = FreeParameters.of(self.model, fit.hypothesis).names
-        fixed = tuple(name for name in every if name not in fit.free)
-        return self.fit(fit.hypothesis, iterations=20, fixed=fixed)
+        return self.fit(fit.hypothesis, iterations=20, fixed=fit.fixed)
 
     def fit(
         self,

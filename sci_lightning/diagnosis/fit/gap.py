@@ -18,8 +18,6 @@ from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.free_form import FreeForm
 
-MIN_LABORATORY_NATS = 10.0
-"""Nats from which the errors of a laboratory are there beyond doubt."""
 CLIP_SIGMAS = 6.0
 """Standard deviations at which residuals are clipped, so that a few pixels do not hide all the others."""
 OUTLIER_RMS = 4.0
@@ -174,7 +172,7 @@ def chi2_limit(fit: Fit, residual: torch.Tensor, pixels: torch.Tensor, estimated
         for one in fit.maps.values():
             part = torch.where(pixels, one.leverage / total, 0.0).double()
             variance += 2 * one.shared_variance(part) / count**2
-    if any(one.of_captures and one.evidence > MIN_LABORATORY_NATS for one in fit.maps.values()):
+    if fit.in_laboratory:
         variance += _scatter_of_captures(residual, pixels)
     return max(settings.negligible_chi2, largest_by_chance(mean, variance, settings.significance))
 

@@ -104,7 +104,7 @@ class CameraModel:
         vocabulary: every effect that may be named, by name.
         free_forms: effects that a hypothesis may contain beside them, by name: free-form deviations; None for those
             that these captures can determine.
-        imperfections: errors of the laboratory that every hypothesis contains, by name; None for none.
+        imperfections: errors of the laboratory that a hypothesis may contain, all together, by name; None for none.
     """
 
     def __init__(
@@ -133,13 +133,13 @@ class CameraModel:
         """Return a new model of the same camera for other captures."""
         return CameraModel(observation, self.vocabulary, self.free_forms, self.imperfections)
 
-    def ideal(self) -> tuple[Hypothesis, tuple[ParameterName, ...]]:
-        """Return :func:`datasheet_noise` with the errors of the laboratory, which no search adds or withdraws."""
-        noise, stated = datasheet_noise(self.observation)
+    def with_imperfections(self, hypothesis: Hypothesis) -> Hypothesis:
+        """Return a hypothesis with the errors of the laboratory that it lacks, where a fit of them should start."""
         for name, effect in self.imperfections.items():
-            start: Setting = {parameter: about.starts[0] for parameter, about in effect.about.items()}
-            noise = noise.with_effect(name, start, self.zero_map(name))
-        return noise, stated
+            if name not in hypothesis.effects:
+                start: Setting = {parameter: about.starts[0] for parameter, about in effect.about.items()}
+                hypothesis = hypothesis.with_effect(name, start, self.zero_map(name))
+        return hypothesis
 
     def inside(self, border: Border, stride: int = 1) -> CameraModel:
         """Return the same model whose predictions are those of the pixels inside a border of whole pixels.

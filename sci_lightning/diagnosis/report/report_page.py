@@ -171,7 +171,7 @@ def _effect_rows(result: CalibratedResult | BlindDiagnosis) -> list[tuple[str, .
         evidence = "" if effect.delta_nll is None else f"{effect.delta_nll:,.0f}"
         agree = f"{effect.agree} of {effect.snapshots}" if isinstance(effect, BlindEffect) else ""
         for name, estimate in effect.parameters.items():
-            value = quantity(estimate.value, estimate.std, estimate.systematic).split(" ")[0]
+            value = quantity(estimate.value, estimate.std).split(" ")[0]
             error = uncertainty(estimate.std)
             unit = "" if estimate.unit == "1" else estimate.unit
             rows.append((*first, name, value, error and f"\u00b1 {error}", unit, evidence, agree))

@@ -24,9 +24,9 @@ NOTHING_LEFT = "nothing significant is left"
 UNCERTAINTY = {
     "calibrated": (
         "Uncertainties are one standard deviation: from the noise of the captures, or, where they disagree by more "
-        "than that, from how far captures, levels of light and parts of the field disagree. What is the same in all of "
-        "them, such as an error of the patterns as displayed, comes on top. Digits beyond a thousandth of what an "
-        "effect changes are not shown, because no formula is trusted further."
+        "than that, from how far captures, levels of light and parts of the field disagree. They contain the error "
+        "that formulas are taken to have: a thousandth of what an effect changes, and two hundredths where exposures "
+        "or targets have errors too. Other errors that all captures share come on top."
     ),
     "blind": (
         "Uncertainties are one standard deviation, from the differences between blocks and between snapshots, because "
@@ -83,7 +83,7 @@ def laboratory(result: CalibratedResult) -> str:
 
 def percentage_of_size(estimate: Estimate) -> str:
     """Return a relative size in per cent, with one standard deviation."""
-    return f"{quantity(100 * float(estimate.value), 100 * estimate.std, 0.0)} %"
+    return f"{quantity(100 * float(estimate.value), 100 * estimate.std)} %"
 
 
 def not_tried(result: CalibratedResult) -> str:
@@ -111,10 +111,7 @@ def clause(effect: NamedEffect) -> str:
 
     The words are the effect's own, see :meth:`~sci_lightning.encoder.effects.Effect.describe`.
     """
-    values = {
-        name: quantity(estimate.value, estimate.std, estimate.systematic)
-        for name, estimate in effect.parameters.items()
-    }
+    values = {name: quantity(estimate.value, estimate.std) for name, estimate in effect.parameters.items()}
     return effect.effect.describe(values)
 
 
@@ -208,29 +205,19 @@ def count_of(number: int, noun: str) -> str:
     return f"{number} {noun}{'s' * (number != 1)}"
 
 
-def quantity(value: Value, std: float = 0.0, systematic: float = 0.0) -> str:
-    """Return a number and its statistical uncertainty, rounded to the digits that mean something.
-
-    The last digit is the second significant one of ``std``, or the first one that is not finer than ``systematic``,
-    whichever is coarser. An uncertainty below half of that digit is left out: then formulas limit the digits.
+def quantity(value: Value, std: float = 0.0) -> str:
+    """Return a number and its uncertainty, rounded to the second significant digit of that.
 
     Args:
         value: of a parameter; what is no ``float`` is a choice, and exact.
-        std: its standard deviation, statistical.
-        systematic: what its systematic error is at least, see
-            :func:`~sci_lightning.diagnosis.search.evidence.systematic_limit`.
+        std: its standard deviation.
     """
     if not isinstance(value, float):
         return str(value)
-    known = [math.floor(math.log10(std)) - 1] if std > 0 and math.isfinite(std) else []
-    known += [math.ceil(math.log10(systematic) - 1e-9)] if systematic > 0 and math.isfinite(systematic) else []
-    if not known or not math.isfinite(value):
+    if not 0 < std < math.inf or not math.isfinite(value):
         return f"{value:.6g}"
-    place = max(known)
-    text = _rounded(value, place)
-    if not 0.5 * 10.0**place <= std < math.inf:
-        return text
-    return f"{text} \u00b1 {_rounded(std, place)}"
+    place = math.floor(math.log10(std)) - 1
+    return f"{_rounded(value, place)} \u00b1 {_rounded(std, place)}"
 
 
 def percentage(probability: float | None) -> str:

@@ -68,7 +68,7 @@ def print_report(result: CalibratedResult | BlindDiagnosis, console: PlainConsol
         for effect in result.effects:
             probability = percentage(effect.probability)
             for name, estimate in effect.parameters.items():
-                value = quantity(estimate.value, estimate.std, estimate.systematic)
+                value = quantity(estimate.value, estimate.std)
                 unit = "" if estimate.unit == "1" else f" {estimate.unit}"
                 effects.add_row(effect.name, effect.effect.stage, name, value + unit, probability)
                 probability = ""

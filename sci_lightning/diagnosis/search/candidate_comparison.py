@@ -14,6 +14,7 @@ from functools import cached_property
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, bic_penalty
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
+from sci_lightning.diagnosis.search.probability import evidence_for
 from sci_lightning.diagnosis.search.screening import Candidate, screen
 from sci_lightning.encoder.effects.parameter import part_of
 
@@ -52,6 +53,15 @@ class CandidateComparison:
         """Return the candidate of the largest gain by the information criterion; None if none gains."""
         enough = [name for name, gain in self._bic_gains.items() if gain > 0]
         return max(enough, key=self._bic_gains.__getitem__, default=None)
+
+    def most_probable(self) -> str | None:
+        """Return the candidate of the largest gain among those that are more probable than not; None if there is none.
+
+        What clusters of pixels disagree about is not counted (:mod:`~sci_lightning.diagnosis.search.probability`).
+        """
+        ranked = sorted((name for name, gain in self._bic_gains.items() if gain > 0), key=self._bic_gains.__getitem__)
+        probable = (n for n in reversed(ranked) if evidence_for(self.fits[n], n, without=self.best).log_odds > 0)
+        return next(probable, None)
 
     def gain_of(self, name: str | None) -> float:
         """Return the gain of a candidate by the information criterion, in nats; 0 of None."""

@@ -6,6 +6,7 @@ parameters are known, how much log-likelihood the captures lose without it, and 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -14,20 +15,12 @@ import numpy as np
 import torch
 
 from sci_lightning.diagnosis.fit.cluster_errors import cluster_errors
-from sci_lightning.diagnosis.fit.fit import Fit
-from sci_lightning.diagnosis.fit.gap import MIN_LABORATORY_NATS
+from sci_lightning.diagnosis.fit.fit import MIN_LABORATORY_NATS, Fit
 from sci_lightning.diagnosis.search.alternatives import alternatives
+from sci_lightning.diagnosis.search.formula_error import FormulaError, formula_error
 from sci_lightning.diagnosis.search.probability import evidence_for
 from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.effects.parameter import Parameter, Value
-
-FORMULA_ERROR_SHARE = 1e-3
-"""Part of what an effect changes to which its formula is trusted.
-
-The search trusts formulas no further either (``SearchSettings.formula_error`` is the square of this number, in nats
-per nat). A real light source, target or modulator is rarely known better. More digits would therefore be digits of the
-model, and not of the camera.
-"""
 
 
 @dataclass(frozen=True)
@@ -36,8 +29,9 @@ class Estimate:
 
     Attributes:
         value: the maximum-likelihood estimate, or the choice.
-        std: standard deviation by the disagreement of clusters of pixels, in the parameter's unit; 0 for a choice.
-        systematic: least systematic error, in the parameter's unit, see :func:`systematic_limit`.
+        std: standard deviation by the disagreement of clusters of pixels and the error of the formula, in the
+            parameter's unit; 0 for a choice.
+        systematic: the error of the formula alone, see :mod:`~sci_lightning.diagnosis.search.formula_error`.
         unit: as in ``pixel``; ``1`` for a ratio.
     """
 
@@ -45,6 +39,12 @@ class Estimate:
     std: float
     systematic: float
     unit: str
+
+    @staticmethod
+    def of(value: Value, about: Parameter, by_pixels: float, error: FormulaError) -> Estimate:
+        """Return an estimate with the errors that pixels and the formula leave."""
+        systematic = error.of(value, about)
+        return Estimate(value, math.hypot(by_pixels, systematic), systematic, about.unit)
 
 
 @dataclass(frozen=True)
@@ -121,11 +121,11 @@ def named_effects(fit: Fit, names: Sequence[str]) -> tuple[NamedEffect, ...]:
             std = errors.deviation((name, parameter)) * (float(value) if about.log else 1.0)
             if name in fit.maps:
                 std = fit.maps[name].std_error
-            parameters[parameter] = Estimate(value, std, systematic_limit(value, about), about.unit)
+            parameters[parameter] = Estimate.of(value, about, std, formula_error(fit))
         if effect.noise:
             effects.append(NamedEffect(effect, parameters))
             continue
-        without = fitter.fit(fit.hypothesis.without(name), from_afar=True)
+        without = fit.without(name, from_afar=True)
         evidence = evidence_for(fit, name, errors, without)
         other = alternatives(fit, without, name, evidence.dispersion)
         lost = fit.log_likelihood - without.log_likelihood
@@ -172,16 +172,3 @@ def error_correlation(fit: Fit) -> ErrorCorrelation:
     effects = [effect for effect, _ in free]
     names = [f"{effect} {parameter}" if effects.count(effect) > 1 else effect for effect, parameter in free]
     return ErrorCorrelation(tuple(names), (covariance / deviation[:, None] / deviation).clamp(-1, 1))
-
-
-def systematic_limit(value: Value, about: Parameter) -> float:
-    """Return what the systematic error of a parameter is at least, in the parameter's unit.
-
-    It is ``FORMULA_ERROR_SHARE`` times the distance from the value at which the effect does nothing. Where there is no
-    such value (a phase), or where it is a bound that stands for infinity (a full well), it is that part of the value
-    itself. Choices have none.
-    """
-    if about.choices or not isinstance(value, (int, float)):
-        return 0.0
-    neutral = about.neutral if isinstance(about.neutral, (int, float)) and not about.log else 0.0
-    return FORMULA_ERROR_SHARE * abs(float(value) - neutral)

@@ -21,7 +21,7 @@ from sci_lightning.diagnosis.search.remaining_misfit import Unnamed, quantified
 
 def without_improbable_effects(
     fit: Fit,
-    noise: Hypothesis,
+    keep: Collection[str],
     unnamed: Sequence[Unnamed],
     on_progress: Callable[[str], None] = lambda message: None,
 ) -> tuple[Fit, list[Unnamed]]:
@@ -29,11 +29,11 @@ def without_improbable_effects(
 
     Args:
         fit: the model that the search selected.
-        noise: effects that stay in any case.
+        keep: effects that stay in any case: noise and errors of the laboratory.
         unnamed: the deviations of the model that have no name.
         on_progress: called with a one-line message for every name that is withdrawn.
     """
-    stay = {*noise.effects, *(deviation.name for deviation in unnamed)}
+    stay = {*keep, *(deviation.name for deviation in unnamed)}
     rest, withdrawn = list(unnamed), False
     while probabilities := name_probabilities(fit, stay, rest):
         name, least = min(probabilities.items(), key=lambda item: item[1])
@@ -44,13 +44,13 @@ def without_improbable_effects(
         rest = [quantified(fit, one) for one in rest]
     if not withdrawn:
         return fit, rest
-    fit = prune(fit, noise.effects)
+    fit = prune(fit, keep)
     return fit, [quantified(fit, one) for one in rest if one.name in fit.hypothesis.effects]
 
 
-def names_are_certain(fit: Fit, noise: Hypothesis, unnamed: Sequence[Unnamed]) -> bool:
+def names_are_certain(fit: Fit, keep: Collection[str], unnamed: Sequence[Unnamed]) -> bool:
     """Return whether a model has names, and none of them is improbable; the arguments are as above."""
-    probabilities = name_probabilities(fit, {*noise.effects, *(deviation.name for deviation in unnamed)}, unnamed)
+    probabilities = name_probabilities(fit, {*keep, *(deviation.name for deviation in unnamed)}, unnamed)
     return bool(probabilities) and min(probabilities.values()) >= MIN_PROBABILITY
 
 
@@ -59,7 +59,7 @@ def name_probabilities(fit: Fit, stay: Collection[str], unnamed: Sequence[Unname
 
     Args:
         fit: the model.
-        stay: effects that are not tested: noise, and deviations without a name.
+        stay: effects that are not tested: noise, errors of the laboratory, and deviations without a name.
         unnamed: those deviations.
     """
     names = [name for name in fit.hypothesis.effects if name not in stay]

@@ -19,6 +19,7 @@ from sci_lightning.diagnosis.fit.cluster_errors import ClusterErrors, cluster_er
 from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap, likeliest_prior
 from sci_lightning.diagnosis.model.map_system import DENSE
+from sci_lightning.diagnosis.search.formula_error import formula_error, nats_beyond_formula
 from sci_lightning.encoder.effects.parameter import part_of
 
 PRIOR_PROBABILITY = 0.02
@@ -66,12 +67,13 @@ def evidence_for(fit: Fit, name: str, errors: ClusterErrors | None = None, witho
         without: the best fit without the effect; None to make it.
     """
     errors = errors or cluster_errors(fit)
-    without = without or fit.fitter.fit(fit.hypothesis.without(name), from_afar=True)
+    without = without or fit.without(name, from_afar=True)
     nats = min(fit.log_likelihood - without.log_likelihood, nats_from_nothing(fit, name))
     dispersion, freedom = errors.of_effect(name)
     gain = calibrated(nats, dispersion, freedom)
     if name in fit.maps:
         gain = min(gain, map_evidence(fit, fit.maps[name], dispersion))
+    gain = min(gain, nats_beyond_formula(fit, name))
     return Evidence(nats, dispersion, gain - occam_factor(fit, name, errors))
 
 
@@ -128,7 +130,7 @@ def occam_factor(fit: Fit, name: str, errors: ClusterErrors) -> float:
     For a number it is the logarithm of the width of its prior over that of its likelihood, for a choice the logarithm
     of the number of choices.
     """
-    lost = 0.0
+    lost, error = 0.0, formula_error(fit)
     for parameter, about in fit.fitter.model.effects[name].about.items():
         if about.choices:
             lost += math.log(len(about.choices))
@@ -139,5 +141,6 @@ def occam_factor(fit: Fit, name: str, errors: ClusterErrors) -> float:
             deviation = fit.maps[name].std_error
         width = math.log(about.high / max(about.low, 1e-300)) if about.log else min(width, PRIOR_STEPS * about.step)
         if deviation > 0:
+            deviation = math.hypot(deviation, error.of_nothing(about))
             lost += max(0.0, math.log(width / (math.sqrt(2 * math.pi) * deviation)))
     return lost

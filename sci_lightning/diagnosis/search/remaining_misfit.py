@@ -7,7 +7,7 @@ what. They are screened like effects; of their many numbers only those that diff
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -90,8 +90,7 @@ class FreeFormCandidate:
 
 def explain_remaining_misfit(
     fit: Fit,
-    ideal: Fit,
-    noise: Hypothesis,
+    keep: Collection[str],
     given: Sequence[FreeFormCandidate] = (),
     on_progress: Callable[[str], None] = lambda message: None,
 ) -> tuple[Fit, list[Unnamed]]:
@@ -99,8 +98,7 @@ def explain_remaining_misfit(
 
     Args:
         fit: the model with every effect that could be named.
-        ideal: the fitted ideal camera.
-        noise: effects that stay in any case.
+        keep: effects that stay in any case.
         given: free-form deviations that are in the model already.
         on_progress: called with a one-line message for every deviation that is added.
 
@@ -122,7 +120,7 @@ def explain_remaining_misfit(
         if best is None:
             break
         on_progress(f"unnamed: {best.where}")
-        fit = prune(larger, {*noise.effects, best.name})
+        fit = prune(larger, {*keep, best.name})
         deviations = [one for one in (*deviations, best) if one.name in fit.hypothesis.effects]
     if as_free_form and not deviations:  # what was worth a name that it does not deserve has none
         fit, best, larger = best_free_form(fit, as_free_form, only_maps=True)

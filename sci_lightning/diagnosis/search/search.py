@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -12,7 +12,7 @@ from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.gap import residuals
 from sci_lightning.diagnosis.fit.information_criterion import bic, prune
 from sci_lightning.diagnosis.fit.split import split
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, datasheet_noise
+from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.search.improbable_effects import (
     fit_names_only,
     names_are_certain,
@@ -35,8 +35,7 @@ class Explanation:
     """What a search over some captures found.
 
     Attributes:
-        ideal: the ideal camera with the datasheet's noise and without errors of the laboratory, on the pixels that
-            count for the fit.
+        ideal: the ideal camera with the datasheet's noise, on the pixels that count for the fit.
         fit: the likeliest model, with named effects and free-form deviations; its fitter leaves out what depends on the
             unknown surround.
         names: the named effects, noise that differs from the datasheet's among them.
@@ -68,7 +67,7 @@ class Selected:
 
 def ideal_camera(model: CameraModel, settings: SearchSettings, budget: Budget | None = None) -> Fit:
     """Divide the captures of a model into fitted and held-out pixels, and fit the ideal camera to them."""
-    noise, stated = model.ideal()
+    noise, stated = datasheet_noise(model.observation)
     fitter = Fitter(model, split(model.observation, settings), settings, budget=budget)
     return fitter.fit(noise, fixed=stated, iterations=30)
 
@@ -86,30 +85,30 @@ def explain(ideal: Fit, on_progress: OnProgress) -> Explanation:
         on_progress: called with a one-line message after every step.
     """
     whole = ideal.fitter
-    noise, stated = whole.model.ideal()
+    noise, stated = datasheet_noise(whole.model.observation)
+    keep = {*noise.effects, *whole.model.imperfections}
     fit, rounds = select_effects(whole, noise, on_progress)
-    fit, unnamed = explain_remaining_misfit(fit, ideal, noise, (), on_progress)
+    fit, unnamed = explain_remaining_misfit(fit, keep, (), on_progress)
     selected = Selected(fit, rounds, unnamed)
     settled, differing = select_noise(fit)
-    doubtful = unnamed or differing or not names_are_certain(fit, noise, unnamed)
+    doubtful = unnamed or differing or not names_are_certain(fit, keep, unnamed)
     if doubtful and whole.budget.allows("effects beside a deviation without a name"):
-        other = _with_a_free_form_first(selected, ideal, noise, on_progress)
+        other = _with_a_free_form_first(selected, keep, on_progress)
         if other is not None:
             selected = other
             settled, differing = select_noise(selected.fit)
-    completed, left = complete(whole, selected.fit, ideal, noise, selected.unnamed, on_progress)
+    completed, left = complete(whole, selected.fit, keep, selected.unnamed, on_progress)
     if completed is not selected.fit:
         settled, differing = select_noise(completed)
     free_forms = {deviation.name for deviation in left}
-    names = [name for name in completed.hypothesis.effects if name not in noise.effects and name not in free_forms]
-    datasheet, _ = datasheet_noise(whole.model.observation)
-    ideal = settled.fitter.fit(datasheet, fixed=stated, iterations=30)
+    names = [name for name in completed.hypothesis.effects if name not in keep and name not in free_forms]
+    ideal = settled.fitter.fit(noise, fixed=stated, iterations=30)
     effects = tuple(names if left else names + differing)
     explanation = Explanation(ideal, settled, effects, tuple(selected.rounds), tuple(left))
     return _without_contradicted_maps(explanation, on_progress)
 
 
-def _with_a_free_form_first(first: Selected, ideal: Fit, noise: Hypothesis, on_progress: OnProgress) -> Selected | None:
+def _with_a_free_form_first(first: Selected, keep: Collection[str], on_progress: OnProgress) -> Selected | None:
     """Select effects beside the strongest free-form deviation; return the model if it is better, else None.
 
     Effects that imitated the deviation are not needed beside it. The model counts if its information criterion is
@@ -117,11 +116,13 @@ def _with_a_free_form_first(first: Selected, ideal: Fit, noise: Hypothesis, on_p
 
     Args:
         first: the model whose names were selected without it.
-        ideal: the fitted ideal camera.
-        noise: shot and read noise from which the search starts.
+        keep: effects that stay in any case, from which the search starts.
         on_progress: called with a one-line message after every step.
     """
-    start = first.fit.fitter.fit(noise, iterations=30)
+    nothing = first.fit.hypothesis
+    for name in [name for name in nothing.effects if name not in keep]:
+        nothing = nothing.without(name)
+    start = first.fit.fitter.fit(nothing, iterations=30)
     start, free_form, larger = best_free_form(start)
     if free_form is None:
         return None
@@ -131,16 +132,16 @@ def _with_a_free_form_first(first: Selected, ideal: Fit, noise: Hypothesis, on_p
     on_progress(f"beside it: {free_form.where}")
     fit, rounds = select_effects(start.fitter, larger.hypothesis, on_progress)
     fit = prune(fit, larger.hypothesis.effects)
-    fit, unnamed = explain_remaining_misfit(fit, ideal, noise, (free_form,), on_progress)
+    fit, unnamed = explain_remaining_misfit(fit, keep, (free_form,), on_progress)
     common = fit.fitter.with_border(first.fit.fitter.split.border)
     # a free form that is as likely as a named effect (stray light as an offset, say) does not take its place
     gain = bic(common.repeated(fit)) - bic(common.repeated(first.fit))
-    better = gain > common.settings.indistinct_nats and not names_are_certain(first.fit, noise, first.unnamed)
+    better = gain > common.settings.indistinct_nats and not names_are_certain(first.fit, keep, first.unnamed)
     return Selected(fit, rounds, unnamed) if better else None
 
 
 def complete(
-    whole: Fitter, fit: Fit, ideal: Fit, noise: Hypothesis, unnamed: Sequence[Unnamed], on_progress: OnProgress
+    whole: Fitter, fit: Fit, keep: Collection[str], unnamed: Sequence[Unnamed], on_progress: OnProgress
 ) -> tuple[Fit, Sequence[Unnamed]]:
     """Take in every pixel that the selected model can predict, localise what only shows there, and drop spurious names.
 
@@ -149,8 +150,7 @@ def complete(
     Args:
         whole: a fitter that leaves nothing out.
         fit: the selected model; the search had left out more for the sake of its candidates.
-        ideal: the fitted ideal camera.
-        noise: effects that stay in any case.
+        keep: effects that stay in any case.
         unnamed: deviations of the model without a name.
         on_progress: called with a one-line message after every step.
 
@@ -161,13 +161,13 @@ def complete(
     if wide is not fit:
         unnamed = [quantified(wide, one) for one in unnamed]
         if not unnamed and misfit_outside(wide, fit.fitter) > whole.settings.negligible_chi2:
-            wide, unnamed = explain_remaining_misfit(wide, ideal, noise, (), on_progress)
-    certain, left = without_improbable_effects(wide, noise, unnamed, on_progress)
+            wide, unnamed = explain_remaining_misfit(wide, keep, (), on_progress)
+    certain, left = without_improbable_effects(wide, keep, unnamed, on_progress)
     if certain is wide or any(deviation.name in whole.model.vocabulary for deviation in left):
         return certain, left  # the map of a rejected effect is where nothing else would be localised
     # what was localised beside names that are withdrawn may have another place without them
     named = without_unnamed(certain.hypothesis, left)
-    return explain_remaining_misfit(certain.fitter.fit(named, iterations=20), ideal, noise, (), on_progress)
+    return explain_remaining_misfit(certain.fitter.fit(named, iterations=20), keep, (), on_progress)
 
 
 def with_all_predictable(whole: Fitter, fit: Fit) -> Fit:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 from sci_lightning.diagnosis.fit.cluster_errors import cluster_errors
-from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.fit import MIN_LABORATORY_NATS, Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, prune
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, ParameterName, datasheet_noise
 from sci_lightning.diagnosis.search.candidate_comparison import compare_candidates
@@ -17,6 +17,8 @@ from sci_lightning.diagnosis.search.screening import rivals
 OnProgress = Callable[[str], None]
 """Called with a one-line message after every step of the search."""
 
+LABORATORY_ITERATIONS = 6
+"""Iterations of the fit that shows whether the laboratory has errors; it starts from a fitted model without them."""
 WEAK_START_SHARE = 0.1
 """Part of a start's distance from doing nothing at which weak effects are looked for: their borders are a pixel or two
 wide."""
@@ -51,6 +53,10 @@ def select_effects(
     leave out much at the sides of the field, because nobody knows what lies beyond it; where none of them gains much,
     weak ones are looked for, which need narrower borders.
 
+    All errors of a laboratory together are a candidate, too. Where they gain most they stay in every further model, and
+    the effects that had to imitate them go. Then captures agree about nothing exactly, nats are too many, and an effect
+    has to be probable as well.
+
     Args:
         whole: fits hypotheses to the captures.
         start: effects that stay in the model: the noise, and free-form deviations.
@@ -60,7 +66,7 @@ def select_effects(
         the model, fitted on the pixels that it can predict, and the rounds.
     """
     best = whole.covering(start).fit(start, iterations=30)
-    rounds, settings = list[Round](), whole.settings
+    rounds, settings, keep = list[Round](), whole.settings, {*start.effects, *whole.model.imperfections}
     confirmed: Fit | None = None  # the model before an effect that was added provisionally
     for _ in range(settings.max_effects):
         if rounds and not whole.budget.allows("further effects"):
@@ -75,7 +81,13 @@ def select_effects(
             if comparison.gain_of(added) < near.gain_of(weak) < settings.provisional_nats:
                 comparison, added = near, weak
         best, fits = comparison.best, comparison.fits
-        if provisional := added is None and confirmed is None:
+        if (in_laboratory := with_laboratory(best, comparison.gain_of(added))) is not None:
+            on_progress("errors of exposures and targets become part of every model")
+            best, confirmed = prune(in_laboratory, keep), None
+            continue
+        if best.in_laboratory:
+            added = comparison.most_probable()
+        if provisional := added is None and confirmed is None and not best.in_laboratory:
             added = comparison.unconfirmed(settings.provisional_nats)
         gains = comparison.gains()
         screened_gains = {candidate.name: candidate.gain for candidate in comparison.screened}
@@ -90,8 +102,18 @@ def select_effects(
         confirmed = best if provisional else None
         best = larger
         if not provisional:
-            best = prune(larger, start.effects)
-    return exchange(confirmed or best, start.effects), rounds
+            best = prune(larger, keep)
+    return exchange(confirmed or best, keep), rounds
+
+
+def with_laboratory(fit: Fit, least: float) -> Fit | None:
+    """Return a model with the errors of the laboratory, if these are certain and gain more than so many nats."""
+    start = fit.fitter.model.with_imperfections(fit.hypothesis)
+    if start is fit.hypothesis:
+        return None
+    larger = fit.fitter.fit(start, LABORATORY_ITERATIONS)
+    gained = larger.log_likelihood - fit.log_likelihood
+    return larger if larger.in_laboratory and gained > max(least, MIN_LABORATORY_NATS) else None
 
 
 def exchange(fit: Fit, keep: Collection[str]) -> Fit:

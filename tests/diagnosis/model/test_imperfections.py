@@ -10,7 +10,7 @@ import torch
 
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis.diagnosis import diagnose
-from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
 from sci_lightning.diagnosis.model.capture_map import CaptureMap
 from sci_lightning.diagnosis.model.imperfections import imperfections_of
 from sci_lightning.diagnosis.model.map_system import MapSystem
@@ -66,7 +66,7 @@ def system() -> MapSystem:
     names = {name: vocabulary()[name] for name in ("prnu", "column_noise", "shot_noise", "read_noise")}
     model = CameraModel(observation, names, imperfections=imperfections_of(observation))
     fitter = ideal_camera(model, SearchSettings()).fitter
-    hypothesis, _ = model.ideal()
+    hypothesis = model.with_imperfections(datasheet_noise(observation)[0])
     for name in ("prnu", "column_noise"):
         hypothesis = hypothesis.with_effect(name, {"std": 0.01}, model.zero_map(name))
     at = fitter.evaluate(hypothesis)

@@ -34,7 +34,7 @@ def test_levels_of_light_and_captures_agree_about_a_right_name(
     probability = evidence_for(fit, name).probability
     assert probability > 0.95 if stays else probability < 0.5
     messages: list[str] = []
-    remaining, unnamed = without_improbable_effects(fit, NOISE, [], messages.append)
+    remaining, unnamed = without_improbable_effects(fit, NOISE.effects, [], messages.append)
     assert (name in remaining.hypothesis.effects) == stays and unnamed == []
     assert [message.partition(":")[0] for message in messages] == ([] if stays else [f"{name} is set aside"])
 
@@ -61,13 +61,13 @@ def test_what_shows_only_outside_is_localised_and_quantified_once(tmp_path: Path
     """A dead column that the search left out is seen in the end, without any misfit where it had looked."""
     whole = fitter(tmp_path, {"dead_column": {"loss": 0.7, "column": 61}})
     narrow = whole.with_border(Border(4, 4, 4, 4))
-    fit, ideal = narrow.fit(NOISE), narrow.fit(NOISE)
+    fit = narrow.fit(NOISE)
     wide = with_all_predictable(whole, fit)
     assert wide.fitter is whole and misfit_outside(wide, narrow) > 2
-    completed, unnamed = complete(whole, fit, ideal, NOISE, [], lambda message: None)
+    completed, unnamed = complete(whole, fit, NOISE.effects, [], lambda message: None)
     assert completed.fitter.split.border == whole.split.border and [one.stage for one in unnamed] == ["sensor"]
     assert not unnamed[0].picture.isnan().any() and unnamed[0].nats > 1000
-    unchanged, still = complete(whole, completed, ideal, NOISE, unnamed, lambda message: None)
+    unchanged, still = complete(whole, completed, NOISE.effects, unnamed, lambda message: None)
     assert unchanged is completed and still == unnamed
 
 
