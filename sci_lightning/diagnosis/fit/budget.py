@@ -31,13 +31,14 @@ class Budget:
         """Seconds of processor time since the budget was made."""
         return time.process_time() - self._start
 
-    def allows(self, what: str) -> bool:
+    def allows(self, what: str, share: float = SEARCH_SHARE) -> bool:
         """Return whether there is time to begin something; if not, it is noted as not tried.
 
         Args:
             what: would be begun, in words.
+            share: of the budget after which it is not begun.
         """
-        if self.used < SEARCH_SHARE * self.seconds:
+        if self.used < share * self.seconds:
             return True
         if what not in self.not_tried:
             self.not_tried.append(what)

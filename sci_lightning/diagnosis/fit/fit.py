@@ -101,8 +101,16 @@ class Fit:
         return tuple(name for name in every if name not in self.free)
 
     def without(self, name: str, iterations: int = 12, from_afar: bool = False) -> Fit:
-        """Return a fit of the same parameters without an effect, from the values that they have."""
-        return self.fitter.fit(self.hypothesis.without(name), iterations, self.fixed, from_afar=from_afar)
+        """Return a fit of the same parameters without an effect, from the values that they have; it is kept."""
+        key = name, iterations, from_afar
+        if key not in self._without:
+            smaller = self.hypothesis.without(name)
+            self._without[key] = self.fitter.fit(smaller, iterations, self.fixed, from_afar=from_afar)
+        return self._without[key]
+
+    @cached_property
+    def _without(self) -> dict[tuple[str, int, bool], Fit]:
+        return {}
 
     def explained_nats(self, baseline: Fit, noise: Fit | None = None) -> float:
         """Return the log-likelihood that the mean gains over that of another fit, in nats, at least 0.

@@ -89,6 +89,8 @@ def alternatives(fit: Fit, without: Fit, name: str, dispersion: float = 1.0) -> 
     """
     settings, effects = fit.fitter.settings, fit.fitter.model.effects
     lost, equal = dict[str, float](), dict[str, Fit]()
+    if not fit.fitter.budget.allows(f"other effects in place of {name}", share=1.0):
+        return Alternatives(lost, "")
     for other, rival in rivals(fit, without, name):
         named, instead = with_common_pixels(fit, rival)
         nats = (named.log_likelihood - instead.log_likelihood) / dispersion

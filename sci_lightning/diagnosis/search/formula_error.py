@@ -36,7 +36,10 @@ class FormulaError:
             return 0.0
         if about.log or not isinstance(about.neutral, (int, float)):
             return self.share * abs(float(value))
-        return math.hypot(self.share * (float(value) - about.neutral), self.of_nothing(about))
+        distance = abs(float(value) - about.neutral)
+        if about.unit == "pixel":  # whole pixels are exact
+            distance = min(distance, 1.0)
+        return math.hypot(self.share * distance, self.of_nothing(about))
 
     def of_nothing(self, about: Parameter) -> float:
         """Return it where the effect does nothing; 0 for parameters that have no such value, or infinity for it."""

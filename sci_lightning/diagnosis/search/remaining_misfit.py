@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import torch
 from scipy.stats import chi2
 
+from sci_lightning.diagnosis.fit.budget import SEARCH_SHARE
 from sci_lightning.diagnosis.fit.cluster_errors import map_dispersion
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import bic_penalty, prune, with_common_pixels
@@ -25,6 +26,9 @@ from sci_lightning.diagnosis.search.map_test import map_p_value
 from sci_lightning.diagnosis.search.probability import evidence_for
 from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.free_form import FreeForm
+
+FIRST_FREE_FORM_SHARE = 0.85
+"""Part of the budget after which nothing without a name is looked for; residual tests still say that it is there."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +164,7 @@ def best_free_form(
     best: tuple[Fit, FreeFormCandidate | None, Fit] = (fit, None, fit)
     largest = 0.0
     for deviation in promising[: fitter.settings.probes_fitted]:
-        if best[1] is not None and not fitter.budget.allows(deviation.where):
+        if not fitter.budget.allows(deviation.where, share=FIRST_FREE_FORM_SHARE if best[1] is None else SEARCH_SHARE):
             break
         start = deviation.added(fitter, fit.hypothesis)
         smaller = fitter.covering(start).repeated(fit)

@@ -26,7 +26,7 @@ from sci_lightning.diagnosis.search.remaining_misfit import (
     explain_remaining_misfit,
     quantified,
 )
-from sci_lightning.diagnosis.search.selection import OnProgress, Round, select_effects, select_noise
+from sci_lightning.diagnosis.search.selection import OnProgress, Round, noise_that_differs, select_effects, select_noise
 from sci_lightning.diagnosis.search_settings import SearchSettings
 
 
@@ -89,21 +89,16 @@ def explain(ideal: Fit, on_progress: OnProgress) -> Explanation:
     keep = {*noise.effects, *whole.model.imperfections}
     fit, rounds = select_effects(whole, noise, on_progress)
     fit, unnamed = explain_remaining_misfit(fit, keep, (), on_progress)
-    selected = Selected(fit, rounds, unnamed)
-    settled, differing = select_noise(fit)
-    doubtful = unnamed or differing or not names_are_certain(fit, keep, unnamed)
+    selected = Selected(select_noise(fit), rounds, unnamed)
+    doubtful = unnamed or noise_that_differs(selected.fit) or not names_are_certain(selected.fit, keep, unnamed)
     if doubtful and whole.budget.allows("effects beside a deviation without a name"):
-        other = _with_a_free_form_first(selected, keep, on_progress)
-        if other is not None:
-            selected = other
-            settled, differing = select_noise(selected.fit)
+        selected = _with_a_free_form_first(selected, keep, on_progress) or selected
     completed, left = complete(whole, selected.fit, keep, selected.unnamed, on_progress)
-    if completed is not selected.fit:
-        settled, differing = select_noise(completed)
+    settled = completed if completed is selected.fit else select_noise(completed)
     free_forms = {deviation.name for deviation in left}
-    names = [name for name in completed.hypothesis.effects if name not in keep and name not in free_forms]
+    names = [name for name in settled.hypothesis.effects if name not in keep and name not in free_forms]
     ideal = settled.fitter.fit(noise, fixed=stated, iterations=30)
-    effects = tuple(names if left else names + differing)
+    effects = tuple(names if left else [*names, *noise_that_differs(settled)])
     explanation = Explanation(ideal, settled, effects, tuple(selected.rounds), tuple(left))
     return _without_contradicted_maps(explanation, on_progress)
 
@@ -133,6 +128,7 @@ def _with_a_free_form_first(first: Selected, keep: Collection[str], on_progress:
     fit, rounds = select_effects(start.fitter, larger.hypothesis, on_progress)
     fit = prune(fit, larger.hypothesis.effects)
     fit, unnamed = explain_remaining_misfit(fit, keep, (free_form,), on_progress)
+    fit = select_noise(fit)
     common = fit.fitter.with_border(first.fit.fitter.split.border)
     # a free form that is as likely as a named effect (stray light as an offset, say) does not take its place
     gain = bic(common.repeated(fit)) - bic(common.repeated(first.fit))

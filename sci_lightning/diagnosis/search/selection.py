@@ -135,7 +135,7 @@ def exchange(fit: Fit, keep: Collection[str]) -> Fit:
             if not fit.fitter.budget.allows(f"other effects in place of {name}"):
                 continue
             effects, now = fit.fitter.model.effects, name
-            for other, rival in rivals(fit, fit.without(name), name):
+            for other, rival in rivals(fit, fit.without(name, from_afar=True), name):
                 common = fit.fitter.covering(rival.hypothesis)
                 former, instead = common.repeated(fit), common.repeated(rival)
                 needed = common.settings.min_gain_nats
@@ -152,8 +152,8 @@ def exchange(fit: Fit, keep: Collection[str]) -> Fit:
     return fit
 
 
-def select_noise(fit: Fit) -> tuple[Fit, list[str]]:
-    """Return the fit with the datasheet's noise where the captures bear it, and the noise effects that differ from it.
+def select_noise(fit: Fit) -> Fit:
+    """Return the fit with the datasheet's noise where the captures bear it.
 
     A stated parameter is freed where it probably differs (:mod:`~sci_lightning.diagnosis.search.probability`): what the
     formulas of strong effects get wrong passes for noise, but not for the same noise at all levels of light.
@@ -172,4 +172,11 @@ def select_noise(fit: Fit) -> tuple[Fit, list[str]]:
     kept = [
         one for one in stated if evidence_for(freed, one[0], errors, with_stated([one])).probability < MIN_PROBABILITY
     ]
-    return (with_stated(kept) if kept else freed), [one[0] for one in stated if one not in kept]
+    return with_stated(kept) if kept else freed
+
+
+def noise_that_differs(fit: Fit) -> list[str]:
+    """Return the noise effects of a fit that differ from the datasheet, where it states them."""
+    return [
+        name for name, parameter in datasheet_noise(fit.fitter.model.observation)[1] if (name, parameter) in fit.free
+    ]

@@ -34,6 +34,7 @@ def test_quantity(value: float | str, std: float, text: str) -> None:
 def test_the_error_of_a_formula_grows_with_what_an_effect_changes() -> None:
     assert IDEAL.of(0.5, Gain.about["factor"]) == pytest.approx(math.hypot(5e-4, 1e-4))
     assert IDEAL.of(0.0, MaskShift.about["dx"]) == pytest.approx(1e-3)
+    assert IDEAL.of(1.0, MaskShift.about["dx"]) == IDEAL.of(12.0, MaskShift.about["dx"])
     assert IDEAL.of(9987.3, ShotNoise.about["full_well"]) == pytest.approx(9.9873)
     assert IDEAL.of("rot90", MaskOrientation.about["operation"]) == 0
     assert LABORATORY.of(-0.35, MaskShift.about["dx"]) == pytest.approx(math.hypot(7e-3, 1e-2))

@@ -19,7 +19,7 @@ def named(name: str, **changes: Any) -> NamedEffect:
 
 def test_explained() -> None:
     sentence = headline(diagnosed((SHIFT,)))
-    assert "The mask's image is displaced by (0.610 ± 0.002, -0.350 ± 0.002) pixel; " in sentence
+    assert "The mask's image is displaced by (0.6100 ± 0.0021, -0.3500 ± 0.0019) pixel; " in sentence
     assert "from 19.1 to 1.54 DN (chi2 168.9 to 0.981)" in sentence and sentence.endswith(f"{NOTHING_LEFT}.")
 
 
