@@ -76,8 +76,8 @@ class Fit:
 
     @property
     def in_laboratory(self) -> bool:
-        """Whether exposures or targets certainly have errors."""
-        return any(one.of_captures and one.evidence > MIN_LABORATORY_NATS for one in self.maps.values())
+        """Whether the model has the errors of a laboratory."""
+        return any(name in self.hypothesis.effects for name in self.fitter.model.imperfections)
 
     @property
     def uncertain_prediction(self) -> Prediction:

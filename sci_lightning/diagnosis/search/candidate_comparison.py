@@ -7,7 +7,7 @@ compared, counts for none of them. Once the search has decided, every pixel coun
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -62,6 +62,11 @@ class CandidateComparison:
         ranked = sorted((name for name, gain in self._bic_gains.items() if gain > 0), key=self._bic_gains.__getitem__)
         probable = (n for n in reversed(ranked) if evidence_for(self.fits[n], n, without=self.best).log_odds > 0)
         return next(probable, None)
+
+    def with_others(self, refused: Collection[str]) -> CandidateComparison:
+        """Return a comparison of the most promising ones among the candidates that have not been refused."""
+        fits = fit_candidates(self.best, [candidate for candidate in self.screened if candidate.name not in refused])
+        return CandidateComparison(self.screener, *_with_common_border(self.best, fits), self.screened)
 
     def gain_of(self, name: str | None) -> float:
         """Return the gain of a candidate by the information criterion, in nats; 0 of None."""

@@ -60,13 +60,14 @@ def formula_error(fit: Fit) -> FormulaError:
 def nats_beyond_formula(fit: Fit, name: str) -> float:
     """Return the nats by which an effect is larger than the error of its formula: no pixels can say more for it.
 
-    They are infinite for choices, for noise and for free forms.
+    They are infinite for choices and for noise.
     """
     effect, error, squares = fit.fitter.model.effects[name], formula_error(fit), 0.0
-    if effect.noise or name not in fit.fitter.model.vocabulary:
+    if effect.noise:
         return math.inf
-    for parameter, about in effect.about.items():
-        value, nothing = fit.hypothesis.effects[name][parameter], error.of_nothing(about)
+    for parameter, value in fit.hypothesis.effects[name].items():
+        about = effect.about[parameter]
+        nothing = error.of_nothing(about)
         if about.choices or not nothing:
             return math.inf
         squares += ((float(value) - float(about.neutral or 0.0)) / nothing) ** 2

@@ -9,7 +9,7 @@ from sci_lightning.diagnosis.fit.cluster_errors import cluster_errors
 from sci_lightning.diagnosis.fit.fit import MIN_LABORATORY_NATS, Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, prune
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, ParameterName, datasheet_noise
-from sci_lightning.diagnosis.search.candidate_comparison import compare_candidates
+from sci_lightning.diagnosis.search.candidate_comparison import CandidateComparison, compare_candidates
 from sci_lightning.diagnosis.search.displacement import far_displacements
 from sci_lightning.diagnosis.search.probability import MIN_PROBABILITY, evidence_for
 from sci_lightning.diagnosis.search.screening import rivals
@@ -19,6 +19,8 @@ OnProgress = Callable[[str], None]
 
 LABORATORY_ITERATIONS = 6
 """Iterations of the fit that shows whether the laboratory has errors; it starts from a fitted model without them."""
+MIN_PROBABLE_NATS = 10.0
+"""Nats without which no effect can be more probable than not: the prior asks for four, its numbers for several more."""
 WEAK_START_SHARE = 0.1
 """Part of a start's distance from doing nothing at which weak effects are looked for: their borders are a pixel or two
 wide."""
@@ -80,13 +82,13 @@ def select_effects(
             # one that gains more there is a matter of some pixels at the sides, which are localised in the end
             if comparison.gain_of(added) < near.gain_of(weak) < settings.provisional_nats:
                 comparison, added = near, weak
-        best, fits = comparison.best, comparison.fits
-        if (in_laboratory := with_laboratory(best, comparison.gain_of(added))) is not None:
+        if (in_laboratory := with_laboratory(comparison.best, comparison.gain_of(added))) is not None:
             on_progress("errors of exposures and targets become part of every model")
             best, confirmed = prune(in_laboratory, keep), None
             continue
-        if best.in_laboratory:
-            added = comparison.most_probable()
+        if comparison.best.in_laboratory:
+            comparison, added = most_probable(comparison)
+        best, fits = comparison.best, comparison.fits
         if provisional := added is None and confirmed is None and not best.in_laboratory:
             added = comparison.unconfirmed(settings.provisional_nats)
         gains = comparison.gains()
@@ -106,14 +108,28 @@ def select_effects(
     return exchange(confirmed or best, keep), rounds
 
 
+def most_probable(comparison: CandidateComparison) -> tuple[CandidateComparison, str | None]:
+    """Return the best candidate that is more probable than not, and the comparison in which it is; None if none is.
+
+    Where captures disagree, much likelihood may be gained by what is improbable, and candidates that gain less follow.
+    """
+    refused, budget = set[str](), comparison.best.fitter.budget
+    while (added := comparison.most_probable()) is None and budget.allows("improbable effects"):
+        if max((gain for gain, _ in comparison.gains().values()), default=0.0) < MIN_PROBABLE_NATS:
+            break
+        refused |= comparison.fits.keys()
+        comparison = comparison.with_others(refused)
+    return comparison, added
+
+
 def with_laboratory(fit: Fit, least: float) -> Fit | None:
-    """Return a model with the errors of the laboratory, if these are certain and gain more than so many nats."""
+    """Return a model with the errors of the laboratory, if it lacks them and they gain more than so many nats."""
     start = fit.fitter.model.with_imperfections(fit.hypothesis)
     if start is fit.hypothesis:
         return None
     larger = fit.fitter.fit(start, LABORATORY_ITERATIONS)
     gained = larger.log_likelihood - fit.log_likelihood
-    return larger if larger.in_laboratory and gained > max(least, MIN_LABORATORY_NATS) else None
+    return larger if gained > max(least, MIN_LABORATORY_NATS) else None
 
 
 def exchange(fit: Fit, keep: Collection[str]) -> Fit:

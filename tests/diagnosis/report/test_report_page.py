@@ -110,7 +110,9 @@ def test_it_is_well_formed_and_needs_nothing_else(text: str) -> None:
 
 
 def test_it_says_what_was_found(result: Diagnosis, text: str) -> None:
-    assert re.search(r"<h1>The mask&#39;s image .* \(0\.6[01]\d*( ± 0\.\d+)?, \u22120\.3[45].* pixel and columns differ", text)
+    assert re.search(
+        r"<h1>The mask&#39;s image .* \(0\.6[01]\d*( ± 0\.\d+)?, \u22120\.3[45].* pixel and columns differ", text
+    )
     command = "captures=&#39;&lt;a&gt;.h5"
     for words in (
         "column_noise",
