@@ -6,12 +6,14 @@ import json
 import os
 import platform
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Any
 
 import torch
+
+from sci_lightning.studies.proving_ground.summary import Proportion
 
 ROOT = Path(__file__).parents[1]
 
@@ -60,3 +62,10 @@ class MeasurementsFile:
             **({"notes": notes} if notes else {}),
         }
         self.path.write_text(json.dumps(content, indent=1) + "\n")
+
+
+def in_words(answers: Iterable[bool]) -> str:
+    """Return how many answers are yes, with the 95 % interval of their share: "9 of 10 (60 % to 98 %)"."""
+    proportion = Proportion.of(answers)
+    low, high = (round(100 * end) for end in proportion.interval)
+    return f"{proportion.count} of {proportion.total} ({low} % to {high} %)"

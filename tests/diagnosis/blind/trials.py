@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -16,7 +16,7 @@ from sci_lightning.files.diagnosis_report import NamedEffect, Verdict
 from sci_lightning.files.json_file import says
 from sci_lightning.studies.engine import CaseRecord, FailedCase, Records, digest_of, run_cases
 from sci_lightning.studies.proving_ground.outcome import names_meant
-from sci_lightning.studies.proving_ground.summary import Proportion
+from tests.measurements_file import in_words
 
 COLUMNS: list[tuple[str, str, int | None]] = [
     ("hidden", "hidden", None),
@@ -129,8 +129,8 @@ def row(title: str, cases: Sequence[TrialRecord]) -> dict[str, Any]:
     missed = sum(len(one.missed) for one in cases)
     return {
         "hidden": title,
-        "right": _in_words(one.right for one in cases),
-        "wrong": _in_words(bool(one.wrong) and one.verdict == "explained" for one in cases),
+        "right": in_words(one.right for one in cases),
+        "wrong": in_words(bool(one.wrong) and one.verdict == "explained" for one in cases),
         "held": f"{sum(held)} of {len(held)}" if held else "",
         "instead": "; ".join(sorted({one.names for one in cases if not one.right})),
         "clear": f"{sum(len(one.clear_by_truth) for one in cases)} of {missed}" if missed else "",
@@ -142,9 +142,3 @@ def rows(cases: Sequence[TrialRecord]) -> list[dict[str, Any]]:
     """Return a row for everything that was hidden, in the order of the cases."""
     hidden = dict.fromkeys(one.hidden for one in cases)
     return [row(name, [one for one in cases if one.hidden == name]) for name in hidden]
-
-
-def _in_words(answers: Iterable[bool]) -> str:
-    proportion = Proportion.of(answers)
-    low, high = (round(100 * end) for end in proportion.interval)
-    return f"{proportion.count} of {proportion.total} ({low} % to {high} %)"
