@@ -169,6 +169,14 @@ def dispersion(squares: float, free: int) -> tuple[float, float]:
     return float((posterior * logarithm.exp()).sum()), 1 - float(posterior[0])
 
 
+def levels_of_light(mean: torch.Tensor) -> torch.Tensor:
+    """Return the level of light of every pixel, 0 for the darkest, of the shape of their mean DN."""
+    order = mean.flatten().argsort()
+    level = torch.empty_like(order)
+    level[order] = torch.arange(order.numel()) * LIGHT_LEVELS // order.numel()
+    return level.view(mean.shape)
+
+
 def divisions(fit: Fit) -> Iterator[tuple[torch.Tensor, int]]:
     """Yield ways to divide the pixels ``(N, H, W)``: the number of every pixel's cluster, and how many there are."""
     mean = fit.prediction.mean.contiguous()
@@ -177,10 +185,7 @@ def divisions(fit: Fit) -> Iterator[tuple[torch.Tensor, int]]:
     target = fit.fitter.model.observation.target
     if (targets := int(target.max()) + 1) < captures:
         yield target[:, None, None].expand(mean.shape).contiguous(), targets
-    order = mean.flatten().argsort()
-    level = torch.empty_like(order)
-    level[order] = torch.arange(order.numel()) * LIGHT_LEVELS // order.numel()
-    yield level.view(mean.shape), LIGHT_LEVELS
+    yield levels_of_light(mean), LIGHT_LEVELS
     rows, columns = (torch.arange(side) * PARTS_PER_SIDE // side for side in (height, width))
     block = rows[:, None] * PARTS_PER_SIDE + columns
     yield block.expand(mean.shape).contiguous(), PARTS_PER_SIDE**2

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
-from sci_lightning.diagnosis.fit.cluster_errors import cluster_errors
+import torch
+
+from sci_lightning.diagnosis.fit.cluster_errors import LIGHT_LEVELS, cluster_errors, levels_of_light
 from sci_lightning.diagnosis.fit.fit import MIN_LABORATORY_NATS, Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, prune
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, ParameterName, datasheet_noise
 from sci_lightning.diagnosis.search.candidate_comparison import CandidateComparison, compare_candidates
 from sci_lightning.diagnosis.search.displacement import far_displacements
+from sci_lightning.diagnosis.search.formula_error import formula_error
 from sci_lightning.diagnosis.search.probability import MIN_PROBABILITY, evidence_for
 from sci_lightning.diagnosis.search.screening import rivals
 
@@ -171,8 +175,9 @@ def exchange(fit: Fit, keep: Collection[str]) -> Fit:
 def select_noise(fit: Fit) -> Fit:
     """Return the fit with the datasheet's noise where the captures bear it.
 
-    A stated parameter is freed where it probably differs (:mod:`~sci_lightning.diagnosis.search.probability`): what the
-    formulas of strong effects get wrong passes for noise, but not for the same noise at all levels of light.
+    A stated parameter is freed where it probably differs (:mod:`~sci_lightning.diagnosis.search.probability`), by more
+    than formulas may be wrong, and at every level of light: what formulas get wrong passes for noise, but not for the
+    same noise everywhere.
     """
     fitter = fit.fitter
     datasheet, stated = datasheet_noise(fitter.model.observation)
@@ -185,10 +190,26 @@ def select_noise(fit: Fit) -> Fit:
 
     freed = with_stated(())
     errors = cluster_errors(freed) if stated else None
-    kept = [
-        one for one in stated if evidence_for(freed, one[0], errors, with_stated([one])).probability < MIN_PROBABILITY
-    ]
+
+    def differs(name: str, parameter: str) -> bool:
+        held = with_stated([(name, parameter)])
+        if evidence_for(freed, name, errors, held).probability < MIN_PROBABILITY:
+            return False
+        value, nominal = (max(float(one.hypothesis.effects[name][parameter]), 1e-9) for one in (freed, held))
+        by_formulas = 0.5 * (math.log(value / nominal) / formula_error(freed).share) ** 2
+        return by_formulas > MIN_PROBABLE_NATS and _likelier_at_every_level(freed, held)
+
+    kept = [one for one in stated if not differs(*one)]
     return with_stated(kept) if kept else freed
+
+
+def _likelier_at_every_level(one: Fit, other: Fit) -> bool:
+    """Return whether a fit is about as likely as another one, or more, at every level of light."""
+    fitter = one.fitter
+    gain = (fitter.log_likelihood(one.prediction) - fitter.log_likelihood(other.prediction)) * fitter.fitted
+    levels = levels_of_light(one.prediction.mean.contiguous()).flatten()
+    sums = torch.zeros(LIGHT_LEVELS, dtype=torch.float64).index_add_(0, levels, gain.flatten().double())
+    return float(sums.min()) > -MIN_PROBABLE_NATS
 
 
 def noise_that_differs(fit: Fit) -> list[str]:
