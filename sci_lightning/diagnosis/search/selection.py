@@ -192,12 +192,12 @@ def select_noise(fit: Fit) -> Fit:
     errors = cluster_errors(freed) if stated else None
 
     def differs(name: str, parameter: str) -> bool:
-        held = with_stated([(name, parameter)])
-        if evidence_for(freed, name, errors, held).probability < MIN_PROBABILITY:
+        nominal_fit = with_stated([(name, parameter)])
+        if evidence_for(freed, name, errors, nominal_fit).probability < MIN_PROBABILITY:
             return False
-        value, nominal = (max(float(one.hypothesis.effects[name][parameter]), 1e-9) for one in (freed, held))
+        value, nominal = (max(float(one.hypothesis.effects[name][parameter]), 1e-9) for one in (freed, nominal_fit))
         by_formulas = 0.5 * (math.log(value / nominal) / formula_error(freed).share) ** 2
-        return by_formulas > MIN_PROBABLE_NATS and _likelier_at_every_level(freed, held)
+        return by_formulas > MIN_PROBABLE_NATS and _likelier_at_every_level(freed, nominal_fit)
 
     kept = [one for one in stated if not differs(*one)]
     return with_stated(kept) if kept else freed
